@@ -1,0 +1,1 @@
+"""A solver plugin to copy."""

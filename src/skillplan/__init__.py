@@ -1,0 +1,106 @@
+"""skillplan: in which order a robot uses its skills, with a proof or an honest gap.
+
+Names are imported when first used, so that ``import skillplan`` is instant.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "BackEnd": "skillplan.task.back_end",
+    "Condition": "skillplan.task.condition",
+    "Detector": "skillplan.collision.detector",
+    "Domain": "skillplan.domains.domain",
+    "Engine": "skillplan.physics.engine",
+    "Facts": "skillplan.task.state",
+    "Outcome": "skillplan.task.skill",
+    "Plan": "skillplan.solvers.solution",
+    "Policy": "skillplan.solvers.solution",
+    "Problem": "skillplan.task.load",
+    "Result": "skillplan.report.result",
+    "Scene": "skillplan.task.scene",
+    "Setup": "skillplan.run",
+    "Skill": "skillplan.task.skill",
+    "SkillModel": "skillplan.model.skill_model",
+    "SkillplanError": "skillplan.errors",
+    "Solution": "skillplan.solvers.solution",
+    "Solver": "skillplan.solvers.solver",
+    "State": "skillplan.task.state",
+    "Status": "skillplan.report.result",
+    "Stop": "skillplan.solvers.stop",
+    "Task": "skillplan.task.task",
+    "TaskError": "skillplan.errors",
+    "Transition": "skillplan.model.skill_model",
+    "Verdict": "skillplan.task.verdict",
+    "load_problem": "skillplan.run",
+    "make_model": "skillplan.run",
+    "solve": "skillplan.run",
+}
+
+__all__ = [
+    "BackEnd",
+    "Condition",
+    "Detector",
+    "Domain",
+    "Engine",
+    "Facts",
+    "Outcome",
+    "Plan",
+    "Policy",
+    "Problem",
+    "Result",
+    "Scene",
+    "Setup",
+    "Skill",
+    "SkillModel",
+    "SkillplanError",
+    "Solution",
+    "Solver",
+    "State",
+    "Status",
+    "Stop",
+    "Task",
+    "TaskError",
+    "Transition",
+    "Verdict",
+    "load_problem",
+    "make_model",
+    "solve",
+]
+
+if TYPE_CHECKING:
+    from skillplan.collision.detector import Detector
+    from skillplan.domains.domain import Domain
+    from skillplan.errors import SkillplanError, TaskError
+    from skillplan.model.skill_model import SkillModel, Transition
+    from skillplan.physics.engine import Engine
+    from skillplan.report.result import Result, Status
+    from skillplan.run import Setup, load_problem, make_model, solve
+    from skillplan.solvers.solution import Plan, Policy, Solution
+    from skillplan.solvers.solver import Solver
+    from skillplan.solvers.stop import Stop
+    from skillplan.task.back_end import BackEnd
+    from skillplan.task.condition import Condition
+    from skillplan.task.load import Problem
+    from skillplan.task.scene import Scene
+    from skillplan.task.skill import Outcome, Skill
+    from skillplan.task.state import Facts, State
+    from skillplan.task.task import Task
+    from skillplan.task.verdict import Verdict
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module 'skillplan' has no attribute {name!r}")
+    value = getattr(importlib.import_module(home), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])

@@ -1,0 +1,154 @@
+"""The command group. Commands are imported when they are called, so that help is instant."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import sys
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import click
+
+from skillplan import __version__
+from skillplan.errors import (
+    EXIT_BACK_END,
+    EXIT_INTERRUPTED,
+    SkillplanError,
+    TaskError,
+    nearest,
+)
+
+# Command to the line that the group's help shows; the module is named after the command.
+COMMANDS = {
+    "search-optimal": "Find the best sequence of skills and prove it.",
+    "evaluate": "Replay a sequence: feasible, complete, at what cost, what fails where.",
+    "compare": "Run several solvers side by side.",
+    "check": "Validate a task file: all faults at once.",
+    "explain": "Say why a skill is feasible or not in a state.",
+    "chart": "Derive the precedence relation from collision checks.",
+    "plugins": "List installed back ends, solvers and kinds of task.",
+    "schema": "Print the JSON Schema of a kind of task file.",
+}
+
+EPILOG = (
+    "Exit codes: 0 solved, optimal or not; 1 no plan, or the sequence is infeasible or "
+    "incomplete; 2 wrong input, option or plugin; 3 a back end failed; 130 interrupted."
+)
+
+
+class LazyGroup(click.Group):
+    """Looks commands up by name in `COMMANDS` and imports only the one that is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the commands in the order of a user's day."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import a command."""
+        if cmd_name not in COMMANDS:
+            return None
+        module = importlib.import_module(f"skillplan.cli.{cmd_name.replace('-', '_')}")
+        command: click.Command = module.command
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Name the nearest command where there is no such one."""
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            near = nearest(args[0], COMMANDS)
+            hint = f"Did you mean {near!r}?" if near else f"Known: {', '.join(COMMANDS)}."
+            raise click.UsageError(f"No such command {args[0]!r}. {hint}", ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(cls=LazyGroup, epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="skillplan")
+def app() -> None:
+    """Decide in which order a robot uses its skills, with a proof or an honest gap."""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit; no exception whatever reaches the user as a traceback."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    sys.exit(_run(words))
+
+
+def _run(words: list[str]) -> int:
+    try:
+        code = app.main(args=words, prog_name="skillplan", standalone_mode=False)
+        sys.stdout.flush()
+        return code if isinstance(code, int) else 0
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except click.exceptions.Exit as signal:
+        return signal.exit_code
+    except (click.Abort, KeyboardInterrupt):
+        print("skillplan: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    except SkillplanError as error:
+        _report(error, words)
+        return error.exit_code
+    except BrokenPipeError:
+        # The reader of our output has gone, as with `| head`; nothing more can be said to it.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        if os.environ.get("SKILLPLAN_DEBUG"):
+            raise
+        print(
+            f"skillplan: internal error: {type(error).__name__}: {error}\n"
+            "This is a bug in skillplan. Set SKILLPLAN_DEBUG=1 to see where, and report it.",
+            file=sys.stderr,
+        )
+        return EXIT_BACK_END
+
+
+def _report(error: SkillplanError, words: list[str]) -> None:
+    """Say on stderr what is wrong; in JSON also as the one document on stdout."""
+    lines = error.lines() if isinstance(error, TaskError) else [str(error)]
+    shown = lines[:200]
+    for line in shown:
+        # A file may hold what a terminal cannot print.
+        text = line.encode(sys.stderr.encoding or "utf-8", "backslashreplace")
+        print(f"skillplan: error: {text.decode(sys.stderr.encoding or 'utf-8')}", file=sys.stderr)
+    if len(lines) > len(shown):
+        print(f"skillplan: and {len(lines) - len(shown)} more faults", file=sys.stderr)
+    if _wants_json(words):
+        print(json.dumps(error_document(error), indent=2))
+
+
+def error_document(error: SkillplanError) -> dict[str, Any]:
+    """Return the JSON document ``skillplan.error/1``."""
+    issues = []
+    if isinstance(error, TaskError):
+        issues = [
+            {
+                "file": error.source,
+                "line": issue.line or None,
+                "column": issue.column or None,
+                "path": list(issue.path),
+                "message": issue.message,
+            }
+            for issue in error.issues
+        ]
+    return {
+        "schema": "skillplan.error/1",
+        "error": type(error).__name__,
+        "message": str(error),
+        "exit_code": error.exit_code,
+        "issues": issues,
+    }
+
+
+def _wants_json(words: list[str]) -> bool:
+    return "--format=json" in words or any(pair == ("--format", "json") for pair in pairwise(words))

@@ -1,0 +1,39 @@
+"""``skillplan chart``."""
+
+from __future__ import annotations
+
+import click
+
+from skillplan.cli.options import back_end_options, format_option, make_setup, task_argument
+
+
+@click.command("chart")
+@task_argument
+@back_end_options
+@format_option
+def command(
+    task: str,
+    physics: str | None,
+    collision: str | None,
+    options: tuple[str, ...],
+    style: str,
+) -> int:
+    """Derive the precedence relation of TASK by asking back ends, by default aabb.
+
+    Shows it beside the hand-made chart, if the task has one: hand-made relations that do not
+    follow from the derived ones are missing, derived ones that do not follow from the
+    hand-made are extra.
+    """
+    from skillplan.cli.output import emit
+    from skillplan.model.precedence_chart import derive_chart
+    from skillplan.report.chart_tables import chart_document, chart_table
+    from skillplan.run import load_problem, make_feasibility, warm_cache
+
+    loaded = load_problem(task).task
+    # A chart derived from the chart would say nothing.
+    setup = make_setup(physics, collision or "aabb", options)(loaded)
+    feasibility = make_feasibility(loaded, setup, warm_cache())
+    chart = derive_chart(feasibility)
+    names = [back_end.name for back_end in feasibility.back_ends]
+    emit(style, chart_document(chart, loaded, names), [chart_table(chart, loaded, names)])
+    return 0

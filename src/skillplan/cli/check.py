@@ -1,0 +1,48 @@
+"""``skillplan check``."""
+
+from __future__ import annotations
+
+import click
+
+from skillplan.cli.options import format_option, task_argument
+
+
+@click.command("check")
+@task_argument
+@format_option
+def command(task: str, style: str) -> int:
+    """Validate TASK: all faults of YAML, references, order and geometry at once."""
+    from skillplan.cli.output import emit
+    from skillplan.report.table import Table
+    from skillplan.run import Setup, load_problem
+
+    problem = load_problem(task)
+    tasks = []
+    notes = [f"kind       {problem.kind}", f"sha256     {problem.sha256}"]
+    for one in problem.tasks:
+        back_ends = Setup().back_ends(one)
+        names = [back_end.name for back_end in back_ends]
+        tasks.append(
+            {
+                "name": one.name,
+                "skills": len(one.skills),
+                "facts": len(one.facts),
+                "observation": len(one.observation) or len(one.facts),
+                "step_limit": one.step_limit,
+                "back_ends": names,
+            }
+        )
+        notes += [
+            f"actions    {len(one.skills)}",
+            f"facts      {len(one.facts)}, {tasks[-1]['observation']} observed",
+            f"limit      {one.step_limit} skills",
+            f"back ends  {', '.join(names)}",
+        ]
+    document = {
+        "schema": "skillplan.check/1",
+        "task": {"name": problem.name, "kind": problem.kind, "sha256": problem.sha256},
+        "valid": True,
+        "tasks": tasks,
+    }
+    emit(style, document, [Table(f"{problem.name}: valid", (), (), notes)])
+    return 0

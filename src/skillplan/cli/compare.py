@@ -1,0 +1,81 @@
+"""``skillplan compare``."""
+
+from __future__ import annotations
+
+import click
+
+from skillplan.cli.options import (
+    PluginName,
+    back_end_options,
+    format_option,
+    make_setup,
+    seed_option,
+    task_argument,
+    time_limit_option,
+)
+
+
+@click.command("compare")
+@task_argument
+@click.option(
+    "--solvers",
+    type=PluginName("solver", several=True),
+    metavar="A,B,C",
+    required=True,
+    help="Solvers, separated by commas.",
+)
+@back_end_options
+@time_limit_option()
+@seed_option
+@click.option(
+    "--warm", is_flag=True, help="Let solvers use verdicts kept on disk; says so in the title."
+)
+@format_option
+def command(
+    task: str,
+    solvers: str,
+    physics: str | None,
+    collision: str | None,
+    options: tuple[str, ...],
+    time_limit_s: float | None,
+    seed: int,
+    warm: bool,
+    style: str,
+) -> int:
+    """Run several solvers on TASK side by side.
+
+    Each starts with a cold cache of verdicts and its own time limit. A solver whose claimed
+    bound is refuted by another's plan is marked wrong.
+    """
+    from contextlib import ExitStack
+
+    from skillplan.cli.output import emit, exit_code
+    from skillplan.cli.waiting import stoppable
+    from skillplan.errors import OptionError
+    from skillplan.report.result_tables import comparison_table
+    from skillplan.run import load_problem, make_solver, solve_all
+    from skillplan.solvers.stop import Stop
+
+    names = tuple(dict.fromkeys(name.strip() for name in solvers.split(",") if name.strip()))
+    if not names:
+        raise OptionError("--solvers names no solver.")
+    loaded = load_problem(task).task
+    setup = make_setup(physics, collision, options, names)(loaded)
+    for name in names:
+        make_solver(name, setup.options.get(name, {}))
+    with ExitStack() as waiting:
+
+        def make_stop(name: str) -> Stop:
+            waiting.pop_all().close()
+            return waiting.enter_context(stoppable(time_limit_s, label=f"{name} on {loaded.name}"))
+
+        results = solve_all(loaded, names, setup, seed=seed, make_stop=make_stop, warm=warm)
+    title = f"{loaded.name}: {results[0].physics} physics, collision {results[0].collision}, "
+    title += "warm cache" if warm else "cold cache"
+    document = {
+        "schema": "skillplan.comparison/1",
+        "warm": warm,
+        "rows": [result.document() for result in results],
+    }
+    emit(style, document, [comparison_table(results, title)])
+    return exit_code(results)

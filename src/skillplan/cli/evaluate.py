@@ -1,0 +1,95 @@
+"""``skillplan evaluate``."""
+
+from __future__ import annotations
+
+import click
+
+from skillplan.cli.options import (
+    back_end_options,
+    format_option,
+    make_setup,
+    task_argument,
+    time_limit_option,
+)
+
+
+@click.command("evaluate")
+@task_argument
+@click.option(
+    "--sequence",
+    metavar="0,1,4,...",
+    required=True,
+    help="Action numbers or skill names, separated by commas.",
+)
+@back_end_options
+@time_limit_option(10.0)
+@format_option
+def command(
+    task: str,
+    sequence: str,
+    physics: str | None,
+    collision: str | None,
+    options: tuple[str, ...],
+    time_limit_s: float,
+    style: str,
+) -> int:
+    """Replay a sequence of skills on TASK.
+
+    Says whether it is feasible and complete, what it costs, how far that is from the proved
+    optimum, and otherwise which condition fails where. The time limit is for proving the
+    optimum.
+    """
+    from skillplan.cli.output import emit
+    from skillplan.cli.waiting import stoppable
+    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
+    from skillplan.model.replay import replay
+    from skillplan.report.result import Status, step_document
+    from skillplan.report.result_tables import evaluation_table
+    from skillplan.run import load_problem, make_model, solve, warm_cache
+
+    loaded = load_problem(task).task
+    setup = make_setup(physics, collision, options, ("exact",))(loaded)
+    skills = loaded.parse_sequence(sequence)
+    cache = warm_cache()
+    walked = replay(make_model(loaded, setup, cache), skills)
+    optimum = deviation = None
+    interrupted = False
+    if walked.complete:
+        with stoppable(time_limit_s, label="proving the optimum") as stop:
+            best = solve(loaded, "exact", setup, stop=stop, cache=cache)
+        interrupted = best.interrupted
+        if best.status is Status.OPTIMAL:
+            optimum = best.cost
+        if optimum:
+            deviation = walked.cost / optimum - 1
+        elif optimum == walked.cost:
+            deviation = 0.0
+    document = {
+        "schema": "skillplan.evaluation/1",
+        "task": {"name": loaded.name, "kind": loaded.kind, "sha256": loaded.sha256},
+        "feasible": walked.feasible,
+        "complete": walked.complete,
+        "cost": walked.cost,
+        "cost_unit": loaded.metric.unit,
+        "optimum": optimum,
+        "deviation": deviation,
+        "makespan": len(walked.steps),
+        "makespan_s": walked.duration_s,
+        "reward": walked.total_reward,
+        "actions": [loaded.action(skill) for skill in skills],
+        "steps": [step_document(step) for step in walked.steps],
+        "violations": [
+            {
+                "step": violation.step,
+                "skill": violation.skill,
+                "stage": violation.stage,
+                "reason": violation.reason,
+                "facts": list(violation.facts),
+            }
+            for violation in walked.violations
+        ],
+    }
+    emit(style, document, [evaluation_table(walked, loaded, optimum, deviation)])
+    if interrupted:
+        return EXIT_INTERRUPTED
+    return EXIT_SOLVED if walked.complete else EXIT_NO_PLAN

@@ -1,0 +1,50 @@
+"""``skillplan explain``."""
+
+from __future__ import annotations
+
+import click
+
+from skillplan.cli.options import (
+    SkillName,
+    back_end_options,
+    format_option,
+    make_setup,
+    task_argument,
+)
+
+
+@click.command("explain")
+@task_argument
+@click.argument("skill", type=SkillName())
+@click.option(
+    "--after",
+    metavar="0,1,...",
+    help="The sequence that leads to the state asked about; default: the initial state.",
+)
+@back_end_options
+@format_option
+def command(
+    task: str,
+    skill: str,
+    after: str | None,
+    physics: str | None,
+    collision: str | None,
+    options: tuple[str, ...],
+    style: str,
+) -> int:
+    """Say why SKILL, a name or action number, is feasible or not in a state of TASK.
+
+    Shows the verdict of every stage with the facts it rests on and what was measured.
+    """
+    from skillplan.cli.output import emit
+    from skillplan.errors import EXIT_NO_PLAN, EXIT_SOLVED
+    from skillplan.report.explanation import explain
+    from skillplan.run import load_problem, make_model, warm_cache
+
+    loaded = load_problem(task).task
+    setup = make_setup(physics, collision, options)(loaded)
+    asked = loaded.skill(skill)
+    before = loaded.parse_sequence(after) if after is not None else ()
+    explanation = explain(make_model(loaded, setup, warm_cache()), asked, before)
+    emit(style, explanation.document(), explanation.tables())
+    return EXIT_SOLVED if explanation.feasible else EXIT_NO_PLAN

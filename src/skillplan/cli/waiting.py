@@ -1,0 +1,82 @@
+"""While a search runs: progress on stderr, and Ctrl-C as a request to stop."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from skillplan.solvers.stop import Progress, Stop, relative_gap
+
+
+@contextmanager
+def stoppable(
+    time_limit_s: float | None, gap: float = 0.0, label: str = "searching"
+) -> Iterator[Stop]:
+    """Yield a stop that shows progress and heeds Ctrl-C.
+
+    The first Ctrl-C asks the search for the best it has; the second ends the program.
+    """
+    with _display(label) as show:
+        stop = Stop(time_limit_s=time_limit_s, gap=gap, on_progress=show)
+
+        def interrupt(number: int, frame: FrameType | None) -> None:
+            if stop.interrupted:
+                raise KeyboardInterrupt
+            stop.interrupt()
+
+        before = signal.signal(signal.SIGINT, interrupt)
+        try:
+            yield stop
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+
+class _Silent:
+    def __call__(self, progress: Progress) -> None:
+        """Show nothing: stderr is no terminal."""
+
+
+@contextmanager
+def _display(label: str) -> Iterator[_Silent | _Bar]:
+    if not sys.stderr.isatty():
+        yield _Silent()
+        return
+    bar = _Bar(label)
+    with bar.progress:
+        yield bar
+
+
+class _Bar:
+    """A line with the time, the best cost, the bound, the gap and the nodes."""
+
+    def __init__(self, label: str) -> None:
+        # Here and not above: only a terminal pays for importing this.
+        from rich.console import Console
+        from rich.progress import Progress as RichProgress
+        from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
+
+        self.progress = RichProgress(
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[figures]}"),
+            console=Console(stderr=True),
+            transient=True,
+        )
+        self._line = self.progress.add_task(label, total=None, figures="")
+
+    def __call__(self, progress: Progress) -> None:
+        """Show the figures."""
+        parts = []
+        if progress.best_cost is not None:
+            parts.append(f"best {progress.best_cost:.5f}")
+        if progress.lower_bound is not None:
+            parts.append(f"bound {progress.lower_bound:.5f}")
+        gap = relative_gap(progress.best_cost, progress.lower_bound)
+        if gap is not None:
+            parts.append(f"gap {100 * gap:.2f} %")
+        parts.append(f"{progress.nodes:,} nodes")
+        self.progress.update(self._line, figures="  ".join(parts))

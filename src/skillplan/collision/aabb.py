@@ -1,0 +1,307 @@
+"""Axis-aligned boxes along a skill's motion, and a support under what it leaves behind.
+
+The motion is a travel at safe height and, at every via point, a vertical approach and retreat.
+A skill is infeasible where a moving box runs into a body, or where what it places or fastens
+has nothing beneath it: a part left in the air drops and ends elsewhere than predicted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from pydantic import Field
+
+from skillplan.collision.boxes import (
+    WorldBox,
+    centroid,
+    contact_area,
+    sweep_hits,
+    world_box,
+    world_boxes,
+)
+from skillplan.collision.detector import Detector
+from skillplan.task import back_end
+from skillplan.task.motion import Event, Point, Visit
+from skillplan.task.scene import WORLD, Body, Placement, Robot, Tool
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class _Sweep:
+    """A straight displacement of some boxes, and what moves in words."""
+
+    label: str
+    mover: str
+    boxes: tuple[WorldBox, ...]
+    by: Point
+    spares: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Hit:
+    """A possible collision: it happens where the fact holds."""
+
+    fact: str
+    obstacle: str
+    sweep: _Sweep
+
+
+@dataclass(frozen=True, slots=True)
+class _Ground:
+    """What would bear a placed body: the facts of its supporters and where they touch."""
+
+    body: str
+    on_table: bool
+    centre: tuple[float, float]
+    contacts: tuple[tuple[str, str, tuple[tuple[float, float, float, float], ...]], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Course:
+    """Everything that can befall a skill on one way, worked out once."""
+
+    present: State
+    absent: State
+    hits: tuple[_Hit, ...]
+    grounds: tuple[_Ground, ...]
+
+
+class AabbDetector(Detector):
+    """Rule on swept axis-aligned boxes and on supports."""
+
+    name = "aabb"
+    expected_s = 1e-4
+
+    class Options(back_end.Options):
+        """Options of the boxes."""
+
+        tolerance_m: float = Field(
+            default=2e-4,
+            ge=0,
+            le=0.01,
+            description="overlap and gap that still count as touching [m]",
+        )
+        check_support: bool = Field(
+            default=True,
+            description="require something beneath what is placed or fastened [-]",
+        )
+
+    options: Options
+
+    def __init__(self, task: Task, options: Options | None = None) -> None:
+        super().__init__(task, options)
+        self._courses: dict[tuple[str, int], _Course] = {}
+        self._travel_matters = {robot.name: False for robot in task.scene.robots}
+        for robot in task.scene.robots:
+            self._travel_matters[robot.name] = any(
+                box.high[2] > robot.safe_height_m + self.options.tolerance_m
+                for _, _, boxes in self._solids(frozenset())
+                for box in boxes
+            )
+
+    def check(self, skill: Skill, state: State) -> Verdict:
+        """Rule on the motion of `skill`; see :meth:`BackEnd.check`."""
+        facts = self.task.facts
+        if skill.motion is None:
+            return Verdict.feasible(facts.none, facts.none)
+        course = self._course(skill, state)
+        present, absent = course.present, course.absent
+        for hit in course.hits:
+            fact = facts.of(hit.fact)
+            if hit.fact in state:
+                return Verdict.infeasible(
+                    f"{hit.sweep.mover} runs into {hit.obstacle} on {hit.sweep.label}",
+                    present | fact,
+                    absent,
+                    {
+                        "moving": hit.sweep.mover,
+                        "bodies": [hit.obstacle],
+                        "during": hit.sweep.label,
+                    },
+                )
+            absent |= fact
+        for ground in course.grounds:
+            bearers = [contact for contact in ground.contacts if contact[0] in state]
+            present |= facts.of(*(contact[0] for contact in bearers))
+            absent |= facts.of(*(c[0] for c in ground.contacts if c[0] not in state))
+            if not ground.on_table and not _bears(ground, bearers):
+                names = sorted({body for _, body, _ in bearers})
+                reason = (
+                    f"{ground.body} would tip off {', '.join(names)}"
+                    if names
+                    else f"{ground.body} has nothing beneath it"
+                )
+                possible = sorted({body for _, body, _ in ground.contacts})
+                return Verdict.infeasible(
+                    reason,
+                    present,
+                    absent,
+                    {"body": ground.body, "bodies": names, "possible_supports": possible},
+                )
+        return Verdict.feasible(present, absent)
+
+    def _course(self, skill: Skill, state: State) -> _Course:
+        assert skill.motion is not None
+        robot = self.task.scene.robot(skill.motion.robot)
+        place_fact, place = robot.place(state)
+        tool = robot.tool(state)
+        facts = self.task.facts
+        present, absent = facts.none, facts.none
+        if self._travel_matters[robot.name]:
+            present |= facts.of(place_fact)
+        if any(item.envelope is not None for item in robot.tools):
+            if tool is None:
+                absent |= facts.of(*(item.fact for item in robot.tools))
+            else:
+                present |= facts.of(tool.fact)
+        if len(skill.motion.routes) > 1:
+            present |= next(
+                route.when
+                for route in skill.motion.routes
+                if state.bits & route.when.bits == route.when.bits
+            )
+        key = (skill.name, present.bits)
+        course = self._courses.get(key)
+        if course is None:
+            visits = skill.motion.visits(state)
+            sweeps = tuple(self._sweeps(robot, place, tool, visits, skill.motion.carries))
+            course = _Course(
+                present,
+                absent,
+                tuple(self._hits(sweeps)),
+                tuple(self._grounds(visits)) if self.options.check_support else (),
+            )
+            self._courses[key] = course
+        return course
+
+    def _sweeps(
+        self,
+        robot: Robot,
+        place: Point,
+        tool: Tool | None,
+        visits: tuple[Visit, ...],
+        carries: str | None,
+    ) -> Iterator[_Sweep]:
+        """Yield what moves where: travel, approach and retreat of every visit, in order."""
+        here = place
+        for visit in visits:
+            x_m, y_m, z_m = visit.position
+            safe_m = max(robot.safe_height_m, z_m)
+            above: Point = (x_m, y_m, safe_m)
+            travel: Point = (x_m - here[0], y_m - here[1], 0.0)
+            at_height: Point = (here[0], here[1], safe_m)
+            yield from self._moving("the travel", tool, carries, at_height, travel, visit)
+            down: Point = (0.0, 0.0, z_m - safe_m)
+            yield from self._moving("the approach", tool, carries, above, down, visit)
+            if visit.event is Event.GRASP:
+                carries = visit.subject
+            elif visit.event is Event.RELEASE:
+                carries = None
+            elif visit.event is Event.OFFLOAD:
+                tool = None
+            elif visit.event is Event.LOAD:
+                tool = next(item for item in robot.tools if item.name == visit.subject)
+            up: Point = (0.0, 0.0, safe_m - z_m)
+            yield from self._moving("the retreat", tool, carries, visit.position, up, visit)
+            here = above
+
+    def _moving(
+        self,
+        label: str,
+        tool: Tool | None,
+        carries: str | None,
+        origin: Point,
+        by: Point,
+        visit: Visit,
+    ) -> Iterator[_Sweep]:
+        """Yield the sweeps of the carried body and of the tool above it."""
+        spares = frozenset({visit.subject} | ({carries} if carries else set()))
+        grip_m = 0.0
+        if carries is not None:
+            body = self.task.scene.body(carries)
+            grip_m = body.height_m
+            yaw_rad = self._carried_yaw(body, visit)
+            boxes = tuple(world_box(box, origin, yaw_rad) for box in body.boxes)
+            yield _Sweep(label, carries, boxes, by, spares)
+        elif visit.event in (Event.GRASP, Event.RELEASE):
+            grip_m = self.task.scene.body(visit.subject).height_m
+        if tool is not None and tool.envelope is not None:
+            tip: Point = (origin[0], origin[1], origin[2] + grip_m)
+            yield _Sweep(label, tool.name, (world_box(tool.envelope, tip),), by, spares)
+
+    def _carried_yaw(self, body: Body, visit: Visit) -> float:
+        for placement in body.placements:
+            if placement.frame == WORLD and placement.pose.position == visit.position:
+                return placement.pose.yaw_rad
+        return 0.0
+
+    def _hits(self, sweeps: tuple[_Sweep, ...]) -> Iterator[_Hit]:
+        """Yield every collision that some state would cause, in the order of the motion."""
+        seen = set()
+        for sweep in sweeps:
+            for body, placement, boxes in self._solids(sweep.spares):
+                key = (placement.fact, sweep.label, sweep.mover)
+                if key in seen:
+                    continue
+                if any(
+                    sweep_hits(moving, sweep.by, obstacle, self.options.tolerance_m)
+                    for moving in sweep.boxes
+                    for obstacle in boxes
+                ):
+                    seen.add(key)
+                    yield _Hit(placement.fact, body.name, sweep)
+
+    def _solids(
+        self, spares: frozenset[str]
+    ) -> Iterator[tuple[Body, Placement, tuple[WorldBox, ...]]]:
+        for body in self.task.scene.bodies:
+            if body.name in spares:
+                continue
+            for placement in body.placements:
+                if placement.solid and placement.frame == WORLD:
+                    yield body, placement, world_boxes(body, placement.pose)
+
+    def _grounds(self, visits: tuple[Visit, ...]) -> Iterator[_Ground]:
+        """Yield what has to bear each body that the motion leaves behind."""
+        tolerance_m = self.options.tolerance_m
+        for visit in visits:
+            if visit.event not in (Event.RELEASE, Event.DRIVE):
+                continue
+            body = self.task.scene.body(visit.subject)
+            placed = next(
+                placement
+                for placement in body.placements
+                if placement.frame == WORLD and placement.pose.position == visit.position
+            )
+            boxes = world_boxes(body, placed.pose)
+            floor_m = min(box.low[2] for box in boxes)
+            feet = [box for box in boxes if box.low[2] - floor_m <= tolerance_m]
+            contacts = []
+            for other, placement, tops in self._solids(frozenset({body.name})):
+                areas = tuple(
+                    area
+                    for foot in feet
+                    for top in tops
+                    if (area := contact_area(foot, top, tolerance_m)) is not None
+                )
+                if areas:
+                    contacts.append((placement.fact, other.name, areas))
+            yield _Ground(body.name, floor_m <= tolerance_m, centroid(boxes), tuple(contacts))
+
+
+def _bears(
+    ground: _Ground,
+    bearers: list[tuple[str, str, tuple[tuple[float, float, float, float], ...]]],
+) -> bool:
+    """Whether the body's centre lies within the hull rectangle of its contacts."""
+    areas = [area for _, _, touching in bearers for area in touching]
+    if not areas:
+        return False
+    x, y = ground.centre
+    return min(area[0] for area in areas) <= x <= max(area[2] for area in areas) and min(
+        area[1] for area in areas
+    ) <= y <= max(area[3] for area in areas)

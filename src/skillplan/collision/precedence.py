@@ -1,0 +1,79 @@
+"""The hand-made precedence chart of the task file, as a detector.
+
+Moller et al. fell back on such a chart in their experiments (section 5): place the PCB first,
+the transformer before the brace, the brace before the screws.
+"""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from skillplan.collision.detector import Detector
+from skillplan.task import back_end
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.verdict import Verdict
+
+
+class PrecedenceDetector(Detector):
+    """Rule out operations that the chart orders otherwise."""
+
+    name = "precedence"
+    expected_s = 1e-6
+
+    class Options(back_end.Options):
+        """Options of the chart."""
+
+        hold_back_picks: bool = Field(
+            default=False,
+            description="rule out picking a part up, too, before it may be placed [-]",
+        )
+
+    options: Options
+
+    def refuses(self) -> str | None:
+        """Return why not, where the task has no chart."""
+        if not self.task.chart:
+            return "the task file has no 'chart:'. Add one, or use --collision aabb."
+        return None
+
+    def check(self, skill: Skill, state: State) -> Verdict:
+        """Rule on the operation that `skill` performs; see :meth:`BackEnd.check`."""
+        facts = self.task.facts
+        element = self._element(skill)
+        needed, blocked = facts.none, facts.none
+        if element is not None:
+            for line in self.task.chart:
+                if line.after == element:
+                    fact = self.task.operations[line.before]
+                    needed |= facts.of(fact)
+                    if fact not in state:
+                        return Verdict.infeasible(
+                            f"the chart puts {line.before} before {element}, and {fact} "
+                            "does not hold",
+                            needed - facts.of(fact),
+                            blocked | facts.of(fact),
+                            {"before": line.before, "after": element},
+                        )
+                elif line.before == element:
+                    fact = self.task.operations[line.after]
+                    if fact in state:
+                        return Verdict.infeasible(
+                            f"the chart puts {element} before {line.after}, and {fact} "
+                            "holds already",
+                            needed | facts.of(fact),
+                            blocked,
+                            {"before": element, "after": line.after},
+                        )
+                    blocked |= facts.of(fact)
+        return Verdict.feasible(needed, blocked)
+
+    def _element(self, skill: Skill) -> str | None:
+        """Return the element of the chart whose operation `skill` performs."""
+        added = skill.prediction.add
+        for element, fact in self.task.operations.items():
+            if fact in added:
+                return element
+        if self.options.hold_back_picks and skill.kind == "pick":
+            return skill.parameters["part"]
+        return None

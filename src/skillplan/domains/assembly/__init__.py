@@ -1,0 +1,34 @@
+"""Assembly of a board: parts, stacks, feeders, screws and tools, after Moller et al."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from skillplan.domains.assembly.consistency import issues
+from skillplan.domains.assembly.grounding import ground
+from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.domain import Domain
+from skillplan.errors import Issue
+from skillplan.task.task import Task
+
+
+class AssemblyDomain(Domain):
+    """Assembly by pick, place, load, offload and fasten."""
+
+    kind = "assembly"
+    Config = AssemblyConfig
+
+    def issues(self, config: Any) -> Iterable[Issue]:
+        """Return faults of references, order and geometry."""
+        return issues(config)
+
+    def ground(self, config: Any, sha256: str) -> list[Task]:
+        """Return the one task of an assembly."""
+        return [ground(config, sha256)]
+
+    def locate(self, fact: str) -> tuple[str | int, ...]:
+        """Return the path of the part or screw that a fact is about."""
+        kind, _, rest = fact.partition("(")
+        element = rest.rstrip(")")
+        return {"placed": ("parts", element), "fastened": ("screws", element)}.get(kind, ())

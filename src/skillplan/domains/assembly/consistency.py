@@ -1,0 +1,255 @@
+"""Faults of an assembly that its schema cannot see: references, order and geometry."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from graphlib import CycleError, TopologicalSorter
+from itertools import combinations
+
+from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_box
+from skillplan.domains.assembly.layout import (
+    boxes_of,
+    feeder_of,
+    goal_of,
+    height_of,
+    holder_of,
+    hole_of,
+    start_of,
+)
+from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.vocabulary import action_names, facts_of, literal_parts
+from skillplan.errors import Issue, name_hint
+from skillplan.task.motion import Point
+
+_TOUCH_M = 2e-4
+_MAX_BOXES = 1024
+
+
+def issues(config: AssemblyConfig) -> list[Issue]:
+    """Return every fault; geometry and order only where all references are sound."""
+    found = [*_references(config), *_names(config)]
+    if not found:
+        found = [*_cycles(config), *_lists(config)]
+    if not found:
+        found = [*_geometry(config), *_step_limit(config)]
+    return found
+
+
+def _names(config: AssemblyConfig) -> Iterator[Issue]:
+    owners: dict[str, str] = {}
+    for section in ("parts", "screws", "feeders"):
+        for name in getattr(config, section):
+            if name in owners:
+                message = f"the name {name!r} is taken by {owners[name]}. Choose another."
+                yield Issue(message, (section, name))
+            owners.setdefault(name, section)
+    for name in config.feeders:
+        if name == "home":
+            yield Issue("the name 'home' is taken by the robot. Choose another.", ("feeders", name))
+    if sum(len(part.boxes or (1,)) for part in config.parts.values()) > _MAX_BOXES:
+        yield Issue(f"has more than {_MAX_BOXES} boxes in all.", ("parts",))
+
+
+def _references(config: AssemblyConfig) -> Iterator[Issue]:
+    def missing(
+        name: str | None, known: Iterable[str], what: str, *path: str | int
+    ) -> Iterator[Issue]:
+        names = list(known)
+        if name is not None and name not in names:
+            yield Issue(f"unknown {what} {name!r}. {name_hint(name, names)}", path)
+
+    yield from missing(config.initial_tool, config.tools, "tool", "initial_tool")
+    for name, part in config.parts.items():
+        here = ("parts", name)
+        yield from missing(part.tool, config.tools, "tool", *here, "tool")
+        yield from missing(part.feeder, config.feeders, "feeder", *here, "feeder")
+        for key in ("start_on", "goal_on"):
+            beneath = getattr(part, key)
+            yield from missing(beneath, config.parts, "part", *here, key)
+            if beneath == name:
+                yield Issue(f"{name!r} cannot stand on itself.", (*here, key))
+        if part.start_on in config.parts and config.parts[part.start_on].feeder is not None:
+            message = f"{part.start_on!r} comes from a feeder; nothing can lie on it."
+            yield Issue(message, (*here, "start_on"))
+    for name, screw in config.screws.items():
+        here = ("screws", name)
+        yield from missing(screw.tool, config.tools, "tool", *here, "tool")
+        yield from missing(screw.through, config.parts, "part", *here, "through")
+        yield from missing(screw.feeder, config.feeders, "feeder", *here, "feeder")
+    elements = [*config.parts, *config.screws]
+    for i, line in enumerate(config.chart):
+        yield from missing(line.before, elements, "part or screw", "chart", i, "before")
+        for j, after in enumerate(line.after):
+            yield from missing(after, elements, "part or screw", "chart", i, "after", j)
+            if after == line.before:
+                yield Issue(f"{after!r} cannot come before itself.", ("chart", i, "after", j))
+
+
+def _cycles(config: AssemblyConfig) -> Iterator[Issue]:
+    for key in ("start_on", "goal_on"):
+        beneath = {
+            name: [getattr(part, key)]
+            for name, part in config.parts.items()
+            if getattr(part, key) is not None
+        }
+        cycle = _cycle(beneath)
+        if cycle:
+            message = f"parts stand on each other in a circle: {' on '.join(cycle)}."
+            yield Issue(message, ("parts", cycle[0], key))
+    before: dict[str, list[str]] = {}
+    for line in config.chart:
+        for after in line.after:
+            before.setdefault(after, []).append(line.before)
+    cycle = _cycle(before)
+    if cycle:
+        order = list(reversed(cycle))
+        index = next(
+            i
+            for i, line in enumerate(config.chart)
+            if line.before == order[0] and order[1] in line.after
+        )
+        yield Issue(f"the chart runs in a circle: {' before '.join(order)}.", ("chart", index))
+
+
+def _cycle(predecessors: Mapping[str, list[str]]) -> list[str]:
+    try:
+        TopologicalSorter(predecessors).prepare()
+    except CycleError as error:
+        # graphlib lists each node before its successor; here: before what it stands on.
+        cycle: list[str] = list(reversed(error.args[1]))
+        return cycle
+    return []
+
+
+def _lists(config: AssemblyConfig) -> Iterator[Issue]:
+    facts = facts_of(config)
+    actions = action_names(config)
+    for key, entries, known in (
+        ("goal", config.goal, facts.names),
+        ("actions", config.actions, actions),
+        ("observation", config.observation, facts.names),
+    ):
+        seen: dict[str, int] = {}
+        for i, entry in enumerate(entries or ()):
+            name = literal_parts(entry)[0] if key == "observation" else entry
+            what = "action" if key == "actions" else "fact"
+            if name not in known:
+                yield Issue(f"unknown {what} {name!r}. {name_hint(name, known)}", (key, i))
+            if entry in seen:
+                yield Issue(f"{entry!r} stands twice; first as entry {seen[entry]}.", (key, i))
+            seen.setdefault(entry, i)
+    goal = set(config.goal or ())
+    for group in facts.exclusive:
+        both = [fact for fact in group if fact in goal]
+        if len(both) > 1:
+            message = f"{both[0]} and {both[1]} cannot both hold."
+            yield Issue(message, ("goal", (config.goal or []).index(both[1])))
+
+
+def _step_limit(config: AssemblyConfig) -> Iterator[Issue]:
+    if config.goal is not None:
+        return
+    steps = 2 * len(config.parts) + len(config.screws)
+    tools = {part.tool for part in config.parts.values()}
+    tools |= {screw.tool for screw in config.screws.values()}
+    changes = len(tools - {config.initial_tool})
+    if config.tool_change.style == "separate" and config.initial_tool is not None:
+        changes *= 2
+    if config.step_limit < steps + changes:
+        yield Issue(
+            f"{config.step_limit} is too few: {len(config.parts)} parts, {len(config.screws)} "
+            f"screws and their tools need at least {steps + changes} skills.",
+            ("step_limit",),
+        )
+
+
+def _geometry(config: AssemblyConfig) -> Iterator[Issue]:
+    yield from _out_of_reach(config)
+    starts = {name: _start_boxes(config, name) for name in config.parts}
+    goals = {name: _goal_boxes(config, name) for name in config.parts}
+    for key, boxes in (("start_m", starts), ("goal_m", goals)):
+        lying = {
+            name: own
+            for name, own in boxes.items()
+            if key == "goal_m" or config.parts[name].feeder is None
+        }
+        hulls = {name: _hull(own) for name, own in lying.items()}
+        for one, other in combinations(lying, 2):
+            if _overlap([hulls[one]], [hulls[other]]) and _overlap(lying[one], lying[other]):
+                where = "at the start" if key == "start_m" else "at their goals"
+                message = f"{other!r} and {one!r} overlap {where}."
+                place = key if getattr(config.parts[other], key) is not None else "start_on"
+                yield Issue(message, ("parts", other, place))
+    for name, part in config.parts.items():
+        for key, beneath, boxes in (
+            ("start_on", part.start_on, starts),
+            ("goal_on", part.goal_on, goals),
+        ):
+            if beneath is not None and not _touch(boxes[name], boxes[beneath]):
+                yield Issue(f"{name!r} does not lie over {beneath!r}.", ("parts", name, key))
+    for name, screw in config.screws.items():
+        x_m, y_m, z_m = hole_of(config, screw)
+        head = WorldBox(
+            (x_m - 1e-6, y_m - 1e-6, z_m), (x_m + 1e-6, y_m + 1e-6, z_m + screw.head_height_m)
+        )
+        if not _touch((head,), goals[screw.through]):
+            message = f"the hole does not lie over the top of {screw.through!r}."
+            yield Issue(message, ("screws", name, "hole_m"))
+
+
+def _out_of_reach(config: AssemblyConfig) -> Iterator[Issue]:
+    robot = config.robot
+    base = (robot.base_m[0], robot.base_m[1], robot.base_m[2])
+
+    def check(target: Point, lift_m: float, *path: str | int) -> Iterator[Issue]:
+        for z_m in (target[2], max(robot.safe_height_m, target[2])):
+            distance_m = math.dist(base, (target[0], target[1], z_m + lift_m))
+            if distance_m > robot.reach_m:
+                yield Issue(
+                    f"out of reach: {distance_m:.3f} m from the base, where "
+                    f"{robot.reach_m:.3f} m is the most.",
+                    path,
+                )
+                return
+
+    home = (robot.home_m[0], robot.home_m[1], robot.safe_height_m)
+    yield from check(home, 0.0, "robot", "home_m")
+    for tool in config.tools:
+        yield from check(holder_of(config, tool), 0.0, "tools", tool, "holder_m")
+    for feeder in config.feeders:
+        yield from check(feeder_of(config, feeder), 0.0, "feeders", feeder, "position_m")
+    for name, part in config.parts.items():
+        if part.start_m is not None:
+            yield from check(start_of(config, name), height_of(part), "parts", name, "start_m")
+        yield from check(goal_of(config, name), height_of(part), "parts", name, "goal_m")
+    for name, screw in config.screws.items():
+        yield from check(hole_of(config, screw), 0.0, "screws", name, "hole_m")
+
+
+def _start_boxes(config: AssemblyConfig, name: str) -> tuple[WorldBox, ...]:
+    part = config.parts[name]
+    origin = start_of(config, name)
+    return tuple(world_box(box, origin, part.start_yaw_rad) for box in boxes_of(part))
+
+
+def _goal_boxes(config: AssemblyConfig, name: str) -> tuple[WorldBox, ...]:
+    part = config.parts[name]
+    origin = goal_of(config, name)
+    return tuple(world_box(box, origin, part.goal_yaw_rad) for box in boxes_of(part))
+
+
+def _hull(boxes: Iterable[WorldBox]) -> WorldBox:
+    lows, highs = zip(*((box.low, box.high) for box in boxes), strict=True)
+    low = tuple(min(values) for values in zip(*lows, strict=True))
+    high = tuple(max(values) for values in zip(*highs, strict=True))
+    return WorldBox((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+
+
+def _overlap(some: Iterable[WorldBox], others: Iterable[WorldBox]) -> bool:
+    still = (0.0, 0.0, 0.0)
+    return any(sweep_hits(a, still, b, _TOUCH_M) for a in some for b in others)
+
+
+def _touch(upper: Iterable[WorldBox], lower: Iterable[WorldBox]) -> bool:
+    return any(contact_area(a, b, _TOUCH_M) is not None for a in upper for b in lower)

@@ -1,0 +1,331 @@
+"""From the content of an assembly file to its task.
+
+The five skills of Table I of Moller et al.: pick, place, load, offload, fasten. An action's
+cost is the planar distance from where the action before it ended to its own goal (section 4.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from skillplan.domains.assembly import vocabulary
+from skillplan.domains.assembly.layout import (
+    boxes_of,
+    feeder_of,
+    goal_of,
+    holder_of,
+    hole_of,
+    point,
+    start_of,
+)
+from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, HAND_FREE, HOME, NO_TOOL, at
+from skillplan.task.condition import Condition
+from skillplan.task.cost import TravelCost
+from skillplan.task.motion import Event, Motion, Point, Route, Visit
+from skillplan.task.reward import Penalty, RewardScheme
+from skillplan.task.scene import Body, Box, Placement, Pose, Robot, Scene, Tool
+from skillplan.task.skill import Outcome, Skill
+from skillplan.task.state import Facts, State
+from skillplan.task.task import BackEndChoice, Literal, Metric, Precedence, Task
+
+
+def ground(config: AssemblyConfig, sha256: str) -> Task:
+    """Return the task of a faultless assembly."""
+    return _Grounding(config).task(sha256)
+
+
+class _Grounding:
+    """What the parts of one grounding share."""
+
+    def __init__(self, config: AssemblyConfig) -> None:
+        self.config = config
+        self.facts: Facts = vocabulary.facts_of(config)
+        self.positions = self._positions()
+        self.places = {self.facts.bit(at(name)): p for name, p in self.positions.items()}
+        self.stands = self.facts.of(*(at(name) for name in self.positions))
+
+    def task(self, sha256: str) -> Task:
+        """Return the whole task."""
+        config, facts = self.config, self.facts
+        skills = {
+            **self._part_skills(),
+            **self._tool_skills(),
+            **{f"fasten({name})": self._fasten(name) for name in config.screws},
+        }
+        order = config.actions or vocabulary.action_names(config)
+        operations = {
+            **{name: f"placed({name})" for name in config.parts},
+            **{name: f"fastened({name})" for name in config.screws},
+        }
+        goal = config.goal or list(operations.values())
+        return Task(
+            name=config.name,
+            kind=config.kind,
+            facts=facts,
+            skills=tuple(skills[name] for name in order),
+            initial=self._initial(),
+            goal=Condition(facts.of(*goal), facts.none),
+            metric=Metric("distance", "m"),
+            step_limit=config.step_limit,
+            scene=self._scene(),
+            reward=self._reward(order),
+            observation=tuple(
+                Literal(*vocabulary.literal_parts(text)) for text in config.observation or ()
+            ),
+            operations=operations,
+            chart=tuple(
+                Precedence(line.before, after) for line in config.chart for after in line.after
+            ),
+            physics=next(
+                (BackEndChoice(name, options or {}) for name, options in config.physics.items()),
+                None,
+            ),
+            collision=tuple(
+                BackEndChoice(name, options or {}) for name, options in config.collision.items()
+            ),
+            sha256=sha256,
+        )
+
+    def _positions(self) -> dict[str, Point]:
+        """Return where every place is, in the order of the vocabulary."""
+        config = self.config
+        home = (config.robot.home_m[0], config.robot.home_m[1], config.robot.safe_height_m)
+        found: dict[str, Point] = {HOME: home}
+        for part in config.parts:
+            found[vocabulary.start_place(config, part)] = start_of(config, part)
+            found[vocabulary.goal_place(part)] = goal_of(config, part)
+        for tool in config.tools:
+            found[vocabulary.holder_place(tool)] = holder_of(config, tool)
+        for name, screw in config.screws.items():
+            found[name] = hole_of(config, screw)
+        return found
+
+    def _initial(self) -> State:
+        tool = self.config.initial_tool
+        return self.facts.of(
+            *(f"at_start({part})" for part in self.config.parts),
+            NO_TOOL if tool is None else f"tool({tool})",
+            HAND_FREE,
+            at(HOME),
+        )
+
+    def _skill(
+        self,
+        kind: str,
+        subject: str,
+        *,
+        requires: list[str],
+        add: list[str],
+        delete: list[str],
+        ends_at: str,
+        routes: dict[str | None, list[Visit]],
+        parameters: dict[str, str],
+        forbids: list[str] | None = None,
+        carries: str | None = None,
+    ) -> Skill:
+        """Return a skill that ends at a place; `routes` by the fact that selects them."""
+        config, facts = self.config, self.facts
+        motion = Motion(
+            config.robot.name,
+            tuple(
+                Route(facts.none if fact is None else facts.of(fact), tuple(visits))
+                for fact, visits in routes.items()
+            ),
+            carries,
+        )
+        added = facts.of(*add, at(ends_at))
+        deleted = (facts.of(*delete, CHANGED_TOOL) | self.stands) - added
+        return Skill(
+            name=f"{kind}({subject})",
+            kind=kind,
+            agents=(config.robot.name,),
+            precondition=Condition(facts.of(*requires), facts.of(*(forbids or ()))),
+            outcomes=(Outcome(1.0, added, deleted),),
+            cost=TravelCost(self.places, motion),
+            duration_s=TravelCost(
+                self.places,
+                motion,
+                per_m=1 / config.robot.travel_speed_m_per_s,
+                fixed=getattr(config.durations_s, kind),
+            ),
+            motion=motion,
+            parameters=parameters,
+        )
+
+    def _part_skills(self) -> dict[str, Skill]:
+        skills = {}
+        for name, part in self.config.parts.items():
+            parameters = {"part": name, "tool": part.tool}
+            above = [n for n, other in self.config.parts.items() if other.start_on == name]
+            pick = self._skill(
+                "pick",
+                name,
+                requires=[f"at_start({name})", HAND_FREE, f"tool({part.tool})"],
+                forbids=[f"at_start({other})" for other in above],
+                add=[f"held({name})"],
+                delete=[f"at_start({name})", HAND_FREE],
+                ends_at=vocabulary.start_place(self.config, name),
+                routes={None: [Visit(start_of(self.config, name), Event.GRASP, name)]},
+                parameters=parameters,
+            )
+            place = self._skill(
+                "place",
+                name,
+                requires=[f"held({name})", f"tool({part.tool})"],
+                add=[f"placed({name})", HAND_FREE],
+                delete=[f"held({name})"],
+                ends_at=vocabulary.goal_place(name),
+                routes={None: [Visit(goal_of(self.config, name), Event.RELEASE, name)]},
+                parameters=parameters,
+                carries=name,
+            )
+            skills[pick.name], skills[place.name] = pick, place
+        return skills
+
+    def _tool_skills(self) -> dict[str, Skill]:
+        make: Callable[[str], list[Skill]]
+        make = self._separate if self.config.tool_change.style == "separate" else self._swap
+        return {skill.name: skill for tool in self.config.tools for skill in make(tool)}
+
+    def _swap(self, tool: str) -> list[Skill]:
+        """Return the action that offloads whatever is attached and loads `tool`."""
+        config = self.config
+        load = Visit(holder_of(config, tool), Event.LOAD, tool)
+        routes: dict[str | None, list[Visit]] = {}
+        for other in config.tools:
+            if other != tool or config.tool_change.reload:
+                offload = Visit(holder_of(config, other), Event.OFFLOAD, other)
+                routes[f"tool({other})"] = [offload, load]
+        if vocabulary.bare_hand(config):
+            routes[NO_TOOL] = [load]
+        others = [f"tool({other})" for other in config.tools if other != tool]
+        return [
+            self._skill(
+                "load",
+                tool,
+                requires=[HAND_FREE],
+                forbids=[] if config.tool_change.reload else [f"tool({tool})"],
+                add=[f"tool({tool})", CHANGED_TOOL],
+                delete=others + ([NO_TOOL] if vocabulary.bare_hand(config) else []),
+                ends_at=vocabulary.holder_place(tool),
+                routes=routes or {None: [load]},
+                parameters={"tool": tool},
+            )
+        ]
+
+    def _separate(self, tool: str) -> list[Skill]:
+        """Return the two actions that return and attach `tool`."""
+        holder = holder_of(self.config, tool)
+        place = vocabulary.holder_place(tool)
+        offload = self._skill(
+            "offload",
+            tool,
+            requires=[HAND_FREE, f"tool({tool})"],
+            add=[NO_TOOL],
+            delete=[f"tool({tool})"],
+            ends_at=place,
+            routes={None: [Visit(holder, Event.OFFLOAD, tool)]},
+            parameters={"tool": tool},
+        )
+        load = self._skill(
+            "load",
+            tool,
+            requires=[HAND_FREE, NO_TOOL],
+            add=[f"tool({tool})", CHANGED_TOOL],
+            delete=[NO_TOOL],
+            ends_at=place,
+            routes={None: [Visit(holder, Event.LOAD, tool)]},
+            parameters={"tool": tool},
+        )
+        return [offload, load]
+
+    def _fasten(self, name: str) -> Skill:
+        screw = self.config.screws[name]
+        visits = [Visit(hole_of(self.config, screw), Event.DRIVE, name)]
+        if screw.feeder is not None:
+            visits.insert(0, Visit(feeder_of(self.config, screw.feeder), Event.FETCH, name))
+        return self._skill(
+            "fasten",
+            name,
+            requires=[HAND_FREE, f"tool({screw.tool})"],
+            forbids=[f"fastened({name})"],
+            add=[f"fastened({name})"],
+            delete=[],
+            ends_at=name,
+            routes={None: visits},
+            parameters={"screw": name, "tool": screw.tool, "part": screw.through},
+        )
+
+    def _reward(self, actions: list[str]) -> RewardScheme | None:
+        given = self.config.reward
+        if given is None:
+            return None
+        penalties: tuple[Penalty, ...] = ()
+        if given.repeated_tool_change is not None:
+            # With separate actions a change is offload, then load: repeated is what takes a
+            # tool off again right after it was attached.
+            separate = self.config.tool_change.style == "separate"
+            prefix = "offload(" if separate else "load("
+            skills = frozenset(name for name in actions if name.startswith(prefix))
+            when = Condition(self.facts.of(CHANGED_TOOL), self.facts.none)
+            penalties = (Penalty("repeated_tool_change", given.repeated_tool_change, skills, when),)
+        return RewardScheme(
+            given.infeasible, given.complete, given.per_cost, given.out_of_time, penalties
+        )
+
+    def _scene(self) -> Scene:
+        config = self.config
+        robot = config.robot
+        base = point(robot.base_m)
+        return Scene(
+            bodies=(
+                *(self._part_body(name) for name in config.parts),
+                *(self._screw_body(name) for name in config.screws),
+            ),
+            robots=(
+                Robot(
+                    robot.name,
+                    base,
+                    robot.reach_m,
+                    robot.safe_height_m,
+                    {at(name): p for name, p in self.positions.items()},
+                    tuple(self._tool(name) for name in config.tools),
+                ),
+            ),
+            stations={
+                **{vocabulary.holder_place(tool): holder_of(config, tool) for tool in config.tools},
+                **{feeder: feeder_of(config, feeder) for feeder in config.feeders},
+            },
+            frames={"world": Pose((0.0, 0.0, 0.0)), robot.name: Pose(base)},
+        )
+
+    def _part_body(self, name: str) -> Body:
+        part = self.config.parts[name]
+        start = Pose.upright(start_of(self.config, name), part.start_yaw_rad)
+        goal = Pose.upright(goal_of(self.config, name), part.goal_yaw_rad)
+        in_hand = Pose((0.0, 0.0, 0.0))
+        return Body(
+            name,
+            boxes_of(part),
+            (
+                Placement(f"at_start({name})", start, solid=part.feeder is None),
+                Placement(f"held({name})", in_hand, frame=self.config.robot.name),
+                Placement(f"placed({name})", goal),
+            ),
+            part.mass_kg,
+        )
+
+    def _screw_body(self, name: str) -> Body:
+        screw = self.config.screws[name]
+        head: Point = (screw.head_diameter_m, screw.head_diameter_m, screw.head_height_m)
+        box = Box(head, (0.0, 0.0, screw.head_height_m / 2))
+        driven = Placement(f"fastened({name})", Pose(hole_of(self.config, screw)))
+        return Body(name, (box,), (driven,), screw.mass_kg)
+
+    def _tool(self, name: str) -> Tool:
+        size = self.config.tools[name].envelope_m
+        envelope = None
+        if size is not None:
+            envelope = Box(point(size), (0.0, 0.0, size[2] / 2))
+        return Tool(name, f"tool({name})", holder_of(self.config, name), envelope)

@@ -1,0 +1,74 @@
+"""Where everything stands: heights of stacks and supports, boxes of parts, positions of tools.
+
+Shared by the consistency checks and the grounding; needs references without cycles.
+"""
+
+from __future__ import annotations
+
+from skillplan.domains.assembly.schema import AssemblyConfig, PartConfig, ScrewConfig
+from skillplan.task.motion import Point
+from skillplan.task.scene import Box
+
+
+def boxes_of(part: PartConfig) -> tuple[Box, ...]:
+    """Return the boxes of a part in its own frame."""
+    if part.size_m is not None:
+        x_m, y_m, z_m = part.size_m
+        return (Box((x_m, y_m, z_m), (0.0, 0.0, z_m / 2)),)
+    return tuple(Box(point(box.size_m), point(box.centre_m)) for box in part.boxes or ())
+
+
+def height_of(part: PartConfig) -> float:
+    """Return the height of a part's top above its bottom [m]."""
+    return max(box.centre[2] + box.size[2] / 2 for box in boxes_of(part))
+
+
+def start_of(config: AssemblyConfig, name: str) -> Point:
+    """Return the centre of a part's bottom at the start [m]."""
+    part = config.parts[name]
+    if part.feeder is not None:
+        feeder = config.feeders[part.feeder]
+        return (feeder.position_m[0], feeder.position_m[1], feeder.height_m)
+    if part.start_on is not None:
+        x_m, y_m, z_m = start_of(config, part.start_on)
+        return (x_m, y_m, _tidy(z_m + height_of(config.parts[part.start_on])))
+    assert part.start_m is not None
+    return (part.start_m[0], part.start_m[1], 0.0)
+
+
+def goal_of(config: AssemblyConfig, name: str) -> Point:
+    """Return the centre of a part's bottom at its goal [m]."""
+    part = config.parts[name]
+    z_m = 0.0
+    if part.goal_on is not None:
+        z_m = goal_of(config, part.goal_on)[2] + height_of(config.parts[part.goal_on])
+    return (part.goal_m[0], part.goal_m[1], _tidy(z_m))
+
+
+def hole_of(config: AssemblyConfig, screw: ScrewConfig) -> Point:
+    """Return the mouth of a screw's hole: the top of the part it goes through [m]."""
+    z_m = goal_of(config, screw.through)[2] + height_of(config.parts[screw.through])
+    return (screw.hole_m[0], screw.hole_m[1], _tidy(z_m))
+
+
+def holder_of(config: AssemblyConfig, tool: str) -> Point:
+    """Return the position of a tool's holder [m]."""
+    entry = config.tools[tool]
+    return (entry.holder_m[0], entry.holder_m[1], entry.holder_height_m)
+
+
+def feeder_of(config: AssemblyConfig, name: str) -> Point:
+    """Return where a feeder hands out [m]."""
+    feeder = config.feeders[name]
+    return (feeder.position_m[0], feeder.position_m[1], feeder.height_m)
+
+
+def point(values: list[float]) -> Point:
+    """Return three numbers as a point."""
+    x, y, z = values
+    return (x, y, z)
+
+
+def _tidy(length_m: float) -> float:
+    """Round a sum of heights to a nanometre, so that stacks of equal height are level."""
+    return round(length_m, 9)

@@ -1,0 +1,203 @@
+"""The YAML schema of an assembly task. Lengths in metres, world frame, z up, table at z = 0."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from skillplan.domains.domain import Name, Strict
+from skillplan.task.schema_errors import Located
+
+Coordinate = Annotated[float, Field(ge=-10, le=10)]
+Length = Annotated[float, Field(gt=0, le=10)]
+Duration = Annotated[float, Field(ge=0, le=86_400)]
+Planar = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Spatial = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
+Extents = Annotated[list[Length], Field(min_length=3, max_length=3)]
+Angle = Annotated[float, Field(ge=-6.2832, le=6.2832)]
+Reward = Annotated[float, Field(ge=-1e6, le=1e6)]
+Fact = Annotated[str, Field(min_length=1, max_length=200)]
+ToolChange = Literal["swap", "separate"]
+
+
+class RobotConfig(Strict):
+    """The arm."""
+
+    name: Name = Field("robot", description="the agent's name")
+    base_m: Spatial = Field([0.0, 0.0, 0.0], description="base, x y z [m]")
+    home_m: Planar = Field(description="where the tip stands at the start, x y [m]")
+    reach_m: Length = Field(0.855, description="greatest distance from base to tip [m]")
+    safe_height_m: Length = Field(
+        0.15, description="height of the lowest carried point while travelling [m]"
+    )
+    travel_speed_m_per_s: Annotated[float, Field(gt=0, le=100)] = Field(
+        0.25, description="planar speed between skills [m/s]"
+    )
+
+
+class DurationsConfig(Strict):
+    """What each skill takes at its place, the travel to it not counted."""
+
+    pick: Duration = Field(3.0, description="grasp a part [s]")
+    place: Duration = Field(3.0, description="set a part down [s]")
+    load: Duration = Field(5.0, description="attach a tool [s]")
+    offload: Duration = Field(5.0, description="return a tool [s]")
+    fasten: Duration = Field(8.0, description="drive a screw [s]")
+
+
+class ToolConfig(Strict):
+    """A tool of the changer."""
+
+    holder_m: Planar = Field(description="where it hangs, x y [m]")
+    holder_height_m: Annotated[float, Field(ge=0, le=10)] = Field(
+        0.0, description="height of the holder [m]"
+    )
+    envelope_m: Extents | None = Field(
+        None, description="box about the tool above its tip, x y z [m]; left out: not modelled"
+    )
+
+
+class ToolChangeConfig(Strict):
+    """How tools are changed."""
+
+    style: ToolChange = Field(
+        "swap",
+        description="swap: one action offloads the attached tool and loads the next; "
+        "separate: offload and load are two actions",
+    )
+    reload: bool = Field(
+        False, description="whether loading the tool that is attached already may be tried"
+    )
+
+
+class FeederConfig(Strict):
+    """A feeder that hands out parts or screws one at a time, always at the same place."""
+
+    position_m: Planar = Field(description="where it hands out, x y [m]")
+    height_m: Annotated[float, Field(ge=0, le=10)] = Field(0.0, description="its height [m]")
+
+
+class BoxConfig(Strict):
+    """One box of a part that is not a simple box."""
+
+    size_m: Extents = Field(description="extents, x y z [m]")
+    centre_m: Spatial = Field(description="centre, from the centre of the part's bottom [m]")
+
+
+class PartConfig(Strict):
+    """A part: where it is, where it belongs, its shape."""
+
+    tool: Name = Field(description="the tool that grasps it")
+    mass_kg: Annotated[float, Field(gt=0, le=1000)] = Field(0.1, description="mass [kg]")
+    size_m: Extents | None = Field(None, description="extents of a simple box, x y z [m]")
+    boxes: Annotated[list[BoxConfig], Field(min_length=1, max_length=64)] | None = Field(
+        None, description="the boxes of a compound part, instead of size_m"
+    )
+    start_m: Planar | None = Field(None, description="where it lies at the start, x y [m]")
+    start_on: Name | None = Field(None, description="the part it lies on at the start (a stack)")
+    feeder: Name | None = Field(None, description="the feeder it comes from, instead of start_m")
+    start_yaw_rad: Angle = Field(0.0, description="how it is turned at the start [rad]")
+    goal_m: Planar = Field(description="where it belongs, x y [m]")
+    goal_on: Name | None = Field(None, description="the part it stands on; left out: the table")
+    goal_yaw_rad: Angle = Field(0.0, description="how it is turned at its goal [rad]")
+
+    @model_validator(mode="after")
+    def _one_shape_one_start(self) -> PartConfig:
+        if (self.size_m is None) == (self.boxes is None):
+            raise Located("give either 'size_m' or 'boxes'.")
+        starts = [self.start_m is not None, self.feeder is not None, self.start_on is not None]
+        if sum(starts) != 1:
+            raise Located("give one of 'start_m', 'start_on' and 'feeder'.")
+        return self
+
+
+class ScrewConfig(Strict):
+    """A screw: its hole and the part that it fastens."""
+
+    tool: Name = Field(description="the tool that drives it")
+    hole_m: Planar = Field(description="its hole, x y [m]")
+    through: Name = Field(description="the part whose top its head rests on")
+    feeder: Name | None = Field(None, description="where the tool fetches it on the way, if so")
+    head_diameter_m: Length = Field(0.006, description="diameter of the head [m]")
+    head_height_m: Length = Field(0.002, description="height of the head [m]")
+    mass_kg: Annotated[float, Field(gt=0, le=1000)] = Field(0.001, description="mass [kg]")
+
+
+class ChartLine(Strict):
+    """A line of the hand-made precedence chart."""
+
+    before: Name = Field(description="the part or screw that comes first")
+    after: Annotated[list[Name], Field(min_length=1)] = Field(description="those that come later")
+
+
+class RewardConfig(Strict):
+    """The reward scheme, after Table II of Moller et al."""
+
+    infeasible: Reward = Field(-10.0, description="a collision or an inapplicable skill")
+    complete: Reward = Field(10.0, description="the step that completes the assembly")
+    per_cost: Reward = Field(-0.1, description="factor on the cost of any other step [1/m]")
+    out_of_time: Reward = Field(-10.0, description="the step that exhausts the step limit")
+    repeated_tool_change: Reward | None = Field(
+        None, description="a tool change right after another, instead of the cost term"
+    )
+
+
+class CostExpectation(Strict):
+    """A sequence and what it costs."""
+
+    actions: Annotated[list[int], Field(min_length=1)]
+    cost: float = Field(ge=0)
+
+
+class ExpectConfig(Strict):
+    """Figures that the project's tests verify; no command reads them."""
+
+    optimal_cost: float | None = Field(None, ge=0)
+    optimal_actions: list[int] | None = None
+    states: int | None = Field(None, ge=1)
+    observations: int | None = Field(None, ge=1)
+    sequences: dict[str, int] | None = None
+    costs: list[CostExpectation] | None = None
+    tool_changes: int | None = Field(None, ge=0)
+
+
+class AssemblyConfig(Strict):
+    """An assembly task."""
+
+    kind: Literal["assembly"]
+    name: Name = Field(description="the task's name")
+    description: str = Field("", description="for people")
+    robot: RobotConfig
+    durations_s: DurationsConfig = Field(default_factory=DurationsConfig)
+    tools: Annotated[dict[Name, ToolConfig], Field(min_length=1, max_length=32)]
+    initial_tool: Name | None = Field(None, description="the tool attached at the start")
+    tool_change: ToolChangeConfig = Field(default_factory=ToolChangeConfig)
+    feeders: Annotated[dict[Name, FeederConfig], Field(max_length=64)] = Field(
+        {}, description="feeders by name"
+    )
+    parts: Annotated[dict[Name, PartConfig], Field(min_length=1, max_length=256)]
+    screws: Annotated[dict[Name, ScrewConfig], Field(max_length=256)] = Field(
+        {}, description="screws by name"
+    )
+    goal: Annotated[list[Fact], Field(min_length=1)] | None = Field(
+        None, description="facts to bring about; left out: every part placed, every screw fastened"
+    )
+    chart: list[ChartLine] = Field([], description="the hand-made precedence relation")
+    actions: Annotated[list[Fact], Field(min_length=1)] | None = Field(
+        None, description="the actions in the order of their numbers; left out: all, in file order"
+    )
+    observation: Annotated[list[Fact], Field(min_length=1)] | None = Field(
+        None, description="the bits a learner sees: facts, or 'not FACT'; left out: all facts"
+    )
+    reward: RewardConfig | None = Field(None, description="the reward scheme")
+    step_limit: Annotated[int, Field(ge=1, le=100_000)] = Field(
+        description="the most skills a sequence may have"
+    )
+    physics: Annotated[dict[Name, dict[str, Any] | None], Field(max_length=1)] = Field(
+        {}, description="the physics engine and its options; left out: kinematic"
+    )
+    collision: dict[Name, dict[str, Any] | None] = Field(
+        {}, description="collision detectors and their options; left out: the chart, or else aabb"
+    )
+    expect: ExpectConfig | None = Field(None, description="figures that tests verify")

@@ -1,0 +1,155 @@
+"""Every error a user or plugin author has to repair.
+
+What a robot may meet (a blocked place, a missing support) is never an error: it is a
+:class:`~skillplan.task.verdict.Verdict`.
+
+::
+
+    SkillplanError                exit code 2
+    ├── TaskError                 a task file is wrong: all its issues, each with file:line:column
+    ├── OptionError               an option, a skill name or a sequence is wrong
+    ├── PluginError               an unknown, doubled, broken or unfit plugin
+    ├── ModelTooLarge             an array export would exceed its limit
+    ├── NotASequencing            a model is not a sequencing problem
+    ├── BackEndError              a physics or collision back end failed        exit code 3
+    └── SearchStopped             a stop reached a solver that does not poll for it
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+EXIT_SOLVED = 0
+EXIT_NO_PLAN = 1
+EXIT_WRONG_INPUT = 2
+EXIT_BACK_END = 3
+EXIT_INTERRUPTED = 130
+
+
+class SkillplanError(Exception):
+    """Base of all errors; ``str(error)`` is the message for the user."""
+
+    exit_code: ClassVar[int] = EXIT_WRONG_INPUT
+
+
+@dataclass(frozen=True, slots=True)
+class Issue:
+    """One fault of a task file.
+
+    Parameters
+    ----------
+    message
+        What is wrong and what to write instead.
+    path
+        Keys and indices from the root of the document to the fault.
+    line, column
+        Position in the file, both from 1; 0 while unknown.
+    """
+
+    message: str
+    path: tuple[str | int, ...] = ()
+    line: int = 0
+    column: int = 0
+
+    def __str__(self) -> str:
+        where = format_path(self.path)
+        return f"{where}: {self.message}" if where else self.message
+
+
+class TaskError(SkillplanError):
+    """A task file cannot be used; carries all of its issues at once.
+
+    Parameters
+    ----------
+    source
+        The file as the user named it.
+    issues
+        At least one issue, printed in the order of their positions.
+    """
+
+    def __init__(self, source: str, issues: Iterable[Issue]) -> None:
+        self.source = source
+        self.issues = tuple(sorted(issues, key=lambda issue: (issue.line, issue.column)))
+        super().__init__("\n".join(self.lines()))
+
+    def lines(self) -> list[str]:
+        """One line ``file:line:column: key.path: message`` for each issue."""
+        return [
+            f"{self.source}:{issue.line}:{issue.column}: {issue}"
+            if issue.line
+            else f"{self.source}: {issue}"
+            for issue in self.issues
+        ]
+
+
+class OptionError(SkillplanError):
+    """An option, skill name or sequence given on the command line is wrong."""
+
+
+class PluginError(SkillplanError):
+    """A plugin is unknown, provided twice, cannot be imported or has the wrong base class."""
+
+
+class ModelTooLarge(SkillplanError):
+    """A model has more states than an array export may hold."""
+
+
+class NotASequencing(SkillplanError):
+    """A model does not have the structure of a sequencing problem."""
+
+
+class BackEndError(SkillplanError):
+    """A physics or collision back end raised instead of returning a verdict."""
+
+    exit_code = EXIT_BACK_END
+
+
+class SearchStopped(SkillplanError):
+    """Raised by the model in a solver that goes on asking long after it was told to stop."""
+
+    exit_code = EXIT_INTERRUPTED
+
+
+def format_path(path: Sequence[str | int]) -> str:
+    """Return ``parts.pcb.size_m[2]`` for ``("parts", "pcb", "size_m", 2)``."""
+    text = ""
+    for key in path:
+        if isinstance(key, int):
+            text += f"[{key}]"
+        else:
+            text += f".{key}" if text else str(key)
+    return text
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name most like `name`, or None where none is near."""
+    names = list(known)
+    matches = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    if matches:
+        return matches[0]
+    # A name cut short, with or without a slip: 'serch' for 'search-optimal'.
+    beginnings = {known_name[: len(name) + 1]: known_name for known_name in names if len(name) > 3}
+    matches = difflib.get_close_matches(name, list(beginnings), n=1, cutoff=0.75)
+    return beginnings[matches[0]] if matches else None
+
+
+def name_hint(name: str, known: Iterable[str], *, most: int = 12) -> str:
+    """Return the sentence that helps after an unknown name: the nearest, else what there is.
+
+    Examples
+    --------
+    >>> name_hint("exat", ["exact", "exhaustive"])
+    "Did you mean 'exact'?"
+    """
+    names = sorted(set(known))
+    match = nearest(name, names)
+    if match is not None:
+        return f"Did you mean {match!r}?"
+    if not names:
+        return "There is none."
+    shown = ", ".join(names[:most])
+    rest = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"Known: {shown}{rest}."

@@ -1,0 +1,109 @@
+"""The expected cost of a policy, exactly, on tasks whose skills may have several outcomes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from skillplan.errors import ModelTooLarge
+from skillplan.model.skill_model import SkillModel, Transition
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+
+MAX_STATES = 5_000
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyValue:
+    """What a policy is worth from the initial state.
+
+    Parameters
+    ----------
+    cost, duration_s, steps
+        Expected sums until the goal; None where `problem` is given.
+    problem
+        Why the policy does not reach the goal with certainty, or None.
+    infeasible
+        Whether the problem is a step that cannot be executed.
+    """
+
+    cost: float | None
+    duration_s: float | None = None
+    steps: float | None = None
+    problem: str | None = None
+    infeasible: bool = False
+
+
+def evaluate_policy(model: SkillModel, choose: Callable[[State], Skill | None]) -> PolicyValue:
+    """Solve the linear equations of the Markov chain that a policy makes of the model.
+
+    Parameters
+    ----------
+    model
+        A model, asked about every step that the policy takes.
+    choose
+        The policy: the skill it takes in a state, or None where it has none.
+
+    Raises
+    ------
+    ModelTooLarge
+        If the policy reaches more than `MAX_STATES` states.
+    """
+    chain: dict[State, Transition | None] = {}
+    todo = [model.initial]
+    while todo:
+        state = todo.pop()
+        if state in chain:
+            continue
+        if len(chain) >= MAX_STATES:
+            raise ModelTooLarge(f"The policy reaches more than {MAX_STATES:,} states.")
+        if model.is_goal(state):
+            chain[state] = None
+            continue
+        skill = choose(state)
+        if skill is None:
+            return PolicyValue(None, problem=f"the policy says nothing in {state}")
+        verdict = model.verdict(state, skill)
+        if not verdict.is_feasible:
+            problem = f"{skill.name} in {state}: {verdict.stage}: {verdict.reason}"
+            return PolicyValue(None, problem=problem, infeasible=verdict.is_infeasible)
+        step = chain[state] = model.transition(state, skill)
+        todo += [next_state for _, next_state in step.outcomes]
+    stuck = _cannot_finish(chain)
+    if stuck is not None:
+        return PolicyValue(None, problem=f"the policy never reaches the goal from {stuck}")
+    return _solve(model, chain)
+
+
+def _cannot_finish(chain: Mapping[State, Transition | None]) -> State | None:
+    """Return a state from which no outcome leads to the goal, or None."""
+    before: dict[State, list[State]] = {}
+    for state, step in chain.items():
+        for _, next_state in step.outcomes if step is not None else ():
+            before.setdefault(next_state, []).append(state)
+    todo = [state for state, step in chain.items() if step is None]
+    finishing = set(todo)
+    while todo:
+        for state in before.get(todo.pop(), ()):
+            if state not in finishing:
+                finishing.add(state)
+                todo.append(state)
+    return next((state for state in chain if state not in finishing), None)
+
+
+def _solve(model: SkillModel, chain: Mapping[State, Transition | None]) -> PolicyValue:
+    # Here and not above: a deterministic task must not pay for importing numpy.
+    import numpy as np
+
+    index = {state: i for i, state in enumerate(chain)}
+    matrix = np.eye(len(chain))
+    gains = np.zeros((len(chain), 3))
+    for state, step in chain.items():
+        if step is None:
+            continue
+        row = index[state]
+        gains[row] = (step.cost, step.duration_s, 1.0)
+        for probability, next_state in step.outcomes:
+            matrix[row, index[next_state]] -= probability
+    cost, duration_s, steps = np.linalg.solve(matrix, gains)[index[model.initial]]
+    return PolicyValue(float(cost), float(duration_s), float(steps))

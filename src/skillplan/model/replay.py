@@ -1,0 +1,171 @@
+"""Walking a sequence through a model: what it costs, and what fails where."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from skillplan.model.skill_model import SkillModel, Transition
+from skillplan.task.motion import Point
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.verdict import VerdictStatus
+
+GOAL = "goal"
+STEP_LIMIT = "step-limit"
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One executed skill.
+
+    Parameters
+    ----------
+    index, skill, action
+        Position in the sequence, name, and number among the task's actions.
+    start, goal
+        Where the arm starts and where it works last [m]; None for a skill without motion.
+    cost
+        In the task's metric.
+    duration_s
+        Time it takes [s].
+    reward
+        What a learner is paid; None where the task has no reward scheme.
+    """
+
+    index: int
+    skill: str
+    action: int
+    start: Point | None
+    goal: Point | None
+    cost: float
+    duration_s: float
+    reward: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """What is wrong with a sequence, and where.
+
+    Parameters
+    ----------
+    step
+        Index of the skill, or the length of the sequence where its end is at fault.
+    skill
+        Its name; None where the end is at fault.
+    stage, reason, facts
+        As in the verdict.
+    """
+
+    step: int
+    skill: str | None
+    stage: str
+    reason: str
+    facts: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """A sequence, walked as far as it can be.
+
+    Parameters
+    ----------
+    steps
+        The skills executed.
+    state
+        Where it ended.
+    feasible
+        Whether every skill could be executed within the step limit.
+    complete
+        Whether the goal holds at the end.
+    violations
+        Empty if feasible and complete.
+    penalty
+        What a learner is paid for the skill that could not be executed, else 0.
+    """
+
+    steps: tuple[Step, ...]
+    state: State
+    feasible: bool
+    complete: bool
+    violations: tuple[Violation, ...]
+    penalty: float = 0.0
+
+    @property
+    def cost(self) -> float:
+        """Sum of the executed skills' costs."""
+        return sum(step.cost for step in self.steps)
+
+    @property
+    def duration_s(self) -> float:
+        """Sum of their durations [s]."""
+        return sum(step.duration_s for step in self.steps)
+
+    @property
+    def total_reward(self) -> float | None:
+        """Sum of all rewards; None where the task has no reward scheme."""
+        if not self.steps or any(step.reward is None for step in self.steps):
+            return None
+        return sum(step.reward or 0.0 for step in self.steps) + self.penalty
+
+
+def replay(model: SkillModel, skills: Sequence[Skill]) -> Replay:
+    """Execute skills one after another from the initial state, each with its nominal outcome.
+
+    Stops at the first skill that cannot be executed. A skill after the goal is reached is
+    executed like any other.
+    """
+    state, steps, penalty = model.initial, [], 0.0
+    violations: list[Violation] = []
+    for index, skill in enumerate(skills):
+        if index == model.step_limit:
+            reason = f"the sequence has {len(skills)} skills, the limit is {model.step_limit}"
+            violations.append(Violation(index, skill.name, STEP_LIMIT, reason, ()))
+            break
+        verdict = model.verdict(state, skill)
+        if not verdict.is_feasible:
+            unknown = verdict.status is VerdictStatus.UNKNOWN
+            reason = f"could not be decided: {verdict.reason}" if unknown else verdict.reason
+            violations.append(
+                Violation(index, skill.name, verdict.stage, reason, tuple(verdict.facts))
+            )
+            penalty = model.task.reward.infeasible if model.task.reward else 0.0
+            break
+        transition = model.transition(state, skill)
+        steps.append(_step(model, index, transition))
+        state = transition.next_state
+    feasible = not violations
+    complete = feasible and model.is_goal(state)
+    if feasible and not complete:
+        missing = model.task.goal.why_not(state)
+        reason = f"the goal is not reached: {', '.join(missing)}"
+        violations.append(Violation(len(skills), None, GOAL, reason, tuple(missing)))
+    return Replay(tuple(steps), state, feasible, complete, tuple(violations), penalty)
+
+
+def _step(model: SkillModel, index: int, transition: Transition) -> Step:
+    task, state, skill = model.task, transition.state, transition.skill
+    start = goal = None
+    if skill.motion is not None:
+        start = task.scene.robot(skill.motion.robot).place(state)[1]
+        goal = skill.motion.visits(state)[-1].position
+    reward = None
+    if task.reward is not None:
+        at_goal = model.is_goal(transition.next_state)
+        reward = task.reward.of_step(
+            state,
+            skill.name,
+            transition.cost,
+            goal=at_goal,
+            out_of_time=not at_goal and index + 1 == task.step_limit,
+        )
+    return Step(
+        index,
+        skill.name,
+        task.action(skill),
+        start,
+        goal,
+        transition.cost,
+        transition.duration_s,
+        reward,
+    )

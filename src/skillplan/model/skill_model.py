@@ -1,0 +1,166 @@
+"""The lazy skill-transition model: what every solver consumes.
+
+*Applicable* is symbolic and free; *feasible* asks back ends, and only when a solver asks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from skillplan.errors import SearchStopped
+from skillplan.model.feasibility import Feasibility
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict, VerdictStatus
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """One arrow of the model.
+
+    Parameters
+    ----------
+    state
+        Where it starts.
+    skill
+        What is done.
+    outcomes
+        Pairs of probability and next state; one pair where the skill is deterministic.
+    cost
+        In the task's metric, >= 0.
+    duration_s
+        Time it takes [s].
+
+    Raises
+    ------
+    ValueError
+        If the probabilities do not sum to 1 or the cost is negative.
+    """
+
+    state: State
+    skill: Skill
+    outcomes: tuple[tuple[float, State], ...]
+    cost: float
+    duration_s: float
+
+    def __post_init__(self) -> None:
+        if abs(sum(probability for probability, _ in self.outcomes) - 1) > 1e-9:
+            raise ValueError("Transition probabilities must sum to 1.")
+        if not self.cost >= 0:
+            raise ValueError(f"Transition cost must be >= 0, not {self.cost}.")
+
+    @property
+    def next_state(self) -> State:
+        """The nominal next state."""
+        return self.outcomes[0][1]
+
+
+@dataclass(slots=True)
+class ModelStats:
+    """What was asked of a model: distinct states expanded, checks made, verdicts reused."""
+
+    states: int = 0
+    checks: int = 0
+    cache_hits: int = 0
+    unknown: int = 0
+
+
+class SkillModel:
+    """Task plus feasibility, asked lazily.
+
+    Parameters
+    ----------
+    feasibility
+        The chain of checks; its task is the model's.
+    overdue
+        Returns True once a solver should have stopped long ago; then the model raises
+        `SearchStopped` in it.
+    """
+
+    def __init__(self, feasibility: Feasibility, overdue: Callable[[], bool] | None = None) -> None:
+        self.feasibility = feasibility
+        self.task: Task = feasibility.task
+        self._overdue = overdue
+        self._transitions: dict[int, tuple[Transition, ...]] = {}
+        self._unknown = 0
+        self._masks = [
+            (skill.precondition.requires.bits, skill.precondition.forbids.bits, skill)
+            for skill in self.task.skills
+        ]
+
+    @property
+    def initial(self) -> State:
+        """The state in which the task starts."""
+        return self.task.initial
+
+    @property
+    def step_limit(self) -> int:
+        """The most skills that a plan may have."""
+        return self.task.step_limit
+
+    @property
+    def stats(self) -> ModelStats:
+        """What has been asked so far."""
+        return ModelStats(
+            states=len(self._transitions),
+            checks=self.feasibility.checks,
+            cache_hits=self.feasibility.hits,
+            unknown=self._unknown,
+        )
+
+    def is_goal(self, state: State) -> bool:
+        """Whether the task is done in `state`."""
+        return self.task.goal.holds(state)
+
+    def applicable(self, state: State) -> list[Skill]:
+        """Return the skills whose preconditions hold in `state`, in the order of the task."""
+        bits = state.bits
+        return [
+            skill
+            for requires, forbids, skill in self._masks
+            if bits & requires == requires and not bits & forbids
+        ]
+
+    def verdict(self, state: State, skill: Skill) -> Verdict:
+        """Return the verdict on `skill` in `state`, asking back ends for what is not known.
+
+        Raises
+        ------
+        BackEndError
+            If a back end fails.
+        SearchStopped
+            If the solver should have stopped long ago.
+        """
+        if self._overdue is not None and self._overdue():
+            raise SearchStopped("The solver went on long after it was told to stop.")
+        verdict = self.feasibility.rule(skill, state)
+        if verdict.status is VerdictStatus.UNKNOWN:
+            self._unknown += 1
+        return verdict
+
+    def transition(self, state: State, skill: Skill) -> Transition:
+        """Return the predicted transition, whether feasible or not; asks no back end."""
+        return Transition(
+            state,
+            skill,
+            tuple((outcome.probability, outcome.apply(state)) for outcome in skill.outcomes),
+            skill.cost.at(state),
+            skill.duration_s.at(state),
+        )
+
+    def transitions(self, state: State) -> tuple[Transition, ...]:
+        """Return the transitions of all skills that are applicable and feasible in `state`.
+
+        A skill whose verdict is unknown is left out, and counted in `stats.unknown`.
+        """
+        found = self._transitions.get(state.bits)
+        if found is None:
+            found = tuple(
+                self.transition(state, skill)
+                for skill in self.applicable(state)
+                if self.verdict(state, skill).is_feasible
+            )
+            self._transitions[state.bits] = found
+        return found

@@ -1,0 +1,1 @@
+"""Physics engines: execute a skill's motion. They know tasks, never collision or solvers."""

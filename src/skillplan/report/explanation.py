@@ -1,0 +1,121 @@
+"""Why a skill is feasible or not in a state: every stage's verdict, facts and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skillplan.errors import OptionError
+from skillplan.model.replay import replay
+from skillplan.model.skill_model import SkillModel
+from skillplan.report.table import Column, Table
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The verdicts on one skill in one state.
+
+    Parameters
+    ----------
+    task, skill, state
+        What was asked.
+    stages
+        One verdict a stage, cheapest first, also beyond the first that fails.
+    """
+
+    task: Task
+    skill: Skill
+    state: State
+    stages: tuple[Verdict, ...]
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every stage passed."""
+        return all(verdict.is_feasible for verdict in self.stages)
+
+    def document(self) -> dict[str, Any]:
+        """Return the JSON document ``skillplan.explanation/1``."""
+        first = next((v for v in self.stages if not v.is_feasible), None)
+        prediction = self.skill.prediction
+        return {
+            "schema": "skillplan.explanation/1",
+            "task": {"name": self.task.name, "sha256": self.task.sha256},
+            "skill": self.skill.name,
+            "action": self.task.action(self.skill),
+            "state": list(self.state),
+            "status": first.status.value if first else "feasible",
+            "stage": first.stage if first else None,
+            "reason": first.reason if first else None,
+            "precondition": str(self.skill.precondition),
+            "prediction": {"add": list(prediction.add), "delete": list(prediction.delete)},
+            "stages": [
+                {
+                    "stage": verdict.stage,
+                    "status": verdict.status.value,
+                    "reason": verdict.reason or None,
+                    "present": list(verdict.present or ()),
+                    "absent": list(verdict.absent or ()),
+                    "evidence": dict(verdict.evidence),
+                }
+                for verdict in self.stages
+            ],
+        }
+
+    def tables(self) -> list[Table]:
+        """Return the stages as a table, the state and the skill's conditions below."""
+        rows = [
+            (
+                verdict.stage,
+                verdict.status.value,
+                verdict.reason or "-",
+                ", ".join(verdict.facts) or "no fact",
+                _figures(verdict.evidence) or "-",
+            )
+            for verdict in self.stages
+        ]
+        columns = [Column(name) for name in ("stage", "verdict", "reason", "rests on", "evidence")]
+        gone = self.state & self.skill.prediction.delete
+        notes = [
+            f"state         {', '.join(self.state)}",
+            f"precondition  {self.skill.precondition}",
+            f"prediction    {', '.join(self.skill.prediction.add)}"
+            + "".join(f", not {fact}" for fact in gone),
+        ]
+        outcome = "feasible" if self.feasible else "not feasible"
+        title = f"{self.task.name}: {self.skill.name} is {outcome}"
+        return [Table(title, columns, rows, notes)]
+
+
+def explain(model: SkillModel, skill: Skill, before: Sequence[Skill]) -> Explanation:
+    """Return the verdicts on `skill` in the state that a sequence leads to.
+
+    Raises
+    ------
+    OptionError
+        If the sequence cannot be executed; the message says where it fails.
+    """
+    walked = replay(model, before)
+    if not walked.feasible:
+        fault = walked.violations[0]
+        raise OptionError(
+            f"--after fails at entry {fault.step} ({fault.skill}): {fault.stage}: {fault.reason}."
+        )
+    stages = tuple(model.feasibility.stages(skill, walked.state))
+    return Explanation(model.task, skill, walked.state, stages)
+
+
+def _figures(evidence: Mapping[str, Any]) -> str:
+    return ", ".join(f"{key} {_plain(value)}" for key, value in evidence.items())
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list | tuple):
+        return " ".join(_plain(item) for item in value) or "none"
+    return str(value)

@@ -1,0 +1,75 @@
+"""Installed plugins and their options."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pydantic import BaseModel
+
+from skillplan.registry import PluginInfo
+from skillplan.report.table import Column, Table
+
+_BOUNDS = {
+    "minimum": ">= ",
+    "exclusiveMinimum": "> ",
+    "maximum": "<= ",
+    "exclusiveMaximum": "< ",
+}
+
+
+def plugin_document(infos: Sequence[PluginInfo], options: type[BaseModel] | None) -> dict[str, Any]:
+    """Return the JSON document ``skillplan.plugins/1``."""
+    return {
+        "schema": "skillplan.plugins/1",
+        "plugins": [
+            {
+                "kind": info.kind,
+                "name": info.name,
+                "distribution": info.distribution,
+                "version": info.version,
+                "summary": info.summary,
+                "problem": info.problem,
+            }
+            for info in infos
+        ],
+        "options": None if options is None else options.model_json_schema(),
+    }
+
+
+def plugin_tables(infos: Sequence[PluginInfo], options: type[BaseModel] | None) -> list[Table]:
+    """Return the plugins and, where one was asked for, its options."""
+    headings = ("kind", "name", "distribution", "version", "what it does")
+    rows = [
+        (
+            info.kind,
+            info.name,
+            info.distribution,
+            info.version,
+            f"BROKEN: {info.problem}" if info.problem else info.summary,
+        )
+        for info in infos
+    ]
+    tables = [Table("installed plugins", [Column(heading) for heading in headings], rows)]
+    if options is not None:
+        tables.append(_option_table(infos[0].name, options))
+    return tables
+
+
+def _option_table(name: str, options: type[BaseModel]) -> Table:
+    properties = options.model_json_schema().get("properties", {})
+    rows = [
+        (
+            key,
+            str(field.get("type", "any")),
+            str(field.get("default", "required")),
+            ", ".join(f"{sign}{field[bound]}" for bound, sign in _BOUNDS.items() if bound in field)
+            or "-",
+            str(field.get("description", "")),
+        )
+        for key, field in properties.items()
+    ]
+    if not rows:
+        return Table(f"{name} has no options", (), ())
+    headings = ("option", "type", "default", "range", "what it is [unit]")
+    return Table(f"options of {name}", [Column(heading) for heading in headings], rows)

@@ -1,0 +1,216 @@
+"""Best-first search with proof, on the lazy model.
+
+A* (Hart, Nilsson and Raphael, 1968) under the landmark bound, ordered by cost and then by
+number of skills. Edges are lazy (Dellin and Srinivasa, "A unifying formalism for shortest path
+problems with expensive edge evaluations", 2016): a back end is asked about a skill only when
+its arrow comes up for expansion, so that most arrows never cost a check.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from pydantic import Field
+
+from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.landmark_bound import LandmarkBound, from_units, to_units
+from skillplan.solvers.solution import Plan, Solution
+from skillplan.solvers.solver import Solver
+from skillplan.task import back_end
+from skillplan.task.state import State
+
+
+@dataclass(slots=True)
+class _Label:
+    """A way to a state: its cost [units], its skills, and where it came from."""
+
+    state: State
+    cost: int
+    steps: int
+    parent: _Label | None
+    skill: int
+
+
+class ExactSolver(Solver):
+    """Prove the cheapest plan; of equals, one with the fewest skills."""
+
+    name = "exact"
+
+    class Options(back_end.Options):
+        """Limits of the search."""
+
+        max_labels: int = Field(
+            default=3_000_000,
+            ge=1,
+            description="open arrows kept before the search ends with a bound (about 250 bytes "
+            "each) [-]",
+        )
+        dives: bool = Field(
+            default=True,
+            description="look for plans greedily on the way, so that there is one at any time [-]",
+        )
+
+    options: Options
+
+    def refuses(self, model: SkillModel) -> str | None:
+        """Return why not, where a skill may have several outcomes."""
+        if not model.task.deterministic:
+            return "exact search looks for one sequence and needs skills with one outcome each"
+        return None
+
+    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
+        """Search without regard to the step limit first; that is a relaxation.
+
+        Where its optimum is too long, a second search keeps, for every state, all ways that
+        are not worse in both cost and length.
+        """
+        search = _Search(self, model)
+        plan, proved = search.run(bounded=False)
+        if proved and plan is not None and len(plan) > model.step_limit:
+            self.stop.bound(plan.cost or 0.0)
+            plan, proved = search.run(bounded=True)
+        bound = self.stop.lower_bound
+        if proved and plan is not None:
+            bound = plan.cost
+        trace = {
+            "expanded": search.expanded,
+            "generated": search.generated,
+            "ended": "proof" if proved else (self.stop.reason or "label limit"),
+        }
+        return Solution(plan, bound, proved=proved, trace=trace)
+
+
+class _Search:
+    """One task's search: what the two passes share."""
+
+    def __init__(self, solver: ExactSolver, model: SkillModel) -> None:
+        self.options = solver.options
+        self.stop = solver.stop
+        self.model = model
+        self.bound = LandmarkBound(model.task)
+        self.expanded = 0
+        self.generated = 0
+        self._incumbent: tuple[int, int] | None = None
+        self._plan: Plan | None = None
+
+    def run(self, *, bounded: bool) -> tuple[Plan | None, bool]:
+        """Return the best plan and whether it, or its absence, is proved."""
+        limit = self.model.step_limit if bounded else None
+        best: dict[int, list[tuple[int, int]]] = {}
+        queue: list[tuple[int, int, int, int, _Label]] = []
+        start = _Label(self.model.initial, 0, 0, None, -1)
+        self._push(queue, start, limit)
+        next_dive = 0
+        while queue:
+            cost_ahead, steps_ahead, _, _, label = queue[0]
+            if self._incumbent is not None and (cost_ahead, steps_ahead) >= self._incumbent:
+                return self._plan, True
+            if self.stop() or len(queue) > self.options.max_labels:
+                self.stop.bound(self._floor(cost_ahead), self.expanded)
+                return self._plan, False
+            heapq.heappop(queue)
+            known = best.setdefault(label.state.bits, [])
+            if _dominated(known, label, bounded) or not self._feasible(label):
+                continue
+            if self.model.is_goal(label.state):
+                plan = _plan_of(self.model, label)
+                if bounded or len(plan) <= self.model.step_limit:
+                    self.stop.incumbent(plan)
+                return plan, True
+            known.append((label.cost, label.steps))
+            self.expanded += 1
+            if self.options.dives and self.expanded > next_dive:
+                next_dive = 2 * next_dive + 64
+                self._dive(label)
+            for child in self._children(label):
+                if not _dominated(best.get(child.state.bits, ()), child, bounded):
+                    self._push(queue, child, limit)
+            if self.expanded % 512 == 0:
+                self.stop.bound(self._floor(cost_ahead), self.expanded)
+        return self._plan, True
+
+    def _floor(self, cost_ahead: int) -> float:
+        """Return the bound that the cheapest open arrow proves, never above the incumbent."""
+        if self._incumbent is not None:
+            cost_ahead = min(cost_ahead, self._incumbent[0])
+        return from_units(cost_ahead)
+
+    def _push(
+        self,
+        queue: list[tuple[int, int, int, int, _Label]],
+        label: _Label,
+        limit: int | None,
+    ) -> None:
+        cost, steps = self.bound(label.state)
+        if cost < 0 or (limit is not None and label.steps + steps > limit):
+            return
+        key = (label.cost + cost, label.steps + steps)
+        if self._incumbent is not None and key >= self._incumbent:
+            return
+        self.generated += 1
+        # Of equals, the deepest first; then the order of creation, for a total order.
+        heapq.heappush(queue, (*key, -label.steps, self.generated, label))
+
+    def _children(self, label: _Label) -> Iterator[_Label]:
+        task = self.model.task
+        for skill in self.model.applicable(label.state):
+            state = skill.prediction.apply(label.state)
+            cost = label.cost + to_units(skill.cost.at(label.state))
+            yield _Label(state, cost, label.steps + 1, label, task.action(skill))
+
+    def _feasible(self, label: _Label) -> bool:
+        if label.parent is None:
+            return True
+        skill = self.model.task.skills[label.skill]
+        return self.model.verdict(label.parent.state, skill).is_feasible
+
+    def _dive(self, label: _Label) -> None:
+        """Follow the least bound, depth first, to one plan that respects the step limit."""
+        limit = self.model.step_limit
+        seen = {label.state.bits}
+        stack = [label]
+        for _ in range(8 * limit):
+            if not stack or self.stop():
+                return
+            here = stack.pop()
+            if here is not label and not self._feasible(here):
+                continue
+            if self.model.is_goal(here.state):
+                self._keep(here)
+                return
+            ranked = []
+            for order, child in enumerate(self._children(here)):
+                cost, steps = self.bound(child.state)
+                if cost < 0 or child.steps + steps > limit or child.state.bits in seen:
+                    continue
+                key = (child.cost + cost, child.steps + steps)
+                if self._incumbent is None or key < self._incumbent:
+                    ranked.append((*key, order, child))
+            for *_, child in sorted(ranked, reverse=True):
+                seen.add(child.state.bits)
+                stack.append(child)
+
+    def _keep(self, label: _Label) -> None:
+        key = (label.cost, label.steps)
+        if self._incumbent is None or key < self._incumbent:
+            self._incumbent = key
+            self._plan = _plan_of(self.model, label)
+            self.stop.incumbent(self._plan)
+
+
+def _dominated(known: list[tuple[int, int]] | tuple[()], label: _Label, bounded: bool) -> bool:
+    if bounded:
+        return any(cost <= label.cost and steps <= label.steps for cost, steps in known)
+    return any((cost, steps) <= (label.cost, label.steps) for cost, steps in known)
+
+
+def _plan_of(model: SkillModel, label: _Label) -> Plan:
+    actions = []
+    here: _Label | None = label
+    while here is not None and here.parent is not None:
+        actions.append(here.skill)
+        here = here.parent
+    skills = tuple(model.task.skills[action].name for action in reversed(actions))
+    return Plan(skills, from_units(label.cost))

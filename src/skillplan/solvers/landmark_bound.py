@@ -1,0 +1,182 @@
+"""An admissible bound on the cost to go, from the symbolic side of a task alone.
+
+A *landmark* is a skill that every plan from here must contain (Hoffmann, Porteous and
+Sebastia, "Ordered landmarks in planning", 2004): the only one to bring about a goal fact that
+is missing, and so on through its own preconditions. Each landmark costs at least the cheapest
+way to come to it from a skill that can directly precede it. No back end is asked.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from skillplan.task.state import State
+from skillplan.task.task import Task
+
+# Costs are compared as whole numbers of this unit, so that sums in another order tie exactly.
+COST_UNIT = 1e-12
+
+
+def to_units(cost: float) -> int:
+    """Return a cost in whole units."""
+    return round(cost / COST_UNIT)
+
+
+def from_units(units: int) -> float:
+    """Return a cost from whole units."""
+    return units * COST_UNIT
+
+
+@dataclass(frozen=True, slots=True)
+class _Outlook:
+    """What is still to come, by the facts that skills can require.
+
+    Parameters
+    ----------
+    landmarks
+        Skill indices, each with the least cost of coming to it from another skill [units].
+    total
+        The sum of those costs.
+    """
+
+    landmarks: dict[int, int]
+    total: int
+
+
+class LandmarkBound:
+    """Lower bounds on cost and number of skills to go.
+
+    Parameters
+    ----------
+    task
+        A task whose skills are deterministic.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        self._requires = [skill.precondition.requires.bits for skill in task.skills]
+        self._forbids = [skill.precondition.forbids.bits for skill in task.skills]
+        self._adds = [skill.prediction.add.bits for skill in task.skills]
+        self._makers: dict[int, list[int]] = {}
+        for i, added in enumerate(self._adds):
+            for name in task.facts.names_of(added):
+                self._makers.setdefault(task.facts.bit(name), []).append(i)
+        self._rivals = self._exclusive_rivals()
+        self._relevant = task.goal.requires.bits
+        for requires, forbids in zip(self._requires, self._forbids, strict=True):
+            self._relevant |= requires | forbids
+        self._ways = self._direct_ways()
+        self._outlooks: dict[int, _Outlook | None] = {}
+
+    def __call__(self, state: State) -> tuple[int, int]:
+        """Return lower bounds on the cost [units] and the number of skills to go from `state`.
+
+        The cost is -1 where the goal is out of reach.
+        """
+        key = state.bits & self._relevant
+        if key in self._outlooks:
+            outlook = self._outlooks[key]
+        else:
+            outlook = self._outlooks[key] = self._look(key)
+        if outlook is None:
+            return -1, 0
+        bits, total = state.bits, outlook.total
+        for i, least in outlook.landmarks.items():
+            if self._ready(i, bits):
+                from_here = to_units(self._task.skills[i].cost.at(state))
+                if from_here < least:
+                    total += from_here - least
+        return (total, len(outlook.landmarks)) if total < _NEVER else (-1, 0)
+
+    def _ready(self, i: int, bits: int) -> bool:
+        requires = self._requires[i]
+        return bits & requires == requires and not bits & self._forbids[i]
+
+    def _look(self, bits: int) -> _Outlook | None:
+        alive, reached = self._relaxed(bits)
+        if self._task.goal.requires.bits & ~reached:
+            return None
+        landmarks = self._landmarks(bits, alive)
+        costs = {}
+        for k in landmarks:
+            costs[k] = next((cost for cost, j in self._ways[k] if j in alive), _NEVER)
+        return _Outlook(costs, sum(costs.values()))
+
+    def _relaxed(self, bits: int) -> tuple[set[int], int]:
+        """Return the skills and facts in reach if nothing true ever became false."""
+        alive: set[int] = set()
+        waiting = list(range(len(self._requires)))
+        while True:
+            still = []
+            before = bits
+            for i in waiting:
+                if self._requires[i] & ~bits:
+                    still.append(i)
+                else:
+                    alive.add(i)
+                    bits |= self._adds[i]
+            if bits == before:
+                return alive, bits
+            waiting = still
+
+    def _landmarks(self, bits: int, alive: set[int]) -> list[int]:
+        found: list[int] = []
+        seen = bits
+        todo = self._task.goal.requires.bits & ~bits
+        while todo:
+            fact = todo & -todo
+            todo ^= fact
+            seen |= fact
+            makers = [i for i in self._makers.get(fact, ()) if i in alive]
+            if len(makers) == 1 and makers[0] not in found:
+                found.append(makers[0])
+            needed = -1
+            for i in makers:
+                needed &= self._requires[i]
+            if makers:
+                todo |= needed & ~seen
+        return found
+
+    def _exclusive_rivals(self) -> dict[int, int]:
+        rivals: dict[int, int] = {}
+        for group in self._task.facts.exclusive:
+            bits = self._task.facts.of(*group).bits
+            for name in group:
+                bit = self._task.facts.bit(name)
+                rivals[bit] = rivals.get(bit, 0) | bits & ~bit
+        return rivals
+
+    def _known(self, true: int, false: int) -> tuple[int, int]:
+        """Return the facts known true and false, with what exclusiveness adds."""
+        rest = true
+        while rest:
+            bit = rest & -rest
+            rest ^= bit
+            false |= self._rivals.get(bit, 0)
+        return true, false & ~true
+
+    def _direct_ways(self) -> list[list[tuple[int, int]]]:
+        """For every skill, the skills that can directly precede it, cheapest first."""
+        after = []
+        for skill in self._task.skills:
+            delete, add = skill.prediction.delete.bits, skill.prediction.add.bits
+            true = skill.precondition.requires.bits & ~delete | add
+            false = skill.precondition.forbids.bits & ~add | delete
+            after.append(self._known(true, false))
+        ways: list[list[tuple[int, int]]] = []
+        for k, skill in enumerate(self._task.skills):
+            found = []
+            needs_true, needs_false = self._known(self._requires[k], self._forbids[k])
+            for j, (true, false) in enumerate(after):
+                if true & needs_false or false & needs_true:
+                    continue
+                cost = skill.cost.least(true | needs_true, false | needs_false)
+                if math.isfinite(cost):
+                    found.append((to_units(cost), j))
+            ways.append(sorted(found))
+        return ways
+
+
+# Stands for "only from where one is": replaced by the cost from there, or a dead end.
+_NEVER = 1 << 80

@@ -1,0 +1,96 @@
+"""What a solver hands to the referee: a plan or a policy, and what it claims of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A sequence of skills.
+
+    Parameters
+    ----------
+    skills
+        Names, in order.
+    cost
+        What the solver believes it costs; the referee compares. None where it makes no claim.
+    """
+
+    skills: tuple[str, ...]
+    cost: float | None = None
+
+    def __len__(self) -> int:
+        return len(self.skills)
+
+
+class Policy(Mapping[State, Skill]):
+    """A skill for every state that it knows.
+
+    Parameters
+    ----------
+    choices
+        The skill to take in a state.
+    """
+
+    def __init__(self, choices: Mapping[State, Skill]) -> None:
+        self._choices = dict(choices)
+
+    def __getitem__(self, state: State) -> Skill:
+        return self._choices[state]
+
+    def __iter__(self) -> Iterator[State]:
+        return iter(self._choices)
+
+    def __len__(self) -> int:
+        return len(self._choices)
+
+    def __repr__(self) -> str:
+        return f"Policy({len(self)} states)"
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a solver found and what it claims to have proved.
+
+    Parameters
+    ----------
+    found
+        A plan, a policy (any mapping from states to skills), or None where nothing was found.
+    lower_bound
+        No plan costs less, says the solver; None where it claims nothing.
+    proved
+        With a plan: that none is better. Without: that there is none.
+    trace
+        Figures of the search worth showing, JSON values only.
+
+    Raises
+    ------
+    ValueError
+        If the bound is not a number.
+    """
+
+    found: Plan | Mapping[State, Skill] | None = None
+    lower_bound: float | None = None
+    proved: bool = False
+    trace: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.lower_bound is not None and math.isnan(self.lower_bound):
+            raise ValueError("A lower bound must be a number.")
+
+    @property
+    def plan(self) -> Plan | None:
+        """The plan, where there is one."""
+        return self.found if isinstance(self.found, Plan) else None
+
+    @property
+    def policy(self) -> Mapping[State, Skill] | None:
+        """The policy, where there is one."""
+        return self.found if isinstance(self.found, Mapping) else None

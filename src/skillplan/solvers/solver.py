@@ -1,0 +1,67 @@
+"""The base class of solvers."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+from pydantic import BaseModel
+
+from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.solution import Solution
+from skillplan.solvers.stop import Stop
+from skillplan.task import back_end
+
+
+class Solver(ABC):
+    """Finds a plan or a policy on a model.
+
+    A solver sees nothing but the model: it never grades itself, and what it claims is
+    checked by the referee.
+
+    Parameters
+    ----------
+    options
+        An instance of `Options`; None for the defaults.
+    stop
+        When to stop; by default never.
+
+    Attributes
+    ----------
+    name
+        Kebab-case, as in the entry point.
+    Options
+        A pydantic model whose fields carry range and description, so that the command line
+        lists, validates and explains them.
+    """
+
+    name: ClassVar[str]
+    Options: ClassVar[type[BaseModel]] = back_end.Options
+
+    def __init__(self, options: BaseModel | None = None, stop: Stop | None = None) -> None:
+        self.options = self.Options() if options is None else options
+        self.stop = Stop() if stop is None else stop
+
+    def refuses(self, model: SkillModel) -> str | None:
+        """Return in words why this solver cannot serve the model; None if it can."""
+        return None
+
+    @abstractmethod
+    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
+        """Search the model.
+
+        Poll ``self.stop()`` and return the best so far once it is true; hand every better
+        plan to ``self.stop.incumbent`` so that it survives an interruption.
+
+        Parameters
+        ----------
+        model
+            What may be done where; asks back ends only for what is looked at.
+        seed
+            Governs all randomness: the same seed gives the same solution.
+
+        Returns
+        -------
+        Solution
+            A plan or a policy, and what is claimed of it.
+        """

@@ -1,0 +1,140 @@
+"""When a search stops, and the best that is known when it does."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from skillplan.solvers.solution import Plan
+
+# A solver that polls returns long before; one that does not is stopped by the model.
+_GRACE_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """A search in figures, for people who wait.
+
+    Parameters
+    ----------
+    best_cost
+        Cost of the best plan so far, or None.
+    lower_bound
+        The best bound so far, or None.
+    nodes
+        Nodes expanded or visited.
+    """
+
+    best_cost: float | None
+    lower_bound: float | None
+    nodes: int
+
+
+def relative_gap(cost: float | None, lower_bound: float | None) -> float | None:
+    """Return (cost - lower bound) / cost, never below 0; None where either is missing."""
+    if cost is None or lower_bound is None or not math.isfinite(lower_bound):
+        return None
+    if cost <= lower_bound or cost == 0:
+        return 0.0
+    return (cost - lower_bound) / cost
+
+
+class Stop:
+    """Says when to stop; keeps the incumbent and the bound, on which that may depend.
+
+    Parameters
+    ----------
+    time_limit_s
+        Stop after this time [s], > 0; None for no limit.
+    gap
+        Stop once cost and bound are this close, as a fraction of the cost, in [0, 1].
+    on_progress
+        Called with the figures now and then.
+
+    Raises
+    ------
+    ValueError
+        If a limit is out of range.
+    """
+
+    def __init__(
+        self,
+        *,
+        time_limit_s: float | None = None,
+        gap: float = 0.0,
+        on_progress: Callable[[Progress], None] | None = None,
+    ) -> None:
+        if time_limit_s is not None and not time_limit_s > 0:
+            raise ValueError(f"Time limit must be > 0 s, not {time_limit_s}.")
+        if not 0 <= gap <= 1:
+            raise ValueError(f"Gap must be in [0, 1], not {gap}.")
+        self._begin_s = time.monotonic()
+        self._deadline_s = math.inf if time_limit_s is None else self._begin_s + time_limit_s
+        self._told_s: float | None = None
+        self._gap = gap
+        self._on_progress = on_progress
+        self.interrupted = False
+        self.best: Plan | None = None
+        self.lower_bound: float | None = None
+        self.nodes = 0
+
+    def __call__(self) -> bool:
+        """Whether to stop now; solvers poll this once in a while."""
+        if self._told_s is not None:
+            return True
+        now_s = time.monotonic()
+        if self.interrupted or now_s >= self._deadline_s or self._close_enough():
+            self._told_s = now_s
+            return True
+        return False
+
+    def interrupt(self) -> None:
+        """Ask the search to stop and hand over the best it has."""
+        self.interrupted = True
+
+    def overdue(self) -> bool:
+        """Whether a solver should have stopped long ago."""
+        if self._told_s is None:
+            # A pending gap is no reason to cut a solver off: only time and interruption are.
+            if self.interrupted or time.monotonic() >= self._deadline_s:
+                self._told_s = time.monotonic()
+            return False
+        return time.monotonic() > self._told_s + _GRACE_S
+
+    @property
+    def reason(self) -> str | None:
+        """Why the search was stopped, or None while it was not."""
+        if self._told_s is None:
+            return None
+        if self.interrupted:
+            return "interrupted"
+        return "time limit" if self._told_s >= self._deadline_s else "gap reached"
+
+    def incumbent(self, plan: Plan) -> None:
+        """Keep a feasible plan if it costs less than the best so far; it must name its cost."""
+        if plan.cost is None:
+            raise ValueError("An incumbent must name its cost.")
+        if self.best is None or self.best.cost is None or plan.cost < self.best.cost:
+            self.best = plan
+            self._report()
+
+    def bound(self, lower_bound: float, nodes: int | None = None) -> None:
+        """Keep a proven lower bound on the cost of every plan, if it is the best so far."""
+        if nodes is not None:
+            self.nodes = nodes
+        if self.lower_bound is None or lower_bound > self.lower_bound:
+            self.lower_bound = lower_bound
+        self._report()
+
+    def _close_enough(self) -> bool:
+        if self._gap == 0 or self.best is None:
+            return False
+        gap = relative_gap(self.best.cost, self.lower_bound)
+        return gap is not None and gap <= self._gap
+
+    def _report(self) -> None:
+        if self._on_progress is not None:
+            cost = None if self.best is None else self.best.cost
+            self._on_progress(Progress(cost, self.lower_bound, self.nodes))

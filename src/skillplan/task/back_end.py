@@ -1,0 +1,77 @@
+"""What physics engines and collision detectors have in common.
+
+The two kinds are siblings that must not know each other, so that what they share stands here.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+from pydantic import BaseModel, ConfigDict
+
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+
+
+class Options(BaseModel):
+    """Options of a plugin: unknown ones are refused, values are not coerced from other types."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class BackEnd(ABC):
+    """Rules on whether a skill can be executed in a state.
+
+    Parameters
+    ----------
+    task
+        The task whose skills are asked about.
+    options
+        An instance of `Options`; None for the defaults.
+
+    Attributes
+    ----------
+    name
+        Kebab-case, as in the entry point.
+    version
+        Changes whenever an answer may; part of the key of verdicts kept on disk.
+    expected_s
+        Order of magnitude of the time one check takes [s]: cheaper back ends are asked first.
+    dear
+        Whether its verdicts are worth keeping on disk.
+    """
+
+    name: ClassVar[str]
+    version: ClassVar[str] = "1"
+    expected_s: ClassVar[float] = 1e-5
+    dear: ClassVar[bool] = False
+    Options: ClassVar[type[BaseModel]] = Options
+
+    def __init__(self, task: Task, options: BaseModel | None = None) -> None:
+        self.task = task
+        self.options = self.Options() if options is None else options
+
+    def refuses(self) -> str | None:
+        """Return in words why this back end cannot serve its task; None if it can."""
+        return None
+
+    @abstractmethod
+    def check(self, skill: Skill, state: State) -> Verdict:
+        """Rule on one execution.
+
+        Parameters
+        ----------
+        skill
+            A skill of the task, applicable in `state`.
+        state
+            Where it starts.
+
+        Returns
+        -------
+        Verdict
+            With the facts it rests on, where the back end can say. The same for the same
+            arguments, whatever was asked before.
+        """

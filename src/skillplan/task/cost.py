@@ -1,0 +1,151 @@
+"""What a skill costs, where that depends on the state.
+
+A cost knows two things: its value in a state (:meth:`Cost.at`) and the least it can be in any
+state of which only some facts are known (:meth:`Cost.least`), from which solvers build
+admissible bounds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Protocol, runtime_checkable
+
+from skillplan.task.motion import Motion, Point
+from skillplan.task.state import State
+
+
+@runtime_checkable
+class Cost(Protocol):
+    """A non-negative value of a skill in a state."""
+
+    def at(self, state: State) -> float:
+        """Return the value in `state`, >= 0."""
+
+    def least(self, true_bits: int, false_bits: int) -> float:
+        """Return a lower bound over the states with these facts known true and false."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantCost:
+    """The same value in every state.
+
+    Raises
+    ------
+    ValueError
+        If the value is negative or not finite.
+    """
+
+    value: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.value) and self.value >= 0):
+            raise ValueError(f"Cost must be finite and >= 0, not {self.value}.")
+
+    def at(self, state: State) -> float:
+        """Return the value, whatever the state."""
+        return self.value
+
+    def least(self, true_bits: int, false_bits: int) -> float:
+        """Return the value: nothing is lower."""
+        return self.value
+
+
+@dataclass(frozen=True)
+class TravelCost:
+    """The planar length of a motion from where the arm stands, scaled and offset.
+
+    The paper's cost of an action (Moller et al., section 4.2): the 2D Cartesian distance
+    from its start pose, which is the goal pose of the action before, to its goal pose.
+
+    Parameters
+    ----------
+    places
+        Position [m] by the bit of the fact that says the arm stands there; shared by all
+        skills of a robot.
+    motion
+        The motion whose visits are run through in order.
+    per_m
+        Cost of one metre, >= 0: 1 for a distance, the inverse of a speed for a time.
+    fixed
+        Added once, >= 0.
+
+    Raises
+    ------
+    ValueError
+        If `per_m` or `fixed` is negative or not finite, or there is no place.
+    """
+
+    places: Mapping[int, Point]
+    motion: Motion
+    per_m: float = 1.0
+    fixed: float = 0.0
+    _places_mask: int = field(init=False, repr=False, compare=False)
+    _routes: tuple[tuple[int, float, float, float], ...] = field(
+        init=False, repr=False, compare=False
+    )
+
+    def __post_init__(self) -> None:
+        for name in ("per_m", "fixed"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"TravelCost {name} must be finite and >= 0, not {value}.")
+        if not self.places:
+            raise ValueError("TravelCost needs at least one place.")
+        mask = 0
+        for bit in self.places:
+            mask |= bit
+        routes = []
+        for route in self.motion.routes:
+            points = [visit.position for visit in route.visits]
+            beyond = sum(planar_distance(a, b) for a, b in pairwise(points))
+            routes.append((route.when.bits, points[0][0], points[0][1], beyond))
+        object.__setattr__(self, "_places_mask", mask)
+        object.__setattr__(self, "_routes", tuple(routes))
+
+    def at(self, state: State) -> float:
+        """Return the value from where the arm stands in `state`.
+
+        Raises
+        ------
+        ValueError
+            If the state does not say where the arm stands, or no route fits.
+        """
+        bits = state.bits
+        start = self.places.get(bits & self._places_mask)
+        if start is None:
+            raise ValueError(f"The state does not say where the arm stands: {state}.")
+        for when, x_m, y_m, beyond_m in self._routes:
+            if bits & when == when:
+                length_m = math.hypot(x_m - start[0], y_m - start[1]) + beyond_m
+                return self.fixed + self.per_m * length_m
+        raise ValueError(f"No route of {self.motion.robot!r} fits the state {state}.")
+
+    def least(self, true_bits: int, false_bits: int) -> float:
+        """Return the least value over the places and routes that the known facts leave open."""
+        return min(
+            (
+                self.fixed + self.per_m * (math.hypot(x_m - start[0], y_m - start[1]) + beyond_m)
+                for when, x_m, y_m, beyond_m in self._routes
+                if not when & false_bits
+                for start in self._open_places(true_bits, false_bits)
+            ),
+            default=math.inf,
+        )
+
+    def _open_places(self, true_bits: int, false_bits: int) -> Iterator[Point]:
+        known = true_bits & self._places_mask
+        if known:
+            if known in self.places:
+                yield self.places[known]
+            return
+        for bit, position in self.places.items():
+            if not bit & false_bits:
+                yield position
+
+
+def planar_distance(start: Point, goal: Point) -> float:
+    """Return the distance of two points in the horizontal plane [m]."""
+    return math.hypot(goal[0] - start[0], goal[1] - start[1])

@@ -1,0 +1,256 @@
+"""Constant geometry: bodies, robots and stations, in SI units and the world frame.
+
+Geometry is a function of the state: :meth:`Scene.at` gives every body's pose in a state, so
+that no simulator history is needed to know where things are. Quaternions are ``(x, y, z, w)``.
+A body's origin is the centre of its bottom face.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from skillplan.task.motion import Point
+from skillplan.task.state import State
+
+Quaternion = tuple[float, float, float, float]
+WORLD = "world"
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Position [m] and orientation (unit quaternion x, y, z, w).
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite or the quaternion is not of unit length.
+    """
+
+    position: Point
+    orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        if not all(math.isfinite(value) for value in (*self.position, *self.orientation)):
+            raise ValueError("Pose must be finite.")
+        norm = math.sqrt(sum(value * value for value in self.orientation))
+        if abs(norm - 1) > 1e-9:
+            raise ValueError(f"Pose quaternion must have unit length, not {norm}.")
+
+    @classmethod
+    def upright(cls, position: Point, yaw_rad: float = 0.0) -> Pose:
+        """Return the pose of a body turned by `yaw_rad` about the vertical."""
+        return cls(position, (0.0, 0.0, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)))
+
+    @property
+    def yaw_rad(self) -> float:
+        """Rotation about the vertical [rad], in (-pi, pi]."""
+        x, y, z, w = self.orientation
+        return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A box of a body.
+
+    Parameters
+    ----------
+    size
+        Extents along x, y and z [m], each > 0.
+    centre
+        Position of its centre in the body's frame [m].
+
+    Raises
+    ------
+    ValueError
+        If an extent is not positive.
+    """
+
+    size: Point
+    centre: Point
+
+    def __post_init__(self) -> None:
+        if not all(math.isfinite(value) and value > 0 for value in self.size):
+            raise ValueError(f"Box extents must be > 0, not {self.size}.")
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Where a body is while a fact holds.
+
+    Parameters
+    ----------
+    fact
+        Name of the fact.
+    pose
+        In the world, or from the tip of the robot named by `frame`.
+    frame
+        ``"world"`` or a robot's name.
+    solid
+        False while nothing can touch it, as for a part inside a feeder.
+    """
+
+    fact: str
+    pose: Pose
+    frame: str = WORLD
+    solid: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A rigid body made of boxes.
+
+    Raises
+    ------
+    ValueError
+        If it has no box or its mass is not positive.
+    """
+
+    name: str
+    boxes: tuple[Box, ...]
+    placements: tuple[Placement, ...]
+    mass_kg: float
+
+    def __post_init__(self) -> None:
+        if not self.boxes:
+            raise ValueError(f"Body {self.name!r} needs at least one box.")
+        if not (math.isfinite(self.mass_kg) and self.mass_kg > 0):
+            raise ValueError(f"Body {self.name!r}: mass must be > 0 kg, not {self.mass_kg}.")
+
+    @property
+    def height_m(self) -> float:
+        """Height of its top above its origin [m]."""
+        return max(box.centre[2] + box.size[2] / 2 for box in self.boxes)
+
+    def placement(self, state: State) -> Placement | None:
+        """Return where it is in `state`, or None where no fact says so."""
+        for placement in self.placements:
+            if placement.fact in state:
+                return placement
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class Tool:
+    """What may be attached to a robot.
+
+    Parameters
+    ----------
+    name
+        Unique among the tools.
+    fact
+        The fact that says it is attached.
+    holder
+        Position of its holder [m].
+    envelope
+        A box about the part of the tool above its tip [m], or None where it is not modelled.
+    """
+
+    name: str
+    fact: str
+    holder: Point
+    envelope: Box | None = None
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A manipulator.
+
+    Parameters
+    ----------
+    name
+        Unique in the scene.
+    base
+        Position of its base [m].
+    reach_m
+        Greatest distance from base to tool tip, > 0.
+    safe_height_m
+        Height above the table of the lowest point of what it carries while it travels, > 0.
+    places
+        Where its tip stands, by fact.
+
+    Raises
+    ------
+    ValueError
+        If reach or safe height is not positive.
+    """
+
+    name: str
+    base: Point
+    reach_m: float
+    safe_height_m: float
+    places: Mapping[str, Point]
+    tools: tuple[Tool, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("reach_m", "safe_height_m"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"Robot {self.name!r}: {name} must be > 0, not {value}.")
+
+    def place(self, state: State) -> tuple[str, Point]:
+        """Return the fact and position [m] of where it stands in `state`, at safe height.
+
+        Raises
+        ------
+        ValueError
+            If the state does not say.
+        """
+        for fact, position in self.places.items():
+            if fact in state:
+                return fact, (position[0], position[1], self.safe_height_m)
+        raise ValueError(f"The state does not say where {self.name!r} stands: {state}.")
+
+    def tool(self, state: State) -> Tool | None:
+        """Return the attached tool, or None."""
+        for tool in self.tools:
+            if tool.fact in state:
+                return tool
+        return None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All geometry of a task.
+
+    Raises
+    ------
+    ValueError
+        If two bodies, or two robots, have one name.
+    """
+
+    bodies: tuple[Body, ...]
+    robots: tuple[Robot, ...]
+    stations: Mapping[str, Point] = field(default_factory=dict)
+    frames: Mapping[str, Pose] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for kind, items in (("bodies", self.bodies), ("robots", self.robots)):
+            names = [item.name for item in items]
+            if len(set(names)) != len(names):
+                raise ValueError(f"Scene {kind} must have distinct names, not {names}.")
+
+    def body(self, name: str) -> Body:
+        """Return a body by name."""
+        return next(body for body in self.bodies if body.name == name)
+
+    def robot(self, name: str) -> Robot:
+        """Return a robot by name."""
+        return next(robot for robot in self.robots if robot.name == name)
+
+    def at(self, state: State) -> dict[str, Pose]:
+        """Return the pose of every body whose place the state determines."""
+        poses = {}
+        for body in self.bodies:
+            placement = body.placement(state)
+            if placement is None:
+                continue
+            if placement.frame == WORLD:
+                poses[body.name] = placement.pose
+            else:
+                _, tip = self.robot(placement.frame).place(state)
+                offset = placement.pose.position
+                position = (tip[0] + offset[0], tip[1] + offset[1], tip[2] + offset[2])
+                poses[body.name] = Pose(position, placement.pose.orientation)
+        return poses

@@ -1,0 +1,183 @@
+"""Facts and the states made of them.
+
+A task names its facts once, in a :class:`Facts` vocabulary; a :class:`State` is the set of
+those that hold, packed into the bits of one integer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from skillplan.errors import OptionError, name_hint
+
+
+@dataclass(frozen=True)
+class Facts:
+    """The vocabulary of a task: every fact's name and its bit.
+
+    Parameters
+    ----------
+    names
+        Distinct names; the i-th fact is bit ``1 << i``.
+    exclusive
+        Groups of facts of which at most one holds at a time, such as the places where
+        the arm may stand. Solvers draw bounds from them.
+
+    Raises
+    ------
+    ValueError
+        If a name occurs twice or a group names an unknown fact.
+    """
+
+    names: tuple[str, ...]
+    exclusive: tuple[tuple[str, ...], ...] = ()
+    _bits: dict[str, int] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        bits = {name: 1 << i for i, name in enumerate(self.names)}
+        if len(bits) != len(self.names):
+            twice = sorted({name for name in self.names if self.names.count(name) > 1})
+            raise ValueError(f"Facts named twice: {', '.join(twice)}.")
+        for name in (name for group in self.exclusive for name in group):
+            if name not in bits:
+                raise ValueError(f"Unknown fact {name!r} in an exclusive group.")
+        object.__setattr__(self, "_bits", bits)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._bits
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def bit(self, name: str) -> int:
+        """Return the bit of one fact.
+
+        Raises
+        ------
+        OptionError
+            If there is no such fact; the message names the nearest.
+        """
+        try:
+            return self._bits[name]
+        except KeyError:
+            hint = name_hint(name, self.names)
+            raise OptionError(f"Unknown fact {name!r}. {hint}") from None
+
+    def of(self, *names: str) -> State:
+        """Return the state in which exactly the named facts hold."""
+        bits = 0
+        for name in names:
+            bits |= self.bit(name)
+        return State(bits, self)
+
+    def state(self, bits: int) -> State:
+        """Return the state with these bits."""
+        return State(bits, self)
+
+    @property
+    def none(self) -> State:
+        """The state in which no fact holds."""
+        return State(0, self)
+
+    @property
+    def all_bits(self) -> int:
+        """The bits of every fact."""
+        return (1 << len(self.names)) - 1
+
+    def names_of(self, bits: int) -> list[str]:
+        """Return the names of the facts in `bits`, in the order of the vocabulary."""
+        found = []
+        while bits:
+            low = bits & -bits
+            found.append(self.names[low.bit_length() - 1])
+            bits ^= low
+        return found
+
+
+class State:
+    """The symbolic situation: the set of the facts that hold.
+
+    Hashable and immutable. The same type serves wherever a set of facts is meant: what a
+    condition requires, what an outcome adds, what a verdict rests on.
+
+    Parameters
+    ----------
+    bits
+        Bit i is set where fact i of `facts` holds.
+    facts
+        The vocabulary.
+
+    Raises
+    ------
+    ValueError
+        If a bit lies outside the vocabulary.
+
+    Examples
+    --------
+    >>> facts = Facts(("held(a)", "placed(a)"))
+    >>> print(facts.of("placed(a)"))
+    {placed(a)}
+    """
+
+    __slots__ = ("bits", "facts")
+
+    bits: int
+    facts: Facts
+
+    def __init__(self, bits: int, facts: Facts) -> None:
+        if bits < 0 or bits >> len(facts.names):
+            raise ValueError(f"State bits {bits:#x} lie outside the {len(facts)} facts.")
+        object.__setattr__(self, "bits", bits)
+        object.__setattr__(self, "facts", facts)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"State is immutable; cannot set {name!r}.")
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"State is immutable; cannot delete {name!r}.")
+
+    def __reduce__(self) -> tuple[type[State], tuple[int, Facts]]:
+        return State, (self.bits, self.facts)
+
+    def __hash__(self) -> int:
+        return hash(self.bits)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, State):
+            return NotImplemented
+        return self.bits == other.bits and (
+            self.facts is other.facts or self.facts.names == other.facts.names
+        )
+
+    def __contains__(self, fact: str) -> bool:
+        return bool(self.bits & self.facts.bit(fact))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.facts.names_of(self.bits))
+
+    def __len__(self) -> int:
+        return self.bits.bit_count()
+
+    def __str__(self) -> str:
+        return "{" + ", ".join(self) + "}"
+
+    def __repr__(self) -> str:
+        return f"State({self})"
+
+    def __or__(self, other: State) -> State:
+        return State(self.bits | other.bits, self.facts)
+
+    def __and__(self, other: State) -> State:
+        return State(self.bits & other.bits, self.facts)
+
+    def __sub__(self, other: State) -> State:
+        return State(self.bits & ~other.bits, self.facts)
+
+    def complement(self) -> State:
+        """Return the set of the facts that do not hold."""
+        return State(self.facts.all_bits & ~self.bits, self.facts)
+
+    def with_facts(self, names: Iterable[str]) -> State:
+        """Return this state with the named facts added."""
+        return self | self.facts.of(*names)

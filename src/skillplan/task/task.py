@@ -1,0 +1,213 @@
+"""A task: one decision problem, complete and constant."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from skillplan.errors import OptionError, name_hint
+from skillplan.task.condition import Condition
+from skillplan.task.reward import RewardScheme
+from skillplan.task.scene import Scene
+from skillplan.task.skill import Skill
+from skillplan.task.state import Facts, State
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """What is minimised: a name and a unit, such as ``distance`` in ``m``."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Literal:
+    """A fact, or its negation: one bit of an observation."""
+
+    fact: str
+    positive: bool = True
+
+    def value(self, state: State) -> int:
+        """Return 1 where the literal holds in `state`, else 0."""
+        return int((self.fact in state) == self.positive)
+
+    def __str__(self) -> str:
+        return self.fact if self.positive else f"not {self.fact}"
+
+
+@dataclass(frozen=True, slots=True)
+class Precedence:
+    """A line of a hand-made precedence chart: one operation before another."""
+
+    before: str
+    after: str
+
+
+@dataclass(frozen=True, slots=True)
+class BackEndChoice:
+    """A back end that the task file asks for, and its options."""
+
+    name: str
+    options: Mapping[str, Any] = field(default_factory=dict, hash=False)
+
+
+@dataclass(frozen=True)
+class Task:
+    """One decision problem.
+
+    Parameters
+    ----------
+    name, kind
+        The task's own name and its domain's.
+    facts
+        The vocabulary of its states.
+    skills
+        What may be done; the i-th is action i.
+    initial
+        Where it starts.
+    goal
+        Where it ends.
+    metric
+        What the skills' costs are.
+    step_limit
+        The most skills a plan may have, >= 1.
+    scene
+        Geometry; empty for a task without.
+    reward
+        For learners; None where the task file gives none.
+    observation
+        The bits a learner sees, in order; all facts where empty.
+    operations
+        Element of the product to the fact that its operation brings about, such as
+        ``pcb`` to ``placed(pcb)``: what precedence relations are about.
+    chart
+        The hand-made precedence relation over operations.
+    physics, collision
+        The back ends the task file asks for.
+    sha256
+        Hash of the content of the task file, in hexadecimal.
+
+    Raises
+    ------
+    ValueError
+        If skill names are not distinct, the step limit is below 1, or the chart or the
+        observation names something unknown.
+    """
+
+    name: str
+    kind: str
+    facts: Facts
+    skills: tuple[Skill, ...]
+    initial: State
+    goal: Condition
+    metric: Metric
+    step_limit: int
+    scene: Scene
+    reward: RewardScheme | None = None
+    observation: tuple[Literal, ...] = ()
+    operations: Mapping[str, str] = field(default_factory=dict)
+    chart: tuple[Precedence, ...] = ()
+    physics: BackEndChoice | None = None
+    collision: tuple[BackEndChoice, ...] = ()
+    sha256: str = ""
+    _index: dict[str, int] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        index = {skill.name: i for i, skill in enumerate(self.skills)}
+        if len(index) != len(self.skills):
+            raise ValueError(f"Task {self.name!r}: skill names must be distinct.")
+        if self.step_limit < 1:
+            raise ValueError(f"Task {self.name!r}: step limit must be >= 1, not {self.step_limit}.")
+        for literal in self.observation:
+            if literal.fact not in self.facts:
+                raise ValueError(f"Task {self.name!r}: unknown fact {literal.fact!r} observed.")
+        for element, fact in self.operations.items():
+            if fact not in self.facts:
+                raise ValueError(f"Task {self.name!r}: {element!r} has unknown fact {fact!r}.")
+        for line in self.chart:
+            for element in (line.before, line.after):
+                if element not in self.operations:
+                    raise ValueError(f"Task {self.name!r}: chart names unknown {element!r}.")
+        object.__setattr__(self, "_index", index)
+
+    def replace(self, **changes: Any) -> Task:
+        """Return a variant with some fields changed."""
+        changes = {"sha256": "", **changes}
+        return dataclasses.replace(self, **changes)
+
+    @property
+    def deterministic(self) -> bool:
+        """Whether every skill has one outcome only."""
+        return all(skill.deterministic for skill in self.skills)
+
+    def action(self, skill: Skill | str) -> int:
+        """Return the action number of a skill.
+
+        Raises
+        ------
+        OptionError
+            If the task has no such skill.
+        """
+        name = skill if isinstance(skill, str) else skill.name
+        try:
+            return self._index[name]
+        except KeyError:
+            hint = name_hint(name, self._index)
+            raise OptionError(f"Unknown skill {name!r}. {hint}") from None
+
+    def skill(self, reference: str | int) -> Skill:
+        """Return a skill by name or action number.
+
+        Raises
+        ------
+        OptionError
+            If the task has no such skill.
+        """
+        if isinstance(reference, str):
+            text = reference.strip()
+            if not text.isascii() or not text.isdigit():
+                return self.skills[self.action(text)]
+            # More digits than any action number has are not worth converting.
+            reference = int(text) if len(text) <= 9 else 10**9
+        if not 0 <= reference < len(self.skills):
+            raise OptionError(
+                f"No action {reference}; the task has actions 0 to {len(self.skills) - 1}."
+            )
+        return self.skills[reference]
+
+    def observe(self, state: State) -> tuple[int, ...]:
+        """Return the observation bits of a state."""
+        if not self.observation:
+            return tuple(state.bits >> i & 1 for i in range(len(self.facts)))
+        return tuple(literal.value(state) for literal in self.observation)
+
+    def parse_sequence(self, text: str) -> tuple[Skill, ...]:
+        """Return the skills of a comma-separated list of action numbers or names.
+
+        Raises
+        ------
+        OptionError
+            If the list is empty or names something unknown; the message says which entry.
+        """
+        entries = [entry.strip() for entry in text.split(",")]
+        if entries == [""]:
+            raise OptionError("The sequence is empty. Give action numbers or names: 0,1,4.")
+        skills = []
+        for position, entry in enumerate(entries):
+            if not entry:
+                raise OptionError(f"Entry {position} of the sequence is empty.")
+            try:
+                skills.append(self.skill(entry))
+            except OptionError as error:
+                raise OptionError(f"Entry {position} of the sequence: {error}") from None
+        return tuple(skills)
+
+    def cost_text(self, cost: float | None) -> str:
+        """Return a cost for people, with its unit."""
+        if cost is None or not math.isfinite(cost):
+            return "-"
+        return f"{cost:.5f} {self.metric.unit}"

@@ -1,0 +1,125 @@
+"""What a back end says of a skill in a state, and the facts it rests on.
+
+A verdict may be reused in every state in which those facts are the same, whatever else has
+changed. It is pure data on the lowest floor, because back ends make verdicts and the model
+keeps them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import Any
+
+from skillplan.task.state import State
+
+
+class VerdictStatus(StrEnum):
+    """Whether a skill can be executed."""
+
+    FEASIBLE = "feasible"
+    INFEASIBLE = "infeasible"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Feasible, infeasible or unknown; why; and on which facts that rests.
+
+    Parameters
+    ----------
+    status
+        The answer.
+    reason
+        One sentence; empty for a feasible skill.
+    stage
+        The check that decided, such as ``precondition`` or ``aabb``.
+    present, absent
+        Facts whose truth, and whose falsehood, the answer rests on. None where the back
+        end cannot say: then it rests on all facts and is reused in the same state only.
+    evidence
+        What was measured: bodies, forces [N], poses; JSON values only.
+
+    Raises
+    ------
+    ValueError
+        If a fact is both present and absent, or an answer other than feasible gives no reason.
+    """
+
+    status: VerdictStatus
+    reason: str = ""
+    stage: str = ""
+    present: State | None = None
+    absent: State | None = None
+    evidence: Mapping[str, Any] = field(default_factory=dict, hash=False)
+
+    def __post_init__(self) -> None:
+        if self.status is not VerdictStatus.FEASIBLE and not self.reason:
+            raise ValueError(f"A verdict {self.status!s} needs a reason.")
+        if (self.present is None) != (self.absent is None):
+            raise ValueError("A verdict names both present and absent facts, or neither.")
+        if self.present is not None and self.absent is not None:
+            both = self.present & self.absent
+            if both.bits:
+                raise ValueError(f"A verdict rests on facts both present and absent: {both}.")
+
+    @classmethod
+    def feasible(
+        cls,
+        present: State | None = None,
+        absent: State | None = None,
+        evidence: Mapping[str, Any] | None = None,
+    ) -> Verdict:
+        """Return a verdict that the skill can be executed."""
+        return cls(VerdictStatus.FEASIBLE, present=present, absent=absent, evidence=evidence or {})
+
+    @classmethod
+    def infeasible(
+        cls,
+        reason: str,
+        present: State | None = None,
+        absent: State | None = None,
+        evidence: Mapping[str, Any] | None = None,
+    ) -> Verdict:
+        """Return a verdict that the skill cannot be executed."""
+        return cls(
+            VerdictStatus.INFEASIBLE,
+            reason,
+            present=present,
+            absent=absent,
+            evidence=evidence or {},
+        )
+
+    @classmethod
+    def unknown(cls, reason: str, evidence: Mapping[str, Any] | None = None) -> Verdict:
+        """Return a verdict that the back end could not decide."""
+        return cls(VerdictStatus.UNKNOWN, reason, evidence=evidence or {})
+
+    @property
+    def is_feasible(self) -> bool:
+        """Whether the skill can be executed."""
+        return self.status is VerdictStatus.FEASIBLE
+
+    @property
+    def is_infeasible(self) -> bool:
+        """Whether the skill cannot be executed."""
+        return self.status is VerdictStatus.INFEASIBLE
+
+    def grounded(self, state: State, stage: str) -> Verdict:
+        """Return this verdict named after its stage, resting on all facts where it named none."""
+        if self.present is not None:
+            return replace(self, stage=stage)
+        return replace(self, stage=stage, present=state, absent=state.complement())
+
+    def applies_in(self, state: State) -> bool:
+        """Whether every fact the verdict rests on is the same in `state`."""
+        if self.present is None or self.absent is None:
+            return False
+        bits = state.bits
+        return bits & self.present.bits == self.present.bits and not bits & self.absent.bits
+
+    @property
+    def facts(self) -> list[str]:
+        """The facts it rests on: present ones by name, absent ones as ``not NAME``."""
+        return [*(self.present or ()), *(f"not {name}" for name in self.absent or ())]
