@@ -17,6 +17,9 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 
+# So many states are imagined for one skill before it is given up as undecided.
+_MOST_QUESTIONS = 5_000
+
 
 @dataclass(frozen=True)
 class Relation:
@@ -44,6 +47,11 @@ class DerivedChart:
         Derived pairs that do not follow from the hand-made ones.
     impossible
         Skills that are feasible in no imagined state, with the reason.
+    alternatives
+        Skills that need some of these elements, but none of them in particular: what is no
+        precedence relation.
+    undecided
+        Skills that depend on the other elements in too many ways to be worked out.
     """
 
     relations: tuple[Relation, ...]
@@ -51,6 +59,8 @@ class DerivedChart:
     missing: tuple[tuple[str, str], ...]
     extra: tuple[Relation, ...]
     impossible: Mapping[str, str]
+    alternatives: Mapping[str, tuple[str, ...]]
+    undecided: tuple[str, ...] = ()
 
 
 def derive_chart(feasibility: Feasibility) -> DerivedChart:
@@ -58,18 +68,34 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
     task = feasibility.task
     found: dict[tuple[str, str], Relation] = {}
     impossible: dict[str, str] = {}
+    alternatives: dict[str, tuple[str, ...]] = {}
+    undecided: list[str] = []
     imagination = _Imagination(task)
     for element in task.operations:
         for skill in imagination.chain(element):
-            for relation in _relations(feasibility, imagination, element, skill, impossible):
+            inquiry = _Inquiry(feasibility, imagination, element, skill)
+            try:
+                needed = inquiry.feasible_set()
+                own = [] if needed is None else list(inquiry.relations(needed))
+            except _TooManyQuestions:
+                undecided.append(skill.name)
+                continue
+            if needed is None:
+                verdict = inquiry.ask(frozenset())
+                impossible[skill.name] = f"{verdict.stage}: {verdict.reason}"
+                continue
+            for relation in own:
                 found.setdefault((relation.before, relation.after), relation)
+            single = {relation.before for relation in own if relation.after == element}
+            if not inquiry.ask(needed & single).is_feasible:
+                alternatives[skill.name] = tuple(sorted(needed - single))
     order = list(task.operations)
     relations = tuple(
         sorted(found.values(), key=lambda r: (order.index(r.before), order.index(r.after)))
     )
     derived = closure(found)
     if not task.chart:
-        return DerivedChart(relations, None, (), (), impossible)
+        return DerivedChart(relations, None, (), (), impossible, alternatives, tuple(undecided))
     hand_made = tuple((line.before, line.after) for line in task.chart)
     by_hand = closure(hand_made)
     return DerivedChart(
@@ -78,6 +104,8 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
         tuple(pair for pair in hand_made if pair not in derived),
         tuple(r for r in relations if (r.before, r.after) not in by_hand),
         impossible,
+        alternatives,
+        tuple(undecided),
     )
 
 
@@ -109,55 +137,79 @@ def reduction(pairs: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
     }
 
 
-def _relations(
-    feasibility: Feasibility,
-    imagination: _Imagination,
-    element: str,
-    skill: Skill,
-    impossible: dict[str, str],
-) -> Iterable[Relation]:
-    """Yield what must precede and follow `element` on account of one of its skills."""
+class _TooManyQuestions(Exception):
+    """Raised where an inquiry does not come to an end."""
 
-    def ask(done: Iterable[str]) -> Verdict:
-        return feasibility.rule(skill, imagination.before(skill, done))
 
-    def relation(before: str, after: str, verdict: Verdict) -> Relation:
-        evidence = {"skill": skill.name, "stage": verdict.stage, "facts": verdict.facts}
+class _Inquiry:
+    """What is asked about one skill of one element."""
+
+    def __init__(
+        self, feasibility: Feasibility, imagination: _Imagination, element: str, skill: Skill
+    ) -> None:
+        self.feasibility = feasibility
+        self.imagination = imagination
+        self.element = element
+        self.skill = skill
+        self.order = list(imagination.task.operations)
+        self.asked = 0
+
+    def ask(self, done: frozenset[str]) -> Verdict:
+        """Return the verdict on the skill where exactly these elements are done."""
+        self.asked += 1
+        if self.asked > _MOST_QUESTIONS:
+            raise _TooManyQuestions
+        return self.feasibility.rule(self.skill, self.imagination.before(self.skill, done))
+
+    def feasible_set(
+        self, done: frozenset[str] = frozenset(), undone: frozenset[str] = frozenset()
+    ) -> frozenset[str] | None:
+        """Return elements with which done the skill is feasible, or None.
+
+        An infeasible verdict rules out every state that agrees on its facts, so that in any
+        feasible one an element it blames differs: depth-first search over which.
+
+        Parameters
+        ----------
+        done, undone
+            Elements that must, and must not, be done.
+        """
+        verdict = self.ask(done)
+        if verdict.is_feasible:
+            return done
+        blamed = self.imagination.elements(verdict) - {self.element} - done - undone
+        for other in sorted(blamed, key=self.order.index):
+            found = self.feasible_set(done | {other}, undone)
+            if found is not None:
+                return found
+            undone |= {other}
+        return None
+
+    def relations(self, needed: frozenset[str]) -> Iterable[Relation]:
+        """Yield what must precede and follow the element, given a feasible set."""
+        for fact in self.skill.precondition.forbids:
+            other = self.imagination.owner(fact)
+            if other not in (None, self.element):
+                # Another element's untouched start, such as a part lying on this one.
+                name = self.skill.name
+                evidence = {"skill": name, "stage": PRECONDITION, "facts": [f"not {fact}"]}
+                yield Relation(str(other), self.element, f"{name} needs not {fact}", evidence)
+        for other in self.order:
+            if other == self.element:
+                continue
+            single = frozenset({other})
+            if other in needed:
+                verdict = self.ask(needed - single)
+                pair, exception = (other, self.element), (frozenset[str](), single)
+            else:
+                verdict = self.ask(needed | single)
+                pair, exception = (self.element, other), (single, frozenset[str]())
+            if not verdict.is_feasible and self.feasible_set(*exception) is None:
+                yield self._relation(*pair, verdict)
+
+    def _relation(self, before: str, after: str, verdict: Verdict) -> Relation:
+        evidence = {"skill": self.skill.name, "stage": verdict.stage, "facts": verdict.facts}
         return Relation(before, after, verdict.reason, {**evidence, **verdict.evidence})
-
-    for fact in skill.precondition.forbids:
-        other = imagination.owner(fact)
-        if other not in (None, element):
-            # Another element's untouched start, such as a part lying on this one.
-            reason = f"{skill.name} needs not {fact}"
-            evidence = {"skill": skill.name, "stage": PRECONDITION, "facts": [f"not {fact}"]}
-            yield Relation(str(other), element, reason, evidence)
-    needed: set[str] = set()
-    in_the_way: set[str] = set()
-    verdict = ask(needed)
-    while not verdict.is_feasible:
-        blamed = imagination.elements(verdict) - {element}
-        blocking = blamed & needed
-        helping = blamed - needed - in_the_way
-        if blocking:
-            needed -= blocking
-            in_the_way |= blocking
-        elif helping:
-            needed |= helping
-        else:
-            impossible[skill.name] = f"{verdict.stage}: {verdict.reason}"
-            return
-        verdict = ask(needed)
-    order = [other for other in imagination.task.operations if other != element]
-    for other in order:
-        if other in needed:
-            without = ask(needed - {other})
-            if not without.is_feasible:
-                yield relation(other, element, without)
-        else:
-            beside = ask(needed | {other})
-            if not beside.is_feasible:
-                yield relation(element, other, beside)
 
 
 class _Imagination:
@@ -209,9 +261,11 @@ class _Imagination:
         """Apply predicted outcomes until `fact` holds, noting the skills used."""
         if fact in state or depth > 8:
             return state
-        maker = next((s for s in self.task.skills if fact in s.prediction.add), None)
-        if maker is None:
+        makers = [s for s in self.task.skills if fact in s.prediction.add]
+        if not makers:
             return state
+        # Of several, as for an empty tool holder, the one that lacks the least here.
+        maker = min(makers, key=lambda s: len(s.precondition.requires - state))
         for name in maker.precondition.requires:
             state = self._bring(state, name, skills, depth + 1)
         skills.append(maker)

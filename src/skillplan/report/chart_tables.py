@@ -25,6 +25,8 @@ def chart_document(chart: DerivedChart, task: Task, back_ends: Sequence[str]) ->
         "missing": [{"before": before, "after": after} for before, after in chart.missing],
         "extra": [{"before": r.before, "after": r.after, "reason": r.reason} for r in chart.extra],
         "impossible": dict(chart.impossible),
+        "undecided": list(chart.undecided),
+        "alternatives": {skill: list(names) for skill, names in chart.alternatives.items()},
     }
 
 
@@ -60,5 +62,10 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
     if hidden:
         notes.append(f"{hidden} more derived pairs follow from these; --format json has all.")
     notes += [f"{skill} is never feasible: {why}" for skill, why in chart.impossible.items()]
+    notes += [
+        f"{skill} needs one or more of {', '.join(names)}, none in particular"
+        for skill, names in chart.alternatives.items()
+    ]
+    notes += [f"{skill} could not be worked out" for skill in chart.undecided]
     title = f"{task.name}: precedence relation derived by {', '.join(back_ends)}"
     return Table(title, columns, rows, notes)

@@ -1,0 +1,49 @@
+# Everything runs in .venv, which the first target that needs it makes.
+PYTHON ?= python3
+BIN := .venv/bin
+INSTALLED := .venv/.installed
+SKILLPLAN := $(BIN)/skillplan
+BOARD := configs/inverter_board.yaml
+SOURCES := src tests benchmarks examples plugins
+
+.PHONY: demo test test-all check format bench schema clean
+
+demo: $(INSTALLED)  ## the inverter board, from the YAML to the proven optimal sequence
+	$(SKILLPLAN) chart $(BOARD)
+	$(SKILLPLAN) compare $(BOARD) --solvers exhaustive,exact
+	$(SKILLPLAN) search-optimal $(BOARD)
+
+test: $(INSTALLED)  ## the suite, without what takes minutes
+	$(BIN)/pytest -n auto -q tests plugins
+
+test-all: $(INSTALLED)  ## the whole suite
+	$(BIN)/pytest -n auto -q -m "slow or not slow" tests plugins
+
+check: $(INSTALLED)  ## format, lint, types, import floors
+	$(BIN)/ruff format --check $(SOURCES)
+	$(BIN)/ruff check $(SOURCES)
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: $(INSTALLED)  ## format, and mend what lint can mend
+	$(BIN)/ruff format $(SOURCES)
+	$(BIN)/ruff check --fix $(SOURCES)
+
+bench: $(INSTALLED)  ## ratios against a baseline of the same run
+	$(BIN)/python benchmarks/startup.py
+	$(BIN)/python benchmarks/search.py
+
+schema: $(INSTALLED)  ## the JSON Schema that editors read
+	$(SKILLPLAN) schema assembly > configs/assembly.schema.json
+
+clean:  ## all that these targets make
+	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(INSTALLED): pyproject.toml constraints.txt $(wildcard plugins/*/pyproject.toml)
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "skillplan needs Python 3.11 or newer; name one: make PYTHON=python3.11"; exit 1; }
+	$(PYTHON) -m venv .venv
+	PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	  --editable '.[dev]' --editable plugins/skillplan-template
+	touch $@
