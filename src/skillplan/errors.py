@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 EXIT_SOLVED = 0
@@ -47,12 +47,19 @@ class Issue:
         Keys and indices from the root of the document to the fault.
     line, column
         Position in the file, both from 1; 0 while unknown.
+    at_key
+        Whether the fault is in the key that ends the path rather than in its value.
     """
 
     message: str
     path: tuple[str | int, ...] = ()
     line: int = 0
     column: int = 0
+    at_key: bool = False
+
+    def under(self, *path: str | int) -> Issue:
+        """Return the issue with its path continued from `path`."""
+        return replace(self, path=(*path, *self.path))
 
     def __str__(self) -> str:
         where = format_path(self.path)
@@ -114,13 +121,19 @@ class SearchStopped(SkillplanError):
 
 
 def format_path(path: Sequence[str | int]) -> str:
-    """Return ``parts.pcb.size_m[2]`` for ``("parts", "pcb", "size_m", 2)``."""
+    """Return ``parts.pcb.size_m[2]`` for ``("parts", "pcb", "size_m", 2)``.
+
+    A key that is no plain word stands quoted in brackets, so that it cannot pass for another
+    path nor break the line.
+    """
     text = ""
     for key in path:
         if isinstance(key, int):
             text += f"[{key}]"
+        elif key.replace("-", "_").replace("_", "a").isalnum() and len(key) <= 64:
+            text += f".{key}" if text else key
         else:
-            text += f".{key}" if text else str(key)
+            text += f"[{key if len(key) <= 48 else key[:45] + '...'!r}]"
     return text
 
 

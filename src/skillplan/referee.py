@@ -163,8 +163,9 @@ def _judge_proof(
         return result
     if cost is None:
         return replace(result, lower_bound=bound)
-    status = Status.OPTIMAL if solution.proved else Status.SOLVED
-    return replace(result, status=status, lower_bound=min(bound, cost))
+    if solution.proved:
+        return replace(result, status=Status.OPTIMAL, lower_bound=cost)
+    return replace(result, lower_bound=min(bound, cost))
 
 
 def counterexample(model: SkillModel, bound: float) -> list[Skill] | None:

@@ -16,8 +16,8 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from skillplan.errors import OptionError, PluginError, name_hint
-from skillplan.task.schema_errors import schema_issues
+from skillplan.errors import Issue, OptionError, PluginError, name_hint
+from skillplan.task.schema_errors import schema_issues, shown
 
 # Kind to the base class that its plugins must have.
 KINDS = {
@@ -108,8 +108,33 @@ def make_options(kind: str, name: str, plugin: type[Any], values: Mapping[str, A
     try:
         return model.model_validate(dict(values))
     except ValidationError as error:
-        lines = [str(issue) for issue, _ in schema_issues(error, model)]
+        lines = [str(issue) for issue in schema_issues(error, model)]
         raise OptionError(f"Options of the {kind} {name!r}: {' '.join(lines)}") from None
+
+
+def choice_issues(kind: str, name: str, values: Mapping[str, Any]) -> list[Issue]:
+    """Return what is wrong with a plugin and options that a task file asks for.
+
+    Paths begin with the plugin's name.
+    """
+    if name not in names(kind):
+        hint = name_hint(name, names(kind))
+        return [Issue(f"unknown {kind} back end {shown(name)}. {hint}", (name,), at_key=True)]
+    try:
+        model: type[BaseModel] = load(kind, name).Options
+    except PluginError as error:
+        return [Issue(str(error), (name,), at_key=True)]
+    found = []
+    for key in values:
+        if key not in model.model_fields:
+            hint = name_hint(key, model.model_fields)
+            message = f"{name!r} has no option {shown(key)}. {hint}"
+            found.append(Issue(message, (name, key), at_key=True))
+    try:
+        model.model_validate({k: v for k, v in values.items() if k in model.model_fields})
+    except ValidationError as error:
+        found += [issue.under(name) for issue in schema_issues(error, model)]
+    return found
 
 
 def describe(kind: str) -> list[PluginInfo]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from skillplan import registry
-from skillplan.errors import OptionError, SearchStopped, SkillplanError
+from skillplan.errors import BackEndError, Issue, OptionError, SearchStopped, SkillplanError
 from skillplan.model.feasibility import Feasibility
 from skillplan.model.skill_model import SkillModel
 from skillplan.model.verdict_cache import DiskVerdictCache, VerdictCache
@@ -54,6 +54,8 @@ class Setup:
             If a back end refuses the task or an option is wrong.
         PluginError
             If a back end is unknown or broken.
+        BackEndError
+            If a back end fails to start.
         """
         made = [self._make("physics", self.physics_choice(task), task)]
         made += [self._make("collision", choice, task) for choice in self.collision_choices(task)]
@@ -76,22 +78,65 @@ class Setup:
     def _make(self, kind: str, choice: BackEndChoice, task: Task) -> BackEnd:
         plugin = registry.load(kind, choice.name)
         values = {**choice.options, **self.options.get(choice.name, {})}
-        back_end: BackEnd = plugin(task, registry.make_options(kind, choice.name, plugin, values))
-        refusal = back_end.refuses()
+        options = registry.make_options(kind, choice.name, plugin, values)
+        try:
+            back_end: BackEnd = plugin(task, options)
+            refusal = back_end.refuses()
+        except SkillplanError:
+            raise
+        except Exception as error:
+            raise BackEndError(
+                f"{kind} {choice.name!r} failed on {task.name!r}: {type(error).__name__}: {error}"
+            ) from error
         if refusal is not None:
             raise OptionError(f"{kind} {choice.name!r} cannot serve {task.name!r}: {refusal}")
         return back_end
 
 
-def load_problem(path: str | os.PathLike[str]) -> Problem:
+def load_problem(path: str | os.PathLike[str], replaced: Collection[str] = ()) -> Problem:
     """Load a task file of any installed kind.
+
+    Parameters
+    ----------
+    path
+        The file.
+    replaced
+        ``physics``, ``collision`` or both, where the file's choice of back ends is not what
+        will be asked: then it need not be installed.
 
     Raises
     ------
     TaskError
-        With every fault of the file.
+        With every fault of the file, also of the back ends that it chooses.
     """
-    return load_task(path, lambda kind: registry.load("domain", kind)(), registry.names("domain"))
+    kinds = [kind for kind in ("physics", "collision") if kind not in replaced]
+
+    def check_content(content: Mapping[str, Any]) -> Iterator[Issue]:
+        for kind in kinds:
+            section = content.get(kind)
+            for name, options in section.items() if isinstance(section, dict) else ():
+                if options is None or isinstance(options, dict):
+                    for issue in registry.choice_issues(kind, name, options or {}):
+                        yield issue.under(kind)
+
+    def check_task(task: Task) -> Iterator[Issue]:
+        chosen = {"physics": (task.physics,) if task.physics else (), "collision": task.collision}
+        for kind in kinds:
+            for choice in chosen[kind]:
+                plugin = registry.load(kind, choice.name)
+                options = registry.make_options(kind, choice.name, plugin, choice.options)
+                refusal = plugin(task, options).refuses()
+                if refusal is not None:
+                    message = f"cannot serve this task: {refusal}"
+                    yield Issue(message, (kind, choice.name), at_key=True)
+
+    return load_task(
+        path,
+        lambda kind: registry.load("domain", kind)(),
+        registry.names("domain"),
+        check_content,
+        check_task,
+    )
 
 
 def make_feasibility(
@@ -178,7 +223,7 @@ def solve(
         status=Status.UNSOLVED,
         cost_unit=task.metric.unit,
     )
-    refusal = solver.refuses(model)
+    refusal = _refusal(solver, model)
     if refusal is not None:
         return replace(blank, status=Status.REFUSED, reason=refusal)
     begin_s = time.perf_counter()
@@ -200,9 +245,21 @@ def solve(
     # Verdicts of dear back ends were made by them, not by the solver, and are not asked twice.
     fresh = make_model(task, setup, cache.only(dear))
     result = judge(blank, solution, fresh, unknown_met=stats.unknown > 0, audit=not dear)
-    if result.status in (Status.SOLVED, Status.UNSOLVED) and not result.reason and stop.reason:
-        result = replace(result, reason=stop.reason)
+    if result.status in (Status.SOLVED, Status.UNSOLVED) and stop.reason:
+        reason = f"{stop.reason}: {result.reason}" if result.reason else stop.reason
+        result = replace(result, reason=reason)
     return result
+
+
+def _refusal(solver: Solver, model: SkillModel) -> str | None:
+    try:
+        return solver.refuses(model)
+    except SkillplanError:
+        raise
+    except Exception as error:
+        raise SkillplanError(
+            f"The solver {solver.name!r} failed: {type(error).__name__}: {error}"
+        ) from error
 
 
 def _search(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> Solution:

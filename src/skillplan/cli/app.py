@@ -7,12 +7,14 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import pairwise
 from typing import Any
 
 import click
 
 from skillplan import __version__
+from skillplan.cli.writing import write_out
 from skillplan.errors import (
     EXIT_BACK_END,
     EXIT_INTERRUPTED,
@@ -21,7 +23,8 @@ from skillplan.errors import (
     nearest,
 )
 
-# Command to the line that the group's help shows; the module is named after the command.
+# Command to the line that the group's help shows; the module is named after the command,
+# but for those of `MODULES`.
 COMMANDS = {
     "search-optimal": "Find the best sequence of skills and prove it.",
     "evaluate": "Replay a sequence: feasible, complete, at what cost, what fails where.",
@@ -32,6 +35,8 @@ COMMANDS = {
     "plugins": "List installed back ends, solvers and kinds of task.",
     "schema": "Print the JSON Schema of a kind of task file.",
 }
+
+MODULES = {"schema": "json_schema"}
 
 EPILOG = (
     "Exit codes: 0 solved, optimal or not; 1 no plan, or the sequence is infeasible or "
@@ -50,7 +55,8 @@ class LazyGroup(click.Group):
         """Import a command."""
         if cmd_name not in COMMANDS:
             return None
-        module = importlib.import_module(f"skillplan.cli.{cmd_name.replace('-', '_')}")
+        name = MODULES.get(cmd_name, cmd_name.replace("-", "_"))
+        module = importlib.import_module(f"skillplan.cli.{name}")
         command: click.Command = module.command
         return command
 
@@ -85,10 +91,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _run(words: list[str]) -> int:
     try:
         code = app.main(args=words, prog_name="skillplan", standalone_mode=False)
-        sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except click.ClickException as error:
         error.show()
+        _print_error_document(error_document(error), words)
         return error.exit_code
     except click.exceptions.Exit as signal:
         return signal.exit_code
@@ -98,10 +104,6 @@ def _run(words: list[str]) -> int:
     except SkillplanError as error:
         _report(error, words)
         return error.exit_code
-    except BrokenPipeError:
-        # The reader of our output has gone, as with `| head`; nothing more can be said to it.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
     except Exception as error:
         if os.environ.get("SKILLPLAN_DEBUG"):
             raise
@@ -110,6 +112,7 @@ def _run(words: list[str]) -> int:
             "This is a bug in skillplan. Set SKILLPLAN_DEBUG=1 to see where, and report it.",
             file=sys.stderr,
         )
+        _print_error_document(error_document(error), words)
         return EXIT_BACK_END
 
 
@@ -123,11 +126,16 @@ def _report(error: SkillplanError, words: list[str]) -> None:
         print(f"skillplan: error: {text.decode(sys.stderr.encoding or 'utf-8')}", file=sys.stderr)
     if len(lines) > len(shown):
         print(f"skillplan: and {len(lines) - len(shown)} more faults", file=sys.stderr)
+    _print_error_document(error_document(error), words)
+
+
+def _print_error_document(document: dict[str, Any], words: list[str]) -> None:
     if _wants_json(words):
-        print(json.dumps(error_document(error), indent=2))
+        with suppress(SkillplanError):
+            write_out(f"{json.dumps(document, indent=2)}\n")
 
 
-def error_document(error: SkillplanError) -> dict[str, Any]:
+def error_document(error: Exception) -> dict[str, Any]:
     """Return the JSON document ``skillplan.error/1``."""
     issues = []
     if isinstance(error, TaskError):
@@ -144,8 +152,10 @@ def error_document(error: SkillplanError) -> dict[str, Any]:
     return {
         "schema": "skillplan.error/1",
         "error": type(error).__name__,
-        "message": str(error),
-        "exit_code": error.exit_code,
+        "message": error.format_message()
+        if isinstance(error, click.ClickException)
+        else str(error),
+        "exit_code": getattr(error, "exit_code", EXIT_BACK_END),
         "issues": issues,
     }
 

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import click
 
-from skillplan.cli.options import back_end_options, format_option, make_setup, task_argument
+from skillplan.cli.options import (
+    back_end_options,
+    format_option,
+    make_setup,
+    replaced,
+    task_argument,
+)
 
 
 @click.command("chart")
@@ -29,7 +35,7 @@ def command(
     from skillplan.report.chart_tables import chart_document, chart_table
     from skillplan.run import load_problem, make_feasibility, warm_cache
 
-    loaded = load_problem(task).task
+    loaded = load_problem(task, replaced(physics, collision or "aabb")).task
     # A chart derived from the chart would say nothing.
     setup = make_setup(physics, collision or "aabb", options)(loaded)
     feasibility = make_feasibility(loaded, setup, warm_cache())

@@ -13,12 +13,12 @@ from skillplan.cli.options import format_option, task_argument
 def command(task: str, style: str) -> int:
     """Validate TASK: all faults of YAML, references, order and geometry at once."""
     from skillplan.cli.output import emit
-    from skillplan.report.table import Table
+    from skillplan.report.table import Column, Table
     from skillplan.run import Setup, load_problem
 
     problem = load_problem(task)
     tasks = []
-    notes = [f"kind       {problem.kind}", f"sha256     {problem.sha256}"]
+    rows = []
     for one in problem.tasks:
         back_ends = Setup().back_ends(one)
         names = [back_end.name for back_end in back_ends]
@@ -32,17 +32,22 @@ def command(task: str, style: str) -> int:
                 "back_ends": names,
             }
         )
-        notes += [
-            f"actions    {len(one.skills)}",
-            f"facts      {len(one.facts)}, {tasks[-1]['observation']} observed",
-            f"limit      {one.step_limit} skills",
-            f"back ends  {', '.join(names)}",
-        ]
+        figures = (len(one.skills), len(one.facts), tasks[-1]["observation"], one.step_limit)
+        rows.append((one.name, *(str(figure) for figure in figures), ", ".join(names)))
     document = {
         "schema": "skillplan.check/1",
         "task": {"name": problem.name, "kind": problem.kind, "sha256": problem.sha256},
         "valid": True,
         "tasks": tasks,
     }
-    emit(style, document, [Table(f"{problem.name}: valid", (), (), notes)])
+    columns = [
+        Column("task"),
+        Column("actions", right=True),
+        Column("facts", right=True),
+        Column("observed", right=True),
+        Column("step limit", right=True),
+        Column("back ends"),
+    ]
+    notes = [f"kind       {problem.kind}", f"sha256     {problem.sha256}"]
+    emit(style, document, [Table(f"{problem.name}: valid", columns, rows, notes)])
     return 0

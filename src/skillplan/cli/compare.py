@@ -9,6 +9,7 @@ from skillplan.cli.options import (
     back_end_options,
     format_option,
     make_setup,
+    replaced,
     seed_option,
     task_argument,
     time_limit_option,
@@ -59,7 +60,7 @@ def command(
     names = tuple(dict.fromkeys(name.strip() for name in solvers.split(",") if name.strip()))
     if not names:
         raise OptionError("--solvers names no solver.")
-    loaded = load_problem(task).task
+    loaded = load_problem(task, replaced(physics, collision)).task
     setup = make_setup(physics, collision, options, names)(loaded)
     for name in names:
         make_solver(name, setup.options.get(name, {}))
@@ -67,7 +68,7 @@ def command(
 
         def make_stop(name: str) -> Stop:
             waiting.pop_all().close()
-            return waiting.enter_context(stoppable(time_limit_s, label=f"{name} on {loaded.name}"))
+            return waiting.enter_context(stoppable(time_limit_s, label=name))
 
         results = solve_all(loaded, names, setup, seed=seed, make_stop=make_stop, warm=warm)
     title = f"{loaded.name}: {results[0].physics} physics, collision {results[0].collision}, "

@@ -8,6 +8,7 @@ from skillplan.cli.options import (
     back_end_options,
     format_option,
     make_setup,
+    replaced,
     task_argument,
     time_limit_option,
 )
@@ -47,7 +48,7 @@ def command(
     from skillplan.report.result_tables import evaluation_table
     from skillplan.run import load_problem, make_model, solve, warm_cache
 
-    loaded = load_problem(task).task
+    loaded = load_problem(task, replaced(physics, collision)).task
     setup = make_setup(physics, collision, options, ("exact",))(loaded)
     skills = loaded.parse_sequence(sequence)
     cache = warm_cache()

@@ -9,6 +9,7 @@ from skillplan.cli.options import (
     back_end_options,
     format_option,
     make_setup,
+    replaced,
     task_argument,
 )
 
@@ -41,7 +42,7 @@ def command(
     from skillplan.report.explanation import explain
     from skillplan.run import load_problem, make_model, warm_cache
 
-    loaded = load_problem(task).task
+    loaded = load_problem(task, replaced(physics, collision)).task
     setup = make_setup(physics, collision, options)(loaded)
     asked = loaded.skill(skill)
     before = loaded.parse_sequence(after) if after is not None else ()

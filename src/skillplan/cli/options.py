@@ -131,6 +131,24 @@ def format_option(function: _F) -> _F:
     )(function)
 
 
+class Fraction(click.ParamType[float]):
+    """A number in [0, 1]; unlike click's range, which lets NaN through."""
+
+    name = "fraction"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the fraction."""
+        try:
+            fraction = float(value)
+        except ValueError:
+            self.fail(f"{value!r} is not a number.", param, ctx)
+        if not 0 <= fraction <= 1:
+            self.fail(f"must be from 0 to 1, not {value}.", param, ctx)
+        return fraction
+
+
 class PositiveSeconds(click.ParamType[float]):
     """A finite number of seconds above 0."""
 
@@ -193,6 +211,12 @@ def parse_options(entries: tuple[str, ...], solver: str | None) -> dict[str, dic
             plugin = solver
         parsed.setdefault(plugin, {})[name] = scalar(value)
     return parsed
+
+
+def replaced(physics: str | None, collision: str | None) -> list[str]:
+    """Return the kinds of back end that the command line chooses instead of the task file."""
+    given = {"physics": physics, "collision": collision}
+    return [kind for kind, names in given.items() if names is not None]
 
 
 def make_setup(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from skillplan.cli.writing import write_out
 from skillplan.errors import (
     EXIT_INTERRUPTED,
     EXIT_NO_PLAN,
@@ -18,7 +17,8 @@ from skillplan.errors import (
     OptionError,
 )
 from skillplan.report.result import Result, Status
-from skillplan.report.table import Table, show
+from skillplan.report.table import Table, render
+from skillplan.task.atomic_file import write_whole
 
 _EXIT = {
     Status.OPTIMAL: EXIT_SOLVED,
@@ -32,10 +32,7 @@ _EXIT = {
 
 def emit(style: str, document: dict[str, Any], tables: Sequence[Table]) -> None:
     """Print one JSON document, or tables, to stdout."""
-    if style == "json":
-        print(as_json(document))
-    else:
-        show(tables, style, sys.stdout)
+    write_out(f"{as_json(document)}\n" if style == "json" else render(tables, style, sys.stdout))
 
 
 def as_json(document: dict[str, Any]) -> str:
@@ -69,22 +66,23 @@ def prepare_folder(out: str | None) -> Path | None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         occupied = next(folder.iterdir(), None)
-    except OSError as error:
-        raise OptionError(f"--out {out}: cannot be used: {error.strerror}.") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise OptionError(f"--out {out}: cannot be used: {reason}.") from None
     if occupied is not None:
         raise OptionError(f"--out {out}: is not empty. Name a new folder.")
     return folder
 
 
 def save(folder: Path, name: str, text: str) -> None:
-    """Write a file in one piece: it is there whole or not at all."""
-    handle, temporary = tempfile.mkstemp(dir=folder, suffix=".tmp")
+    """Write a file in one piece: it is there whole or not at all.
+
+    Raises
+    ------
+    OptionError
+        If it cannot be written.
+    """
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, folder / name)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+        write_whole(folder / name, text)
+    except OSError as error:
+        raise OptionError(f"--out {folder}: {name} cannot be written: {error.strerror}.") from None

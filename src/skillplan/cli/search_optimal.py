@@ -5,10 +5,12 @@ from __future__ import annotations
 import click
 
 from skillplan.cli.options import (
+    Fraction,
     PluginName,
     back_end_options,
     format_option,
     make_setup,
+    replaced,
     seed_option,
     task_argument,
     time_limit_option,
@@ -29,7 +31,8 @@ from skillplan.cli.options import (
 @time_limit_option()
 @click.option(
     "--gap",
-    type=click.FloatRange(0, 1),
+    type=Fraction(),
+    metavar="G",
     default=0.0,
     show_default=True,
     help="Stop once cost and lower bound are this close, as a fraction of the cost.",
@@ -61,10 +64,10 @@ def command(
     from skillplan.report.table import as_csv
     from skillplan.run import load_problem, solve, warm_cache
 
-    loaded = load_problem(task).task
+    loaded = load_problem(task, replaced(physics, collision)).task
     setup = make_setup(physics, collision, options, (solver,))(loaded)
     folder = prepare_folder(out)
-    with stoppable(time_limit_s, gap, f"{solver} on {loaded.name}") as stop:
+    with stoppable(time_limit_s, gap, solver) as stop:
         cache = None if no_cache else warm_cache()
         result = solve(loaded, solver, setup, seed=seed, stop=stop, cache=cache)
     table = plan_table(result, loaded)

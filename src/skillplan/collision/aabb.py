@@ -95,6 +95,12 @@ class AabbDetector(Detector):
     def __init__(self, task: Task, options: Options | None = None) -> None:
         super().__init__(task, options)
         self._courses: dict[tuple[str, int], _Course] = {}
+        self._placed = tuple(
+            (body, placement, world_boxes(body, placement.pose))
+            for body in task.scene.bodies
+            for placement in body.placements
+            if placement.solid and placement.frame == WORLD
+        )
         self._travel_matters = {robot.name: False for robot in task.scene.robots}
         for robot in task.scene.robots:
             self._travel_matters[robot.name] = any(
@@ -258,12 +264,7 @@ class AabbDetector(Detector):
     def _solids(
         self, spares: frozenset[str]
     ) -> Iterator[tuple[Body, Placement, tuple[WorldBox, ...]]]:
-        for body in self.task.scene.bodies:
-            if body.name in spares:
-                continue
-            for placement in body.placements:
-                if placement.solid and placement.frame == WORLD:
-                    yield body, placement, world_boxes(body, placement.pose)
+        return (placed for placed in self._placed if placed[0].name not in spares)
 
     def _grounds(self, visits: tuple[Visit, ...]) -> Iterator[_Ground]:
         """Yield what has to bear each body that the motion leaves behind."""

@@ -70,6 +70,7 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
     impossible: dict[str, str] = {}
     alternatives: dict[str, tuple[str, ...]] = {}
     undecided: list[str] = []
+    feasible_sets: list[tuple[str, Skill, frozenset[str]]] = []
     imagination = _Imagination(task)
     for element in task.operations:
         for skill in imagination.chain(element):
@@ -86,9 +87,13 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
                 continue
             for relation in own:
                 found.setdefault((relation.before, relation.after), relation)
-            single = {relation.before for relation in own if relation.after == element}
-            if not inquiry.ask(needed & single).is_feasible:
-                alternatives[skill.name] = tuple(sorted(needed - single))
+            feasible_sets.append((element, skill, needed))
+    for element, skill, needed in feasible_sets:
+        # Also what comes first on account of another's skills, as a support that cannot be
+        # put beneath what it bears.
+        single = {before for before, after in found if after == element}
+        if not feasibility.rule(skill, imagination.before(skill, needed & single)).is_feasible:
+            alternatives[skill.name] = tuple(sorted(needed - single))
     order = list(task.operations)
     relations = tuple(
         sorted(found.values(), key=lambda r: (order.index(r.before), order.index(r.after)))

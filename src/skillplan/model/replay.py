@@ -81,7 +81,8 @@ class Replay:
     violations
         Empty if feasible and complete.
     penalty
-        What a learner is paid for the skill that could not be executed, else 0.
+        What a learner is paid for the skill that could not be executed, else 0; None where the
+        task has no reward scheme.
     """
 
     steps: tuple[Step, ...]
@@ -89,7 +90,7 @@ class Replay:
     feasible: bool
     complete: bool
     violations: tuple[Violation, ...]
-    penalty: float = 0.0
+    penalty: float | None = None
 
     @property
     def cost(self) -> float:
@@ -104,7 +105,7 @@ class Replay:
     @property
     def total_reward(self) -> float | None:
         """Sum of all rewards; None where the task has no reward scheme."""
-        if not self.steps or any(step.reward is None for step in self.steps):
+        if self.penalty is None:
             return None
         return sum(step.reward or 0.0 for step in self.steps) + self.penalty
 
@@ -115,7 +116,9 @@ def replay(model: SkillModel, skills: Sequence[Skill]) -> Replay:
     Stops at the first skill that cannot be executed. A skill after the goal is reached is
     executed like any other.
     """
-    state, steps, penalty = model.initial, [], 0.0
+    state, steps = model.initial, []
+    reward = model.task.reward
+    penalty = None if reward is None else 0.0
     violations: list[Violation] = []
     for index, skill in enumerate(skills):
         if index == model.step_limit:
@@ -129,7 +132,7 @@ def replay(model: SkillModel, skills: Sequence[Skill]) -> Replay:
             violations.append(
                 Violation(index, skill.name, verdict.stage, reason, tuple(verdict.facts))
             )
-            penalty = model.task.reward.infeasible if model.task.reward else 0.0
+            penalty = None if reward is None else reward.infeasible
             break
         transition = model.transition(state, skill)
         steps.append(_step(model, index, transition))

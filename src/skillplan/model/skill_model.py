@@ -15,6 +15,9 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
 
+# Transitions are kept for solvers that come back to a state; beyond this, memory counts more.
+_KEPT_STATES = 200_000
+
 
 @dataclass(frozen=True, slots=True)
 class Transition:
@@ -59,7 +62,7 @@ class Transition:
 
 @dataclass(slots=True)
 class ModelStats:
-    """What was asked of a model: distinct states expanded, checks made, verdicts reused."""
+    """What was asked of a model: states expanded, checks made, verdicts reused, unknown met."""
 
     states: int = 0
     checks: int = 0
@@ -85,6 +88,7 @@ class SkillModel:
         self._overdue = overdue
         self._transitions: dict[int, tuple[Transition, ...]] = {}
         self._unknown = 0
+        self._expanded = 0
         self._masks = [
             (skill.precondition.requires.bits, skill.precondition.forbids.bits, skill)
             for skill in self.task.skills
@@ -104,7 +108,7 @@ class SkillModel:
     def stats(self) -> ModelStats:
         """What has been asked so far."""
         return ModelStats(
-            states=len(self._transitions),
+            states=self._expanded,
             checks=self.feasibility.checks,
             cache_hits=self.feasibility.hits,
             unknown=self._unknown,
@@ -133,8 +137,7 @@ class SkillModel:
         SearchStopped
             If the solver should have stopped long ago.
         """
-        if self._overdue is not None and self._overdue():
-            raise SearchStopped("The solver went on long after it was told to stop.")
+        self._cut_off()
         verdict = self.feasibility.rule(skill, state)
         if verdict.status is VerdictStatus.UNKNOWN:
             self._unknown += 1
@@ -154,7 +157,15 @@ class SkillModel:
         """Return the transitions of all skills that are applicable and feasible in `state`.
 
         A skill whose verdict is unknown is left out, and counted in `stats.unknown`.
+
+        Raises
+        ------
+        BackEndError
+            If a back end fails.
+        SearchStopped
+            If the solver should have stopped long ago.
         """
+        self._cut_off()
         found = self._transitions.get(state.bits)
         if found is None:
             found = tuple(
@@ -162,5 +173,12 @@ class SkillModel:
                 for skill in self.applicable(state)
                 if self.verdict(state, skill).is_feasible
             )
+            if len(self._transitions) >= _KEPT_STATES:
+                self._transitions.clear()
             self._transitions[state.bits] = found
+            self._expanded += 1
         return found
+
+    def _cut_off(self) -> None:
+        if self._overdue is not None and self._overdue():
+            raise SearchStopped("The solver went on long after it was told to stop.")

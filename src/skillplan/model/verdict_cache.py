@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import tempfile
-from collections.abc import Container, Mapping
+import logging
+from collections.abc import Container, Iterable, Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from skillplan.task.atomic_file import write_whole
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import Facts, State
@@ -24,101 +24,140 @@ from skillplan.task.verdict import Verdict, VerdictStatus
 
 FORMAT = "skillplan.verdicts/1"
 
+_LOG = logging.getLogger(__name__)
+
+
+class _Shelf:
+    """The verdicts on one skill by one back end, grouped by the facts they rest on.
+
+    Within a group a look-up is a dictionary's, however many verdicts it holds.
+    """
+
+    def __init__(self, verdicts: Iterable[Verdict] = ()) -> None:
+        self._groups: dict[int, dict[int, Verdict]] = {}
+        for verdict in verdicts:
+            self.add(verdict)
+
+    def __iter__(self) -> Iterator[Verdict]:
+        for group in self._groups.values():
+            yield from group.values()
+
+    def add(self, verdict: Verdict) -> None:
+        assert verdict.present is not None
+        assert verdict.absent is not None
+        basis = verdict.present.bits | verdict.absent.bits
+        self._groups.setdefault(basis, {})[verdict.present.bits] = verdict
+
+    def find(self, bits: int) -> Verdict | None:
+        for basis, group in self._groups.items():
+            verdict = group.get(bits & basis)
+            if verdict is not None:
+                return verdict
+        return None
+
 
 class VerdictCache:
     """Verdicts by back end and skill, found by the facts they rest on."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[str, str], list[tuple[int, int, Verdict]]] = {}
+        self._shelves: dict[tuple[str, str], _Shelf] = {}
 
     def find(self, back_end: BackEnd, skill: Skill, state: State) -> Verdict | None:
         """Return a kept verdict that applies in `state`, or None."""
-        bits = state.bits
-        for present, absent, verdict in self._entries(back_end, skill):
-            if bits & present == present and not bits & absent:
-                return verdict
-        return None
+        return self._shelf(back_end, skill).find(state.bits)
 
     def keep(self, back_end: BackEnd, skill: Skill, verdict: Verdict) -> None:
         """Keep a verdict that names the facts it rests on."""
-        assert verdict.present is not None
-        assert verdict.absent is not None
-        entry = (verdict.present.bits, verdict.absent.bits, verdict)
-        self._entries(back_end, skill).append(entry)
+        self._shelf(back_end, skill).add(verdict)
 
     def only(self, back_ends: Container[str]) -> VerdictCache:
         """Return a cache in memory that starts with the verdicts of some back ends."""
         copy = VerdictCache()
-        copy._known = {
-            key: list(entries) for key, entries in self._known.items() if key[0] in back_ends
+        copy._shelves = {
+            key: _Shelf(shelf) for key, shelf in self._shelves.items() if key[0] in back_ends
         }
         return copy
 
-    def _entries(self, back_end: BackEnd, skill: Skill) -> list[tuple[int, int, Verdict]]:
-        return self._known.setdefault((back_end.name, skill.name), [])
+    def _shelf(self, back_end: BackEnd, skill: Skill) -> _Shelf:
+        key = (back_end.name, skill.name)
+        shelf = self._shelves.get(key)
+        if shelf is None:
+            shelf = self._shelves[key] = self._new_shelf(back_end, skill)
+        return shelf
+
+    def _new_shelf(self, back_end: BackEnd, skill: Skill) -> _Shelf:
+        return _Shelf()
 
 
 class DiskVerdictCache(VerdictCache):
     """A cache that also keeps the verdicts of dear back ends in a folder.
 
+    A folder that cannot be written costs reuse between runs and a warning, never a run.
+
     Parameters
     ----------
     folder
         Created when first needed.
+
+    Attributes
+    ----------
+    dropped
+        Files that could not be read or trusted.
     """
 
     def __init__(self, folder: Path) -> None:
         super().__init__()
         self.folder = folder
         self.dropped: list[Path] = []
+        self._paths: dict[tuple[str, str], Path] = {}
+        self._writable = True
 
     def keep(self, back_end: BackEnd, skill: Skill, verdict: Verdict) -> None:
         """Keep a verdict in memory and, of a dear back end, on disk."""
         super().keep(back_end, skill, verdict)
-        if back_end.dear and verdict.status is not VerdictStatus.UNKNOWN:
-            kept = [entry[2] for entry in self._entries(back_end, skill)]
-            decided = [entry for entry in kept if entry.status is not VerdictStatus.UNKNOWN]
-            self._write(self._path(back_end, skill), decided)
+        if back_end.dear and self._writable and verdict.status is not VerdictStatus.UNKNOWN:
+            shelf = self._shelf(back_end, skill)
+            decided = [kept for kept in shelf if kept.status is not VerdictStatus.UNKNOWN]
+            try:
+                _write(self._path(back_end, skill), decided)
+            except OSError as error:
+                self._writable = False
+                _LOG.warning(
+                    "skillplan: verdicts cannot be kept in %s: %s", self.folder, error.strerror
+                )
 
-    def _entries(self, back_end: BackEnd, skill: Skill) -> list[tuple[int, int, Verdict]]:
-        key = (back_end.name, skill.name)
-        if key not in self._known:
-            self._known[key] = []
-            if back_end.dear:
-                self._known[key] = self._read(self._path(back_end, skill), back_end.task.facts)
-        return self._known[key]
+    def _new_shelf(self, back_end: BackEnd, skill: Skill) -> _Shelf:
+        if not back_end.dear:
+            return _Shelf()
+        path = self._path(back_end, skill)
+        try:
+            return _Shelf(_read(path, back_end.task.facts))
+        except FileNotFoundError:
+            return _Shelf()
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            # What cannot be trusted is asked again, and written over.
+            self.dropped.append(path)
+            return _Shelf()
 
     def _path(self, back_end: BackEnd, skill: Skill) -> Path:
-        return self.folder / back_end.name / f"{verdict_key(back_end, skill)}.json"
+        key = (back_end.name, skill.name)
+        if key not in self._paths:
+            name = f"{verdict_key(back_end, skill)}.json"
+            self._paths[key] = self.folder / back_end.name / name
+        return self._paths[key]
 
-    def _read(self, path: Path, facts: Facts) -> list[tuple[int, int, Verdict]]:
-        try:
-            content = json.loads(path.read_text("utf-8"))
-            if content["format"] != FORMAT:
-                raise ValueError(f"format {content['format']!r}")
-            verdicts = [_from_json(entry, facts) for entry in content["verdicts"]]
-        except FileNotFoundError:
-            return []
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-            # A corrupt entry is never trusted; what it held is asked again.
-            self.dropped.append(path)
-            path.unlink(missing_ok=True)
-            return []
-        return [(v.present.bits, v.absent.bits, v) for v in verdicts]  # type: ignore[union-attr]
 
-    def _write(self, path: Path, verdicts: list[Verdict]) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        content = {"format": FORMAT, "verdicts": [_to_json(verdict) for verdict in verdicts]}
-        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                json.dump(content, file)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(name, path)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
+def _read(path: Path, facts: Facts) -> list[Verdict]:
+    content = json.loads(path.read_text("utf-8"))
+    if content["format"] != FORMAT:
+        raise ValueError(f"format {content['format']!r}")
+    return [_from_json(entry, facts) for entry in content["verdicts"]]
+
+
+def _write(path: Path, verdicts: list[Verdict]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    content = {"format": FORMAT, "verdicts": [_to_json(verdict) for verdict in verdicts]}
+    write_whole(path, json.dumps(content))
 
 
 def verdict_key(back_end: BackEnd, skill: Skill) -> str:
@@ -131,7 +170,8 @@ def verdict_key(back_end: BackEnd, skill: Skill) -> str:
         "options": back_end.options.model_dump(mode="json"),
         "facts": list(back_end.task.facts.names),
         "scene": plain(back_end.task.scene),
-        "skill": [skill.name, plain(skill.motion), str(skill.precondition)],
+        "skill": [skill.name, skill.kind, list(skill.agents), dict(skill.parameters)],
+        "execution": [plain(skill.motion), str(skill.precondition)],
         "prediction": [str(skill.prediction.add), str(skill.prediction.delete)],
         "chart": [[line.before, line.after] for line in back_end.task.chart],
         "operations": dict(back_end.task.operations),
@@ -177,6 +217,8 @@ def _from_json(entry: dict[str, Any], facts: Facts) -> Verdict:
     names = [*entry["present"], *entry["absent"]]
     if not all(name in facts for name in names):
         raise ValueError("a kept verdict rests on unknown facts")
+    if entry["status"] == VerdictStatus.UNKNOWN:
+        raise ValueError("a verdict that is unknown is never kept")
     return Verdict(
         VerdictStatus(entry["status"]),
         str(entry["reason"]),

@@ -78,7 +78,8 @@ class Explanation:
             )
             for verdict in self.stages
         ]
-        columns = [Column(name) for name in ("stage", "verdict", "reason", "rests on", "evidence")]
+        columns = [Column(name) for name in ("stage", "verdict", "reason")]
+        columns += [Column(name, below=True) for name in ("rests on", "evidence")]
         gone = self.state & self.skill.prediction.delete
         notes = [
             f"state         {', '.join(self.state)}",

@@ -69,7 +69,6 @@ def _option_table(name: str, options: type[BaseModel]) -> Table:
         )
         for key, field in properties.items()
     ]
-    if not rows:
-        return Table(f"{name} has no options", (), ())
     headings = ("option", "type", "default", "range", "what it is [unit]")
-    return Table(f"options of {name}", [Column(heading) for heading in headings], rows)
+    title = f"options of {name}" if rows else f"{name} has no options"
+    return Table(title, [Column(heading) for heading in headings], rows)

@@ -14,7 +14,7 @@ _PROOF = {
     Status.OPTIMAL: "optimal, proved",
     Status.SOLVED: "solved, not proved to be the best",
     Status.INFEASIBLE: "infeasible: proved that there is no plan",
-    Status.UNSOLVED: "unsolved: no plan found",
+    Status.UNSOLVED: "unsolved",
     Status.REFUSED: "refused",
     Status.WRONG: "WRONG: the solver's claim does not hold",
 }
@@ -41,8 +41,6 @@ def plan_table(result: Result, task: Task) -> Table:
         f"effort     {result.checks} checks, {result.cache_hits} verdicts reused, "
         f"{result.expanded if result.expanded is not None else '-'} nodes, {result.wall_s:.2f} s"
     )
-    if result.cost is None:
-        return Table(title, (), (), notes)
     return Table(title, *step_rows(result.steps, task.metric.name, unit), notes)
 
 
@@ -81,11 +79,11 @@ def comparison_table(results: Sequence[Result], title: str) -> Table:
         Column(f"cost [{unit}]", right=True),
         Column("gap", right=True),
         Column("makespan", right=True),
-        Column("makespan [s]", right=True),
+        Column("makespan [s]", right=True, below=True),
         Column("checks", right=True),
         Column("iterations", right=True),
         Column("seconds", right=True),
-        Column("sequence"),
+        Column("sequence", below=True),
     )
     rows = [
         (
@@ -114,8 +112,8 @@ def evaluation_table(
     """Return an evaluated sequence: its steps, what it costs, and what fails where."""
     notes = [f"feasible   {_yes(walked.feasible)}", f"complete   {_yes(walked.complete)}"]
     if walked.steps:
-        what = "cost       " if walked.complete else "cost so far"
-        notes.append(f"{what} {task.cost_text(walked.cost)}, {walked.duration_s:.1f} s")
+        what = "cost" if walked.complete else "so far"
+        notes.append(f"{what:<10} {task.cost_text(walked.cost)}, {walked.duration_s:.1f} s")
     if walked.complete and optimum is not None:
         notes.append(
             f"deviation  {percent(deviation)} of the proved optimum {task.cost_text(optimum)}"
@@ -127,10 +125,10 @@ def evaluation_table(
     for violation in walked.violations:
         where = f"step {violation.step + 1} ({violation.skill})" if violation.skill else "the end"
         notes.append(f"violation  at {where}: {violation.stage}: {violation.reason}")
-        if violation.facts:
+        if violation.facts and violation.skill:
             notes.append(f"           rests on {', '.join(violation.facts)}")
     columns, rows = step_rows(walked.steps, task.metric.name, task.metric.unit)
-    return Table(f"{task.name}: evaluation", columns if rows else (), rows, notes)
+    return Table(f"{task.name}: evaluation", columns, rows, notes)
 
 
 def percent(fraction: float | None) -> str:
@@ -149,7 +147,12 @@ def _trace_notes(result: Result) -> list[str]:
         return []
     parts = ", ".join(f"{count:,} of {length}" for length, count in by_length.items())
     worst = result.trace.get("worst_cost_by_length", {})
-    notes = [f"sequences  {result.trace.get('sequences', 0):,} complete ones: {parts} skills"]
+    ended = result.status in (Status.OPTIMAL, Status.INFEASIBLE)
+    so_far = "" if ended else " so far"
+    if not parts:
+        return [f"sequences  no complete one{so_far}"]
+    total = sum(by_length.values())
+    notes = [f"sequences  {total:,} complete ones{so_far}: {parts} skills"]
     if worst:
         shortest = min(worst)
         notes.append(

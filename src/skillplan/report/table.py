@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import IO
@@ -13,10 +14,22 @@ FORMATS = ("table", "json", "csv", "md")
 
 @dataclass(frozen=True)
 class Column:
-    """A heading, and whether its figures are set flush right."""
+    """A heading and how its cells are set.
+
+    Parameters
+    ----------
+    heading
+        What stands above, in ``Column("cost [m]")`` with the unit.
+    right
+        Whether its figures are set flush right.
+    below
+        Whether its cells go below the table, a line for each row, where the terminal is too
+        narrow for all columns.
+    """
 
     heading: str
     right: bool = False
+    below: bool = False
 
 
 @dataclass(frozen=True)
@@ -40,22 +53,26 @@ class Table:
                 raise ValueError(f"Row {row} does not have {len(self.columns)} cells.")
 
 
-def show(tables: Sequence[Table], style: str, out: IO[str]) -> None:
-    """Write tables to a stream.
+def render(tables: Sequence[Table], style: str, out: IO[str]) -> str:
+    """Return tables as text.
 
     Parameters
     ----------
     tables
-        At least one; CSV holds the first only.
+        At least one; CSV holds the last only, which is the most particular.
     style
         ``table``, ``csv`` or ``md``.
+    out
+        Where the text will go: a terminal's width and colours count.
     """
     if style == "csv":
-        out.write(as_csv(tables[0]))
-    elif style == "md":
-        out.write("\n".join(as_markdown(table) for table in tables))
-    else:
-        _show_rich(tables, out)
+        return as_csv(tables[-1])
+    if style == "md":
+        return "\n".join(as_markdown(table) for table in tables)
+    # Here and not above: --help and JSON output must not pay for importing rich.
+    from skillplan.report.terminal import as_terminal_text
+
+    return as_terminal_text(tables, out)
 
 
 def as_csv(table: Table) -> str:
@@ -69,44 +86,20 @@ def as_csv(table: Table) -> str:
 
 def as_markdown(table: Table) -> str:
     """Return the table as Markdown."""
-    lines = [f"**{table.title}**", ""]
-    if table.columns:
+    lines = [f"**{_plain(table.title)}**", ""]
+    if table.rows:
         lines.append("| " + " | ".join(_cell(c.heading) for c in table.columns) + " |")
         lines.append("|" + "|".join("--:" if c.right else "---" for c in table.columns) + "|")
         lines += ["| " + " | ".join(_cell(cell) for cell in row) + " |" for row in table.rows]
         lines.append("")
-    lines += [f"- {note}" for note in table.notes]
+    lines += [f"- {_plain(note)}" for note in table.notes]
     return "\n".join(lines) + "\n"
 
 
 def _cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("\n", " ")
+    return _plain(text).replace("|", "\\|")
 
 
-def _show_rich(tables: Sequence[Table], out: IO[str]) -> None:
-    # Here and not above: --help and JSON output must not pay for importing rich.
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table as RichTable
-    from rich.text import Text
-
-    console = Console(file=out, highlight=False)
-    if not console.is_terminal:
-        # Redirected output must not be cut to the width of a terminal that is not there.
-        console = Console(file=out, highlight=False, width=10_000)
-    for table in tables:
-        console.print(Text(table.title, style="bold"))
-        if table.columns:
-            grid = RichTable(box=SIMPLE_HEAD, pad_edge=False, show_edge=False)
-            for column in table.columns:
-                heading = Text(column.heading)
-                if column.right:
-                    grid.add_column(heading, justify="right", overflow="fold")
-                else:
-                    grid.add_column(heading, overflow="fold")
-            for row in table.rows:
-                grid.add_row(*(Text(cell) for cell in row))
-            console.print(grid)
-        for note in table.notes:
-            console.print(Text(note))
-        console.print()
+def _plain(text: str) -> str:
+    """Return one line in which nothing is taken for markup."""
+    return re.sub(r"([\\`*<])", r"\\\1", " ".join(text.split()))

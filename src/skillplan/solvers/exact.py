@@ -9,7 +9,7 @@ its arrow comes up for expansion, so that most arrows never cost a check.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from pydantic import Field
@@ -42,10 +42,10 @@ class ExactSolver(Solver):
         """Limits of the search."""
 
         max_labels: int = Field(
-            default=3_000_000,
+            default=2_000_000,
             ge=1,
-            description="open arrows kept before the search ends with a bound (about 250 bytes "
-            "each) [-]",
+            description="arrows generated before the search ends with a bound, for the sake of "
+            "memory: 0.6 to 1 kB each [-]",
         )
         dives: bool = Field(
             default=True,
@@ -77,13 +77,17 @@ class ExactSolver(Solver):
         trace = {
             "expanded": search.expanded,
             "generated": search.generated,
-            "ended": "proof" if proved else (self.stop.reason or "label limit"),
+            "ended": "proof" if proved else self.stop.reason,
         }
         return Solution(plan, bound, proved=proved, trace=trace)
 
 
 class _Search:
-    """One task's search: what the two passes share."""
+    """One task's search: what the two passes share.
+
+    Labels are ordered by weight: the cost plus a toll for every skill, far below what matters
+    and far above what rounding does to ways of equal length. So ties go to fewer skills.
+    """
 
     def __init__(self, solver: ExactSolver, model: SkillModel) -> None:
         self.options = solver.options
@@ -92,66 +96,81 @@ class _Search:
         self.bound = LandmarkBound(model.task)
         self.expanded = 0
         self.generated = 0
-        self._incumbent: tuple[int, int] | None = None
+        # All tolls of a plan together stay within the tolerance of a proof.
+        self._toll = max(1, min(1_000, to_units(1e-9) // model.step_limit))
+        self._incumbent: int | None = None
         self._plan: Plan | None = None
 
     def run(self, *, bounded: bool) -> tuple[Plan | None, bool]:
         """Return the best plan and whether it, or its absence, is proved."""
         limit = self.model.step_limit if bounded else None
-        best: dict[int, list[tuple[int, int]]] = {}
-        queue: list[tuple[int, int, int, int, _Label]] = []
+        best: dict[int, list[_Label]] = {}
+        queue: list[tuple[int, int, int, _Label]] = []
         start = _Label(self.model.initial, 0, 0, None, -1)
         self._push(queue, start, limit)
         next_dive = 0
         while queue:
-            cost_ahead, steps_ahead, _, _, label = queue[0]
-            if self._incumbent is not None and (cost_ahead, steps_ahead) >= self._incumbent:
+            ahead, _, _, label = queue[0]
+            if self._incumbent is not None and ahead >= self._incumbent:
                 return self._plan, True
-            if self.stop() or len(queue) > self.options.max_labels:
-                self.stop.bound(self._floor(cost_ahead), self.expanded)
+            if self.generated > self.options.max_labels:
+                self.stop.end(f"limit of {self.options.max_labels:,} labels")
+            if self.expanded % 16 == 0:
+                self.stop.bound(self._floor(ahead), self.expanded)
+            if self.stop():
+                self.stop.bound(self._floor(ahead), self.expanded)
                 return self._plan, False
             heapq.heappop(queue)
             known = best.setdefault(label.state.bits, [])
-            if _dominated(known, label, bounded) or not self._feasible(label):
+            if self._dominated(known, label, bounded) or not self._feasible(label):
                 continue
             if self.model.is_goal(label.state):
                 plan = _plan_of(self.model, label)
-                if bounded or len(plan) <= self.model.step_limit:
+                if len(plan) <= self.model.step_limit:
                     self.stop.incumbent(plan)
                 return plan, True
-            known.append((label.cost, label.steps))
+            known.append(label)
             self.expanded += 1
             if self.options.dives and self.expanded > next_dive:
                 next_dive = 2 * next_dive + 64
                 self._dive(label)
             for child in self._children(label):
-                if not _dominated(best.get(child.state.bits, ()), child, bounded):
+                if not self._dominated(best.get(child.state.bits, ()), child, bounded):
                     self._push(queue, child, limit)
-            if self.expanded % 512 == 0:
-                self.stop.bound(self._floor(cost_ahead), self.expanded)
         return self._plan, True
 
-    def _floor(self, cost_ahead: int) -> float:
-        """Return the bound that the cheapest open arrow proves, never above the incumbent."""
-        if self._incumbent is not None:
-            cost_ahead = min(cost_ahead, self._incumbent[0])
-        return from_units(cost_ahead)
+    def _weight(self, cost: int, steps: int) -> int:
+        return cost + self._toll * steps
 
-    def _push(
-        self,
-        queue: list[tuple[int, int, int, int, _Label]],
-        label: _Label,
-        limit: int | None,
-    ) -> None:
+    def _ahead(self, label: _Label, limit: int | None) -> int | None:
+        """Return the least weight of a plan by way of a label, or None where there is none."""
         cost, steps = self.bound(label.state)
         if cost < 0 or (limit is not None and label.steps + steps > limit):
-            return
-        key = (label.cost + cost, label.steps + steps)
-        if self._incumbent is not None and key >= self._incumbent:
-            return
-        self.generated += 1
-        # Of equals, the deepest first; then the order of creation, for a total order.
-        heapq.heappush(queue, (*key, -label.steps, self.generated, label))
+            return None
+        ahead = self._weight(label.cost + cost, label.steps + steps)
+        return None if self._incumbent is not None and ahead >= self._incumbent else ahead
+
+    def _floor(self, ahead: int) -> float:
+        """Return the bound that the lightest open arrow proves on the cost of any plan."""
+        if self._incumbent is not None:
+            ahead = min(ahead, self._incumbent)
+        return max(0.0, from_units(ahead - self._toll * self.model.step_limit))
+
+    def _dominated(self, known: Sequence[_Label], label: _Label, bounded: bool) -> bool:
+        """Whether one of the known ways to a state is no worse than `label`."""
+        if bounded:
+            return any(k.cost <= label.cost and k.steps <= label.steps for k in known)
+        weight = self._weight(label.cost, label.steps)
+        return any(self._weight(k.cost, k.steps) <= weight for k in known)
+
+    def _push(
+        self, queue: list[tuple[int, int, int, _Label]], label: _Label, limit: int | None
+    ) -> None:
+        ahead = self._ahead(label, limit)
+        if ahead is not None:
+            self.generated += 1
+            # Of equals, the deepest first; then the order of creation, for a total order.
+            heapq.heappush(queue, (ahead, -label.steps, self.generated, label))
 
     def _children(self, label: _Label) -> Iterator[_Label]:
         task = self.model.task
@@ -182,28 +201,19 @@ class _Search:
                 return
             ranked = []
             for order, child in enumerate(self._children(here)):
-                cost, steps = self.bound(child.state)
-                if cost < 0 or child.steps + steps > limit or child.state.bits in seen:
-                    continue
-                key = (child.cost + cost, child.steps + steps)
-                if self._incumbent is None or key < self._incumbent:
-                    ranked.append((*key, order, child))
+                ahead = None if child.state.bits in seen else self._ahead(child, limit)
+                if ahead is not None:
+                    ranked.append((ahead, order, child))
             for *_, child in sorted(ranked, reverse=True):
                 seen.add(child.state.bits)
                 stack.append(child)
 
     def _keep(self, label: _Label) -> None:
-        key = (label.cost, label.steps)
-        if self._incumbent is None or key < self._incumbent:
-            self._incumbent = key
+        weight = self._weight(label.cost, label.steps)
+        if self._incumbent is None or weight < self._incumbent:
+            self._incumbent = weight
             self._plan = _plan_of(self.model, label)
             self.stop.incumbent(self._plan)
-
-
-def _dominated(known: list[tuple[int, int]] | tuple[()], label: _Label, bounded: bool) -> bool:
-    if bounded:
-        return any(cost <= label.cost and steps <= label.steps for cost, steps in known)
-    return any((cost, steps) <= (label.cost, label.steps) for cost, steps in known)
 
 
 def _plan_of(model: SkillModel, label: _Label) -> Plan:

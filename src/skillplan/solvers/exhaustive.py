@@ -30,6 +30,7 @@ class ExhaustiveSolver(Solver):
         """Count all complete sequences and keep the cheapest; of equals, the shortest."""
         best: Plan | None = None
         best_key = (float("inf"), 0)
+        cheapest: dict[int, float] = {}
         worst: dict[int, float] = {}
         complete: Counter[int] = Counter()
         visited = 1
@@ -62,6 +63,7 @@ class ExhaustiveSolver(Solver):
             total, length = cost + step.cost, len(names) + 1
             if model.is_goal(step.next_state):
                 complete[length] += 1
+                cheapest[length] = min(cheapest.get(length, total), total)
                 worst[length] = max(worst.get(length, 0.0), total)
                 key = (total, length)
                 if key[0] < best_key[0] - _TIE or (
@@ -83,6 +85,7 @@ class ExhaustiveSolver(Solver):
             "visited": visited,
             "sequences": complete.total(),
             "sequences_by_length": dict(sorted(complete.items())),
+            "best_cost_by_length": dict(sorted(cheapest.items())),
             "worst_cost_by_length": dict(sorted(worst.items())),
         }
         return Solution(best, bound, proved=not stopped, trace=trace)

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from skillplan.task.state import State
 from skillplan.task.task import Task
 
-# Costs are compared as whole numbers of this unit, so that sums in another order tie exactly.
-COST_UNIT = 1e-12
+# Costs are added up as whole numbers of this unit: sums do not depend on their order.
+COST_UNIT = 1e-15
 
 
 def to_units(cost: float) -> int:
@@ -25,7 +25,7 @@ def to_units(cost: float) -> int:
 
 def from_units(units: int) -> float:
     """Return a cost from whole units."""
-    return units * COST_UNIT
+    return units / round(1 / COST_UNIT)
 
 
 @dataclass(frozen=True, slots=True)

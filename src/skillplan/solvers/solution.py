@@ -21,10 +21,19 @@ class Plan:
         Names, in order.
     cost
         What the solver believes it costs; the referee compares. None where it makes no claim.
+
+    Raises
+    ------
+    ValueError
+        If the skills are not a tuple of names.
     """
 
     skills: tuple[str, ...]
     cost: float | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.skills, tuple) or not all(isinstance(s, str) for s in self.skills):
+            raise ValueError("A plan is a tuple of skill names.")
 
     def __len__(self) -> int:
         return len(self.skills)

@@ -73,6 +73,7 @@ class Stop:
         self._begin_s = time.monotonic()
         self._deadline_s = math.inf if time_limit_s is None else self._begin_s + time_limit_s
         self._told_s: float | None = None
+        self._own_reason: str | None = None
         self._gap = gap
         self._on_progress = on_progress
         self.interrupted = False
@@ -94,6 +95,12 @@ class Stop:
         """Ask the search to stop and hand over the best it has."""
         self.interrupted = True
 
+    def end(self, reason: str) -> None:
+        """Say that the solver ends its search for a reason of its own, such as a limit."""
+        self._own_reason = reason
+        if self._told_s is None:
+            self._told_s = time.monotonic()
+
     def overdue(self) -> bool:
         """Whether a solver should have stopped long ago."""
         if self._told_s is None:
@@ -110,6 +117,8 @@ class Stop:
             return None
         if self.interrupted:
             return "interrupted"
+        if self._own_reason is not None:
+            return self._own_reason
         return "time limit" if self._told_s >= self._deadline_s else "gap reached"
 
     def incumbent(self, plan: Plan) -> None:
@@ -122,6 +131,8 @@ class Stop:
 
     def bound(self, lower_bound: float, nodes: int | None = None) -> None:
         """Keep a proven lower bound on the cost of every plan, if it is the best so far."""
+        if math.isnan(lower_bound):
+            raise ValueError("A lower bound must be a number.")
         if nodes is not None:
             self.nodes = nodes
         if self.lower_bound is None or lower_bound > self.lower_bound:

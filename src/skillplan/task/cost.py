@@ -78,7 +78,7 @@ class TravelCost:
         If `per_m` or `fixed` is negative or not finite, or there is no place.
     """
 
-    places: Mapping[int, Point]
+    places: Mapping[int, Point] = field(hash=False)
     motion: Motion
     per_m: float = 1.0
     fixed: float = 0.0

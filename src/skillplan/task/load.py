@@ -9,14 +9,15 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from pydantic import BaseModel, ValidationError
 
-from skillplan.errors import Issue, PluginError, TaskError
+from skillplan.errors import Issue, PluginError, TaskError, name_hint
 from skillplan.task.reachability import unreachable_facts
 from skillplan.task.schema_errors import schema_issues, shown
 from skillplan.task.task import Task
@@ -85,6 +86,8 @@ def load_task(
     path: str | os.PathLike[str],
     find_domain: Callable[[str], TaskDomain],
     known_kinds: Iterable[str] = (),
+    check_content: Callable[[Mapping[str, Any]], Iterable[Issue]] = lambda _: (),
+    check_task: Callable[[Task], Iterable[Issue]] = lambda _: (),
 ) -> Problem:
     """Load, validate and ground a task file.
 
@@ -96,6 +99,10 @@ def load_task(
         Returns the domain of a kind; raises `PluginError` for an unknown one.
     known_kinds
         What `find_domain` knows, to name in a message.
+    check_content
+        Returns faults of a content that is not validated yet.
+    check_task
+        Returns faults of a grounded task.
 
     Raises
     ------
@@ -105,9 +112,12 @@ def load_task(
     source = os.fspath(path)
     document = parse(read_text(Path(source), source), source)
     kind, domain = _domain(document, find_domain, known_kinds)
-    config = _validated(document, domain)
-    issues = list(domain.issues(config))
-    if issues:
+    issues = list(check_content(document.data))
+    config, faults = _validated(document, domain)
+    issues += faults
+    if config is not None:
+        issues += domain.issues(config)
+    if config is None or issues or document.issues:
         raise document.error(issues)
     sha256 = _content_hash(config)
     tasks = domain.ground(config, sha256)
@@ -117,6 +127,7 @@ def load_task(
             Issue(f"the goal {fact} is out of reach: {reason}", domain.locate(fact))
             for fact, reason in lost.items()
         ]
+        issues += check_task(task)
     if issues:
         raise document.error(issues)
     name = getattr(config, "name", None) or Path(source).stem
@@ -126,7 +137,8 @@ def load_task(
 def _domain(
     document: Document, find_domain: Callable[[str], TaskDomain], known_kinds: Iterable[str]
 ) -> tuple[str, TaskDomain]:
-    kinds = ", ".join(sorted(known_kinds))
+    known = sorted(known_kinds)
+    kinds = ", ".join(known)
     if not isinstance(document.data, dict):
         message = f"must be a mapping with a key 'kind', not {shown(document.data)}."
         raise document.error([Issue(message)])
@@ -134,22 +146,52 @@ def _domain(
         raise document.error([Issue(f"key 'kind' is missing. Known kinds: {kinds}.", ("kind",))])
     kind = document.data["kind"]
     if not isinstance(kind, str):
-        raise document.error([Issue(f"must be one of {kinds}, not {shown(kind)}.", ("kind",))])
+        message = f"must be the name of a kind of task, not {shown(kind)}. Known: {kinds}."
+        raise document.error([Issue(message, ("kind",))])
+    if known and kind not in known:
+        hint = name_hint(kind, known)
+        raise document.error([Issue(f"unknown kind {shown(kind)}. {hint}", ("kind",))])
     try:
         return kind, find_domain(kind)
     except PluginError as error:
         raise document.error([Issue(str(error), ("kind",))]) from None
 
 
-def _validated(document: Document, domain: TaskDomain) -> BaseModel:
+def _validated(document: Document, domain: TaskDomain) -> tuple[BaseModel | None, list[Issue]]:
+    """Return the content, or None, and its faults but for those that the document knows.
+
+    A content with no fault but unknown keys is returned without them, so that what else is
+    wrong with it comes to light as well.
+    """
     try:
-        config: BaseModel = domain.Config.model_validate(document.data)
+        return domain.Config.model_validate(document.data), []
     except ValidationError as error:
-        issues = [
-            document.locate(issue, key=key) for issue, key in schema_issues(error, domain.Config)
-        ]
-        raise TaskError(document.source, issues) from None
-    return config
+        # What could not be read is missing from the data, which the schema need not say again.
+        unread = {issue.path[:n] for issue in document.issues for n in range(len(issue.path) + 1)}
+        found = schema_issues(error, domain.Config)
+        faults = [issue for issue in found if issue.path not in unread]
+        unknown = [fault["loc"] for fault in error.errors() if fault["type"] == "extra_forbidden"]
+        if len(unknown) < error.error_count():
+            return None, faults
+    try:
+        return domain.Config.model_validate(_without(document.data, unknown)), faults
+    except ValidationError as error:
+        # What a model says of itself as a whole, it says only where its keys are sound; if an
+        # unknown key is a slip for one that it misses, that is told already.
+        unread |= {tuple(path[:-1]) for path in unknown}
+        found = schema_issues(error, domain.Config)
+        return None, faults + [issue for issue in found if issue.path not in unread]
+
+
+def _without(data: Any, paths: Iterable[tuple[str | int, ...]]) -> Any:
+    """Return a copy of nested data that lacks the entries at some paths."""
+    copy = deepcopy(data)
+    for path in paths:
+        holder = copy
+        for key in path[:-1]:
+            holder = holder[key]
+        del holder[path[-1]]
+    return copy
 
 
 def _content_hash(config: BaseModel) -> str:

@@ -33,7 +33,7 @@ def unreachable_facts(task: Task) -> dict[str, str]:
             continue
         makers = [s for s in waiting if any(o.add.bits & bit for o in s.outcomes)]
         if not makers:
-            lost[fact] = "no action brings it about."
+            lost[fact] = "no action brings it about. Add one, or change the goal."
         else:
             missing = task.facts.names_of(makers[0].precondition.requires.bits & ~reached)
             lost[fact] = f"{makers[0].name} needs {', '.join(missing)}, which nothing brings about."

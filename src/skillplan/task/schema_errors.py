@@ -15,6 +15,9 @@ _KINDS = {
     "float_type": "a number",
     "int_type": "a whole number",
     "int_from_float": "a whole number",
+    "float_parsing": "a number",
+    "int_parsing": "a whole number",
+    "bool_parsing": "true or false",
     "string_type": "a text",
     "bool_type": "true or false",
     "list_type": "a list",
@@ -29,6 +32,8 @@ _BOUNDS = {
     "less_than": ("< ", "lt"),
     "less_than_equal": ("<= ", "le"),
 }
+# More than anybody reads at once; to name the nearest key takes a while for each.
+_MOST = 1000
 
 
 class Located(ValueError):
@@ -39,29 +44,31 @@ class Located(ValueError):
         super().__init__(message)
 
 
-def schema_issues(error: ValidationError, model: type[BaseModel]) -> list[tuple[Issue, bool]]:
-    """Return an issue for each fault, and whether it concerns the key rather than the value."""
+def schema_issues(error: ValidationError, model: type[BaseModel]) -> list[Issue]:
+    """Return an issue for each fault, a thousand at most."""
     found = []
-    for fault in error.errors(include_url=False):
+    for fault in error.errors(include_url=False)[:_MOST]:
         path = tuple(fault["loc"])
         kind = fault["type"]
         if kind == "extra_forbidden":
             hint = name_hint(str(path[-1]), fields_at(model, path[:-1]))
-            found.append((Issue(f"unknown key {path[-1]!r}. {hint}", path), True))
+            found.append(Issue(f"unknown key {shown(path[-1])}. {hint}", path, at_key=True))
         elif kind == "missing":
-            found.append((Issue(f"key {path[-1]!r} is missing.", path), True))
+            found.append(Issue(f"key {path[-1]!r} is missing.", path, at_key=True))
+        elif _concerns_key(fault):
+            found.append(Issue(f"key {_words(fault)}", path[:-1], at_key=True))
         else:
             cause = fault.get("ctx", {}).get("error")
             if isinstance(cause, Located):
                 path = (*path, *cause.path)
-            found.append((Issue(_words(fault), path), path[-1:] == ("[key]",)))
-    return [(_without_key_marker(issue), key) for issue, key in found]
+            found.append(Issue(_words(fault), path))
+    return found
 
 
-def _without_key_marker(issue: Issue) -> Issue:
-    if issue.path[-1:] == ("[key]",):
-        return Issue(f"key {issue.path[-2]!r}: {issue.message}", issue.path[:-1])
-    return issue
+def _concerns_key(fault: Mapping[str, Any]) -> bool:
+    """Whether pydantic means the key of a mapping, which it says by a last step '[key]'."""
+    *path, last = fault["loc"]
+    return last == "[key]" and bool(path) and path[-1] == fault["input"]
 
 
 def _words(fault: Mapping[str, Any]) -> str:
@@ -70,11 +77,14 @@ def _words(fault: Mapping[str, Any]) -> str:
         return f"must be {_KINDS[kind]}, not {shown(value)}."
     if kind in _BOUNDS:
         sign, bound = _BOUNDS[kind]
-        return f"must be {sign}{context[bound]}, not {shown(value)}."
+        most = context[bound]
+        most = f"{most:g}" if isinstance(most, float) else most
+        return f"must be {sign}{most}, not {shown(value)}."
     if kind in ("too_short", "too_long"):
         bound = context.get("min_length") if kind == "too_short" else context.get("max_length")
         word = "at least" if kind == "too_short" else "at most"
-        return f"must have {word} {bound} entries, not {context.get('actual_length')}."
+        entries = "entry" if bound == 1 else "entries"
+        return f"must have {word} {bound} {entries}, not {len(value)}."
     if kind == "literal_error":
         return f"must be {context['expected']}, not {shown(value)}."
     if kind == "string_pattern_mismatch":
@@ -97,6 +107,8 @@ def shown(value: object) -> str:
         return "a mapping"
     if isinstance(value, Sequence) and not isinstance(value, str):
         return "a list"
+    if isinstance(value, str) and len(value) > 48:
+        return repr(value[:45] + "...")
     text = repr(value)
     return text if len(text) <= 48 else text[:45] + "..."
 

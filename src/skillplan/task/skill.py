@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from types import MappingProxyType
+from typing import Any
 
 from skillplan.task.condition import Condition
 from skillplan.task.cost import Cost
@@ -105,6 +106,11 @@ class Skill:
         if abs(total - 1) > _TOLERANCE:
             raise ValueError(f"Skill {self.name!r}: outcome probabilities sum to {total}, not 1.")
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+
+    def __reduce__(self) -> tuple[type[Skill], tuple[Any, ...]]:
+        # A mapping proxy cannot be pickled; its content can.
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return Skill, tuple({**values, "parameters": dict(self.parameters)}.values())
 
     @property
     def prediction(self) -> Outcome:

@@ -11,17 +11,20 @@ from __future__ import annotations
 import math
 import re
 import stat
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from skillplan.errors import Issue, TaskError, name_hint
+from skillplan.errors import Issue, TaskError, nearest
+from skillplan.task.syntax_errors import syntax_issue
 
 MAX_BYTES = 1_048_576
 MAX_DEPTH = 32
 MAX_VALUES = 100_000
+MAX_ISSUES = 1000
 
 Path_ = tuple[str | int, ...]
 Position = tuple[int, int]
@@ -30,6 +33,7 @@ _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _INT = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+_UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _WORDS = {"": None, "~": None, "null": None, "Null": None, "NULL": None} | {
     word: word.lower() == "true" for word in ("true", "True", "TRUE", "false", "False", "FALSE")
 }
@@ -47,33 +51,33 @@ class Document:
         Mappings, lists, strings, numbers, booleans and None.
     values, keys
         Line and column, from 1, of the value at a path and of the key that names it.
+    issues
+        Faults that leave the rest readable, such as a key that stands twice; None stands in
+        `data` for a value that could not be read.
     """
 
     source: str
     data: Any
     values: dict[Path_, Position] = field(repr=False)
     keys: dict[Path_, Position] = field(repr=False)
+    issues: tuple[Issue, ...] = ()
 
-    def locate(self, issue: Issue, *, key: bool = False) -> Issue:
+    def locate(self, issue: Issue) -> Issue:
         """Return the issue with the position of the nearest part of its path that exists.
 
-        Parameters
-        ----------
-        issue
-            An issue with a path.
-        key
-            Point at the key rather than at its value.
+        That is the key's, too, where the value begins in a later line.
         """
-        path = issue.path
+        path, at_key = issue.path, issue.at_key
         while path and path not in self.values:
-            path, key = path[:-1], True
-        table = self.keys if key and path in self.keys else self.values
-        line, column = table.get(path, (1, 1))
-        return Issue(issue.message, issue.path, line, column)
+            path, at_key = path[:-1], True
+        value = self.values.get(path, (1, 1))
+        key = self.keys.get(path, value)
+        line, column = key if at_key or key[0] < value[0] else value
+        return replace(issue, line=line, column=column)
 
-    def error(self, issues: list[Issue]) -> TaskError:
-        """Return the error that carries these issues, located."""
-        return TaskError(self.source, [self.locate(issue) for issue in issues])
+    def error(self, issues: Iterable[Issue]) -> TaskError:
+        """Return the error that carries these issues, located, besides the document's own."""
+        return TaskError(self.source, [*self.issues, *map(self.locate, issues)])
 
 
 def read_text(path: Path, source: str) -> str:
@@ -88,6 +92,8 @@ def read_text(path: Path, source: str) -> str:
     def fail(message: str, line: int = 0, column: int = 0) -> TaskError:
         return TaskError(source, [Issue(message, (), line, column)])
 
+    if not source:
+        raise TaskError("''", [Issue("is not a path. Give the path of a task file.")])
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             what = "a folder" if path.is_dir() else "not a regular file"
@@ -106,7 +112,7 @@ def read_text(path: Path, source: str) -> str:
     except UnicodeDecodeError as error:
         before = raw[: error.start]
         line = before.count(b"\n") + 1
-        column = error.start - (before.rfind(b"\n") + 1) + 1
+        column = len(before[before.rfind(b"\n") + 1 :].decode("utf-8-sig")) + 1
         message = f"byte 0x{raw[error.start]:02x} is not UTF-8. Save the file as UTF-8."
         raise fail(message, line, column) from None
 
@@ -114,39 +120,51 @@ def read_text(path: Path, source: str) -> str:
 def parse(text: str, source: str) -> Document:
     """Return the document in `text`.
 
+    Duplicate keys, keys that are not strings, tags and numbers that are not finite are kept as
+    the document's issues, so that they can be told along with what else is wrong.
+
     Raises
     ------
     TaskError
-        If it is not YAML, is empty, has several documents, or holds duplicate keys, keys that
-        are not strings, tags, endless aliases, too much nesting or numbers that are not finite.
+        If it is not YAML, is empty, has several documents, endless aliases, or is too large
+        or nested too deep.
     """
+    unprintable = _UNPRINTABLE.search(text)
+    if unprintable:
+        before = text[: unprintable.start()]
+        place = (before.count("\n") + 1, len(before) - before.rfind("\n"))
+        message = f"character U+{ord(unprintable[0]):04X} is not allowed in YAML. Remove it."
+        raise TaskError(source, [Issue(message, (), *place)])
     try:
         tags = _guard(text, source)
         root = yaml.compose(text, Loader=_LOADER)
     except yaml.YAMLError as error:
-        raise TaskError(source, [_syntax_issue(error)]) from None
+        raise TaskError(source, [syntax_issue(error, text)]) from None
     if root is None:
         raise TaskError(source, [Issue("is empty. Start it with 'kind:'.", (), 1, 1)])
     reader = _Reader(source)
     data = reader.read(root, (), 0)
-    if tags or reader.issues:
-        raise TaskError(source, [*tags, *reader.issues])
-    return Document(source, data, reader.values, reader.keys)
+    return Document(source, data, reader.values, reader.keys, (*tags, *reader.issues))
 
 
 def _guard(text: str, source: str) -> list[Issue]:
-    """Walk the flat event stream first, so that composing cannot recurse too deep.
+    """Walk the flat event stream first, so that composing cannot recurse too deep nor run long.
 
-    Returns an issue for every explicit tag.
+    Returns an issue for every explicit tag, up to `MAX_ISSUES`.
     """
-    depth = documents = 0
-    tags = []
+    depth = documents = nodes = 0
+    tags: list[Issue] = []
     for event in yaml.parse(text, Loader=_LOADER):
         tag = getattr(event, "tag", None)
-        if tag is not None:
+        if tag is not None and len(tags) < MAX_ISSUES:
+            written = tag.replace("tag:yaml.org,2002:", "!!", 1)
             tags.append(
-                Issue(f"tag {_short(tag)} is not allowed. Leave it out.", (), *_mark(event))
+                Issue(f"tag {_short(written)} is not allowed. Leave it out.", (), *_mark(event))
             )
+        if isinstance(event, yaml.NodeEvent):
+            nodes += 1
+            if nodes > 2 * MAX_VALUES:  # a key and its value are two
+                raise _refusal(source, f"holds more than {MAX_VALUES:,} values.", event)
         if isinstance(event, yaml.DocumentStartEvent):
             documents += 1
             if documents > 1:
@@ -177,10 +195,11 @@ class _Reader:
         self.issues: list[Issue] = []
         self.values: dict[Path_, Position] = {}
         self.keys: dict[Path_, Position] = {}
+        self._open: set[int] = set()
 
     def issue(self, message: str, path: Path_, node: yaml.Node) -> None:
-        line, column = _position(node)
-        self.issues.append(Issue(message, path, line, column))
+        if len(self.issues) < MAX_ISSUES:
+            self.issues.append(Issue(message, path, *_position(node)))
 
     def read(self, node: yaml.Node, path: Path_, depth: int) -> Any:
         if depth > MAX_DEPTH or len(self.values) >= MAX_VALUES:
@@ -192,12 +211,21 @@ class _Reader:
             line, column = _position(node)
             raise TaskError(self.source, [Issue(message, (), line, column)])
         self.values[path] = _position(node)
+        if isinstance(node, yaml.ScalarNode):
+            return self._scalar(node, path)
+        if id(node) in self._open:
+            line, _ = _position(node)
+            message = f"what starts in line {line} contains itself by an alias. Write it out."
+            raise TaskError(self.source, [Issue(message, path, *_position(node))])
+        self._open.add(id(node))
+        data: Any
         if isinstance(node, yaml.MappingNode):
-            return self._mapping(node, path, depth)
-        if isinstance(node, yaml.SequenceNode):
-            return [self.read(item, (*path, i), depth + 1) for i, item in enumerate(node.value)]
-        assert isinstance(node, yaml.ScalarNode)
-        return self._scalar(node, path)
+            data = self._mapping(node, path, depth)
+        else:
+            items = enumerate(node.value)
+            data = [self.read(item, (*path, i), depth + 1) for i, item in items]
+        self._open.remove(id(node))
+        return data
 
     def _mapping(self, node: yaml.MappingNode, path: Path_, depth: int) -> dict[str, Any]:
         data: dict[str, Any] = {}
@@ -207,11 +235,16 @@ class _Reader:
                 self.issue("a key must be a name, not a list or mapping.", path, key_node)
                 continue
             key = key_node.value
-            if not key_node.style and key != "<<" and not isinstance(_resolve(key), str):
+            if not key_node.style and key == "<<":
+                self.issue("merging with '<<' is not supported. Write it out.", path, key_node)
+                continue
+            if not key_node.style and not _is_text(key):
                 self.issue(f"key {_short(key)} must be a name. Put it in quotes.", path, key_node)
                 continue
             if key in first:
-                message = f"key {_short(key)} stands twice; first in line {first[key][0]}."
+                message = (
+                    f"key {_short(key)} stands twice, first in line {first[key][0]}. Keep one."
+                )
                 self.issue(message, (*path, key), key_node)
                 continue
             first[key] = _position(key_node)
@@ -248,24 +281,19 @@ def _resolve(text: str) -> Any:
     return text
 
 
+def _is_text(text: str) -> bool:
+    try:
+        return isinstance(_resolve(text), str)
+    except ValueError:
+        return False
+
+
 def _position(node: yaml.Node) -> Position:
     return node.start_mark.line + 1, node.start_mark.column + 1
 
 
 def _short(text: str, most: int = 40) -> str:
     return repr(text if len(text) <= most else text[: most - 3] + "...")
-
-
-def _syntax_issue(error: yaml.YAMLError) -> Issue:
-    """Return the position and words of a syntax error."""
-    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
-    problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "bad syntax"
-    context = getattr(error, "context", None)
-    words = f"{problem} ({context})" if context else str(problem)
-    message = f"is not valid YAML: {words}."
-    if mark is None:
-        return Issue(message, (), 1, 1)
-    return Issue(message, (), mark.line + 1, mark.column + 1)
 
 
 def _neighbour_hint(path: Path) -> str:
@@ -280,7 +308,12 @@ def _neighbour_hint(path: Path) -> str:
         return f"There is no folder {str(path.parent)!r}."
     if not names:
         return f"There is no task file in {str(path.parent)!r}."
-    return name_hint(path.name, names)
+    stems = {Path(name).stem: name for name in names}
+    near = nearest(path.stem, stems)
+    if near is not None:
+        return f"Did you mean {stems[near]!r}?"
+    rest = f" and {len(names) - 12} more" if len(names) > 12 else ""
+    return f"There are {', '.join(sorted(names)[:12])}{rest}."
 
 
 def scalar(text: str) -> Any:

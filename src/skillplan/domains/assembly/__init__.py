@@ -28,7 +28,8 @@ class AssemblyDomain(Domain):
         return [ground(config, sha256)]
 
     def locate(self, fact: str) -> tuple[str | int, ...]:
-        """Return the path of the part or screw that a fact is about."""
+        """Return the path of the part or screw that a fact is about, else of the goal."""
         kind, _, rest = fact.partition("(")
         element = rest.rstrip(")")
-        return {"placed": ("parts", element), "fastened": ("screws", element)}.get(kind, ())
+        sections = {"placed": ("parts", element), "fastened": ("screws", element)}
+        return sections.get(kind, ("goal",))

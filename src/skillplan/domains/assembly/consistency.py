@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
-from itertools import combinations
+from itertools import chain, combinations, islice
 
 from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_box
 from skillplan.domains.assembly.layout import (
@@ -18,37 +18,64 @@ from skillplan.domains.assembly.layout import (
     start_of,
 )
 from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.domains.assembly.vocabulary import action_names, facts_of, literal_parts
+from skillplan.domains.assembly.vocabulary import HOME, action_names, facts_of, literal_parts
 from skillplan.errors import Issue, name_hint
 from skillplan.task.motion import Point
+from skillplan.task.scene import WORLD
 
 _TOUCH_M = 2e-4
 _MAX_BOXES = 1024
+# More than anybody reads at once; to name the nearest of many facts takes a while for each.
+_MAX_ISSUES = 300
 
 
 def issues(config: AssemblyConfig) -> list[Issue]:
-    """Return every fault; geometry and order only where all references are sound."""
-    found = [*_references(config), *_names(config)]
-    if not found:
-        found = [*_cycles(config), *_lists(config)]
-    if not found:
-        found = [*_geometry(config), *_step_limit(config)]
+    """Return every fault, up to a few hundred; geometry only where parts refer to sound parts."""
+    found = list(
+        islice(
+            chain(
+                _references(config),
+                _names(config),
+                _shapes(config),
+                _cycles(config),
+                _lists(config),
+                _step_limit(config),
+            ),
+            _MAX_ISSUES,
+        )
+    )
+    if not any(issue.path[0] in ("parts", "screws") for issue in found):
+        found += islice(_geometry(config), _MAX_ISSUES)
     return found
 
 
 def _names(config: AssemblyConfig) -> Iterator[Issue]:
+    if config.robot.name == WORLD:
+        message = f"the name {WORLD!r} is taken by the world frame. Choose another."
+        yield Issue(message, ("robot", "name"))
     owners: dict[str, str] = {}
-    for section in ("parts", "screws", "feeders"):
+    for section in ("tools", "feeders", "parts", "screws"):
         for name in getattr(config, section):
             if name in owners:
-                message = f"the name {name!r} is taken by {owners[name]}. Choose another."
-                yield Issue(message, (section, name))
+                message = f"the name {name!r} is taken in {owners[name]!r}. Choose another."
+                yield Issue(message, (section, name), at_key=True)
+            elif name == HOME and section in ("feeders", "screws"):
+                message = f"the name {HOME!r} is taken by the robot. Choose another."
+                yield Issue(message, (section, name), at_key=True)
             owners.setdefault(name, section)
-    for name in config.feeders:
-        if name == "home":
-            yield Issue("the name 'home' is taken by the robot. Choose another.", ("feeders", name))
+
+
+def _shapes(config: AssemblyConfig) -> Iterator[Issue]:
+    for name, part in config.parts.items():
+        bottom_m = min(box.centre[2] - box.size[2] / 2 for box in boxes_of(part))
+        if abs(bottom_m) > _TOUCH_M:
+            message = (
+                f"the lowest box begins at {bottom_m:.4f} m, not at the part's bottom, 0. "
+                "Shift 'centre_m'."
+            )
+            yield Issue(message, ("parts", name, "boxes"))
     if sum(len(part.boxes or (1,)) for part in config.parts.values()) > _MAX_BOXES:
-        yield Issue(f"has more than {_MAX_BOXES} boxes in all.", ("parts",))
+        yield Issue(f"must have at most {_MAX_BOXES} boxes in all.", ("parts",))
 
 
 def _references(config: AssemblyConfig) -> Iterator[Issue]:
@@ -68,7 +95,7 @@ def _references(config: AssemblyConfig) -> Iterator[Issue]:
             beneath = getattr(part, key)
             yield from missing(beneath, config.parts, "part", *here, key)
             if beneath == name:
-                yield Issue(f"{name!r} cannot stand on itself.", (*here, key))
+                yield Issue(f"{name!r} cannot lie on itself. Name another part.", (*here, key))
         if part.start_on in config.parts and config.parts[part.start_on].feeder is not None:
             message = f"{part.start_on!r} comes from a feeder; nothing can lie on it."
             yield Issue(message, (*here, "start_on"))
@@ -83,7 +110,9 @@ def _references(config: AssemblyConfig) -> Iterator[Issue]:
         for j, after in enumerate(line.after):
             yield from missing(after, elements, "part or screw", "chart", i, "after", j)
             if after == line.before:
-                yield Issue(f"{after!r} cannot come before itself.", ("chart", i, "after", j))
+                yield Issue(
+                    f"{after!r} cannot come before itself. Leave it out.", ("chart", i, "after", j)
+                )
 
 
 def _cycles(config: AssemblyConfig) -> Iterator[Issue]:
@@ -91,7 +120,7 @@ def _cycles(config: AssemblyConfig) -> Iterator[Issue]:
         beneath = {
             name: [getattr(part, key)]
             for name, part in config.parts.items()
-            if getattr(part, key) is not None
+            if getattr(part, key) not in (None, name)
         }
         cycle = _cycle(beneath)
         if cycle:
@@ -100,7 +129,8 @@ def _cycles(config: AssemblyConfig) -> Iterator[Issue]:
     before: dict[str, list[str]] = {}
     for line in config.chart:
         for after in line.after:
-            before.setdefault(after, []).append(line.before)
+            if after != line.before:
+                before.setdefault(after, []).append(line.before)
     cycle = _cycle(before)
     if cycle:
         order = list(reversed(cycle))
@@ -130,21 +160,54 @@ def _lists(config: AssemblyConfig) -> Iterator[Issue]:
         ("actions", config.actions, actions),
         ("observation", config.observation, facts.names),
     ):
+        names = frozenset(known)
         seen: dict[str, int] = {}
         for i, entry in enumerate(entries or ()):
             name = literal_parts(entry)[0] if key == "observation" else entry
             what = "action" if key == "actions" else "fact"
-            if name not in known:
+            if name not in names:
                 yield Issue(f"unknown {what} {name!r}. {name_hint(name, known)}", (key, i))
             if entry in seen:
-                yield Issue(f"{entry!r} stands twice; first as entry {seen[entry]}.", (key, i))
+                message = f"{entry!r} stands twice, first as entry {seen[entry]}. Keep one."
+                yield Issue(message, (key, i))
             seen.setdefault(entry, i)
     goal = set(config.goal or ())
     for group in facts.exclusive:
-        both = [fact for fact in group if fact in goal]
+        both = sorted((config.goal or []).index(fact) for fact in group if fact in goal)
         if len(both) > 1:
-            message = f"{both[0]} and {both[1]} cannot both hold."
-            yield Issue(message, ("goal", (config.goal or []).index(both[1])))
+            one, other = (config.goal or [])[both[0]], (config.goal or [])[both[1]]
+            message = f"{one} and {other} cannot both hold. Leave one out."
+            yield Issue(message, ("goal", both[1]))
+    if config.actions is not None:
+        listed = frozenset(config.actions)
+        for name, fact in _needed_actions(config).items():
+            if name not in listed:
+                message = f"{name} is missing, without which {fact} cannot hold. Add it."
+                yield Issue(message, ("actions",))
+
+
+def _needed_actions(config: AssemblyConfig) -> dict[str, str]:
+    """Return the actions that every plan must contain, each with a fact of the goal."""
+    needed: dict[str, str] = {}
+
+    def need(fact: str, *names: str) -> None:
+        for name in names:
+            needed.setdefault(name, fact)
+
+    wanted = None if config.goal is None else set(config.goal)
+    for name, part in config.parts.items():
+        fact = f"placed({name})"
+        if wanted is None or fact in wanted:
+            need(fact, f"pick({name})", f"place({name})")
+            if part.tool != config.initial_tool:
+                need(fact, f"load({part.tool})")
+    for name, screw in config.screws.items():
+        fact = f"fastened({name})"
+        if wanted is None or fact in wanted:
+            need(fact, f"fasten({name})")
+            if screw.tool != config.initial_tool:
+                need(fact, f"load({screw.tool})")
+    return needed
 
 
 def _step_limit(config: AssemblyConfig) -> Iterator[Issue]:
@@ -158,8 +221,8 @@ def _step_limit(config: AssemblyConfig) -> Iterator[Issue]:
         changes *= 2
     if config.step_limit < steps + changes:
         yield Issue(
-            f"{config.step_limit} is too few: {len(config.parts)} parts, {len(config.screws)} "
-            f"screws and their tools need at least {steps + changes} skills.",
+            f"{config.step_limit} is too few: parts, screws and their tools need at least "
+            f"{steps + changes} skills.",
             ("step_limit",),
         )
 
@@ -178,7 +241,7 @@ def _geometry(config: AssemblyConfig) -> Iterator[Issue]:
         for one, other in combinations(lying, 2):
             if _overlap([hulls[one]], [hulls[other]]) and _overlap(lying[one], lying[other]):
                 where = "at the start" if key == "start_m" else "at their goals"
-                message = f"{other!r} and {one!r} overlap {where}."
+                message = f"{other!r} and {one!r} overlap {where}. Move one."
                 place = key if getattr(config.parts[other], key) is not None else "start_on"
                 yield Issue(message, ("parts", other, place))
     for name, part in config.parts.items():
@@ -187,14 +250,15 @@ def _geometry(config: AssemblyConfig) -> Iterator[Issue]:
             ("goal_on", part.goal_on, goals),
         ):
             if beneath is not None and not _touch(boxes[name], boxes[beneath]):
-                yield Issue(f"{name!r} does not lie over {beneath!r}.", ("parts", name, key))
+                message = f"{name!r} does not lie over {beneath!r}. Move it."
+                yield Issue(message, ("parts", name, key))
     for name, screw in config.screws.items():
         x_m, y_m, z_m = hole_of(config, screw)
         head = WorldBox(
             (x_m - 1e-6, y_m - 1e-6, z_m), (x_m + 1e-6, y_m + 1e-6, z_m + screw.head_height_m)
         )
         if not _touch((head,), goals[screw.through]):
-            message = f"the hole does not lie over the top of {screw.through!r}."
+            message = f"the hole does not lie over the top of {screw.through!r}. Move it."
             yield Issue(message, ("screws", name, "hole_m"))
 
 
@@ -222,6 +286,8 @@ def _out_of_reach(config: AssemblyConfig) -> Iterator[Issue]:
     for name, part in config.parts.items():
         if part.start_m is not None:
             yield from check(start_of(config, name), height_of(part), "parts", name, "start_m")
+        elif part.start_on is not None:
+            yield from check(start_of(config, name), height_of(part), "parts", name, "start_on")
         yield from check(goal_of(config, name), height_of(part), "parts", name, "goal_m")
     for name, screw in config.screws.items():
         yield from check(hole_of(config, screw), 0.0, "screws", name, "hole_m")

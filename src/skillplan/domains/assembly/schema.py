@@ -14,7 +14,10 @@ Length = Annotated[float, Field(gt=0, le=10)]
 Duration = Annotated[float, Field(ge=0, le=86_400)]
 Planar = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Spatial = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
-Extents = Annotated[list[Length], Field(min_length=3, max_length=3)]
+# Thinner than a micrometre, a box has no volume worth the name.
+Extent = Annotated[float, Field(ge=1e-6, le=10)]
+Extents = Annotated[list[Extent], Field(min_length=3, max_length=3)]
+Mass = Annotated[float, Field(ge=1e-6, le=1000)]
 Angle = Annotated[float, Field(ge=-6.2832, le=6.2832)]
 Reward = Annotated[float, Field(ge=-1e6, le=1e6)]
 Fact = Annotated[str, Field(min_length=1, max_length=200)]
@@ -31,7 +34,7 @@ class RobotConfig(Strict):
     safe_height_m: Length = Field(
         0.15, description="height of the lowest carried point while travelling [m]"
     )
-    travel_speed_m_per_s: Annotated[float, Field(gt=0, le=100)] = Field(
+    travel_speed_m_per_s: Annotated[float, Field(ge=1e-3, le=100)] = Field(
         0.25, description="planar speed between skills [m/s]"
     )
 
@@ -89,7 +92,7 @@ class PartConfig(Strict):
     """A part: where it is, where it belongs, its shape."""
 
     tool: Name = Field(description="the tool that grasps it")
-    mass_kg: Annotated[float, Field(gt=0, le=1000)] = Field(0.1, description="mass [kg]")
+    mass_kg: Mass = Field(0.1, description="mass [kg]")
     size_m: Extents | None = Field(None, description="extents of a simple box, x y z [m]")
     boxes: Annotated[list[BoxConfig], Field(min_length=1, max_length=64)] | None = Field(
         None, description="the boxes of a compound part, instead of size_m"
@@ -121,14 +124,16 @@ class ScrewConfig(Strict):
     feeder: Name | None = Field(None, description="where the tool fetches it on the way, if so")
     head_diameter_m: Length = Field(0.006, description="diameter of the head [m]")
     head_height_m: Length = Field(0.002, description="height of the head [m]")
-    mass_kg: Annotated[float, Field(gt=0, le=1000)] = Field(0.001, description="mass [kg]")
+    mass_kg: Mass = Field(0.001, description="mass [kg]")
 
 
 class ChartLine(Strict):
     """A line of the hand-made precedence chart."""
 
     before: Name = Field(description="the part or screw that comes first")
-    after: Annotated[list[Name], Field(min_length=1)] = Field(description="those that come later")
+    after: Annotated[list[Name], Field(min_length=1, max_length=512)] = Field(
+        description="those that come later"
+    )
 
 
 class RewardConfig(Strict):
@@ -180,14 +185,16 @@ class AssemblyConfig(Strict):
     screws: Annotated[dict[Name, ScrewConfig], Field(max_length=256)] = Field(
         {}, description="screws by name"
     )
-    goal: Annotated[list[Fact], Field(min_length=1)] | None = Field(
+    goal: Annotated[list[Fact], Field(min_length=1, max_length=4096)] | None = Field(
         None, description="facts to bring about; left out: every part placed, every screw fastened"
     )
-    chart: list[ChartLine] = Field([], description="the hand-made precedence relation")
-    actions: Annotated[list[Fact], Field(min_length=1)] | None = Field(
+    chart: Annotated[list[ChartLine], Field(max_length=4096)] = Field(
+        [], description="the hand-made precedence relation"
+    )
+    actions: Annotated[list[Fact], Field(min_length=1, max_length=1024)] | None = Field(
         None, description="the actions in the order of their numbers; left out: all, in file order"
     )
-    observation: Annotated[list[Fact], Field(min_length=1)] | None = Field(
+    observation: Annotated[list[Fact], Field(min_length=1, max_length=4096)] | None = Field(
         None, description="the bits a learner sees: facts, or 'not FACT'; left out: all facts"
     )
     reward: RewardConfig | None = Field(None, description="the reward scheme")
@@ -197,7 +204,7 @@ class AssemblyConfig(Strict):
     physics: Annotated[dict[Name, dict[str, Any] | None], Field(max_length=1)] = Field(
         {}, description="the physics engine and its options; left out: kinematic"
     )
-    collision: dict[Name, dict[str, Any] | None] = Field(
+    collision: Annotated[dict[Name, dict[str, Any] | None], Field(max_length=16)] = Field(
         {}, description="collision detectors and their options; left out: the chart, or else aabb"
     )
     expect: ExpectConfig | None = Field(None, description="figures that tests verify")

@@ -18,8 +18,10 @@ def command(kind: str) -> int:
     """Print the JSON Schema of task files of KIND, by default assembly, for editors."""
     from skillplan import registry
     from skillplan.cli.output import as_json
+    from skillplan.cli.writing import write_out
 
     schema = registry.load("domain", kind).Config.model_json_schema(by_alias=True)
     dialect = "https://json-schema.org/draft/2020-12/schema"
-    print(as_json({"$schema": dialect, "$id": f"skillplan.task.{kind}/1", **schema}))
+    document = {"$schema": dialect, "$id": f"skillplan.task.{kind}/1", **schema}
+    write_out(f"{as_json(document)}\n")
     return 0

@@ -1,0 +1,193 @@
+"""Situations of the command line: a call in this process, and plugins put on the path."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from textwrap import dedent
+from typing import Any
+
+import pytest
+
+from skillplan import registry
+from skillplan.cli.app import main
+
+ROOT = Path(__file__).parents[2]
+BOARD = str(ROOT / "configs" / "inverter_board.yaml")
+MOTOR = str(ROOT / "configs" / "motor_drive.yaml")
+PYTHON = (sys.executable, "-m", "skillplan")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a call of the command line came to."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def document(self) -> Any:
+        """The one JSON document on stdout; anything beside it is a fault."""
+        return json.loads(self.out)
+
+
+Cli = Callable[..., Outcome]
+Install = Callable[..., Path]
+
+
+@pytest.fixture
+def board() -> str:
+    """The paper's inverter board."""
+    return BOARD
+
+
+@pytest.fixture
+def motor() -> str:
+    """The larger board, whose sequences cannot be enumerated."""
+    return MOTOR
+
+
+@pytest.fixture
+def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
+    """The real entry point, in this process."""
+
+    def call(*words: str) -> Outcome:
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            main(words)
+        captured = capsys.readouterr()
+        assert isinstance(ended.value.code, int)
+        return Outcome(ended.value.code, captured.out, captured.err)
+
+    return call
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
+    """Puts a distribution with one plugin on the path, here and in child processes."""
+    folder = tmp_path / "site"
+    folder.mkdir()
+    monkeypatch.syspath_prepend(str(folder))
+    monkeypatch.setenv("PYTHONPATH", str(folder))
+    installed: list[str] = []
+
+    def put(kind: str, name: str, value: str, source: str) -> Path:
+        module = value.partition(":")[0]
+        (folder / f"{module}.py").write_text(dedent(source), "utf-8")
+        info = folder / f"{module}-1.5.dist-info"
+        info.mkdir()
+        title = module.replace("_", "-")
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {title}\nVersion: 1.5\n")
+        (info / "entry_points.txt").write_text(f"[skillplan.{kind}]\n{name} = {value}\n")
+        installed.append(module)
+        registry._providers.cache_clear()
+        return folder
+
+    yield put
+    for module in installed:
+        sys.modules.pop(module, None)
+    registry._providers.cache_clear()
+
+
+@pytest.fixture
+def bursting_detector(install: Install) -> str:
+    """A collision detector that raises instead of ruling."""
+    source = '''
+        from skillplan import Detector
+
+        class Bursting(Detector):
+            """Burst on the first question."""
+
+            name = "bursting"
+
+            def check(self, skill, state):
+                raise RuntimeError("the simulator has gone away")
+    '''
+    install("collision", "bursting", "bursting_detector:Bursting", source)
+    return "bursting"
+
+
+@pytest.fixture
+def deaf_solver(install: Install) -> str:
+    """A solver that heeds no stop."""
+    source = '''
+        import time
+
+        from skillplan import Solver
+
+        class Deaf(Solver):
+            """Sleep for ever."""
+
+            name = "deaf"
+
+            def solve(self, model, *, seed=0):
+                print("asleep", flush=True)
+                while True:
+                    time.sleep(0.01)
+    '''
+    install("solver", "deaf", "deaf_solver:Deaf", source)
+    return "deaf"
+
+
+@pytest.fixture
+def lying_solver(install: Install) -> str:
+    """A solver that claims an impossible cost."""
+    source = '''
+        from skillplan import Plan, Solution, Solver
+
+        class Liar(Solver):
+            """Claim that the plan is free."""
+
+            name = "liar"
+
+            def solve(self, model, *, seed=0):
+                return Solution(Plan(("pick(pcb)",), 0.0), 0.0, proved=True)
+    '''
+    install("solver", "liar", "lying_solver:Liar", source)
+    return "liar"
+
+
+@pytest.fixture
+def choosy_solver(install: Install) -> str:
+    """A solver that serves no task."""
+    source = '''
+        from skillplan import Solution, Solver
+
+        class Choosy(Solver):
+            """Refuse everything."""
+
+            name = "choosy"
+
+            def refuses(self, model):
+                return "it is Monday"
+
+            def solve(self, model, *, seed=0):
+                return Solution(None)
+    '''
+    install("solver", "choosy", "choosy_solver:Choosy", source)
+    return "choosy"
+
+
+@pytest.fixture
+def no_way(tmp_path: Path) -> str:
+    """The board with a chart that wants the screws before the brace: no plan."""
+    text = Path(BOARD).read_text("utf-8")
+    old = "  - {before: brace, after: [screw_1, screw_2]}\n"
+    assert text.count(old) == 1
+    text = text.replace(old, "  - {before: screw_1, after: [brace]}\n")
+    text = text.replace("collision: {precedence: {}}", "collision: {precedence: {}, aabb: {}}")
+    path = tmp_path / "no_way.yaml"
+    path.write_text(text, "utf-8")
+    return str(path)
+
+
+@pytest.fixture
+def environment() -> dict[str, str]:
+    """The environment of a child process without what would colour its output."""
+    left_out = ("COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE")
+    return {key: value for key, value in os.environ.items() if key not in left_out}

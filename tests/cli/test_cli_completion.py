@@ -1,0 +1,91 @@
+"""Shell completion, driven as a shell drives it."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from skillplan.cli.app import COMMANDS
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def complete(cli: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
+    """Completes the last word of a line, in a folder with the configs and one file beside."""
+    shutil.copytree(ROOT / "configs", tmp_path / "configs")
+    (tmp_path / "mine.yaml").write_text("kind: assembly\n")
+    monkeypatch.chdir(tmp_path)
+
+    def ask(line: str) -> list[str]:
+        words = line.split(" ")
+        monkeypatch.setenv("_SKILLPLAN_COMPLETE", "bash_complete")
+        monkeypatch.setenv("COMP_WORDS", line)
+        monkeypatch.setenv("COMP_CWORD", str(len(words) - 1))
+        outcome = cli()
+        assert (0, "") == (outcome.code, outcome.err)
+        return [answer.partition(",")[2] for answer in outcome.out.split()]
+
+    return ask
+
+
+def test_commands(complete: Any) -> None:
+    """All of them, or those that begin so."""
+    assert list(COMMANDS) == complete("skillplan ")
+    assert ["check", "chart"] == sorted(complete("skillplan ch"), reverse=True)
+
+
+def test_task_files(complete: Any) -> None:
+    """Those here and those in configs."""
+    board, motor = "configs/inverter_board.yaml", "configs/motor_drive.yaml"
+    assert ["mine.yaml", board, motor] == complete("skillplan check ")
+    assert [motor] == complete("skillplan search-optimal configs/m")
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("skillplan search-optimal mine.yaml --solver ex", ["exact", "exhaustive"]),
+        ("skillplan compare mine.yaml --solvers exa", ["exact"]),
+        ("skillplan compare mine.yaml --solvers exact,ex", ["exact,exhaustive"]),
+        ("skillplan chart mine.yaml --collision a", ["aabb"]),
+        ("skillplan check --format ", ["table", "json", "csv", "md"]),
+        ("skillplan explain mine.yaml --collision aabb,pre", ["aabb,precedence"]),
+        ("skillplan search-optimal mine.yaml --physics k", ["kinematic"]),
+        ("skillplan plugins c", ["collision"]),
+        ("skillplan plugins collision aa", ["aabb"]),
+        ("skillplan plugins nonsense ", []),
+        ("skillplan schema a", ["assembly"]),
+        ("skillplan evaluate mine.yaml --seq", ["--sequence"]),
+    ],
+)
+def test_names_of_plugins_and_options(complete: Any, line: str, expected: list[str]) -> None:
+    """What is installed, for each option that takes it; none twice after a comma."""
+    assert expected == complete(line)
+
+
+def test_a_plugin_just_installed_is_completed(complete: Any, choosy_solver: str) -> None:
+    """Names come from the entry points, without importing anything."""
+    assert [choosy_solver] == complete("skillplan search-optimal mine.yaml --solver cho")
+
+
+def test_skills_of_the_task_named_before(complete: Any) -> None:
+    """Read from the file on the line."""
+    board = "configs/inverter_board.yaml"
+    assert ["pick(switch_1)", "pick(switch_2)"] == complete(f"skillplan explain {board} pick(sw")
+    assert 16 == len(complete(f"skillplan explain {board} "))
+
+
+def test_a_wrong_file_completes_to_nothing(complete: Any) -> None:
+    """Completion never prints a fault into the line that is typed."""
+    assert [] == complete("skillplan explain mine.yaml pick")
+    assert [] == complete("skillplan explain nowhere.yaml pick")
+
+
+def test_bash_gets_its_script(cli: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The line of the README prints one."""
+    monkeypatch.setenv("_SKILLPLAN_COMPLETE", "zsh_source")
+    assert "#compdef skillplan" in cli().out

@@ -1,0 +1,228 @@
+"""Exit codes, each provoked by a real situation; 130 by signals in test_cli_process.py."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from skillplan.cli.app import COMMANDS, EPILOG, app
+
+OPTIMUM = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
+
+
+class TestZero:
+    def test_a_proved_plan(self, cli: Any, board: str) -> None:
+        """Optimal is solved."""
+        assert 0 == cli("search-optimal", board).code
+
+    def test_an_unproved_plan(self, cli: Any, board: str) -> None:
+        """Solved with a gap is solved, too."""
+        outcome = cli("search-optimal", board, "-O", "max_labels=1", "--format", "json")
+        assert 0 == outcome.code
+        assert "solved" == outcome.document["status"]
+
+    def test_a_complete_sequence(self, cli: Any, board: str) -> None:
+        """Whatever it costs."""
+        assert 0 == cli("evaluate", board, "--sequence", OPTIMUM).code
+
+    @pytest.mark.parametrize("words", [("--help",), ("-h",), ("--version",), ("evaluate", "-h")])
+    def test_asking_for_help(self, cli: Any, words: tuple[str, ...]) -> None:
+        """Help and version go to stdout."""
+        outcome = cli(*words)
+        assert (0, "") == (outcome.code, outcome.err)
+        assert outcome.out
+
+
+class TestOne:
+    def test_a_task_without_a_plan(self, cli: Any, no_way: str) -> None:
+        """Proved infeasible."""
+        outcome = cli("search-optimal", no_way, "--format", "json")
+        assert (1, "infeasible") == (outcome.code, outcome.document["status"])
+
+    def test_no_plan_in_time(self, cli: Any, motor: str) -> None:
+        """Unsolved."""
+        words = ("--solver", "exhaustive", "--time-limit", "0.05", "--format", "json")
+        outcome = cli("search-optimal", motor, *words)
+        assert (1, "unsolved") == (outcome.code, outcome.document["status"])
+        assert "time limit: no plan was found" == outcome.document["reason"]
+
+    @pytest.mark.parametrize("sequence", ["0,3", "0,1", "13,12," * 10 + "13"])
+    def test_a_sequence_that_does_not_do(self, cli: Any, board: str, sequence: str) -> None:
+        """Infeasible, incomplete or too long."""
+        assert 1 == cli("evaluate", board, "--sequence", sequence).code
+
+    def test_a_skill_that_is_not_feasible(self, cli: Any, board: str) -> None:
+        """Explained, and the code says so."""
+        assert 1 == cli("explain", board, "place(pcb)").code
+
+
+class TestTwo:
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (("serch-optimal", "BOARD"), "No such command 'serch-optimal'. Did you mean"),
+            (("search", "BOARD"), "Did you mean 'search-optimal'?"),
+            (("xyzzy",), "No such command 'xyzzy'. Known: search-optimal, evaluate"),
+            (("search-optimal",), "Missing argument 'TASK'"),
+            (("search-optimal", "BOARD", "--slover", "exact"), "No such option"),
+            (("search-optimal", "BOARD", "--solver", "exat"), "Did you mean 'exact'?"),
+            (("search-optimal", "BOARD", "--physics", "kinematik"), "Did you mean 'kinematic'?"),
+            (("search-optimal", "BOARD", "--collision", "aab,precedence"), "Did you mean 'aabb'?"),
+            (("search-optimal", "BOARD", "--collision", ","), "--collision names no detector."),
+            (("search-optimal", "BOARD", "--gap", "1.5"), "must be from 0 to 1, not 1.5."),
+            (("search-optimal", "BOARD", "--gap", "nan"), "must be from 0 to 1, not nan."),
+            (("search-optimal", "BOARD", "--seed", "-1"), "-1 is not in the range"),
+            (("search-optimal", "BOARD", "--time-limit", "0"), "must be a finite number > 0"),
+            (("search-optimal", "BOARD", "--time-limit", "inf"), "must be a finite number > 0"),
+            (("search-optimal", "BOARD", "--time-limit", "soon"), "'soon' is not a number"),
+            (("search-optimal", "BOARD", "--format", "xml"), "'table', 'json', 'csv', 'md'"),
+            (("evaluate", "BOARD"), "Missing option '--sequence'"),
+            (("evaluate", "BOARD", "--sequence", ""), "The sequence is empty."),
+            (("evaluate", "BOARD", "--sequence", "0,,1"), "Entry 1 of the sequence is empty."),
+            (("evaluate", "BOARD", "--sequence", "0,16"), "No action 16; the task has actions 0"),
+            (("evaluate", "BOARD", "--sequence", "0,-1"), "Unknown skill '-1'"),
+            (("evaluate", "BOARD", "--sequence", "plce(pcb)"), "Did you mean 'place(pcb)'?"),
+            (("compare", "BOARD", "--solvers", ","), "--solvers names no solver."),
+            (("compare", "BOARD", "--solvers", "exact,exat"), "Did you mean 'exact'?"),
+            (("explain", "BOARD", "pik(pcb)"), "Did you mean 'pick(pcb)'?"),
+            (("explain", "BOARD", "0", "--after", "0,3"), "--after fails at entry 1 (place(swit"),
+            (("chart", "BOARD", "--collision", "abab"), "Did you mean 'aabb'?"),
+            (("plugins", "solvr"), "Did you mean 'solver'?"),
+            (("plugins", "solver", "exat"), "Did you mean 'exact'?"),
+            (("schema", "asembly"), "Did you mean 'assembly'?"),
+            (("check", "no_such.yaml"), "no_such.yaml: "),
+        ],
+    )
+    def test_a_wrong_word(self, cli: Any, board: str, words: tuple[str, ...], message: str) -> None:
+        """The message names the fault and, where one is near, the right word; stdout is empty."""
+        outcome = cli(*(board if word == "BOARD" else word for word in words))
+        assert (2, "") == (outcome.code, outcome.out)
+        assert message in " ".join(outcome.err.split())
+        assert "Traceback" not in outcome.err
+
+    @pytest.mark.parametrize(
+        ("option", "message"),
+        [
+            ("max_label=3", "The solver 'exact' has no option 'max_label'. Did you mean"),
+            ("max_labels=0", "Options of the solver 'exact': max_labels: must be >= 1, not 0."),
+            ("max_labels=many", "Options of the solver 'exact': max_labels: "),
+            ("dives=7", "Options of the solver 'exact': dives: "),
+            ("max_labels", "must have the form [PLUGIN.]KEY=VALUE."),
+            ("=3", "must have the form [PLUGIN.]KEY=VALUE."),
+            ("exact.=3", "must have the form [PLUGIN.]KEY=VALUE."),
+            ("exat.max_labels=3", "No plugin 'exat' takes part in this run. Did you mean 'exact'?"),
+            ("aabb.tolerance_m=0.001", "No plugin 'aabb' takes part in this run."),
+            ("precedence.hold_back=true", "has no option 'hold_back'. Did you mean 'hold_back_p"),
+        ],
+    )
+    def test_a_wrong_plugin_option(self, cli: Any, board: str, option: str, message: str) -> None:
+        """Explained with the nearest name, the range or the form."""
+        outcome = cli("search-optimal", board, "-O", option)
+        assert (2, "") == (outcome.code, outcome.out)
+        assert message in outcome.err
+
+    def test_an_option_that_could_be_of_either_solver(self, cli: Any, board: str) -> None:
+        """Where two solvers run, an option must name its plugin."""
+        words = ("--solvers", "exact,exhaustive", "-O", "max_labels=5")
+        outcome = cli("compare", board, *words)
+        assert 2 == outcome.code
+        assert "must name its plugin: PLUGIN.max_labels=5." in outcome.err
+
+    def test_a_solver_that_refuses(self, cli: Any, board: str, choosy_solver: str) -> None:
+        """Its words are printed, as a result."""
+        outcome = cli("search-optimal", board, "--solver", choosy_solver)
+        assert 2 == outcome.code
+        assert "status     refused (it is Monday)\n" in outcome.out
+
+    def test_a_solver_that_lies(self, cli: Any, board: str, lying_solver: str) -> None:
+        """Caught by the referee, in a comparison even beside one that solves."""
+        outcome = cli("compare", board, "--solvers", f"exact,{lying_solver}", "--format", "json")
+        assert 2 == outcome.code
+        assert ["optimal", "wrong"] == [row["status"] for row in outcome.document["rows"]]
+        out = cli("search-optimal", board, "--solver", lying_solver).out
+        assert "WRONG: the solver's claim does not hold (the plan fails at the end: " in out
+
+    def test_a_detector_that_cannot_serve(self, cli: Any, tmp_path: Path, board: str) -> None:
+        """The chart detector needs a chart, and says so."""
+        text = Path(board).read_text("utf-8")
+        head, _, rest = text.partition("chart:\n")
+        bare = head + rest.partition("collision: {precedence: {}}\n")[2]
+        path = tmp_path / "bare.yaml"
+        path.write_text(bare, "utf-8")
+        outcome = cli("search-optimal", str(path), "--collision", "precedence")
+        assert 2 == outcome.code
+        assert "the task file has no 'chart:'" in outcome.err
+
+
+class TestThree:
+    @pytest.mark.parametrize(
+        "words",
+        [
+            ("search-optimal", "BOARD"),
+            ("compare", "BOARD", "--solvers", "exact"),
+            ("evaluate", "BOARD", "--sequence", "0"),
+            ("explain", "BOARD", "0"),
+            ("chart", "BOARD"),
+        ],
+        ids=lambda words: words[0],
+    )
+    def test_a_back_end_that_raises(
+        self, cli: Any, board: str, bursting_detector: str, words: tuple[str, ...]
+    ) -> None:
+        """Named, with the skill and its own words, in every command that asks it."""
+        called = [board if word == "BOARD" else word for word in words]
+        outcome = cli(*called, "--collision", bursting_detector, "--format", "json")
+        assert 3 == outcome.code
+        assert "Back end 'bursting' failed on pick(" in outcome.err
+        assert "RuntimeError: the simulator has gone away" in outcome.err
+        assert (3, "BackEndError") == (
+            outcome.document["exit_code"],
+            outcome.document["error"],
+        )
+
+    def test_a_bug_of_our_own_is_no_traceback(
+        self, cli: Any, board: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """It is owned up to, and the way to more is named; JSON stays one document."""
+        monkeypatch.setattr("skillplan.run.load_problem", lambda path: 1 / 0)
+        monkeypatch.delenv("SKILLPLAN_DEBUG", raising=False)
+        outcome = cli("check", board, "--format", "json")
+        assert 3 == outcome.code
+        assert "internal error: ZeroDivisionError" in outcome.err
+        assert "SKILLPLAN_DEBUG=1" in outcome.err
+        assert "ZeroDivisionError" == outcome.document["error"]
+
+    def test_debugging_shows_where(self, board: str, monkeypatch: pytest.MonkeyPatch) -> None:
+        """With SKILLPLAN_DEBUG the exception comes through."""
+        from skillplan.cli.app import main
+
+        monkeypatch.setattr("skillplan.run.load_problem", lambda path: 1 / 0)
+        monkeypatch.setenv("SKILLPLAN_DEBUG", "1")
+        with pytest.raises(ZeroDivisionError):
+            main(["check", board])
+
+
+def test_help_lists_every_command_and_exit_code(cli: Any) -> None:
+    """Nobody has to look elsewhere."""
+    out = cli("--help").out
+    assert all(f"  {name} " in out for name in COMMANDS)
+    words = " ".join(out.split())
+    assert EPILOG in words
+    assert all(f"{code} " in EPILOG for code in (0, 1, 2, 3, 130))
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_helps(cli: Any, name: str) -> None:
+    """Each explains itself and each of its options."""
+    import click
+
+    command = app.get_command(click.Context(app), name)
+    assert command is not None
+    assert name == command.name
+    out = cli(name, "--help").out
+    assert out.startswith(f"Usage: skillplan {name} ")
+    for parameter in command.params:
+        if isinstance(parameter, click.Option):
+            assert parameter.help, parameter.name

@@ -1,0 +1,335 @@
+"""The command line as a process: signals, pipes, terminals."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import signal
+import struct
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from skillplan import __version__
+
+fcntl = pytest.importorskip("fcntl")
+termios = pytest.importorskip("termios")
+
+PATIENCE_S = 30
+SKILLPLAN = [sys.executable, "-m", "skillplan"]
+
+
+class Terminal:
+    """A pseudo terminal of which we hold the far end."""
+
+    def __init__(self, columns: int) -> None:
+        self.far, self.near = pty.openpty()
+        fcntl.ioctl(self.near, termios.TIOCSWINSZ, struct.pack("HHHH", 50, columns, 0, 0))
+        os.set_blocking(self.far, False)
+        self.text = ""
+
+    def read(self) -> str:
+        """Return all that has been shown so far."""
+        try:
+            while chunk := os.read(self.far, 65536):
+                self.text += chunk.decode()
+        except OSError:
+            pass
+        return self.text
+
+    def wait_for(self, pattern: str) -> None:
+        """Return once something that matches has been shown."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        while re.search(pattern, self.read()) is None:
+            assert time.monotonic() < deadline_s, f"no {pattern!r} in {self.text!r}"
+            time.sleep(0.01)
+
+
+@contextmanager
+def terminal(columns: int = 80) -> Iterator[Terminal]:
+    made = Terminal(columns)
+    try:
+        yield made
+    finally:
+        os.close(made.far)
+        os.close(made.near)
+
+
+def on_a_terminal(words: list[str], columns: int, environment: dict[str, str]) -> str:
+    """Return what a command shows whose stdout is a terminal so wide."""
+    with terminal(columns) as screen:
+        process = subprocess.Popen(
+            [*SKILLPLAN, *words],
+            stdout=screen.near,
+            stderr=subprocess.PIPE,
+            env={**environment, "TERM": "xterm"},
+        )
+        while process.poll() is None:
+            screen.read()
+            time.sleep(0.01)
+        shown = screen.read()
+        assert process.stderr is not None
+        with process.stderr:
+            assert b"" == process.stderr.read()
+    return re.sub(r"\x1b\[[0-9;]*m", "", shown).replace("\r\n", "\n")
+
+
+class TestAsAModule:
+    def test_python_m_is_the_same_program(self, environment: dict[str, str], board: str) -> None:
+        """`python -m skillplan` solves, prints one document, and is silent on stderr."""
+        command = [*SKILLPLAN, "search-optimal", board, "--format", "json"]
+        done = subprocess.run(command, capture_output=True, text=True, env=environment)
+        assert (0, "") == (done.returncode, done.stderr)
+        assert "optimal" == json.loads(done.stdout)["status"]
+
+    def test_the_installed_script_is_the_same_program(self, environment: dict[str, str]) -> None:
+        """The entry point of the distribution."""
+        script = Path(sys.executable).parent / "skillplan"
+        done = subprocess.run(
+            [script, "--version"], capture_output=True, text=True, env=environment
+        )
+        assert (0, f"skillplan, version {__version__}\n") == (done.returncode, done.stdout)
+
+    def test_exit_codes_reach_the_shell(self, environment: dict[str, str], board: str) -> None:
+        """1 and 2, as real statuses."""
+        for code, words in ((1, ["explain", board, "1"]), (2, ["explain", board, "x"])):
+            done = subprocess.run([*SKILLPLAN, *words], capture_output=True, env=environment)
+            assert code == done.returncode
+
+
+class TestInterruption:
+    @pytest.fixture
+    def long_search(
+        self, environment: dict[str, str], motor: str
+    ) -> Iterator[tuple[subprocess.Popen[str], Terminal]]:
+        """Brute force on the larger board, which would take for ever; stderr is a terminal."""
+        words = ["search-optimal", motor, "--solver", "exhaustive", "--format", "json"]
+        with terminal() as screen:
+            process = subprocess.Popen(
+                [*SKILLPLAN, *words],
+                stdout=subprocess.PIPE,
+                stderr=screen.near,
+                text=True,
+                env={**environment, "TERM": "xterm"},
+            )
+            try:
+                yield process, screen
+            finally:
+                process.kill()
+                process.communicate()
+
+    def test_ctrl_c_prints_the_best_so_far(
+        self, long_search: tuple[subprocess.Popen[str], Terminal]
+    ) -> None:
+        """One whole document with the proved bound, and exit code 130."""
+        process, screen = long_search
+        screen.wait_for("nodes")
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=PATIENCE_S)
+        document = json.loads(out)
+        assert 130 == process.returncode
+        assert ("unsolved", "interrupted: no plan was found") == (
+            document["status"],
+            document["reason"],
+        )
+        assert document["lower_bound"] > 0
+        assert document["stats"]["expanded"] > 0
+        assert "Traceback" not in screen.read()
+
+    def test_progress_shows_on_the_terminal_and_goes_away(
+        self, long_search: tuple[subprocess.Popen[str], Terminal]
+    ) -> None:
+        """Solver, bound and nodes while it runs; the line is wiped in the end."""
+        process, screen = long_search
+        screen.wait_for("nodes")
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=PATIENCE_S)
+        shown = screen.read()
+        assert "exhaustive" in shown
+        assert "bound 0." in shown
+        assert "\x1b[2K" in shown[-20:]
+
+    def test_an_interrupted_comparison_keeps_what_is_done(
+        self, environment: dict[str, str], motor: str, deaf_solver: str
+    ) -> None:
+        """The solver that had ended and the one that was interrupted; the third never starts."""
+        solvers = f"exact,exhaustive,{deaf_solver}"
+        words = ["compare", motor, "--solvers", solvers, "--format", "json"]
+        with terminal() as screen:
+            process = subprocess.Popen(
+                [*SKILLPLAN, *words],
+                stdout=subprocess.PIPE,
+                stderr=screen.near,
+                text=True,
+                env={**environment, "TERM": "xterm", "PYTHONPATH": os.environ["PYTHONPATH"]},
+            )
+            try:
+                screen.wait_for("exhaustive[^\r\n]* nodes")
+                process.send_signal(signal.SIGINT)
+                out, _ = process.communicate(timeout=PATIENCE_S)
+            finally:
+                process.kill()
+                process.communicate()
+        assert 130 == process.returncode
+        rows = json.loads(out)["rows"]
+        assert [("exact", "optimal"), ("exhaustive", "unsolved")] == [
+            (row["solver"], row["status"]) for row in rows
+        ]
+
+    def test_a_second_ctrl_c_ends_it(
+        self, environment: dict[str, str], board: str, deaf_solver: str
+    ) -> None:
+        """A solver that heeds nothing is ended, without a traceback and without a result."""
+        process = subprocess.Popen(
+            [*SKILLPLAN, "search-optimal", board, "--solver", deaf_solver],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**environment, "PYTHONPATH": os.environ["PYTHONPATH"]},
+        )
+        try:
+            assert process.stdout is not None
+            assert "asleep\n" == process.stdout.readline()
+            process.send_signal(signal.SIGINT)
+            with pytest.raises(subprocess.TimeoutExpired):
+                process.wait(0.3)
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=PATIENCE_S)
+        finally:
+            process.kill()
+            process.communicate()
+        assert 130 == process.returncode
+        assert "" == out
+        assert "skillplan: interrupted\n" == err.lstrip("\n")
+
+
+class TestPipes:
+    @pytest.mark.parametrize("style", ["table", "json", "csv", "md"])
+    def test_a_reader_who_has_gone_is_no_fault(
+        self, environment: dict[str, str], motor: str, style: str
+    ) -> None:
+        """As with `| head -1`: nothing on stderr, and the exit code of the search."""
+        gone, ours = os.pipe()
+        os.close(gone)
+        try:
+            done = subprocess.run(
+                [*SKILLPLAN, "search-optimal", motor, "--format", style],
+                stdout=ours,
+                stderr=subprocess.PIPE,
+                env=environment,
+            )
+        finally:
+            os.close(ours)
+        assert (0, b"") == (done.returncode, done.stderr)
+
+    def test_head_gets_its_line(self, environment: dict[str, str], board: str) -> None:
+        """In a real shell pipeline."""
+        shell = f"'{sys.executable}' -m skillplan check '{board}' | head -1"
+        done = subprocess.run(["sh", "-c", shell], capture_output=True, text=True, env=environment)
+        assert (0, "inverter-board: valid\n", "") == (done.returncode, done.stdout, done.stderr)
+
+    @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
+    def test_a_full_disk_is_told(self, environment: dict[str, str], board: str) -> None:
+        """In words, with exit code 2."""
+        with open("/dev/full", "w") as full:
+            command = [*SKILLPLAN, "check", board]
+            done = subprocess.run(
+                command, stdout=full, stderr=subprocess.PIPE, text=True, env=environment
+            )
+        assert 2 == done.returncode
+        assert done.stderr.startswith("skillplan: error: The output cannot be written: ")
+        assert 1 == len(done.stderr.splitlines())
+
+    @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
+    def test_any_encoding_of_stdout_will_do(
+        self, environment: dict[str, str], board: str, encoding: str
+    ) -> None:
+        """Old terminals get a table without box characters."""
+        command = [*SKILLPLAN, "check", board]
+        done = subprocess.run(
+            command, capture_output=True, env={**environment, "PYTHONIOENCODING": encoding}
+        )
+        assert (0, b"") == (done.returncode, done.stderr)
+        lines = done.stdout.decode(encoding).splitlines()
+        assert {"─" if encoding == "utf-8" else "-"} == set(lines[2]) - {"+"}
+
+    def test_no_progress_where_stderr_is_no_terminal(
+        self, environment: dict[str, str], motor: str
+    ) -> None:
+        """A search of a second leaves nothing on a redirected stderr, even in colour."""
+        words = ["search-optimal", motor, "--solver", "exhaustive", "--time-limit", "0.3"]
+        done = subprocess.run(
+            [*SKILLPLAN, *words], capture_output=True, env={**environment, "FORCE_COLOR": "1"}
+        )
+        assert (1, b"") == (done.returncode, done.stderr)
+
+    def test_redirected_output_is_plain_and_uncut(
+        self, environment: dict[str, str], motor: str
+    ) -> None:
+        """Whatever COLUMNS and FORCE_COLOR say: a line is a line."""
+        command = [*SKILLPLAN, "compare", motor, "--solvers", "exact"]
+        forced = {**environment, "COLUMNS": "40", "FORCE_COLOR": "1"}
+        done = subprocess.run(command, capture_output=True, text=True, env=forced)
+        assert "\x1b" not in done.stdout
+        assert done.stdout.splitlines()[3].endswith(",20,21,22,23")
+
+
+class TestTerminals:
+    def test_a_plan_fits_80_columns(self, environment: dict[str, str], motor: str) -> None:
+        """A line for each step, none of them wrapped; the sequence can be copied whole."""
+        shown = on_a_terminal(["search-optimal", motor], 80, environment)
+        lines = shown.splitlines()
+        sequence = next(line for line in lines if line.startswith("sequence"))
+        assert 41 == len(sequence.split(","))
+        assert all(len(line) <= 80 for line in lines if line != sequence)
+        assert 41 == len([line for line in lines if re.match(r" *\d+ +\d+  [a-z]+\(\S+\) ", line)])
+
+    def test_a_comparison_fits_80_columns(self, environment: dict[str, str], board: str) -> None:
+        """No figure is cut; what is long stands below the table."""
+        words = ["compare", board, "--solvers", "exact,exhaustive"]
+        lines = on_a_terminal(words, 80, environment).splitlines()
+        rows = [line for line in lines if line.startswith(("exact ", "exhaustive "))]
+        assert all(["optimal", "1.86709", "0.00", "%"] == row.split()[1:5] for row in rows)
+        assert 2 == len(rows)
+        sequence = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
+        assert f"exact: makespan [s] 69.5; sequence {sequence}" in lines
+        assert all(len(line) <= 80 for line in lines)
+
+    def test_a_wide_terminal_has_all_in_one_table(
+        self, environment: dict[str, str], board: str
+    ) -> None:
+        """Nothing is moved below where it fits."""
+        words = ["compare", board, "--solvers", "exact"]
+        lines = on_a_terminal(words, 160, environment).splitlines()
+        assert lines[1].split()[-1] == "sequence"
+        assert lines[3].rstrip().endswith("0,1,2,3,4,5,8,9,10,11,6,7,13,14,15")
+
+    @pytest.mark.parametrize("columns", [30, 70, 80, 120])
+    def test_nothing_is_cut_in_any_width(
+        self, environment: dict[str, str], board: str, columns: int
+    ) -> None:
+        """Cells may be folded where there is no room at all; not a digit is lost."""
+        words = ["evaluate", board, "--sequence", "0,1,2,3"]
+        table, _, notes = on_a_terminal(words, columns, environment).partition("feasible")
+        wide, _, _ = on_a_terminal(words, 200, environment).partition("feasible")
+        assert Counter(re.findall(r"\d", wide)) == Counter(re.findall(r"\d", table))
+        assert "so far     0.40262 m, 13.6 s\n" in notes
+
+    def test_an_explanation_is_readable_in_80_columns(
+        self, environment: dict[str, str], board: str
+    ) -> None:
+        """Facts are not broken in the middle of a name."""
+        words = ["explain", board, "place(brace)", "--after", "0,1,10"]
+        lines = on_a_terminal(words, 80, environment).splitlines()
+        assert all(len(line) <= 80 for line in lines)
+        text = "\n".join(lines)
+        for fact in ("placed(pcb)", "not placed(transformer)", "at_start(switch_2)"):
+            assert fact in text

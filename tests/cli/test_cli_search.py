@@ -1,0 +1,228 @@
+"""search-optimal and compare: limits, gap, folders, options of plugins."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from skillplan.cli import writing
+from skillplan.cli.output import save
+from skillplan.errors import OptionError
+
+
+def test_a_time_limit_gives_plan_bound_and_gap(cli: Any, board: str, tmp_path: Path) -> None:
+    """The best so far, and how far it may be from the optimum; brute force would take for ever."""
+    path = tmp_path / "patient_board.yaml"
+    text = Path(board).read_text("utf-8").replace("step_limit: 20", "step_limit: 60")
+    path.write_text(text, "utf-8")
+    words = ("--solver", "exhaustive", "--time-limit", "0.2", "--format", "json")
+    outcome = cli("search-optimal", str(path), *words)
+    document = outcome.document
+    assert (0, "solved", "time limit") == (outcome.code, document["status"], document["reason"])
+    assert 0 < document["lower_bound"] < 1.86708 < document["cost"]
+    gap = 1 - document["lower_bound"] / document["cost"]
+    assert gap == pytest.approx(document["gap"])
+    assert 0.1 < document["stats"]["wall_s"] < 5
+
+
+def test_a_time_limit_too_short_for_a_plan_leaves_a_bound(cli: Any, motor: str) -> None:
+    """`exact` then has proved something all the same."""
+    words = ("--time-limit", "0.000001", "--format", "json")
+    document = cli("search-optimal", motor, *words).document
+    assert ("unsolved", None) == (document["status"], document["cost"])
+    assert 0 < document["lower_bound"] <= 11.58291 + 5e-6
+
+
+@pytest.mark.parametrize(("solver", "gap"), [("exact", "0.3"), ("exhaustive", "0.9")])
+def test_a_gap_is_good_enough(cli: Any, board: str, motor: str, solver: str, gap: str) -> None:
+    """The search ends early, with a gap no larger than asked for."""
+    task = motor if solver == "exact" else board
+    words = ("search-optimal", task, "--solver", solver, "--format", "json")
+    document = cli(*words, "--gap", gap).document
+    full = cli(*words).document
+    assert ("solved", "gap reached") == (document["status"], document["reason"])
+    assert 0 < document["gap"] <= float(gap)
+    assert document["stats"]["expanded"] < full["stats"]["expanded"]
+
+
+def test_a_small_gap_is_met_on_the_larger_board(cli: Any, motor: str) -> None:
+    """Within 10 % of the optimum, and proved to be."""
+    document = cli("search-optimal", motor, "--gap", "0.1", "--format", "json").document
+    assert document["gap"] <= 0.1
+    assert document["cost"] <= 11.58291 / 0.9
+
+
+def test_the_same_seed_gives_the_same_result(cli: Any, board: str) -> None:
+    """All but the seconds."""
+    documents = []
+    for _ in range(2):
+        document = cli("search-optimal", board, "--seed", "3", "--format", "json").document
+        document["stats"].pop("wall_s")
+        documents.append(document)
+    assert documents[0] == documents[1]
+
+
+@pytest.mark.parametrize("words", [(), ("--no-cache",)])
+def test_the_cache_does_not_change_the_answer(cli: Any, board: str, words: tuple[str, ...]) -> None:
+    """With and without verdicts on disk, first and second time."""
+    actions = [
+        cli("search-optimal", board, *words, "--format", "json").document["actions"]
+        for _ in range(2)
+    ]
+    assert [[0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14, 15]] * 2 == actions
+
+
+class TestOut:
+    def test_the_folder_holds_what_was_printed(self, cli: Any, board: str, tmp_path: Path) -> None:
+        """result.json is the document, plan.csv its steps; nothing else is left there."""
+        folder = tmp_path / "deep" / "run"
+        outcome = cli("search-optimal", board, "--out", str(folder), "--format", "json")
+        assert ["plan.csv", "result.json"] == sorted(path.name for path in folder.iterdir())
+        assert outcome.document == json.loads((folder / "result.json").read_text("utf-8"))
+        plan = (folder / "plan.csv").read_text("utf-8")
+        rows = list(csv.DictReader(io.StringIO(plan)))
+        assert outcome.document["skills"] == [row["skill"] for row in rows]
+        assert outcome.document["actions"] == [int(row["action"]) for row in rows]
+
+    def test_an_unsolved_run_has_its_folder_too(
+        self, cli: Any, no_way: str, tmp_path: Path
+    ) -> None:
+        """plan.csv then has a heading and no rows."""
+        folder = tmp_path / "run"
+        assert 1 == cli("search-optimal", no_way, "--out", str(folder)).code
+        assert 1 == len((folder / "plan.csv").read_text("utf-8").splitlines())
+        assert "infeasible" == json.loads((folder / "result.json").read_text("utf-8"))["status"]
+
+    def test_an_earlier_result_is_never_overwritten(
+        self, cli: Any, board: str, tmp_path: Path
+    ) -> None:
+        """A folder that holds anything is refused before the search begins."""
+        (tmp_path / "mine.txt").write_text("keep me")
+        outcome = cli("search-optimal", board, "--out", str(tmp_path))
+        assert (2, "") == (outcome.code, outcome.out)
+        assert "is not empty. Name a new folder." in outcome.err
+        assert ["mine.txt"] == [path.name for path in tmp_path.iterdir()]
+
+    def test_a_file_is_no_folder(self, cli: Any, board: str, tmp_path: Path) -> None:
+        """A file in the way is a fault in words."""
+        path = tmp_path / "file"
+        path.write_text("")
+        outcome = cli("search-optimal", board, "--out", str(path))
+        assert 2 == outcome.code
+        assert f"--out {path}: cannot be used: " in outcome.err
+
+    def test_a_wrong_task_leaves_no_folder(self, cli: Any, tmp_path: Path) -> None:
+        """The folder is made only once the task is known to be right."""
+        assert 2 == cli("search-optimal", "nowhere.yaml", "--out", str(tmp_path / "run")).code
+        assert not (tmp_path / "run").exists()
+
+    def test_a_file_is_there_whole_or_not_at_all(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Where writing fails midway, neither the file nor its beginning is left."""
+
+        def fail(handle: int) -> None:
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr(os, "fsync", fail)
+        with pytest.raises(OptionError, match=r"result\.json cannot be written: No space left"):
+            save(tmp_path, "result.json", "{}")
+        assert [] == list(tmp_path.iterdir())
+
+
+class TestOptions:
+    def test_an_option_reaches_the_solver(self, cli: Any, board: str) -> None:
+        """With one label the search ends at once, unproved."""
+        words = ("-O", "max_labels=1", "--format", "json")
+        document = cli("search-optimal", board, *words).document
+        assert ("solved", 1) == (document["status"], document["stats"]["expanded"])
+
+    def test_several_options_reach_their_plugins(self, cli: Any, board: str) -> None:
+        """By name: solver, detector of the file and detector of the command line."""
+        words = ("-O", "exact.max_labels=1", "-O", "exact.dives=false")
+        words += ("-O", "precedence.hold_back_picks=true", "--format", "json")
+        document = cli("search-optimal", board, *words).document
+        assert "unsolved" == document["status"]
+
+    def test_a_detector_s_option_changes_its_verdicts(self, cli: Any, board: str) -> None:
+        """Held back, the second pick is infeasible before the board is placed."""
+        words = ("explain", board, "pick(brace)", "--format", "json")
+        assert 0 == cli(*words).code
+        held = cli(*words, "-O", "precedence.hold_back_picks=true")
+        assert (1, "precedence") == (held.code, held.document["stage"])
+
+    def test_the_last_of_two_values_holds(self, cli: Any, board: str) -> None:
+        """As on any command line."""
+        words = ("-O", "max_labels=1", "-O", "max_labels=100000", "--format", "json")
+        assert "optimal" == cli("search-optimal", board, *words).document["status"]
+
+
+class TestDetectors:
+    def test_two_detectors_are_both_asked(self, cli: Any, board: str) -> None:
+        """`--collision a,b`: the same optimum, and verdicts of both stages."""
+        words = ("--collision", "aabb,precedence", "--format", "json")
+        document = cli("search-optimal", board, *words).document
+        assert "1.86709" == f"{document['cost']:.5f}"
+        explained = cli("explain", board, "pick(pcb)", *words).document
+        stages = [stage["stage"] for stage in explained["stages"]]
+        assert ["kinematic", "precedence", "precondition"] == sorted(set(stages) - {"aabb"})
+        assert "aabb" in stages
+
+    def test_the_chart_can_be_left_out(self, cli: Any, board: str) -> None:
+        """With `aabb` alone geometry finds the paper's optimum without the hand-made chart."""
+        document = cli("search-optimal", board, "--collision", "aabb", "--format", "json").document
+        assert ("optimal", "aabb") == (document["status"], document["collision"])
+        assert "1.86709" == f"{document['cost']:.5f}"
+
+
+class TestCompare:
+    def test_both_solvers_prove_the_same_optimum(self, cli: Any, board: str) -> None:
+        """Rows in the order asked for; each with a cold cache."""
+        outcome = cli("compare", board, "--solvers", "exhaustive,exact", "--format", "json")
+        rows = outcome.document["rows"]
+        assert ["exhaustive", "exact"] == [row["solver"] for row in rows]
+        assert ["optimal", "optimal"] == [row["status"] for row in rows]
+        assert rows[0]["cost"] == pytest.approx(rows[1]["cost"], abs=1e-12)
+        assert not outcome.document["warm"]
+        assert rows[1]["stats"]["expanded"] * 50 <= rows[0]["stats"]["expanded"]
+
+    def test_a_name_given_twice_runs_once(self, cli: Any, board: str) -> None:
+        """Blanks about names do not matter either."""
+        words = ("--solvers", "exact, exact,,exact", "--format", "json")
+        assert ["exact"] == [r["solver"] for r in cli("compare", board, *words).document["rows"]]
+
+    def test_warmth_shows_in_the_title(self, cli: Any, board: str) -> None:
+        """No comparison with a warm cache goes unmarked."""
+        assert ", cold cache\n" in cli("compare", board, "--solvers", "exact").out
+        assert ", warm cache\n" in cli("compare", board, "--solvers", "exact", "--warm").out
+
+    def test_each_solver_has_its_own_time_limit(self, cli: Any, motor: str) -> None:
+        """One that uses its time up takes none from the next."""
+        words = ("--solvers", "exhaustive,exact", "--time-limit", "2")
+        rows = cli("compare", motor, *words, "--format", "json").document["rows"]
+        assert ["unsolved", "optimal"] == [row["status"] for row in rows]
+
+    def test_options_go_to_the_named_solver(self, cli: Any, board: str) -> None:
+        """`-O exact.max_labels` leaves the other solver alone."""
+        words = ("--solvers", "exact,exhaustive", "-O", "exact.max_labels=1", "--format", "json")
+        rows = cli("compare", board, *words).document["rows"]
+        assert ["solved", "optimal"] == [row["status"] for row in rows]
+
+
+def test_what_stdout_cannot_encode_is_written_in_escapes(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A part named in Greek does not end the program on an old terminal."""
+    import sys
+
+    path = tmp_path / "out.txt"
+    with path.open("w", encoding="ascii") as out:
+        monkeypatch.setattr(sys, "stdout", out)
+        writing.write_out("pick(\N{GREEK SMALL LETTER PI})\n")
+    assert "pick(\\u03c0)\n" == path.read_text("ascii")

@@ -1,0 +1,258 @@
+"""The geometric detector on situations made for it."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from situations import assembly, config_content
+from skillplan.collision.aabb import AabbDetector
+from skillplan.run import Setup, make_model, solve
+from skillplan.testing import DetectorSuite, reachable_states
+
+
+class TestAabbDetector(DetectorSuite):
+    plugin_name = "aabb"
+
+
+def shelf(**changes):
+    """Return the content of two blocks far apart and one that is put on the first."""
+    content = {
+        "kind": "assembly",
+        "name": "shelf",
+        "robot": {"home_m": [0.3, 0.0], "safe_height_m": 0.15},
+        "tools": {"gripper": {"holder_m": [0.6, 0.3]}},
+        "initial_tool": "gripper",
+        "parts": {
+            "base": block([0.4, -0.2], [0.5, 0.0], [0.1, 0.1, 0.02]),
+            "top": block([0.4, 0.2], [0.5, 0.0], [0.04, 0.04, 0.02], goal_on="base"),
+        },
+        "step_limit": 20,
+    }
+    for key, value in changes.items():
+        content[key] = {**content[key], **value} if isinstance(value, dict) else value
+    return content
+
+
+def block(start_m, goal_m, size_m, **more):
+    return {"tool": "gripper", "size_m": size_m, "start_m": start_m, "goal_m": goal_m, **more}
+
+
+def verdict_of(content, skill, *facts, place="home", tool="gripper", **options):
+    """Return the verdict on a skill where these facts hold, and its detector's task."""
+    task = assembly(content)
+    state = task.facts.of(f"at({place})", f"tool({tool})", *facts)
+    return AabbDetector(task, AabbDetector.Options(**options)).check(task.skill(skill), state)
+
+
+def test_what_is_placed_needs_something_beneath_it():
+    """The verdict names what could bear it, and rests on its absence."""
+    verdict = verdict_of(shelf(), "place(top)", "held(top)")
+    assert verdict.is_infeasible
+    assert verdict.reason == "top has nothing beneath it"
+    assert verdict.evidence["possible_supports"] == ["base"]
+    assert "not placed(base)" in verdict.facts
+    assert verdict_of(shelf(), "place(top)", "held(top)", "placed(base)").is_feasible
+
+
+def test_supports_are_not_looked_for_if_not_wanted():
+    """An option."""
+    assert verdict_of(shelf(), "place(top)", "held(top)", check_support=False).is_feasible
+
+
+@pytest.mark.parametrize(("overhang_m", "tips"), [(0.049, False), (0.051, True)])
+def test_a_part_tips_once_its_centre_is_beyond_the_edge(overhang_m, tips):
+    """The base ends 50 mm from its centre."""
+    content = shelf()
+    content["parts"]["top"]["goal_m"] = [0.5 + overhang_m, 0.0]
+    verdict = verdict_of(content, "place(top)", "held(top)", "placed(base)")
+    assert verdict.is_infeasible is tips
+    if tips:
+        assert verdict.reason == "top would tip off base"
+
+
+def test_a_part_between_two_supports_does_not_tip():
+    """Its centre lies over neither, but between them."""
+    content = shelf()
+    content["parts"]["base"]["size_m"] = [0.02, 0.02, 0.02]
+    content["parts"]["base"]["goal_m"] = [0.45, 0.0]
+    content["parts"]["other"] = block([0.4, -0.3], [0.55, 0.0], [0.02, 0.02, 0.02])
+    content["parts"]["top"] = block([0.4, 0.2], [0.5, 0.0], [0.12, 0.04, 0.02], goal_on="base")
+    facts = ("held(top)", "placed(base)")
+    assert verdict_of(content, "place(top)", *facts, "placed(other)").is_feasible
+    assert verdict_of(content, "place(top)", *facts).reason == "top would tip off base"
+
+
+def test_a_screw_needs_the_part_it_goes_through():
+    """It would be driven into the air."""
+    content = {
+        **shelf(),
+        "screws": {"screw": {"tool": "gripper", "hole_m": [0.5, 0.0], "through": "top"}},
+    }
+    verdict = verdict_of(content, "fasten(screw)", "placed(base)", "hand_free")
+    assert verdict.reason == "screw has nothing beneath it"
+    assert verdict_of(content, "fasten(screw)", "placed(top)", "hand_free").is_feasible
+
+
+def test_what_stands_in_the_way_of_the_approach_is_hit():
+    """A block over the place of another: the part that is put in later runs into it."""
+    content = shelf()
+    content["parts"]["roof"] = {
+        "tool": "gripper",
+        "boxes": [
+            {"size_m": [0.1, 0.1, 0.01], "centre_m": [0.0, 0.0, 0.055]},
+            {"size_m": [0.01, 0.1, 0.05], "centre_m": [0.045, 0.0, 0.025]},
+        ],
+        "start_m": [0.6, -0.2],
+        "goal_m": [0.5, 0.0],
+        "goal_on": "base",
+    }
+    verdict = verdict_of(content, "place(top)", "held(top)", "placed(base)", "placed(roof)")
+    assert verdict.is_infeasible
+    assert verdict.reason == "top runs into roof on the approach"
+    assert verdict.evidence == {"moving": "top", "bodies": ["roof"], "during": "the approach"}
+    assert "placed(roof)" in verdict.facts
+
+
+TOWER = block([0.5, -0.1], [0.7, 0.3], [0.04, 0.04, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("place", "hits"), [("base.start", True), ("tower.start", True), ("home", False)]
+)
+def test_a_part_taller_than_the_safe_height_is_hit_on_the_travel(place, hits):
+    """Depending on where the arm comes from: that is one of the facts."""
+    content = shelf()
+    content["parts"]["tower"] = TOWER
+    verdict = verdict_of(content, "place(base)", "held(base)", "at_start(tower)", place=place)
+    assert verdict.is_infeasible is hits
+    assert f"at({place})" in verdict.facts
+    if hits:
+        assert verdict.reason == "base runs into tower on the travel"
+
+
+def test_where_nothing_is_tall_it_does_not_matter_where_the_arm_comes_from():
+    """One verdict serves all places, so that few checks are made."""
+    verdict = verdict_of(shelf(), "place(base)", "held(base)", "at_start(top)")
+    assert not any(fact.startswith("at(") for fact in verdict.facts)
+
+
+def test_a_tower_above_the_safe_height_is_passed_with_a_higher_one():
+    """The safe height is the task's."""
+    content = shelf(robot={"safe_height_m": 0.31})
+    content["parts"]["tower"] = TOWER
+    facts = ("held(base)", "at_start(tower)")
+    assert verdict_of(content, "place(base)", *facts, place="tower.start").is_feasible
+
+
+def test_the_envelope_of_the_tool_runs_into_neighbours():
+    """A wide hand does not fit beside a tall part that the carried part alone would pass."""
+    content = shelf()
+    content["parts"]["post"] = block([0.7, 0.2], [0.54, 0.0], [0.02, 0.02, 0.1], goal_on="base")
+    facts = ("held(top)", "placed(base)", "placed(post)")
+    assert verdict_of(content, "place(top)", *facts).is_feasible
+    content["tools"]["gripper"]["envelope_m"] = [0.1, 0.04, 0.1]
+    verdict = verdict_of(content, "place(top)", *facts)
+    assert verdict.is_infeasible
+    assert verdict.reason == "gripper runs into post on the approach"
+    assert "tool(gripper)" in verdict.facts
+
+
+def test_an_envelope_ends_at_the_tip():
+    """A neighbour no higher than the gripped part is no obstacle to the hand above it."""
+    content = shelf()
+    content["tools"]["gripper"]["envelope_m"] = [0.1, 0.04, 0.1]
+    content["parts"]["post"] = block([0.7, 0.2], [0.54, 0.0], [0.02, 0.02, 0.02], goal_on="base")
+    facts = ("held(top)", "placed(base)", "placed(post)")
+    assert verdict_of(content, "place(top)", *facts).is_feasible
+
+
+def test_a_part_in_a_feeder_is_no_obstacle():
+    """Two parts of one feeder do not touch each other."""
+    content = shelf()
+    content["feeders"] = {"chute": {"position_m": [0.4, 0.2]}}
+    for part in ("top", "base"):
+        content["parts"][part] = {**content["parts"][part], "feeder": "chute"}
+        del content["parts"][part]["start_m"]
+    facts = ("at_start(top)", "at_start(base)", "hand_free")
+    assert verdict_of(content, "pick(top)", *facts).is_feasible
+
+
+def test_a_turned_part_takes_its_turned_room():
+    """A long block placed crosswise hits what it would pass lengthwise."""
+    content = shelf()
+    content["parts"]["post"] = block([0.7, 0.2], [0.5, 0.06], [0.02, 0.02, 0.1])
+    content["parts"]["bar"] = block([0.4, 0.2], [0.5, 0.0], [0.12, 0.02, 0.02])
+    facts = ("held(bar)", "placed(post)")
+    assert verdict_of(content, "place(bar)", *facts).is_feasible
+    content["parts"]["bar"]["goal_yaw_rad"] = 1.5707963
+    assert verdict_of(content, "place(bar)", *facts).reason == "bar runs into post on the approach"
+
+
+@pytest.mark.parametrize("tolerance_m", [0.0, 0.003])
+def test_a_slight_overlap_within_the_tolerance_is_a_touch(tolerance_m):
+    """Blocks planned 1 mm into each other."""
+    content = shelf()
+    content["parts"]["left"] = block([0.7, 0.2], [0.5, 0.06], [0.02, 0.022, 0.02])
+    content["parts"]["right"] = block([0.4, 0.2], [0.5, 0.04], [0.02, 0.02, 0.02])
+    facts = ("held(right)", "placed(left)")
+    verdict = verdict_of(content, "place(right)", *facts, tolerance_m=tolerance_m)
+    assert verdict.is_infeasible == (tolerance_m == 0.0)
+
+
+def test_a_brace_before_the_transformer_is_a_dead_end(board_task):
+    """It closes over the place of the transformer, which then cannot be put beneath it."""
+    model = make_model(board_task, Setup(collision=("aabb",)))
+    state = model.initial
+    for reference in (0, 1, 10, 11):
+        skill = board_task.skills[reference]
+        assert model.verdict(state, skill).is_feasible
+        state = skill.prediction.apply(state)
+    state = board_task.skill("pick(transformer)").prediction.apply(state)
+    verdict = model.verdict(state, board_task.skill("place(transformer)"))
+    assert verdict.reason == "transformer runs into brace on the approach"
+    goals = [
+        other
+        for other in reachable_states(
+            make_model(board_task.replace(initial=state), Setup(collision=("aabb",)))
+        )
+        if model.is_goal(other)
+    ]
+    assert goals == []
+
+
+def test_chart_and_geometry_give_the_board_the_same_optimum(board_task):
+    """The chart was drawn after this geometry."""
+    by_chart = solve(board_task, "exact", Setup(collision=("precedence",)))
+    by_boxes = solve(board_task, "exact", Setup(collision=("aabb",)))
+    assert by_chart.steps == by_boxes.steps
+    assert by_chart.cost == by_boxes.cost
+
+
+@given(st.sampled_from(["inverter_board", "motor_drive"]))
+def test_moving_the_whole_layout_changes_no_verdict(name):
+    """Only relative positions matter, away from the limits of reach."""
+    content = config_content(name)
+    moved = config_content(name)
+
+    def shift(entry, *keys):
+        for key in keys:
+            if entry.get(key) is not None:
+                entry[key] = [entry[key][0] + 0.125, entry[key][1] - 0.25]
+
+    shift(moved["robot"], "home_m")
+    for section, keys in (
+        ("tools", ["holder_m"]),
+        ("feeders", ["position_m"]),
+        ("parts", ["start_m", "goal_m"]),
+        ("screws", ["hole_m"]),
+    ):
+        for entry in moved.get(section, {}).values():
+            shift(entry, *keys)
+    one, other = assembly(content), assembly(moved)
+    first, second = AabbDetector(one), AabbDetector(other)
+    model = make_model(one, Setup(collision=("aabb",)))
+    for state in reachable_states(model, 300):
+        for skill in model.applicable(state):
+            again = second.check(other.skill(skill.name), other.facts.state(state.bits))
+            verdict = first.check(skill, state)
+            assert (verdict.status, verdict.reason) == (again.status, again.reason)

@@ -1,0 +1,52 @@
+"""Fixtures are named situations; hypothesis draws the same examples in every run."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+from skillplan import testing
+from skillplan.run import load_problem
+
+settings.register_profile(
+    "repeatable",
+    derandomize=True,
+    deadline=None,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("repeatable")
+
+CONFIGS = Path(__file__).parents[1] / "configs"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _cache_folder(tmp_path_factory):
+    """No test touches the user's cache."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="session")
+def lid_task():
+    """A box, a fuse that goes into it, and a lid that is screwed on."""
+    return testing.lid_task()
+
+
+@pytest.fixture(scope="session")
+def shut_box_task():
+    """The lid task with a chart that leaves no plan."""
+    return testing.shut_box_task()
+
+
+@pytest.fixture(scope="session")
+def board_task():
+    """The inverter board of the paper."""
+    return load_problem(CONFIGS / "inverter_board.yaml").task
+
+
+@pytest.fixture(scope="session")
+def motor_drive_task():
+    """Twelve parts, five screws and three tools that are changed in actions of their own."""
+    return load_problem(CONFIGS / "motor_drive.yaml").task

@@ -1,0 +1,46 @@
+"""The reference engine: reach."""
+
+import pytest
+
+from situations import assembly, config_content
+from skillplan.physics.kinematic import KinematicEngine
+from skillplan.testing import EngineSuite
+
+
+class TestKinematicEngine(EngineSuite):
+    plugin_name = "kinematic"
+
+
+def test_a_part_beyond_reach_cannot_be_picked():
+    """The verdict gives the figures, and rests on no fact: it is so in every state."""
+    content = config_content("inverter_board")
+    content["robot"]["reach_m"] = 0.5
+    task = assembly(content)
+    verdict = KinematicEngine(task).check(task.skill("pick(brace)"), task.initial)
+    assert verdict.is_infeasible
+    assert verdict.evidence["reach_m"] == 0.5
+    # At safe height, gripped at the top: the farther of the two via points.
+    assert verdict.evidence["distance_m"] == pytest.approx((0.58**2 + 0.006**2 + 0.196**2) ** 0.5)
+    assert verdict.facts == []
+    assert KinematicEngine(task).check(task.skill("pick(pcb)"), task.initial).is_feasible
+
+
+def test_reach_is_measured_from_the_base():
+    """A base beside the part reaches it."""
+    content = config_content("inverter_board")
+    content["robot"] |= {"reach_m": 0.5, "base_m": [0.4, 0.0, 0.0]}
+    task = assembly(content)
+    assert KinematicEngine(task).check(task.skill("pick(brace)"), task.initial).is_feasible
+
+
+def test_a_holder_beyond_reach_matters_only_on_the_way_that_visits_it():
+    """What is put back depends on the tool in hand: that is the fact it rests on."""
+    content = config_content("inverter_board")
+    content["tools"]["far"] = {"holder_m": [0.9, 0.0]}
+    task = assembly(content)
+    engine, load = KinematicEngine(task), task.replace(skills=task.skills).skill("load(gripper)")
+    far = task.facts.of("tool(far)", "hand_free", "at(home)")
+    near = task.facts.of("tool(screwdriver)", "hand_free", "at(home)")
+    assert engine.check(load, far).facts == ["tool(far)"]
+    assert engine.check(load, far).is_infeasible
+    assert engine.check(load, near).is_feasible

@@ -1,0 +1,408 @@
+"""Every shipped task file has the figures that it declares, and the board is the paper's."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import yaml
+
+from skillplan import Setup, SkillModel, Status, Task, load_problem, make_model, solve
+from skillplan.model.replay import Replay, replay
+from skillplan.task.task import Literal
+from skillplan.testing import reachable_states
+
+FOLDER = Path(__file__).parents[1] / "configs"
+CONFIGS = sorted(FOLDER.glob("*.yaml"))
+BOARD = FOLDER / "inverter_board.yaml"
+SCHEMA = FOLDER / "assembly.schema.json"
+
+every_config = pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+
+
+def configs_expecting(key: str) -> pytest.MarkDecorator:
+    """Return the parametrization over the files whose expect block has `key`."""
+    having = [path for path in CONFIGS if key in (content_of(path).get("expect") or {})]
+    return pytest.mark.parametrize("path", having, ids=lambda path: path.stem)
+
+
+def content_of(path: Path) -> Any:
+    return yaml.safe_load(path.read_text("utf-8"))
+
+
+def walk(task: Task, actions: list[int]) -> Replay:
+    return replay(make_model(task), [task.skills[action] for action in actions])
+
+
+def half_a_unit(text: str) -> float:
+    """Return half a unit of the last digit that a figure is printed with."""
+    return 0.5 * 10.0 ** -len(text.partition(".")[2]) * (1 + 1e-6)
+
+
+def printed_costs(path: Path) -> list[tuple[list[int], float, float]]:
+    """Return actions, cost and the precision it is printed with, for each of ``expect.costs``."""
+    entries = content_of(path)["expect"]["costs"]
+    root = yaml.compose(path.read_text("utf-8"))
+    nodes = {key.value: node for key, node in root.value}["expect"]
+    texts = [
+        {key.value: node.value for key, node in entry.value}["cost"]
+        for entry in {key.value: node for key, node in nodes.value}["costs"].value
+    ]
+    return [
+        (entry["actions"], entry["cost"], half_a_unit(text))
+        for entry, text in zip(entries, texts, strict=True)
+    ]
+
+
+def complete_sequences(model: SkillModel) -> dict[int, list[tuple[float, tuple[int, ...]]]]:
+    """Return cost and actions of every complete sequence, by length; a walk of its own."""
+    found: dict[int, list[tuple[float, tuple[int, ...]]]] = {}
+    stack: list[tuple[Any, float, tuple[int, ...]]] = [(model.initial, 0.0, ())]
+    while stack:
+        state, cost, actions = stack.pop()
+        for step in model.transitions(state):
+            total, longer = cost + step.cost, (*actions, model.task.action(step.skill))
+            if model.is_goal(step.next_state):
+                found.setdefault(len(longer), []).append((total, longer))
+            elif len(longer) < model.step_limit:
+                stack.append((step.next_state, total, longer))
+    return found
+
+
+def count_sequences(model: SkillModel) -> dict[int, int]:
+    """Return the number of complete sequences by length, counted layer by layer."""
+    layer, counts = Counter({model.initial: 1}), Counter[int]()
+    for length in range(1, model.step_limit + 1):
+        following = Counter[Any]()
+        for state, ways in layer.items():
+            for step in model.transitions(state):
+                if model.is_goal(step.next_state):
+                    counts[length] += ways
+                else:
+                    following[step.next_state] += ways
+        layer = following
+    return dict(counts)
+
+
+@pytest.fixture(scope="module")
+def board() -> Task:
+    return load_problem(BOARD).task
+
+
+@pytest.fixture(scope="module")
+def board_sequences(board: Task) -> dict[int, list[tuple[float, tuple[int, ...]]]]:
+    return complete_sequences(make_model(board))
+
+
+class TestEveryConfig:
+    def test_there_are_the_board_and_a_larger_one(self) -> None:
+        """The format is proved by two boards at least."""
+        assert {"inverter_board", "motor_drive"} <= {path.stem for path in CONFIGS}
+
+    @every_config
+    def test_it_names_its_schema_in_the_first_line(self, path: Path) -> None:
+        """Editors complete and explain its keys."""
+        first = path.read_text("utf-8").partition("\n")[0]
+        schema = f"{content_of(path)['kind']}.schema.json"
+        assert first == f"# yaml-language-server: $schema={schema}"
+        assert (FOLDER / schema).is_file()
+
+    @every_config
+    def test_it_declares_the_figures_that_are_held_against_it(self, path: Path) -> None:
+        """A task file without an expect block, or without an optimum in it, is not shipped."""
+        expect = content_of(path).get("expect")
+        assert expect, f"{path.name} has no expect block"
+        assert "optimal_cost" in expect
+
+    @every_config
+    def test_its_figures_are_all_verified_here(self, path: Path) -> None:
+        """No key of an expect block goes unread."""
+        verified = {
+            "optimal_cost",
+            "optimal_actions",
+            "states",
+            "observations",
+            "sequences",
+            "costs",
+            "tool_changes",
+        }
+        assert set(content_of(path)["expect"]) <= verified
+
+    @every_config
+    def test_it_validates_against_the_shipped_schema(self, path: Path) -> None:
+        """What an editor says of it agrees with what loading says."""
+        schema = json.loads(SCHEMA.read_text("utf-8"))
+        jsonschema.Draft202012Validator.check_schema(schema)
+        jsonschema.Draft202012Validator(schema).validate(content_of(path))
+
+    def test_the_shipped_schema_is_the_printed_one(self) -> None:
+        """`skillplan schema assembly` gives the very file."""
+        command = [sys.executable, "-m", "skillplan", "schema", "assembly"]
+        printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        assert SCHEMA.read_text("utf-8") == printed
+
+    def test_the_schema_catches_what_loading_catches(self) -> None:
+        """A misspelt key is a fault for editors, too."""
+        schema = json.loads(SCHEMA.read_text("utf-8"))
+        content = content_of(BOARD)
+        content["robot"]["hoem_m"] = content["robot"].pop("home_m")
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.Draft202012Validator(schema).validate(content)
+
+
+class TestExpectedFigures:
+    @configs_expecting("optimal_cost")
+    def test_the_optimum_is_proved_at_the_expected_cost(self, path: Path) -> None:
+        """`exact` proves it, to half a unit of the fifth decimal."""
+        result = solve(load_problem(path).task)
+        assert result.status is Status.OPTIMAL
+        assert content_of(path)["expect"]["optimal_cost"] == pytest.approx(result.cost, abs=5e-6)
+
+    @configs_expecting("optimal_actions")
+    def test_the_optimum_has_the_expected_actions(self, path: Path) -> None:
+        """The very sequence, not another of the same cost."""
+        result = solve(load_problem(path).task)
+        assert content_of(path)["expect"]["optimal_actions"] == [s.action for s in result.steps]
+
+    @configs_expecting("states")
+    def test_the_model_has_the_expected_states(self, path: Path) -> None:
+        """As many states can be reached."""
+        states = reachable_states(make_model(load_problem(path).task), 100_000)
+        assert content_of(path)["expect"]["states"] == len(states)
+
+    @configs_expecting("observations")
+    def test_the_model_has_the_expected_observations(self, path: Path) -> None:
+        """So many different ones are seen in the states that can be reached."""
+        task = load_problem(path).task
+        states = reachable_states(make_model(task), 100_000)
+        seen = {task.observe(state) for state in states}
+        assert content_of(path)["expect"]["observations"] == len(seen)
+
+    @configs_expecting("sequences")
+    def test_brute_force_counts_the_expected_sequences(self, path: Path) -> None:
+        """As many of each length, and a count of another kind agrees."""
+        task = load_problem(path).task
+        expected = {int(k): n for k, n in content_of(path)["expect"]["sequences"].items()}
+        result = solve(task, "exhaustive")
+        assert result.status is Status.OPTIMAL
+        assert expected == result.trace["sequences_by_length"]
+        assert expected == count_sequences(make_model(task))
+
+    @configs_expecting("costs")
+    def test_given_sequences_cost_what_is_expected(self, path: Path) -> None:
+        """Each is complete, and its cost rounds to the figure as it is printed."""
+        task = load_problem(path).task
+        for actions, cost, precision in printed_costs(path):
+            walked = walk(task, actions)
+            assert walked.complete, actions
+            assert precision <= 5e-4 * (1 + 1e-6)
+            assert cost == pytest.approx(walked.cost, abs=precision)
+
+    @configs_expecting("tool_changes")
+    def test_the_optimum_has_the_expected_tool_changes(self, path: Path) -> None:
+        """So many skills of the plan load a tool."""
+        task = load_problem(path).task
+        kinds = [task.skill(step.skill).kind for step in solve(task).steps]
+        assert content_of(path)["expect"]["tool_changes"] == kinds.count("load")
+
+
+class TestTheBoard:
+    def test_it_has_the_action_space_of_figure_6(self, board: Task) -> None:
+        """Sixteen actions, in order."""
+        assert [
+            "pick(pcb)",
+            "place(pcb)",
+            "pick(switch_1)",
+            "place(switch_1)",
+            "pick(switch_2)",
+            "place(switch_2)",
+            "pick(clock)",
+            "place(clock)",
+            "pick(transformer)",
+            "place(transformer)",
+            "pick(brace)",
+            "place(brace)",
+            "load(gripper)",
+            "load(screwdriver)",
+            "fasten(screw_1)",
+            "fasten(screw_2)",
+        ] == [skill.name for skill in board.skills]
+
+    def test_it_has_the_observation_of_figure_5(self, board: Task) -> None:
+        """Seventeen bits, in order."""
+        parts = ("pcb", "switch_1", "switch_2", "clock", "transformer", "brace")
+        expected = [f"{what}({part})" for part in parts for what in ("at_start", "placed")]
+        expected += ["fastened(screw_1)", "fastened(screw_2)", "tool(screwdriver)"]
+        expected += ["not hand_free", "changed_tool"]
+        assert expected == [str(literal) for literal in board.observation]
+
+    def test_its_first_observation_is_that_of_figure_5(self, board: Task) -> None:
+        """All parts at their starts, nothing placed, gripper attached and ready."""
+        expected = (1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 0, 0, 0, 0, 0)
+        assert expected == board.observe(board.initial)
+
+    def test_its_reward_is_that_of_table_2(self, board: Task) -> None:
+        """-10 collision, +10 complete, -0.1 d, -10 out of time, -2.5 repeated tool change."""
+        reward = board.reward
+        assert reward is not None
+        assert -10.0 == reward.infeasible
+        assert 10.0 == reward.complete
+        assert -0.1 == reward.per_cost
+        assert -10.0 == reward.out_of_time
+        assert [("repeated_tool_change", -2.5)] == [(p.name, p.reward) for p in reward.penalties]
+        assert 20 == board.step_limit
+
+    def test_every_term_of_table_2_is_paid(self, board: Task) -> None:
+        """A replay pays each exactly where the table says."""
+        optimum = content_of(BOARD)["expect"]["optimal_actions"]
+        walked = walk(board, optimum)
+        assert [-0.1 * s.cost for s in walked.steps[:-1]] == [s.reward for s in walked.steps[:-1]]
+        assert 10.0 == walked.steps[-1].reward
+        assert -10.0 == walk(board, [0, 0]).penalty
+        back_and_forth = walk(board, [13, 12, 13])
+        assert [False, True, True] == [step.reward == -2.5 for step in back_and_forth.steps]
+        assert -10.0 == walk(board, [13, 12] * 10).steps[-1].reward
+
+    @pytest.mark.parametrize(
+        ("actions", "cost", "deviation"),
+        [
+            ([0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14, 15], "1.867", "0.00 %"),
+            ([0, 1, 4, 5, 2, 3, 8, 9, 10, 11, 6, 7, 13, 14, 15], "1.880", "0.70 %"),
+            ([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 13, 14, 15], "1.885", "0.96 %"),
+            ([0, 1, 6, 7, 2, 3, 8, 9, 4, 5, 10, 11, 13, 14, 15], "1.939", "3.86 %"),
+        ],
+    )
+    def test_it_reproduces_table_3(
+        self, board: Task, actions: list[int], cost: str, deviation: str
+    ) -> None:
+        """Costs and deviations from the optimum, in the digits that the paper prints."""
+        optimum = solve(board).cost
+        assert optimum is not None
+        walked = walk(board, actions)
+        assert cost == f"{walked.cost:.3f}"
+        assert deviation == f"{100 * (walked.cost / optimum - 1):.2f} %"
+
+    def test_the_order_of_the_paper_s_prose_is_hardly_worse(self, board: Task) -> None:
+        """Two hundredths of a millimetre: both print 1.867."""
+        walked = walk(board, [0, 1, 2, 3, 4, 5, 8, 9, 6, 7, 10, 11, 13, 14, 15])
+        assert walked.complete
+        assert "1.86711" == f"{walked.cost:.5f}"
+        assert "1.867" == f"{walked.cost:.3f}"
+
+    def test_the_worst_shortest_sequence_is_known(self, board: Task) -> None:
+        """Brute force reports the worst of the 15-skill sequences."""
+        worst = solve(board, "exhaustive").trace["worst_cost_by_length"]
+        assert "2.0586" == f"{worst[15]:.4f}"
+
+    def test_screws_early_need_a_sixteenth_skill(
+        self, board: Task, board_sequences: dict[int, list[tuple[float, tuple[int, ...]]]]
+    ) -> None:
+        """All 16-skill sequences screw before the last part is placed and change tools twice."""
+        assert 120 == len(board_sequences[16])
+        for _, actions in board_sequences[16]:
+            assert (13, 12) == tuple(action for action in actions if action in (12, 13))
+            assert max(actions.index(14), actions.index(15)) < actions.index(12)
+        cost, actions = min(board_sequences[16])
+        assert "1.94921" == f"{cost:.5f}"
+        best = solve(board, "exhaustive").trace["best_cost_by_length"]
+        assert "1.94921" == f"{best[16]:.5f}"
+        assert cost > min(board_sequences[15])[0]
+
+    def test_an_independent_walk_agrees_with_brute_force(
+        self, board: Task, board_sequences: dict[int, list[tuple[float, tuple[int, ...]]]]
+    ) -> None:
+        """The same number, the same best and the same worst of each length."""
+        result = solve(board, "exhaustive")
+        assert 12_420 == sum(len(found) for found in board_sequences.values())
+        assert 12_420 == result.trace["sequences"]
+        best = min(min(found)[0] for found in board_sequences.values())
+        assert best == pytest.approx(result.cost, abs=1e-12)
+        for length, found in board_sequences.items():
+            assert max(found)[0] == pytest.approx(
+                result.trace["worst_cost_by_length"][length], abs=1e-12
+            )
+
+    def test_holding_back_picks_leaves_307_states(self, board: Task) -> None:
+        """Without picks before their support is there: 307 states, 255 observations."""
+        setup = Setup(options={"precedence": {"hold_back_picks": True}})
+        states = reachable_states(make_model(board, setup), 100_000)
+        assert 307 == len(states)
+        assert 255 == len({board.observe(state) for state in states})
+
+
+class TestNothingOfTheBoardIsInPython:
+    """A change of the YAML text changes the task."""
+
+    def variant(self, tmp_path: Path, old: str, new: str) -> Task:
+        text = BOARD.read_text("utf-8")
+        assert text.count(old) == 1, old
+        path = tmp_path / "variant.yaml"
+        path.write_text(text.replace(old, new), "utf-8")
+        return load_problem(path).task
+
+    def test_the_order_of_actions_is_the_file_s(self, tmp_path: Path, board: Task) -> None:
+        """Two lines of the action list exchanged are two actions exchanged."""
+        old, new = "- pick(pcb)\n  - place(pcb)\n", "- place(pcb)\n  - pick(pcb)\n"
+        task = self.variant(tmp_path, old, new)
+        names = [skill.name for skill in board.skills]
+        assert [names[1], names[0], *names[2:]] == [skill.name for skill in task.skills]
+
+    def test_the_observation_is_the_file_s(self, tmp_path: Path, board: Task) -> None:
+        """A line less is a bit less."""
+        task = self.variant(tmp_path, "  - fastened(screw_2)\n  - tool", "  - tool")
+        assert board.observation[:13] + board.observation[14:] == task.observation
+        assert Literal("fastened(screw_2)") not in task.observation
+
+    @pytest.mark.parametrize(
+        ("line", "new", "attribute"),
+        [
+            ("infeasible: -10.0", -7.0, "infeasible"),
+            ("complete: 10.0", 3.0, "complete"),
+            ("per_cost: -0.1", -0.4, "per_cost"),
+            ("out_of_time: -10.0", -6.0, "out_of_time"),
+        ],
+    )
+    def test_the_reward_is_the_file_s(
+        self, tmp_path: Path, line: str, new: float, attribute: str
+    ) -> None:
+        """Each figure of Table II is read, not known."""
+        task = self.variant(tmp_path, f"  {line}\n", f"  {line.split(':')[0]}: {new}\n")
+        assert new == getattr(task.reward, attribute)
+
+    def test_the_penalty_for_tool_changes_is_the_file_s(self, tmp_path: Path) -> None:
+        """Another figure is another penalty; none is none."""
+        other = self.variant(tmp_path, "tool_change: -2.5", "tool_change: -1.25")
+        assert other.reward is not None
+        assert [-1.25] == [penalty.reward for penalty in other.reward.penalties]
+        without = self.variant(tmp_path, "  repeated_tool_change: -2.5\n", "")
+        assert without.reward is not None
+        assert () == without.reward.penalties
+
+    def test_the_layout_is_the_file_s(self, tmp_path: Path) -> None:
+        """A part laid elsewhere costs another way."""
+        task = self.variant(tmp_path, "start_m: [0.556, -0.134]", "start_m: [0.556, -0.334]")
+        result = solve(task)
+        assert result.cost is not None
+        assert 2.0 < result.cost
+
+    def test_the_chart_is_the_file_s(self, tmp_path: Path) -> None:
+        """A line less leaves more orders."""
+        old = "  - {before: transformer, after: [brace]}\n"
+        counts = count_sequences(make_model(self.variant(tmp_path, old, "")))
+        assert counts[15] > 120
+
+    def test_the_step_limit_is_the_file_s(self, tmp_path: Path) -> None:
+        """With 15 skills at most there are the 120 shortest sequences only."""
+        task = self.variant(tmp_path, "step_limit: 20", "step_limit: 15")
+        assert {15: 120} == count_sequences(make_model(task))
+
+    def test_reloading_is_the_file_s(self, tmp_path: Path) -> None:
+        """Where an attached tool may be loaded again, there are 925,020 sequences."""
+        task = self.variant(tmp_path, "reload: false", "reload: true ")
+        assert 925_020 == sum(count_sequences(make_model(task)).values())

@@ -1,0 +1,120 @@
+"""What the README shows is what the program does, and what the program does is in the README."""
+
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from skillplan import registry
+from skillplan.cli.app import COMMANDS
+from skillplan.report.result import Status
+from skillplan.run import load_problem, solve
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text("utf-8")
+CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+
+
+def blocks(language):
+    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+
+
+TRANSCRIPTS = [block.split("\n", 1) for block in blocks("console")]
+EXAMPLE = next(block for block in blocks("yaml") if block.startswith("kind: assembly"))
+
+
+def untimed(text):
+    """Return lines without trailing blanks, and with seconds that a machine decides masked."""
+    lines = [line.rstrip() for line in text.strip().splitlines()]
+    lines = [re.sub(r"\d+\.\d+ s$", "# s", line) for line in lines]
+    return [re.sub(r" \d+\.\d{3}   (?=\d+,)", " #   ", line) for line in lines]
+
+
+@pytest.fixture
+def shop(tmp_path):
+    """A folder with the configs, the README's example, and the same with two faults."""
+    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    (tmp_path / "lid.yaml").write_text(EXAMPLE)
+    bad = EXAMPLE.replace("goal_on: box                  #", "goal_on: bxo                  #")
+    bad = bad.replace("size_m: [0.1, 0.1, 0.01]", "sise_m: [0.1, 0.1, 0.01]")
+    assert bad.count("bxo") == bad.count("sise_m") == 1
+    (tmp_path / "bad.yaml").write_text(bad)
+    return tmp_path
+
+
+@pytest.mark.parametrize(("command", "shown"), TRANSCRIPTS, ids=[c for c, _ in TRANSCRIPTS])
+def test_every_transcript_is_what_the_command_prints(shop, command, shown):
+    """Run as shown, each command prints the same, times aside."""
+    words = shlex.split(command.removeprefix("$ "))
+    assert words[0] == "skillplan"
+    done = subprocess.run(
+        [sys.executable, "-m", *words], cwd=shop, capture_output=True, text=True, check=False
+    )
+    assert untimed(shown) == untimed(done.stdout + done.stderr)
+
+
+def test_the_example_of_the_format_is_solved(shop):
+    """The YAML that the README explains is a task with a proven optimum."""
+    assert solve(load_problem(shop / "lid.yaml").task).status is Status.OPTIMAL
+
+
+def test_every_command_option_status_and_exit_code_is_in_the_readme():
+    """A reader finds every word of the command line."""
+    for command in COMMANDS:
+        assert f"skillplan {command}" in README
+    for status in Status:
+        assert f"| `{status.value}` |" in README
+    for code in (0, 1, 2, 3, 130):
+        assert f"| {code} |" in README
+    for option in ("--solver", "--solvers", "--physics", "--collision", "--time-limit", "--gap"):
+        assert option in README
+    for option in ("--seed", "--out", "--no-cache", "--warm", "--format", "--after", "--sequence"):
+        assert option in README
+
+
+def test_every_plugin_and_kind_is_in_the_readme():
+    """What is built in is described, and so is how to add to every kind."""
+    built_in = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
+    for kind in registry.KINDS:
+        for name in built_in[f"skillplan.{kind}"]:
+            assert f"`{name}`" in README or f"kind: {name}" in README
+        if kind != "solver":
+            assert f"`skillplan.{kind}`" in README
+
+
+def test_the_readme_shows_the_template_as_it_is():
+    """The plugin to copy stands in the README to the letter, and has under 40 lines."""
+    source = ROOT / "plugins/skillplan-template/src/skillplan_template/greedy.py"
+    text = source.read_text("utf-8")
+    assert text in README
+    assert len(text.splitlines()) < 40
+
+
+def test_every_key_of_the_format_is_explained():
+    """Each top-level key of an assembly stands in the README."""
+    for key in registry.load("domain", "assembly").Config.model_fields:
+        assert f"{key}:" in README or f"`{key}`" in README, key
+
+
+def test_the_python_snippets_run(shop):
+    """The detector and the three lines of Python do what the README says."""
+    detector, usage = (b for b in blocks("python") if "NightShift" in b or "load_problem" in b)
+    script = f"{detector}\n{usage}"
+    script += "\nassert NightShift(task).check(task.skills[14], task.initial).is_infeasible\n"
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=shop, capture_output=True, text=True, check=False
+    )
+    assert done.stderr == ""
+    assert done.stdout.startswith("optimal 1.86708")
+
+
+def test_links_lead_somewhere():
+    """Every relative link of the two documents names a file."""
+    for text in (README, CONTRIBUTING):
+        for target in re.findall(r"\]\(([^)#]+)\)", text):
+            if "://" not in target:
+                assert (ROOT / target).exists(), target

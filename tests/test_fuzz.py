@@ -1,0 +1,422 @@
+"""No input whatever reaches the user as a traceback.
+
+The same examples in every run. ``SKILLPLAN_FUZZ=50`` draws fifty times as many, other ones each
+time.
+"""
+
+import contextlib
+import copy
+import io
+import os
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from skillplan import registry
+from skillplan.cli.app import COMMANDS, main
+
+ROOT = Path(__file__).parents[1]
+BOARD = ROOT / "configs" / "inverter_board.yaml"
+FACTOR = int(os.environ.get("SKILLPLAN_FUZZ", "1"))
+
+# A task with something in every section.
+TASK = """\
+kind: assembly
+name: lid-on-box
+description: A box and a lid.
+robot: {name: arm, base_m: [0, 0, 0], home_m: [0.3, 0.0], reach_m: 0.855, safe_height_m: 0.2,
+  travel_speed_m_per_s: 0.25}
+durations_s: {pick: 3.0, place: 3.0, load: 5.0, offload: 5.0, fasten: 8.0}
+tools:
+  gripper: {holder_m: [0.5, 0.3], holder_height_m: 0.05, envelope_m: [0.02, 0.02, 0.1]}
+  driver: {holder_m: [0.6, 0.3]}
+initial_tool: gripper
+tool_change: {style: swap, reload: false}
+feeders:
+  tray: {position_m: [0.3, -0.3], height_m: 0.0}
+parts:
+  box: {tool: gripper, mass_kg: 0.1, size_m: [0.1, 0.1, 0.02], start_m: [0.3, 0.2],
+    start_yaw_rad: 0.0, goal_m: [0.5, 0.0], goal_yaw_rad: 0.0}
+  lid: {tool: gripper, boxes: [{size_m: [0.08, 0.08, 0.01], centre_m: [0, 0, 0.005]}],
+    start_on: box, goal_m: [0.5, 0.0], goal_on: box}
+  clip: {tool: gripper, size_m: [0.01, 0.01, 0.01], feeder: tray, goal_m: [0.4, 0.2]}
+screws:
+  bolt: {tool: driver, hole_m: [0.5, 0.0], through: lid, feeder: tray, head_diameter_m: 0.006,
+    head_height_m: 0.002, mass_kg: 0.001}
+goal: [placed(lid), fastened(bolt)]
+chart:
+  - {before: box, after: [lid]}
+actions: [pick(box), place(box), pick(lid), place(lid), load(driver), fasten(bolt)]
+observation: [placed(box), not hand_free]
+reward: {infeasible: -10, complete: 10, per_cost: -0.1, out_of_time: -10, repeated_tool_change: -2}
+step_limit: 9
+physics: {kinematic: {}}
+collision: {precedence: {hold_back_picks: false}, aabb: {tolerance_m: 0.0002, check_support: true}}
+expect: {optimal_cost: 1.0, optimal_actions: [0], costs: [{actions: [0], cost: 1.0}]}
+"""
+
+HOSTILE = st.one_of(
+    st.sampled_from(
+        [
+            None,
+            True,
+            False,
+            "",
+            " ",
+            "~",
+            "<<",
+            "*",
+            "[key]",
+            "box",
+            "lid",
+            "bolt",
+            "home",
+            "world",
+            "placed(box)",
+            "not placed(box)",
+            "not",
+            "a" * 70,
+            "\n",
+            "\x85",
+            "\u2028",
+            "\u202e",
+            "\N{PILE OF POO}",
+            "1e999",
+            ".nan",
+            "0x1F",
+            -0.0,
+            0,
+            -1,
+            1,
+            2,
+            5e-324,
+            1e-300,
+            1e-6,
+            1e-9,
+            1e300,
+            10.0,
+            100_000,
+            2**63,
+            10**30,
+            10**40,
+            float("inf"),
+            float("nan"),
+            [],
+            {},
+            [[]],
+            [[[[[0]]]]],
+            {"": {}},
+            {"kind": "assembly"},
+            [None, None, None],
+            [0, 0],
+            [0.0, 0.0, 0.0],
+            [1e-300, 1e-300, 1e-300],
+            [1e-6, 1e-6, 1e-6],
+            [10, 10, 10],
+        ]
+    ),
+    st.integers(),
+    st.floats(),
+    st.floats(-1, 1),
+    st.text(max_size=8),
+)
+
+STRUCTURES = st.recursive(
+    HOSTILE,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=6), inner),
+    max_leaves=12,
+)
+
+
+def many(count):
+    """Return settings for `count` examples."""
+    return settings(
+        max_examples=count * FACTOR,
+        derandomize=FACTOR == 1,
+        deadline=None,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder of its own to be in."""
+    here = tmp_path_factory.mktemp("fuzz")
+    with contextlib.chdir(here):
+        yield here
+
+
+def survives(*words):
+    """Run the command line in this process and hold it to its word; return the exit code."""
+    out = io.TextIOWrapper(io.BytesIO(), "utf-8", write_through=True)
+    err = io.TextIOWrapper(io.BytesIO(), "utf-8", "backslashreplace", write_through=True)
+    with (
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+        pytest.raises(SystemExit) as ended,
+    ):
+        main([str(word) for word in words])
+    said = err.buffer.getvalue().decode()
+    assert (False, False) == ("Traceback" in said, "internal error" in said), (words, said)
+    assert ended.value.code in {0, 1, 2}, (words, said)
+    if ended.value.code == 2:
+        assert said.strip(), words
+    return ended.value.code
+
+
+def survives_check(folder, content):
+    """Check a content, and go on with what is valid."""
+    path = folder / "task.yaml"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode("utf-8", "replace"))
+    if survives("check", path) == 0:
+        quick = ("--time-limit", "0.05", "--format", "json")
+        survives("search-optimal", path, *quick)
+        survives("search-optimal", path, *quick, "--collision", "aabb", "--solver", "exhaustive")
+        survives("evaluate", path, "--sequence", "0,1,0", *quick)
+        survives("explain", path, "0", "--format", "json")
+
+
+# Files.
+
+
+@many(150)
+@given(content=st.binary(max_size=200) | st.text(max_size=200))
+def test_no_bytes_are_too_odd(folder, content):
+    """Of which few are YAML."""
+    survives_check(folder, content)
+
+
+@many(150)
+@given(
+    content=st.text(st.sampled_from("ab1.:-?[]{},&*!|>'\"%@`#\\ \n\t~<=_\0\x07\u00e4"), max_size=60)
+)
+def test_no_punctuation_is_too_odd(folder, content):
+    """Of which much is nearly YAML."""
+    survives_check(folder, content)
+    survives_check(folder, f"kind: assembly\nname: {content}\n")
+
+
+@many(100)
+@given(content=STRUCTURES)
+def test_no_structure_is_too_odd(folder, content):
+    """YAML, but no task."""
+    survives_check(folder, yaml.safe_dump(content, allow_unicode=True))
+
+
+@many(100)
+@given(content=st.dictionaries(st.sampled_from(sorted(yaml.safe_load(TASK))), STRUCTURES))
+def test_no_section_is_too_odd(folder, content):
+    """The right keys with the wrong values."""
+    survives_check(folder, yaml.safe_dump({**content, "kind": "assembly"}, allow_unicode=True))
+
+
+def nodes(value, path=()):
+    """Yield the path of every node beneath a value."""
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    for key, inner in items:
+        yield (*path, key)
+        if isinstance(inner, (dict, list)):
+            yield from nodes(inner, (*path, key))
+
+
+def mutated(content, path, change, value):
+    """Return a copy in which one node is deleted, replaced, renamed, doubled or added to."""
+    result = copy.deepcopy(content)
+    holder = result
+    for key in path[:-1]:
+        holder = holder[key]
+    last = path[-1]
+    if change == "delete":
+        del holder[last]
+    elif change == "replace":
+        holder[last] = value
+    elif change == "insert" and isinstance(holder[last], dict):
+        holder[last][value if isinstance(value, str) else "extra"] = value
+    elif change == "insert" and isinstance(holder[last], list):
+        holder[last].append(value)
+    elif change == "rename" and isinstance(holder, dict):
+        holder[value if isinstance(value, str) else "extra"] = holder.pop(last)
+    elif change == "double" and isinstance(holder, list):
+        holder.append(holder[last])
+    return result
+
+
+CHANGES = st.sampled_from(["delete", "replace", "insert", "rename", "double"])
+
+
+def test_the_unspoilt_task_is_valid(folder):
+    """Else the mutations would find nothing."""
+    path = folder / "task.yaml"
+    path.write_text(TASK)
+    assert survives("check", path) == 0
+
+
+@many(350)
+@given(data=st.data())
+def test_no_mutation_of_a_task_is_too_odd(folder, data):
+    """One to three nodes of a valid task are spoilt."""
+    content = yaml.safe_load(TASK)
+    for _ in range(data.draw(st.integers(1, 3))):
+        path = data.draw(st.sampled_from(list(nodes(content))))
+        content = mutated(content, path, data.draw(CHANGES), data.draw(HOSTILE))
+        if not content:
+            break
+    survives_check(folder, yaml.safe_dump(content, allow_unicode=True, sort_keys=False))
+
+
+TOKENS = re.findall(r"[\w.-]+|\s+|.", BOARD.read_text())
+SPLINTERS = st.sampled_from(
+    [
+        *("", " ", "\n", "\n  ", "\t", ":", ": ", "- ", "? ", "[", "]", "{", "}", ",", "---\n"),
+        *("&a ", "*a", "!", "!!int ", "|", ">", "'", '"', "#", "%", "@", "...", "<<: ", "~"),
+        *("0", "-1", "-0.0", "1e9", "1e999", ".nan", "\0", "\x1b", "\ufeff"),
+        *("pcb", "brace", "load(", ")", "place(pcb)"),
+    ]
+)
+
+
+@many(250)
+@given(
+    edits=st.lists(
+        st.tuples(
+            st.integers(0, len(TOKENS) - 1), SPLINTERS, st.sampled_from(["put", "add", "swap"])
+        ),
+        min_size=1,
+        max_size=4,
+    )
+)
+def test_no_slip_of_the_pen_is_too_odd(folder, edits):
+    """Words and signs of the inverter board are replaced, added and swapped."""
+    tokens = list(TOKENS)
+    for index, splinter, kind in edits:
+        if kind == "put":
+            tokens[index] = splinter
+        elif kind == "add":
+            tokens[index] += splinter
+        else:
+            tokens[index - 1], tokens[index] = tokens[index], tokens[index - 1]
+    path = folder / "task.yaml"
+    path.write_text("".join(tokens))
+    survives("check", path)
+
+
+# Command lines.
+
+WORDS = st.one_of(
+    st.sampled_from(
+        [
+            *("", " ", ",", "0", "-1", "0,1", "0,,1", "99", "1e9", "1e999", "0x1", "9" * 5000),
+            *("nan", "inf", "-inf", "\u0661", "\u00b2", "pick(box)", "pick(", "a" * 5000),
+            *("exact", "exact,exact", "exhaustive", "aabb", "aabb,precedence", "kinematic"),
+            *("exact.max_labels=1", "max_labels=0", "max_labels=1e999", "exact.dives=maybe"),
+            *("aabb.tolerance_m=.nan", "aabb.tolerance_m=0x1", "=", ".=", "exact.=1", "a.b.c=d"),
+            *("[key]=1", "a=b", "--", "--help", "-h", "json", "csv", "md", "task.yaml", ".."),
+            *("assembly", "solver", "collision", "physics", "domain", "%s", "{}", "$(ls)"),
+            *("\ud800", "\udcff", "\0", "\n", "\x1b[31m", "\N{PILE OF POO}"),
+        ]
+    ),
+    st.integers().map(str),
+    st.floats().map(str),
+    st.text(max_size=12),
+)
+OPTIONS = [
+    "--sequence",
+    "--after",
+    "-O",
+    "--solver",
+    "--solvers",
+    "--collision",
+    "--physics",
+    "--gap",
+    "--seed",
+    "--format",
+    "--no-cache",
+    "--warm",
+    "--nonsense",
+]
+
+
+@pytest.fixture(scope="module")
+def small(folder):
+    """A valid task."""
+    (folder / "small.yaml").write_text(TASK)
+    return folder
+
+
+@many(300)
+@given(
+    command=st.sampled_from(sorted(COMMANDS)),
+    task=st.just("small.yaml") | WORDS,
+    words=st.lists(
+        st.tuples(st.sampled_from(OPTIONS), WORDS).map(list) | WORDS.map(lambda word: [word]),
+        max_size=3,
+    ),
+)
+def test_no_command_line_is_too_odd(small, command, task, words):
+    """Any option with any value, in any number."""
+    given_words = [word for group in words for word in group]
+    limit = ["--time-limit", "0.05"] if command in ("search-optimal", "compare", "evaluate") else []
+    survives(command, *limit, task, *given_words)
+
+
+REQUIRED = {
+    "search-optimal": (),
+    "evaluate": ("--sequence", "0,1"),
+    "compare": ("--solvers", "exact"),
+    "explain": ("0",),
+    "chart": (),
+}
+
+
+@many(400)
+@given(
+    command=st.sampled_from(sorted(REQUIRED)),
+    option=st.sampled_from(OPTIONS),
+    word=WORDS,
+)
+def test_no_value_of_an_option_is_too_odd(small, command, option, word):
+    """One option of a command line that is valid without it."""
+    limit = ("--time-limit", "0.05") if command in ("search-optimal", "compare", "evaluate") else ()
+    survives(command, "small.yaml", *REQUIRED[command], *limit, f"{option}={word}")
+
+
+@pytest.mark.parametrize("name", ["", "..", ".", "small.yaml", "a\0b", "a" * 5000, "\ud800", "new"])
+def test_no_folder_for_results_is_too_odd(small, name):
+    """None that exists is written to."""
+    survives("search-optimal", "small.yaml", f"--out={name}")
+
+
+@many(60)
+@given(word=WORDS)
+def test_no_time_limit_is_too_odd(small, word):
+    """A large one is no danger on a small task."""
+    survives("search-optimal", "small.yaml", f"--time-limit={word}")
+
+
+@many(100)
+@given(sequence=st.lists(st.integers(-1, 7).map(str) | WORDS, max_size=8).map(",".join))
+def test_no_sequence_is_too_odd(small, sequence):
+    """Of numbers, names and what is neither."""
+    survives("evaluate", "small.yaml", f"--sequence={sequence}", "--time-limit", "0.05")
+    survives("explain", "small.yaml", "0", f"--after={sequence}")
+
+
+@many(60)
+@given(kind=st.sampled_from(sorted(registry.KINDS)) | WORDS, name=WORDS)
+def test_no_kind_or_name_of_a_plugin_is_too_odd(folder, kind, name):
+    """Known kinds with unknown names, and the reverse."""
+    survives("plugins", "--", kind, name)
+    survives("schema", "--", name)
+
+
+@many(60)
+@given(words=st.lists(st.sampled_from([*COMMANDS, "--version", "--help"]) | WORDS, max_size=4))
+def test_no_words_are_too_odd(folder, words):
+    """Not even a command is given for sure."""
+    if words[:1] not in (["search-optimal"], ["compare"]):
+        survives(*words)

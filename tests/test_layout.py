@@ -1,0 +1,228 @@
+"""The repository itself: what starting costs, names, docstrings, sizes, versions, exports."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import re
+import subprocess
+import sys
+import tomllib
+from collections import Counter
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+import skillplan
+from skillplan import errors
+
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src" / "skillplan"
+MODULES = sorted(SOURCE.rglob("*.py"))
+BOARD = ROOT / "configs" / "inverter_board.yaml"
+HEAVY = ("numpy", "torch", "pybullet", "pinocchio", "coal", "numba", "gymnasium")
+
+
+def imported_by(statement: str) -> set[str]:
+    """Return the top-level modules that a fresh interpreter has loaded after a statement."""
+    code = f"""
+import sys
+sys.argv = ["skillplan"]
+try:
+    {statement}
+except SystemExit as ended:
+    assert not ended.code, ended.code
+print(*sorted({{name.partition(".")[0] for name in sys.modules}}), file=sys.stderr)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return set(done.stderr.split())
+
+
+def a_command(*words: str) -> str:
+    return f"from skillplan.cli.app import main; main({list(words)!r})"
+
+
+class TestStarting:
+    @pytest.mark.parametrize(
+        "statement",
+        [
+            "import skillplan",
+            "import skillplan.cli.app",
+            a_command("--help"),
+            a_command("--version"),
+        ],
+        ids=["import", "import of the command line", "--help", "--version"],
+    )
+    def test_help_loads_nothing_heavy(self, statement: str) -> None:
+        """Neither what computes, nor what validates, nor what draws tables."""
+        too_much = {*HEAVY, "pydantic", "rich", "yaml"}
+        assert set() == too_much & imported_by(statement)
+
+    @pytest.mark.parametrize("command", ["search-optimal", "check", "evaluate"])
+    def test_help_of_a_command_loads_nothing_heavy(self, command: str) -> None:
+        """What a command needs is loaded when it runs."""
+        loaded = imported_by(a_command(command, "--help"))
+        assert set() == {*HEAVY, "pydantic", "rich", "yaml"} & loaded
+
+    @pytest.mark.parametrize("words", [("search-optimal",), ("check",), ("chart",)])
+    def test_the_board_needs_no_arrays(self, words: tuple[str, ...]) -> None:
+        """A command on the board loads no numerics, and in JSON no tables either."""
+        loaded = imported_by(a_command(*words, str(BOARD), "--format", "json"))
+        assert set() == {*HEAVY, "rich"} & loaded
+        assert "yaml" in loaded
+
+    def test_the_core_depends_on_nothing_heavy(self) -> None:
+        """What pip installs with skillplan is light; the heavy lives in plugins."""
+        project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+        names = {re.split(r"[<>=!~ \[]", entry)[0].lower() for entry in project["dependencies"]}
+        assert set() == names & {"torch", "pybullet", "pin", "pinocchio", "coal", "numba"}
+
+
+class TestFiles:
+    def test_file_names_are_unique(self) -> None:
+        """A name says which file is meant, whatever its folder."""
+        counts = Counter(path.name for path in MODULES if path.name != "__init__.py")
+        assert set() == {name for name, count in counts.items() if count > 1}
+
+    def test_file_names_say_what_is_inside(self) -> None:
+        """No file is a drawer for odds and ends."""
+        drawers = {"utils", "util", "helpers", "helper", "misc", "common", "tools", "base"}
+        assert set() == drawers & {path.stem for path in MODULES}
+        assert all(re.fullmatch(r"[a-z][a-z0-9_]*|__[a-z]+__", path.stem) for path in MODULES)
+
+    @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
+    def test_no_file_is_long(self, path: Path) -> None:
+        """What does not fit 350 lines is two things."""
+        assert 350 >= len(path.read_text("utf-8").splitlines())
+
+    def test_no_tracked_file_names_a_path_of_a_machine(self) -> None:
+        """Nor does any file that would be tracked."""
+        listing = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
+        try:
+            done = subprocess.run(listing, cwd=ROOT, capture_output=True, text=True, check=True)
+        except (OSError, subprocess.CalledProcessError):
+            pytest.skip("not a git checkout")
+        home = re.compile(r"(?<![\w.-])/(?:home|root|work|Users|mnt|opt|srv)/[a-z]")
+        own = str(ROOT)
+        for name in done.stdout.splitlines():
+            path = ROOT / name
+            if path == Path(__file__) or not path.is_file():
+                continue
+            text = path.read_bytes().decode("utf-8", "replace")
+            assert own not in text, name
+            assert home.search(text) is None, name
+
+
+def public_definitions(path: Path) -> Iterator[tuple[str, ast.AST]]:
+    """Yield every public class, function and method of a module, and the module."""
+    tree = ast.parse(path.read_text("utf-8"))
+    yield "the module", tree
+    stack: list[tuple[str, ast.AST]] = [("", tree)]
+    while stack:
+        prefix, node = stack.pop()
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                if child.name.startswith("_"):
+                    continue
+                yield prefix + child.name, child
+                if isinstance(child, ast.ClassDef):
+                    stack.append((f"{prefix}{child.name}.", child))
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
+def test_everything_public_has_a_docstring(path: Path) -> None:
+    """One line at least, ending with a full stop, a question mark or an example."""
+    for name, node in public_definitions(path):
+        if path.name == "__main__.py" and name == "the module":
+            continue
+        text = ast.get_docstring(node)  # type: ignore[arg-type]
+        assert text, f"{name} has no docstring"
+        assert text.strip().splitlines()[0].rstrip().endswith((".", "?", ":")), name
+
+
+class TestExports:
+    def test_they_are_sorted_and_all_there(self) -> None:
+        """`from skillplan import *` gives exactly what is promised, in order."""
+        assert sorted(skillplan.__all__) == skillplan.__all__
+        assert set(skillplan._HOMES) == set(skillplan.__all__)
+
+    @pytest.mark.parametrize("name", skillplan.__all__)
+    def test_each_comes_from_where_the_table_says(self, name: str) -> None:
+        """Found by attribute, by home, and in `dir`."""
+        home = importlib.import_module(skillplan._HOMES[name])
+        assert getattr(home, name) is getattr(skillplan, name)
+        assert name in dir(skillplan)
+
+    def test_type_checkers_see_the_same_names(self) -> None:
+        """The imports under TYPE_CHECKING repeat the table."""
+        tree = ast.parse((SOURCE / "__init__.py").read_text("utf-8"))
+        (block,) = [node for node in tree.body if isinstance(node, ast.If)]
+        seen = {
+            alias.name: statement.module
+            for statement in block.body
+            if isinstance(statement, ast.ImportFrom)
+            for alias in statement.names
+        }
+        assert skillplan._HOMES == seen
+
+    def test_an_unknown_name_is_an_attribute_error(self) -> None:
+        """As of any module."""
+        with pytest.raises(AttributeError, match="no attribute 'sovle'"):
+            getattr(skillplan, "sovle")  # noqa: B009
+
+    def test_it_is_typed(self) -> None:
+        """The marker for type checkers is there."""
+        assert (SOURCE / "py.typed").is_file()
+
+
+class TestVersion:
+    def test_the_installed_version_is_that_of_the_source(self) -> None:
+        """pyproject.toml reads it from the package."""
+        assert skillplan.__version__ == version("skillplan")
+        project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+        assert ["version"] == project["project"]["dynamic"]
+        assert "src/skillplan/__init__.py" == project["tool"]["hatch"]["version"]["path"]
+
+    def test_the_changelog_knows_it(self) -> None:
+        """The newest released heading is this version; before the first there is none."""
+        text = (ROOT / "CHANGELOG.md").read_text("utf-8")
+        headings = re.findall(r"^## \[(.+?)\]", text, re.MULTILINE)
+        assert "Unreleased" == headings[0]
+        released = headings[1:]
+        assert all(re.fullmatch(r"\d+\.\d+\.\d+", heading) for heading in released)
+        assert released[:1] in ([], [skillplan.__version__])
+        ordered = sorted(released, key=lambda text: [int(n) for n in text.split(".")], reverse=True)
+        assert ordered == released
+
+
+class TestErrors:
+    @pytest.mark.parametrize(
+        ("name", "code"),
+        [
+            ("SkillplanError", 2),
+            ("TaskError", 2),
+            ("OptionError", 2),
+            ("PluginError", 2),
+            ("ModelTooLarge", 2),
+            ("NotASequencing", 2),
+            ("BackEndError", 3),
+            ("SearchStopped", 130),
+        ],
+    )
+    def test_each_carries_its_exit_code(self, name: str, code: int) -> None:
+        """The command line looks nowhere else."""
+        error = getattr(errors, name)
+        assert issubclass(error, errors.SkillplanError)
+        assert code == error.exit_code
+
+    def test_the_tree_in_the_docstring_is_complete(self) -> None:
+        """Each error class is drawn there."""
+        classes = {
+            name
+            for name, value in vars(errors).items()
+            if isinstance(value, type) and issubclass(value, errors.SkillplanError)
+        }
+        drawn = set(re.findall(r"^\W*(\w+) {2,}\S", errors.__doc__ or "", re.MULTILINE))
+        assert classes == drawn & classes
