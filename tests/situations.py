@@ -85,6 +85,32 @@ def retry_task(probability, cost=2.0):
     return make_task(facts, skills, goal=("done",))
 
 
+@st.composite
+def small_tasks(draw):
+    """Draw a task of a few facts and skills without any structure; many costs tie."""
+    rng = random.Random(draw(st.integers(0, 2**32)))
+    facts = Facts(tuple(f"f{i}" for i in range(draw(st.integers(4, 7)))))
+    skills = []
+    for i in range(draw(st.integers(6, 12))):
+        # Mostly from a fact to one of the next, so that plans have some length.
+        made = 1 + i % (len(facts) - 1)
+        needed = {facts.names[made - 1 if rng.random() < 0.8 else max(0, made - 2)]}
+        if rng.random() < 0.3:
+            needed.add(rng.choice(facts.names))
+        others = [name for name in facts.names if name not in needed | {facts.names[made]}]
+        more = {
+            "requires": needed - {facts.names[made]},
+            "forbids": [name for name in others if rng.random() < 0.1],
+            "add": [facts.names[made]],
+            "delete": [name for name in facts.names[:made] if rng.random() < 0.25],
+            "cost": rng.choice([0.0, 0.1, 0.2, 0.3, 1.0]),
+        }
+        skills.append(make_skill(facts, f"skill_{i}", **more))
+    goal = {facts.names[-1], rng.choice(facts.names)}
+    limit = draw(st.integers(2, 10))
+    return make_task(facts, skills, initial=facts.names[:1], goal=goal, step_limit=limit)
+
+
 # Assemblies.
 
 

@@ -19,6 +19,7 @@ from skillplan.task.state import State
 
 # The referee's own search for a counterexample ends here; small tasks are covered wholly.
 AUDIT_STATES = 2_000
+AUDIT_SKILLS = 20_000
 
 
 def judge(
@@ -181,14 +182,15 @@ def counterexample(model: SkillModel, bound: float) -> list[Skill] | None:
     Returns
     -------
     list of Skill or None
-        None where there is no such plan, or none was met within `AUDIT_STATES` states.
+        None where there is no such plan, or none was met within `AUDIT_STATES` states and
+        `AUDIT_SKILLS` skills looked at.
     """
     limit = bound if math.isinf(bound) else bound - tolerance(bound)
     best: dict[State, float] = {model.initial: 0.0}
     came: dict[State, tuple[State, Skill]] = {}
     queue: list[tuple[float, int, int, State]] = [(0.0, 0, 0, model.initial)]
-    pushed, done = 0, set[State]()
-    while queue and len(done) < AUDIT_STATES:
+    pushed, looked_at, done = 0, 0, set[State]()
+    while queue and len(done) < AUDIT_STATES and looked_at < AUDIT_SKILLS:
         cost, steps, _, state = heapq.heappop(queue)
         if state in done:
             continue
@@ -197,6 +199,7 @@ def counterexample(model: SkillModel, bound: float) -> list[Skill] | None:
             return _way(came, state)
         if steps == model.step_limit:
             continue
+        looked_at += len(model.task.skills)
         for step in model.transitions(state):
             total, following = cost + step.cost, step.next_state
             if total < limit and total < best.get(following, math.inf):

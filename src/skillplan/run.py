@@ -76,21 +76,28 @@ class Setup:
         return [declared.get(name, BackEndChoice(name)) for name in dict.fromkeys(named)]
 
     def _make(self, kind: str, choice: BackEndChoice, task: Task) -> BackEnd:
-        plugin = registry.load(kind, choice.name)
         values = {**choice.options, **self.options.get(choice.name, {})}
-        options = registry.make_options(kind, choice.name, plugin, values)
-        try:
-            back_end: BackEnd = plugin(task, options)
-            refusal = back_end.refuses()
-        except SkillplanError:
-            raise
-        except Exception as error:
-            raise BackEndError(
-                f"{kind} {choice.name!r} failed on {task.name!r}: {type(error).__name__}: {error}"
-            ) from error
+        back_end, refusal = _make_back_end(kind, choice.name, values, task)
         if refusal is not None:
             raise OptionError(f"{kind} {choice.name!r} cannot serve {task.name!r}: {refusal}")
         return back_end
+
+
+def _make_back_end(
+    kind: str, name: str, values: Mapping[str, Any], task: Task
+) -> tuple[BackEnd, str | None]:
+    """Return a back end for a task, and why it refuses the task, or None."""
+    plugin = registry.load(kind, name)
+    options = registry.make_options(kind, name, plugin, values)
+    try:
+        back_end: BackEnd = plugin(task, options)
+        return back_end, back_end.refuses()
+    except SkillplanError:
+        raise
+    except Exception as error:
+        raise BackEndError(
+            f"{kind} {name!r} failed on {task.name!r}: {type(error).__name__}: {error}"
+        ) from error
 
 
 def load_problem(path: str | os.PathLike[str], replaced: Collection[str] = ()) -> Problem:
@@ -123,9 +130,7 @@ def load_problem(path: str | os.PathLike[str], replaced: Collection[str] = ()) -
         chosen = {"physics": (task.physics,) if task.physics else (), "collision": task.collision}
         for kind in kinds:
             for choice in chosen[kind]:
-                plugin = registry.load(kind, choice.name)
-                options = registry.make_options(kind, choice.name, plugin, choice.options)
-                refusal = plugin(task, options).refuses()
+                _, refusal = _make_back_end(kind, choice.name, choice.options, task)
                 if refusal is not None:
                     message = f"cannot serve this task: {refusal}"
                     yield Issue(message, (kind, choice.name), at_key=True)

@@ -18,6 +18,7 @@ from situations import (
     optimum,
     retry_task,
     small_assemblies,
+    small_tasks,
     two_roads_task,
 )
 from skillplan.collision.precedence import PrecedenceDetector
@@ -84,6 +85,13 @@ def test_it_agrees_with_a_dynamic_program_on_random_assemblies(content, dives):
     """Least cost within the step limit and, of equals, the fewest skills; or that there is none."""
     task = assembly(content)
     assert_optimal(charted(task), optimum(cheapest_by_length(charted(task))), dives=dives)
+
+
+@settings(max_examples=400)
+@given(task=small_tasks(), dives=st.booleans())
+def test_it_agrees_with_a_dynamic_program_on_random_tasks(task, dives):
+    """Of no structure at all: dead ends, detours, several makers of a fact, free skills."""
+    assert_optimal(model_of(task), optimum(cheapest_by_length(model_of(task))), dives=dives)
 
 
 @settings(max_examples=40)
@@ -179,6 +187,22 @@ def test_it_agrees_with_uniform_cost_search_on_the_motor_drive(motor_drive_task)
 def test_a_cheap_plan_that_is_too_long_gives_way_to_a_shorter_one(limit, expected):
     """And where even that is too long it is proved that there is none."""
     assert_optimal(model_of(two_roads_task(step_limit=limit)), expected)
+
+
+def test_a_cheap_way_to_a_state_does_not_hide_a_short_one():
+    """Where the way beyond is longer than the bound can tell."""
+    facts = Facts(("a", "b", "left", "right", "done"))
+    skills = [
+        make_skill(facts, "to_a", forbids=("a", "b"), add=("a",), cost=1.0),
+        make_skill(facts, "a_to_b", requires=("a",), add=("b",), delete=("a",), cost=1.0),
+        make_skill(facts, "to_b", forbids=("a", "b"), add=("b",), cost=3.0),
+    ]
+    for side in ("left", "right"):
+        skills.append(make_skill(facts, f"go_{side}", requires=("b",), add=(side,)))
+        skills.append(make_skill(facts, f"end_{side}", requires=(side,), add=("done",)))
+    task = make_task(facts, skills, goal=("done",), step_limit=3)
+    for dives in (True, False):
+        assert_optimal(model_of(task), (5.0, 3), dives=dives)
 
 
 def test_extra_tool_changes_that_cost_nothing_are_not_made():

@@ -10,6 +10,8 @@ from situations import (
     cheapest_by_length,
     config_content,
     graph_of,
+    make_skill,
+    make_task,
     model_of,
     optimum,
     retry_task,
@@ -20,6 +22,7 @@ from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.run import Setup, make_model, solve
 from skillplan.solvers.exhaustive import ExhaustiveSolver
 from skillplan.solvers.stop import Stop
+from skillplan.task.state import Facts
 from skillplan.testing import SolverSuite
 
 CHART = Setup(collision=("precedence",))
@@ -146,3 +149,16 @@ def test_it_can_be_stopped_at_any_time(board_task, polls):
 def test_it_refuses_tasks_with_chance_in_words():
     """It counts sequences."""
     assert "one outcome each" in ExhaustiveSolver().refuses(model_of(retry_task(0.5)))
+
+
+def test_the_bound_of_a_stopped_walk_covers_the_very_next_skill():
+    """A cheap way that is next in line when the walk is stopped."""
+    facts = Facts(("done",))
+    costs = [5.0] * 255 + [1.0] + [5.0] * 300
+    skills = [
+        make_skill(facts, f"way_{i}", add=("done",), cost=cost) for i, cost in enumerate(costs)
+    ]
+    task = make_task(facts, skills, goal=("done",))
+    solution = ExhaustiveSolver(stop=StopAfter(0)).solve(model_of(task))
+    assert solution.trace["visited"] == 256
+    assert (solution.plan.cost, solution.lower_bound) == (5.0, 1.0)

@@ -10,6 +10,7 @@ from situations import (
     make_task,
     model_of,
     small_assemblies,
+    small_tasks,
     two_roads_task,
 )
 from skillplan.solvers.landmark_bound import COST_UNIT, LandmarkBound, from_units, to_units
@@ -42,6 +43,13 @@ def assert_admissible_and_consistent(task):
 def test_it_never_exceeds_the_true_cost_to_go_and_never_jumps(content):
     """On random assemblies: swap and separate tool changes, stacks, feeders, reloading."""
     assert_admissible_and_consistent(assembly(content))
+
+
+@settings(max_examples=400)
+@given(small_tasks())
+def test_it_holds_on_tasks_of_any_structure(task):
+    """Dead ends, detours, several makers of a fact, skills that undo others, free skills."""
+    assert_admissible_and_consistent(task)
 
 
 @pytest.mark.parametrize("situation", ["lid_task", "board_task"])

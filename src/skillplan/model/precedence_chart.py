@@ -223,6 +223,11 @@ class _Imagination:
     def __init__(self, task: Task) -> None:
         self.task = task
         self._owner = self._own_facts()
+        self._makers: dict[str, list[Skill]] = {}
+        for skill in task.skills:
+            for fact in skill.prediction.add:
+                self._makers.setdefault(fact, []).append(skill)
+        self._finished = self._finished_facts()
 
     def chain(self, element: str) -> list[Skill]:
         """Return the skills that bring one element, and no other, to its goal, in order."""
@@ -233,11 +238,11 @@ class _Imagination:
 
     def before(self, skill: Skill, done: Iterable[str]) -> State:
         """Return a state in which `skill` is applicable and the elements in `done` are done."""
-        state = self.task.initial
-        chosen = set(done)
-        for element, fact in self.task.operations.items():
-            if element in chosen:
-                state = self._bring(state, fact, [])
+        bits = self.task.initial.bits
+        for element in done:
+            own, after = self._finished[element]
+            bits = bits & ~own | after
+        state = self.task.facts.state(bits)
         for name in skill.precondition.requires:
             state = self._bring(state, name, [])
         # What the skill forbids, such as a part lying on it, is taken away.
@@ -255,18 +260,30 @@ class _Imagination:
     def _own_facts(self) -> dict[str, str]:
         """Return the element of every fact named after one; not where the arm stands."""
         stands = {fact for robot in self.task.scene.robots for fact in robot.places}
+        found = {}
+        for fact in self.task.facts.names:
+            element = fact.rpartition("(")[2].rstrip(")")
+            if element in self.task.operations and fact not in stands:
+                found[fact] = element
+        return found
+
+    def _finished_facts(self) -> dict[str, tuple[int, int]]:
+        """Return, by element, the bits of its own facts and those of them that hold when done."""
+        own = dict.fromkeys(self.task.operations, 0)
+        for fact, element in self._owner.items():
+            own[element] |= self.task.facts.bit(fact)
         return {
-            fact: element
-            for element in self.task.operations
-            for fact in self.task.facts.names
-            if fact.endswith(f"({element})") and fact not in stands
+            element: (mask, self._bring(self.task.initial, goal, []).bits & mask)
+            for (element, goal), mask in zip(
+                self.task.operations.items(), own.values(), strict=True
+            )
         }
 
     def _bring(self, state: State, fact: str, skills: list[Skill], depth: int = 0) -> State:
         """Apply predicted outcomes until `fact` holds, noting the skills used."""
         if fact in state or depth > 8:
             return state
-        makers = [s for s in self.task.skills if fact in s.prediction.add]
+        makers = self._makers.get(fact)
         if not makers:
             return state
         # Of several, as for an empty tool holder, the one that lacks the least here.

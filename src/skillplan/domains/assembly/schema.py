@@ -122,8 +122,8 @@ class ScrewConfig(Strict):
     hole_m: Planar = Field(description="its hole, x y [m]")
     through: Name = Field(description="the part whose top its head rests on")
     feeder: Name | None = Field(None, description="where the tool fetches it on the way, if so")
-    head_diameter_m: Length = Field(0.006, description="diameter of the head [m]")
-    head_height_m: Length = Field(0.002, description="height of the head [m]")
+    head_diameter_m: Extent = Field(0.006, description="diameter of the head [m]")
+    head_height_m: Extent = Field(0.002, description="height of the head [m]")
     mass_kg: Mass = Field(0.001, description="mass [kg]")
 
 
