@@ -15,7 +15,7 @@ from skillplan.domains.assembly.grounding import ground
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.model.feasibility import Feasibility
 from skillplan.model.skill_model import SkillModel
-from skillplan.run import Setup
+from skillplan.setup import Setup
 from skillplan.solvers.solver import Solver
 from skillplan.task.condition import Condition
 from skillplan.task.cost import ConstantCost
@@ -291,18 +291,25 @@ def imagined_state(task, skill, rng, present=(), absent=()):
 
 
 def fake_back_end(task, answer=None, *, name="fake", base=Detector, **attributes):
-    """Return a back end that gives a fixed verdict, or what a function says, and counts."""
+    """Return a back end that gives a fixed verdict, or what a function says, and counts.
 
-    def check(self, skill, state):
-        self.asked.append((skill.name, state))
-        return answer(skill, state) if callable(answer) else answer
-
-    if answer is None:
-        answer = Verdict.feasible(task.facts.none, task.facts.none)
-    kind = type("Fake", (base,), {"name": name, "check": check, **attributes})
-    made = kind(task)
+    Like real ones, fakes of one kind, name and attributes are of one class.
+    """
+    key = (name, base, *sorted((key, repr(value)) for key, value in attributes.items()))
+    if key not in _FAKES:
+        _FAKES[key] = type("Fake", (base,), {"name": name, "check": _check, **attributes})
+    made = _FAKES[key](task)
     made.asked = []
+    made.answer = answer or Verdict.feasible(task.facts.none, task.facts.none)
     return made
+
+
+def _check(self, skill, state):
+    self.asked.append((skill.name, state))
+    return self.answer(skill, state) if callable(self.answer) else self.answer
+
+
+_FAKES = {}
 
 
 @dataclass(frozen=True)

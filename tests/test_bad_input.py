@@ -13,7 +13,7 @@ import pytest
 
 from skillplan.cli.app import main
 from skillplan.errors import TaskError
-from skillplan.run import load_problem
+from skillplan.setup import load_problem
 from skillplan.task.yaml import MAX_BYTES, MAX_VALUES
 
 CORPUS = sorted((Path(__file__).parent / "bad_input").glob("*.yaml"))

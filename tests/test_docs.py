@@ -12,7 +12,8 @@ import pytest
 from skillplan import registry
 from skillplan.cli.app import COMMANDS
 from skillplan.report.result import Status
-from skillplan.run import load_problem, solve
+from skillplan.run import solve
+from skillplan.setup import load_problem
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text("utf-8")

@@ -27,7 +27,8 @@ from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.errors import BackEndError, SkillplanError
 from skillplan.referee import counterexample, cross_examine
 from skillplan.report.result import Result, Status
-from skillplan.run import Setup, solve
+from skillplan.run import solve
+from skillplan.setup import Setup
 from skillplan.solvers import stop as stops
 from skillplan.solvers.solution import Plan, Policy, Solution
 from skillplan.solvers.stop import Stop

@@ -7,15 +7,8 @@ from skillplan import registry
 from skillplan.collision.detector import Detector
 from skillplan.errors import BackEndError, OptionError, PluginError, TaskError
 from skillplan.model.verdict_cache import DiskVerdictCache
-from skillplan.run import (
-    Setup,
-    cache_folder,
-    load_problem,
-    make_model,
-    make_solver,
-    solve,
-    solve_all,
-)
+from skillplan.run import cache_folder, make_model, make_solver, solve, solve_all
+from skillplan.setup import Setup, load_problem
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import BackEndChoice

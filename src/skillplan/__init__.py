@@ -23,7 +23,7 @@ _HOMES = {
     "Problem": "skillplan.task.load",
     "Result": "skillplan.report.result",
     "Scene": "skillplan.task.scene",
-    "Setup": "skillplan.run",
+    "Setup": "skillplan.setup",
     "Skill": "skillplan.task.skill",
     "SkillModel": "skillplan.model.skill_model",
     "SkillplanError": "skillplan.errors",
@@ -36,7 +36,7 @@ _HOMES = {
     "TaskError": "skillplan.errors",
     "Transition": "skillplan.model.skill_model",
     "Verdict": "skillplan.task.verdict",
-    "load_problem": "skillplan.run",
+    "load_problem": "skillplan.setup",
     "make_model": "skillplan.run",
     "solve": "skillplan.run",
 }
@@ -79,7 +79,8 @@ if TYPE_CHECKING:
     from skillplan.model.skill_model import SkillModel, Transition
     from skillplan.physics.engine import Engine
     from skillplan.report.result import Result, Status
-    from skillplan.run import Setup, load_problem, make_model, solve
+    from skillplan.run import make_model, solve
+    from skillplan.setup import Setup, load_problem
     from skillplan.solvers.solution import Plan, Policy, Solution
     from skillplan.solvers.solver import Solver
     from skillplan.solvers.stop import Stop

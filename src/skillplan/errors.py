@@ -145,7 +145,7 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
         return matches[0]
     # A name cut short, with or without a slip: 'serch' for 'search-optimal'.
     beginnings = {known_name[: len(name) + 1]: known_name for known_name in names if len(name) > 3}
-    matches = difflib.get_close_matches(name, list(beginnings), n=1, cutoff=0.75)
+    matches = difflib.get_close_matches(name, list(beginnings), n=1, cutoff=0.7)
     return beginnings[matches[0]] if matches else None
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from skillplan.errors import SkillplanError
+from skillplan.errors import ModelTooLarge, SkillplanError
 from skillplan.model.policy_value import evaluate_policy
 from skillplan.model.replay import Replay, replay
 from skillplan.model.skill_model import SkillModel
@@ -96,14 +96,21 @@ def _judge_policy(blank: Result, policy: Mapping[State, Skill], model: SkillMode
 
     def choose(state: State) -> Skill | None:
         # By name: the task's own skill counts, not what a solver may have made of it.
-        skill = policy.get(state)
-        return None if skill is None else task.skills[task.action(skill)]
+        try:
+            skill = policy.get(state)
+            return None if skill is None else task.skills[task.action(skill)]
+        except SkillplanError as error:
+            raise _NotOfThisTask(str(error)) from error
+        except Exception as error:
+            raise _NotOfThisTask(f"{type(error).__name__}: {error}") from error
 
     try:
         skills = _roll_out(model, choose)
         value = None if task.deterministic else evaluate_policy(model, choose)
-    except (SkillplanError, AttributeError) as error:
+    except _NotOfThisTask as error:
         return _wrong(blank, f"the policy is not one of this task: {error}")
+    except ModelTooLarge as error:
+        return replace(blank, status=Status.UNSOLVED, reason=f"cannot be judged: {error}")
     walked = replay(model, skills)
     if not walked.feasible or (value is not None and value.infeasible):
         problem = value.problem if value is not None and value.infeasible else _fault(walked)
@@ -117,6 +124,10 @@ def _judge_policy(blank: Result, policy: Mapping[State, Skill], model: SkillMode
         return replace(blank, status=Status.UNSOLVED, reason=value.problem or "")
     granted = _solved(blank, walked)
     return replace(granted, cost=value.cost, makespan_s=value.duration_s)
+
+
+class _NotOfThisTask(Exception):
+    """Raised where a policy's answer is no skill of the task."""
 
 
 def _fault(walked: Replay) -> str:
@@ -164,6 +175,8 @@ def _judge_proof(
         return result
     if cost is None:
         return replace(result, lower_bound=bound)
+    if solution.proved and not model.task.deterministic:
+        return replace(result, reason="a proof under chance cannot be audited yet")
     if solution.proved:
         return replace(result, status=Status.OPTIMAL, lower_bound=cost)
     return replace(result, lower_bound=min(bound, cost))

@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib
 import inspect
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
@@ -17,6 +16,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from skillplan.errors import Issue, OptionError, PluginError, name_hint
+from skillplan.report.plugin_info import PluginInfo
 from skillplan.task.schema_errors import schema_issues, shown
 
 # Kind to the base class that its plugins must have.
@@ -26,30 +26,6 @@ KINDS = {
     "collision": "skillplan.collision.detector:Detector",
     "solver": "skillplan.solvers.solver:Solver",
 }
-
-
-@dataclass(frozen=True)
-class PluginInfo:
-    """One line of ``skillplan plugins``.
-
-    Parameters
-    ----------
-    kind, name
-        What it is and what it is called.
-    distribution, version
-        Who provides it.
-    summary
-        First line of its docstring; empty where it is broken.
-    problem
-        Why it cannot be used, or None.
-    """
-
-    kind: str
-    name: str
-    distribution: str
-    version: str
-    summary: str
-    problem: str | None = None
 
 
 def names(kind: str) -> list[str]:
@@ -89,6 +65,12 @@ def load(kind: str, name: str) -> type[Any]:
     if inspect.isabstract(loaded):
         missing = ", ".join(sorted(getattr(loaded, "__abstractmethods__", ())))
         raise PluginError(f"The {kind} {name!r} of {_owner(entry)} does not implement {missing}.")
+    own_name = getattr(loaded, "kind" if kind == "domain" else "name", None)
+    if own_name != name:
+        raise PluginError(
+            f"The {kind} {name!r} of {_owner(entry)} ({entry.value}) calls itself {own_name!r}. "
+            "Entry point and class must agree."
+        )
     return loaded
 
 
@@ -156,7 +138,11 @@ def describe(kind: str) -> list[PluginInfo]:
 @cache
 def _providers(kind: str) -> dict[str, list[EntryPoint]]:
     if kind not in KINDS:
-        raise PluginError(f"Unknown kind of plugin {kind!r}. {name_hint(kind, KINDS)}")
+        hint = name_hint(kind, KINDS)
+        for known in KINDS:
+            if kind in _providers(known):
+                hint = f"Did you mean '{known} {kind}'?"
+        raise PluginError(f"Unknown kind of plugin {kind!r}. {hint}")
     found: dict[str, list[EntryPoint]] = {}
     for entry in entry_points(group=f"skillplan.{kind}"):
         others = found.setdefault(entry.name, [])

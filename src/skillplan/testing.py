@@ -24,7 +24,8 @@ from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.domain import Domain
 from skillplan.model.skill_model import SkillModel
 from skillplan.report.result import Status
-from skillplan.run import Setup, make_model, make_solver, solve
+from skillplan.run import make_model, make_solver, solve
+from skillplan.setup import Setup
 from skillplan.solvers.stop import Stop
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
@@ -37,6 +38,7 @@ __all__ = [
     "DomainSuite",
     "EngineSuite",
     "SolverSuite",
+    "lid_content",
     "lid_task",
     "reachable_states",
     "shut_box_task",
@@ -45,12 +47,12 @@ __all__ = [
 
 def lid_task() -> Task:
     """Return a box, a fuse that goes into it, and a lid that is screwed on: two tools."""
-    return ground(AssemblyConfig.model_validate(_lid_content()), "")
+    return ground(AssemblyConfig.model_validate(lid_content()), "")
 
 
 def shut_box_task() -> Task:
     """Return the same with a chart that wants the fuse in the box after the lid: no plan."""
-    content = _lid_content()
+    content = lid_content()
     content["chart"] = [
         {"before": "box", "after": ["fuse", "lid"]},
         {"before": "lid", "after": ["screw"]},
@@ -74,7 +76,8 @@ def reachable_states(model: SkillModel, most: int = 5_000) -> list[State]:
     return list(found)
 
 
-def _lid_content() -> dict[str, Any]:
+def lid_content() -> dict[str, Any]:
+    """Return the content of the lid task, to be varied."""
     return {
         "kind": "assembly",
         "name": "lid",
@@ -173,12 +176,22 @@ class SolverSuite:
 class _BackEndSuite:
     """What engines and detectors alike owe the model."""
 
-    kind: ClassVar[str]
-    plugin_name: ClassVar[str]
+    _kind: ClassVar[str]
+
+    def _name(self) -> str:
+        """Return the plugin's name, which stands in the attribute named after its kind."""
+        name: str = getattr(self, self._attribute)
+        return name
+
+    _attribute: ClassVar[str]
+
+    def task(self) -> Task:
+        """Return the task to ask about; override it where yours needs another."""
+        return lid_task()
 
     def make(self, task: Task) -> BackEnd:
         """Return the back end for a task, with default options."""
-        plugin = registry.load(self.kind, self.plugin_name)
+        plugin = registry.load(self._kind, self._name())
         back_end: BackEnd = plugin(task)
         return back_end
 
@@ -191,15 +204,15 @@ class _BackEndSuite:
 
     def test_it_is_registered_and_its_options_are_described(self) -> None:
         """The registry finds it under its name, with described options."""
-        plugin = registry.load(self.kind, self.plugin_name)
-        assert plugin.name == self.plugin_name
+        plugin = registry.load(self._kind, self._name())
+        assert plugin.name == self._name()
         assert plugin.version
         assert plugin.expected_s > 0
         assert_options_described(plugin)
 
     def test_a_verdict_rests_on_facts_that_hold(self) -> None:
         """Present facts hold and absent ones do not, where the verdict was made."""
-        task = lid_task()
+        task = self.task()
         back_end = self.make(task)
         for skill, state in self.questions(task):
             verdict = back_end.check(skill, state)
@@ -208,7 +221,7 @@ class _BackEndSuite:
 
     def test_a_reused_verdict_equals_a_fresh_one(self) -> None:
         """Wherever a verdict applies, asking anew gives the same verdict."""
-        task = lid_task()
+        task = self.task()
         kept: dict[str, list[Verdict]] = {}
         asked = self.make(task)
         for skill, state in self.questions(task):
@@ -220,7 +233,7 @@ class _BackEndSuite:
 
     def test_it_answers_the_same_whatever_was_asked_before(self) -> None:
         """The order of the questions changes no answer."""
-        task = lid_task()
+        task = self.task()
         questions = list(self.questions(task))
         forward, backward = self.make(task), self.make(task)
         answers = [forward.check(*question) for question in questions]
@@ -231,17 +244,21 @@ class _BackEndSuite:
 class DetectorSuite(_BackEndSuite):
     """What every collision detector owes the model."""
 
-    kind = "collision"
+    detector: ClassVar[str]
+    _kind = "collision"
+    _attribute = "detector"
 
 
 class EngineSuite(_BackEndSuite):
     """What every physics engine owes the model."""
 
-    kind = "physics"
+    engine: ClassVar[str]
+    _kind = "physics"
+    _attribute = "engine"
 
     def test_what_it_grants_agrees_with_the_prediction(self) -> None:
         """A feasible skill leads to a state whose scene has every body in its place."""
-        task = lid_task()
+        task = self.task()
         back_end = self.make(task)
         for skill, state in self.questions(task):
             if back_end.check(skill, state).is_feasible:

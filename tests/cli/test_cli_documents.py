@@ -99,7 +99,7 @@ CHART = record(
     extra=many(record(before=TEXT, after=TEXT, reason=TEXT)),
     impossible={"type": "object", "additionalProperties": TEXT},
     undecided=many(TEXT),
-    alternatives={"type": "object", "additionalProperties": many(TEXT)},
+    conditional={"type": "object", "additionalProperties": many(TEXT)},
 )
 EXPLANATION = record(
     schema=one_of("skillplan.explanation/1"),

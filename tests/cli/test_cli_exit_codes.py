@@ -80,14 +80,14 @@ class TestTwo:
             (("search-optimal", "BOARD", "--format", "xml"), "'table', 'json', 'csv', 'md'"),
             (("evaluate", "BOARD"), "Missing option '--sequence'"),
             (("evaluate", "BOARD", "--sequence", ""), "The sequence is empty."),
-            (("evaluate", "BOARD", "--sequence", "0,,1"), "Entry 1 of the sequence is empty."),
+            (("evaluate", "BOARD", "--sequence", "0,,1"), "Entry 2 of the sequence is empty."),
             (("evaluate", "BOARD", "--sequence", "0,16"), "No action 16; the task has actions 0"),
             (("evaluate", "BOARD", "--sequence", "0,-1"), "Unknown skill '-1'"),
             (("evaluate", "BOARD", "--sequence", "plce(pcb)"), "Did you mean 'place(pcb)'?"),
             (("compare", "BOARD", "--solvers", ","), "--solvers names no solver."),
             (("compare", "BOARD", "--solvers", "exact,exat"), "Did you mean 'exact'?"),
             (("explain", "BOARD", "pik(pcb)"), "Did you mean 'pick(pcb)'?"),
-            (("explain", "BOARD", "0", "--after", "0,3"), "--after fails at entry 1 (place(swit"),
+            (("explain", "BOARD", "0", "--after", "0,3"), "--after fails at step 2 (place(swit"),
             (("chart", "BOARD", "--collision", "abab"), "Did you mean 'aabb'?"),
             (("plugins", "solvr"), "Did you mean 'solver'?"),
             (("plugins", "solver", "exat"), "Did you mean 'exact'?"),
@@ -106,7 +106,7 @@ class TestTwo:
         ("option", "message"),
         [
             ("max_label=3", "The solver 'exact' has no option 'max_label'. Did you mean"),
-            ("max_labels=0", "Options of the solver 'exact': max_labels: must be >= 1, not 0."),
+            ("max_labels=0", "Options of the solver 'exact': max_labels: must be >= 1, not '0'"),
             ("max_labels=many", "Options of the solver 'exact': max_labels: "),
             ("dives=7", "Options of the solver 'exact': dives: "),
             ("max_labels", "must have the form [PLUGIN.]KEY=VALUE."),
@@ -186,7 +186,7 @@ class TestThree:
         self, cli: Any, board: str, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """It is owned up to, and the way to more is named; JSON stays one document."""
-        monkeypatch.setattr("skillplan.run.load_problem", lambda path: 1 / 0)
+        monkeypatch.setattr("skillplan.setup.load_problem", lambda path: 1 / 0)
         monkeypatch.delenv("SKILLPLAN_DEBUG", raising=False)
         outcome = cli("check", board, "--format", "json")
         assert 3 == outcome.code
@@ -198,7 +198,7 @@ class TestThree:
         """With SKILLPLAN_DEBUG the exception comes through."""
         from skillplan.cli.app import main
 
-        monkeypatch.setattr("skillplan.run.load_problem", lambda path: 1 / 0)
+        monkeypatch.setattr("skillplan.setup.load_problem", lambda path: 1 / 0)
         monkeypatch.setenv("SKILLPLAN_DEBUG", "1")
         with pytest.raises(ZeroDivisionError):
             main(["check", board])

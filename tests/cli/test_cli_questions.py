@@ -173,7 +173,7 @@ class TestExplain:
         """`--after` that fails: where, at which stage, and why."""
         outcome = cli("explain", board, "0", "--after", "0,1,10,11,6")
         assert (2, "") == (outcome.code, outcome.out)
-        assert "--after fails at entry 3 (place(brace)): precedence: the chart" in outcome.err
+        assert "--after fails at step 4 (place(brace)): precedence: the chart" in outcome.err
 
 
 class TestChart:

@@ -6,12 +6,13 @@ from hypothesis import strategies as st
 
 from situations import assembly, config_content
 from skillplan.collision.aabb import AabbDetector
-from skillplan.run import Setup, make_model, solve
-from skillplan.testing import DetectorSuite, reachable_states
+from skillplan.run import make_model, solve
+from skillplan.setup import Setup
+from skillplan.testing import DetectorSuite, lid_content, reachable_states
 
 
 class TestAabbDetector(DetectorSuite):
-    plugin_name = "aabb"
+    detector = "aabb"
 
 
 def shelf(**changes):
@@ -256,3 +257,45 @@ def test_moving_the_whole_layout_changes_no_verdict(name):
             again = second.check(other.skill(skill.name), other.facts.state(state.bits))
             verdict = first.check(skill, state)
             assert (verdict.status, verdict.reason) == (again.status, again.reason)
+
+
+def test_a_screw_is_not_driven_through_what_lies_above_its_hole():
+    """The screw itself is swept, not just the tool that drives it."""
+    content = lid_content()
+    content["screws"]["screw"] = {
+        "tool": "screwdriver",
+        "hole_m": [0.5, 0.03],
+        "through": "box",
+    }
+    del content["chart"]
+    task = assembly(content)
+    state = task.facts.of(
+        "placed(box)", "placed(fuse)", "placed(lid)", "tool(screwdriver)", "hand_free", "at(home)"
+    )
+    verdict = AabbDetector(task).check(task.skill("fasten(screw)"), state)
+    assert verdict.reason == "screw runs into lid on the approach"
+
+
+def test_a_part_turned_in_place_is_swept_as_it_is_turned():
+    """Start and goal at one point, a quarter turn apart: into the neighbour."""
+    content = lid_content()
+    content["parts"] = {
+        "bar": {
+            "tool": "gripper",
+            "size_m": [0.1, 0.01, 0.02],
+            "start_m": [0.5, 0.0],
+            "goal_m": [0.5, 0.0],
+            "goal_yaw_rad": 1.5708,
+        },
+        "wall": {
+            "tool": "gripper",
+            "size_m": [0.02, 0.02, 0.04],
+            "start_m": [0.5, 0.04],
+            "goal_m": [0.3, -0.2],
+        },
+    }
+    del content["screws"], content["chart"]
+    task = assembly(content)
+    state = task.facts.of("held(bar)", "at_start(wall)", "tool(gripper)", "at(bar.start)")
+    verdict = AabbDetector(task).check(task.skill("place(bar)"), state)
+    assert verdict.reason == "bar runs into wall on the approach"

@@ -4,16 +4,17 @@ import pytest
 
 from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.errors import OptionError
-from skillplan.run import Setup, make_model
+from skillplan.run import make_model
+from skillplan.setup import Setup
 from skillplan.testing import DetectorSuite, lid_task, reachable_states
 
 
 class TestPrecedenceDetector(DetectorSuite):
-    plugin_name = "precedence"
+    detector = "precedence"
 
 
 class TestPrecedenceDetectorThatHoldsBackPicks(DetectorSuite):
-    plugin_name = "precedence"
+    detector = "precedence"
 
     def make(self, task):
         return PrecedenceDetector(task, PrecedenceDetector.Options(hold_back_picks=True))

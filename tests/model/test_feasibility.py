@@ -150,13 +150,13 @@ def test_a_back_end_that_misbehaves_is_named(answer, message):
         assert caught.value.exit_code == 3
 
 
-def test_an_error_that_is_already_in_words_is_passed_on():
-    """A back end may say itself what the user has to repair."""
+def test_an_error_in_words_is_passed_on_with_the_name_of_the_back_end():
+    """A back end may say itself what is amiss; who said it, and where, stands before."""
 
     def answer(skill, state):
         raise OptionError("no licence file")
 
-    with pytest.raises(OptionError, match="no licence file"):
+    with pytest.raises(BackEndError, match=r"'fake' failed on finish in \{a\}: no licence file"):
         Feasibility(TASK, [fake_back_end(TASK, answer)]).rule(SKILL, START)
 
 

@@ -7,8 +7,10 @@ from hypothesis import strategies as st
 
 from situations import assembly, config_content, fake_back_end, small_assemblies
 from skillplan.model.feasibility import Feasibility
-from skillplan.model.precedence_chart import closure, derive_chart, reduction
-from skillplan.run import Setup, make_feasibility, solve
+from skillplan.model.partial_order import closure, reduction
+from skillplan.model.precedence_chart import derive_chart
+from skillplan.run import make_feasibility, solve
+from skillplan.setup import Setup
 from skillplan.task.verdict import Verdict
 
 
@@ -58,7 +60,7 @@ def test_geometry_alone_gives_the_board_its_hand_made_chart(board_task):
     """Nothing is missing, nothing is extra, nothing is impossible or open."""
     chart = derived(board_task)
     assert (chart.missing, chart.extra, chart.impossible) == ((), (), {})
-    assert (chart.alternatives, chart.undecided) == ({}, ())
+    assert (chart.conditional, chart.undecided) == ({}, ())
     assert reduction(pairs(chart)) == reduction(chart.hand_made)
     assert closure(pairs(chart)) == closure(chart.hand_made)
 
@@ -168,7 +170,7 @@ def test_two_supports_that_both_have_to_come_first_are_no_alternatives():
     content["parts"]["clock"] |= {"size_m": [0.04, 0.02, 0.015], "goal_m": [0.461, 0.03]}
     chart = derived(assembly(content))
     assert {("switch_1", "clock"), ("switch_2", "clock")} <= pairs(chart)
-    assert chart.alternatives == {}
+    assert chart.conditional == {}
 
 
 def test_a_skill_that_needs_either_of_two_needs_neither_in_particular(lid_task):
@@ -185,7 +187,7 @@ def test_a_skill_that_needs_either_of_two_needs_neither_in_particular(lid_task):
 
     chart = derive_chart(Feasibility(lid_task, [fake_back_end(lid_task, answer)]))
     assert chart.relations == ()
-    assert chart.alternatives == {"place(lid)": ("box",)}
+    assert chart.conditional == {"place(lid)": ("not placed(box)", "not placed(fuse)")}
     assert chart.undecided == ()
 
 
@@ -198,7 +200,7 @@ def test_the_chart_detector_gives_back_the_chart(content):
     task = assembly(content)
     if task.chart:
         chart = derived(task, "precedence")
-        assert (chart.missing, chart.impossible, chart.alternatives) == ((), {}, {})
+        assert (chart.missing, chart.impossible, chart.conditional) == ((), {}, {})
         assert closure(pairs(chart)) == closure(stacked | set(chart.hand_made))
 
 
@@ -236,3 +238,29 @@ def test_an_optimal_plan_respects_the_relation(motor_drive_task):
     }
     for one, other in pairs(derived(motor_drive_task)):
         assert when[one] < when[other]
+
+
+def test_relations_on_a_circle_stay_and_the_circle_is_named():
+    """A part that lies on what it is to be put under has no order."""
+    content = config_content("inverter_board")
+    content["parts"]["switch_1"].pop("start_m")
+    content["parts"]["switch_1"]["start_on"] = "pcb"
+    chart = derive_chart(make_feasibility(assembly(content), Setup(collision=("aabb",))))
+    pairs = [(relation.before, relation.after) for relation in chart.relations]
+    assert {("pcb", "switch_1"), ("switch_1", "pcb")} <= reduction(pairs)
+    assert {"pcb", "switch_1"} == set(chart.circle)
+    assert "no order exists" in chart.obstacle()
+
+
+def test_unknown_is_no_relation(lid_task):
+    """What a back end does not know is undecided."""
+    facts = lid_task.facts
+
+    def answer(skill, state):
+        if skill.name == "place(lid)" and "placed(fuse)" in state:
+            return Verdict.unknown("too slow")
+        return Verdict.feasible(facts.none, facts.of("placed(fuse)") - state)
+
+    chart = derive_chart(Feasibility(lid_task, [fake_back_end(lid_task, answer)]))
+    assert chart.undecided == ("place(lid)",)
+    assert all(relation.after != "lid" for relation in chart.relations)

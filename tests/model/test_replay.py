@@ -4,7 +4,8 @@ import pytest
 
 from situations import fake_back_end, model_of, two_roads_task
 from skillplan.model.replay import replay
-from skillplan.run import Setup, make_model
+from skillplan.run import make_model
+from skillplan.setup import Setup
 from skillplan.task.reward import RewardScheme
 from skillplan.task.verdict import Verdict
 
@@ -130,3 +131,13 @@ def test_the_sequences_of_table_3_cost_what_the_paper_prints(board_task, text, c
     digits = 5 if cost in (1.86709, 1.86711) else 3
     assert cost == round(walked.cost, digits)
     assert deviation == round(walked.cost / 1.8670860 - 1, 4)
+
+
+def test_nothing_is_paid_after_the_goal(board_task):
+    """The episode is over: skills after it cost, and neither earn nor lose."""
+    model = make_model(board_task)
+    optimal = board_task.parse_sequence("0,1,2,3,4,5,8,9,10,11,6,7,13,14,15")
+    whole = replay(model, optimal)
+    longer = replay(model, (*optimal, *board_task.parse_sequence("12,13")))
+    assert whole.total_reward == longer.total_reward
+    assert longer.cost > whole.cost

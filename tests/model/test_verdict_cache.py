@@ -14,11 +14,12 @@ from situations import assembly, config_content, fake_back_end
 from skillplan.collision.aabb import AabbDetector
 from skillplan.model.feasibility import Feasibility
 from skillplan.model.verdict_cache import DiskVerdictCache, VerdictCache, verdict_key
-from skillplan.run import make_model, warm_cache
+from skillplan.physics.engine import Engine
+from skillplan.run import make_model, solve, warm_cache
 from skillplan.task import back_end as back_ends
 from skillplan.task.task import Precedence
 from skillplan.task.verdict import Verdict
-from skillplan.testing import lid_task, reachable_states
+from skillplan.testing import lid_task, reachable_states, shut_box_task
 
 TASK = lid_task()
 SKILL = TASK.skills[0]
@@ -41,7 +42,7 @@ def verdicts_of(folder, back_end, task=TASK, skill=None):
     skill = skill or task.skills[0]
     cache = DiskVerdictCache(folder)
     feasibility = Feasibility(task, [back_end], cache)
-    states = task.initial, task.initial.with_facts(["placed(fuse)"])
+    states = task.initial, (task.initial | task.initial.facts.of("placed(fuse)"))
     return [feasibility.rule(skill, state) for state in states], cache
 
 
@@ -262,8 +263,22 @@ def test_a_copy_for_some_back_ends_starts_with_theirs_only():
     one, other = fake_back_end(TASK, name="one"), fake_back_end(TASK, name="other")
     for back_end in (one, other):
         cache.keep(back_end, SKILL, Verdict.feasible(TASK.facts.none, TASK.facts.none))
-    copy = cache.only({"one"})
+    copy = cache.only([one])
     assert copy.find(one, SKILL, TASK.initial) is not None
     assert copy.find(other, SKILL, TASK.initial) is None
     copy.keep(one, TASK.skills[1], Verdict.feasible(TASK.facts.none, TASK.facts.none))
     assert cache.find(one, TASK.skills[1], TASK.initial) is None
+
+
+def test_an_engine_and_a_detector_of_one_name_do_not_share_verdicts():
+    """Names are unique within a kind only."""
+    yes = fake_back_end(TASK, lambda skill, state: Verdict.feasible(), name="twin", base=Engine)
+    no = fake_back_end(TASK, lambda skill, state: Verdict.infeasible("no"), name="twin")
+    assert not Feasibility(TASK, [yes, no]).rule(SKILL, TASK.initial).is_feasible
+
+
+def test_one_cache_serves_two_tasks_without_mixing_them_up():
+    """What holds in one task says nothing about another with the same names."""
+    cache = VerdictCache()
+    results = [solve(task, "exact", cache=cache) for task in (shut_box_task(), lid_task())]
+    assert ["infeasible", "optimal"] == [result.status for result in results]

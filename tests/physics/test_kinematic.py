@@ -8,7 +8,7 @@ from skillplan.testing import EngineSuite
 
 
 class TestKinematicEngine(EngineSuite):
-    plugin_name = "kinematic"
+    engine = "kinematic"
 
 
 def test_a_part_beyond_reach_cannot_be_picked():

@@ -19,7 +19,8 @@ from situations import (
     two_roads_task,
 )
 from skillplan.collision.precedence import PrecedenceDetector
-from skillplan.run import Setup, make_model, solve
+from skillplan.run import make_model, solve
+from skillplan.setup import Setup
 from skillplan.solvers.exhaustive import ExhaustiveSolver
 from skillplan.solvers.stop import Stop
 from skillplan.task.state import Facts

@@ -58,7 +58,7 @@ def test_states_combine_like_sets(one, other):
     assert set(one & other) == set(one) & set(other)
     assert set(one - other) == set(one) - set(other)
     assert set(one.complement()) == set(FACTS.names) - set(one)
-    assert one.with_facts(list(other)) == one | other
+    assert one.facts.of(*one, *other) == one | other
 
 
 @given(states)

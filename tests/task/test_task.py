@@ -82,10 +82,10 @@ def test_a_sequence_mixes_numbers_and_names():
     [
         ("", "sequence is empty"),
         ("  ", "sequence is empty"),
-        ("0,,1", "Entry 1 of the sequence is empty"),
-        ("0,1,", "Entry 2 of the sequence is empty"),
-        ("0,7", "Entry 1 of the sequence: No action 7"),
-        ("pik(a)", r"Entry 0 of the sequence: Unknown skill 'pik\(a\)'. Did you mean 'pick\(a\)'"),
+        ("0,,1", "Entry 2 of the sequence is empty"),
+        ("0,1,", "Entry 3 of the sequence is empty"),
+        ("0,7", "Entry 2 of the sequence: No action 7"),
+        ("pik(a)", r"Entry 1 of the sequence: Unknown skill 'pik\(a\)'. Did you mean 'pick\(a\)'"),
     ],
 )
 def test_a_bad_sequence_says_which_entry(text, message):

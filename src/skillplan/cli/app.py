@@ -29,7 +29,7 @@ COMMANDS = {
     "search-optimal": "Find the best sequence of skills and prove it.",
     "evaluate": "Replay a sequence: feasible, complete, at what cost, what fails where.",
     "compare": "Run several solvers side by side.",
-    "check": "Validate a task file: all faults at once.",
+    "check": "Validate a task file: its faults at once.",
     "explain": "Say why a skill is feasible or not in a state.",
     "chart": "Derive the precedence relation from collision checks.",
     "plugins": "List installed back ends, solvers and kinds of task.",

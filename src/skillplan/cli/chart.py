@@ -5,10 +5,10 @@ from __future__ import annotations
 import click
 
 from skillplan.cli.options import (
+    asked,
     back_end_options,
     format_option,
     make_setup,
-    replaced,
     task_argument,
 )
 
@@ -33,9 +33,10 @@ def command(
     from skillplan.cli.output import emit
     from skillplan.model.precedence_chart import derive_chart
     from skillplan.report.chart_tables import chart_document, chart_table
-    from skillplan.run import load_problem, make_feasibility, warm_cache
+    from skillplan.run import make_feasibility, warm_cache
+    from skillplan.setup import load_problem
 
-    loaded = load_problem(task, replaced(physics, collision or "aabb")).task
+    loaded = load_problem(task, asked(physics, collision or "aabb")).task
     # A chart derived from the chart would say nothing.
     setup = make_setup(physics, collision or "aabb", options)(loaded)
     feasibility = make_feasibility(loaded, setup, warm_cache())

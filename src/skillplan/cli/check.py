@@ -11,10 +11,10 @@ from skillplan.cli.options import format_option, task_argument
 @task_argument
 @format_option
 def command(task: str, style: str) -> int:
-    """Validate TASK: all faults of YAML, references, order and geometry at once."""
+    """Validate TASK: faults of YAML, keys, references, order and geometry."""
     from skillplan.cli.output import emit
     from skillplan.report.table import Column, Table
-    from skillplan.run import Setup, load_problem
+    from skillplan.setup import Setup, load_problem
 
     problem = load_problem(task)
     tasks = []

@@ -6,10 +6,10 @@ import click
 
 from skillplan.cli.options import (
     PluginName,
+    asked,
     back_end_options,
     format_option,
     make_setup,
-    replaced,
     seed_option,
     task_argument,
     time_limit_option,
@@ -54,13 +54,14 @@ def command(
     from skillplan.cli.waiting import stoppable
     from skillplan.errors import OptionError
     from skillplan.report.result_tables import comparison_table
-    from skillplan.run import load_problem, make_solver, solve_all
+    from skillplan.run import make_solver, solve_all
+    from skillplan.setup import load_problem
     from skillplan.solvers.stop import Stop
 
     names = tuple(dict.fromkeys(name.strip() for name in solvers.split(",") if name.strip()))
     if not names:
         raise OptionError("--solvers names no solver.")
-    loaded = load_problem(task, replaced(physics, collision)).task
+    loaded = load_problem(task, asked(physics, collision)).task
     setup = make_setup(physics, collision, options, names)(loaded)
     for name in names:
         make_solver(name, setup.options.get(name, {}))
@@ -78,5 +79,6 @@ def command(
         "warm": warm,
         "rows": [result.document() for result in results],
     }
-    emit(style, document, [comparison_table(results, title)])
-    return exit_code(results)
+    code = exit_code(results)
+    emit(style, document, [comparison_table(results, title)], failed=code != 0)
+    return code

@@ -5,10 +5,10 @@ from __future__ import annotations
 import click
 
 from skillplan.cli.options import (
+    asked,
     back_end_options,
     format_option,
     make_setup,
-    replaced,
     task_argument,
     time_limit_option,
 )
@@ -46,9 +46,10 @@ def command(
     from skillplan.model.replay import replay
     from skillplan.report.result import Status, step_document
     from skillplan.report.result_tables import evaluation_table
-    from skillplan.run import load_problem, make_model, solve, warm_cache
+    from skillplan.run import make_model, solve, warm_cache
+    from skillplan.setup import load_problem
 
-    loaded = load_problem(task, replaced(physics, collision)).task
+    loaded = load_problem(task, asked(physics, collision)).task
     setup = make_setup(physics, collision, options, ("exact",))(loaded)
     skills = loaded.parse_sequence(sequence)
     cache = warm_cache()
@@ -90,7 +91,8 @@ def command(
             for violation in walked.violations
         ],
     }
-    emit(style, document, [evaluation_table(walked, loaded, optimum, deviation)])
+    table = evaluation_table(walked, loaded, optimum, deviation)
+    emit(style, document, [table], failed=not walked.complete)
     if interrupted:
         return EXIT_INTERRUPTED
     return EXIT_SOLVED if walked.complete else EXIT_NO_PLAN

@@ -6,10 +6,10 @@ import click
 
 from skillplan.cli.options import (
     SkillName,
+    asked,
     back_end_options,
     format_option,
     make_setup,
-    replaced,
     task_argument,
 )
 
@@ -40,12 +40,14 @@ def command(
     from skillplan.cli.output import emit
     from skillplan.errors import EXIT_NO_PLAN, EXIT_SOLVED
     from skillplan.report.explanation import explain
-    from skillplan.run import load_problem, make_model, warm_cache
+    from skillplan.run import make_model, warm_cache
+    from skillplan.setup import load_problem
 
-    loaded = load_problem(task, replaced(physics, collision)).task
+    loaded = load_problem(task, asked(physics, collision)).task
     setup = make_setup(physics, collision, options)(loaded)
-    asked = loaded.skill(skill)
+    chosen = loaded.skill(skill)
     before = loaded.parse_sequence(after) if after is not None else ()
-    explanation = explain(make_model(loaded, setup, warm_cache()), asked, before)
-    emit(style, explanation.document(), explanation.tables())
+    explanation = explain(make_model(loaded, setup, warm_cache()), chosen, before)
+    failed = not explanation.feasible
+    emit(style, explanation.document(), explanation.tables(), failed=failed)
     return EXIT_SOLVED if explanation.feasible else EXIT_NO_PLAN

@@ -75,7 +75,7 @@ class SkillName(click.ParamType[str]):
     ) -> list[CompletionItem]:
         """Return the task's skills that begin like what was typed."""
         from skillplan.errors import SkillplanError
-        from skillplan.run import load_problem
+        from skillplan.setup import load_problem
 
         try:
             task = load_problem(ctx.params["task"]).task
@@ -106,7 +106,8 @@ def back_end_options(function: _F) -> _F:
             "--collision",
             type=PluginName("collision", several=True),
             metavar="NAMES",
-            help="Collision detectors, separated by commas; default: the task file's choice.",
+            help="Collision detectors, separated by commas; default: the task file's choice, "
+            "for chart aabb.",
         ),
         click.option(
             "--physics",
@@ -197,8 +198,6 @@ def parse_options(entries: tuple[str, ...], solver: str | None) -> dict[str, dic
     OptionError
         If an entry has another form, or names no plugin where there is no single solver.
     """
-    from skillplan.task.yaml import scalar
-
     parsed: dict[str, dict[str, Any]] = {}
     for entry in entries:
         key, equals, value = entry.partition("=")
@@ -209,14 +208,18 @@ def parse_options(entries: tuple[str, ...], solver: str | None) -> dict[str, dic
             if solver is None:
                 raise OptionError(f"Option {entry!r} must name its plugin: PLUGIN.{entry}.")
             plugin = solver
-        parsed.setdefault(plugin, {})[name] = scalar(value)
+        parsed.setdefault(plugin, {})[name] = value
     return parsed
 
 
-def replaced(physics: str | None, collision: str | None) -> list[str]:
-    """Return the kinds of back end that the command line chooses instead of the task file."""
+def asked(physics: str | None, collision: str | None) -> dict[str, list[str]]:
+    """Return the names of the back ends that the command line chooses, by kind."""
     given = {"physics": physics, "collision": collision}
-    return [kind for kind, names in given.items() if names is not None]
+    return {
+        kind: [name.strip() for name in names.split(",")]
+        for kind, names in given.items()
+        if names is not None
+    }
 
 
 def make_setup(
@@ -233,8 +236,10 @@ def make_setup(
         If an option has a wrong form or names a plugin that takes no part.
     """
     from skillplan.errors import name_hint
-    from skillplan.run import Setup
+    from skillplan.setup import Setup
 
+    if physics is not None and not physics.strip():
+        raise OptionError("--physics names no engine.")
     detectors = tuple(name.strip() for name in (collision or "").split(",") if name.strip())
     if collision is not None and not detectors:
         raise OptionError("--collision names no detector.")

@@ -30,9 +30,18 @@ _EXIT = {
 }
 
 
-def emit(style: str, document: dict[str, Any], tables: Sequence[Table]) -> None:
-    """Print one JSON document, or tables, to stdout."""
+def emit(
+    style: str, document: dict[str, Any], tables: Sequence[Table], *, failed: bool = False
+) -> None:
+    """Print one JSON document, or tables, to stdout.
+
+    CSV holds rows only: where the command has `failed`, what the table would say below them
+    goes to stderr.
+    """
     write_out(f"{as_json(document)}\n" if style == "json" else render(tables, style, sys.stdout))
+    if style == "csv" and failed:
+        for note in (note for table in tables for note in table.notes):
+            print(note, file=sys.stderr)
 
 
 def as_json(document: dict[str, Any]) -> str:

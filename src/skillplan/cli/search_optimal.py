@@ -7,10 +7,10 @@ import click
 from skillplan.cli.options import (
     Fraction,
     PluginName,
+    asked,
     back_end_options,
     format_option,
     make_setup,
-    replaced,
     seed_option,
     task_argument,
     time_limit_option,
@@ -62,9 +62,10 @@ def command(
     from skillplan.cli.waiting import stoppable
     from skillplan.report.result_tables import plan_table
     from skillplan.report.table import as_csv
-    from skillplan.run import load_problem, solve, warm_cache
+    from skillplan.run import solve, warm_cache
+    from skillplan.setup import load_problem
 
-    loaded = load_problem(task, replaced(physics, collision)).task
+    loaded = load_problem(task, asked(physics, collision)).task
     setup = make_setup(physics, collision, options, (solver,))(loaded)
     folder = prepare_folder(out)
     with stoppable(time_limit_s, gap, solver) as stop:
@@ -74,5 +75,6 @@ def command(
     if folder is not None:
         save(folder, "result.json", as_json(result.document()))
         save(folder, "plan.csv", as_csv(table))
-    emit(style, result.document(), [table])
-    return exit_code([result])
+    code = exit_code([result])
+    emit(style, result.document(), [table], failed=code != 0)
+    return code

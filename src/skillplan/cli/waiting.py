@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -10,14 +11,16 @@ from types import FrameType
 
 from skillplan.solvers.stop import Progress, Stop, relative_gap
 
+_REQUESTS = (signal.SIGINT, signal.SIGTERM)
+
 
 @contextmanager
 def stoppable(
     time_limit_s: float | None, gap: float = 0.0, label: str = "searching"
 ) -> Iterator[Stop]:
-    """Yield a stop that shows progress and heeds Ctrl-C.
+    """Yield a stop that shows progress and heeds Ctrl-C and SIGTERM.
 
-    The first Ctrl-C asks the search for the best it has; the second ends the program.
+    The first asks the search for the best it has; the second ends the program.
     """
     with _display(label) as show:
         stop = Stop(time_limit_s=time_limit_s, gap=gap, on_progress=show)
@@ -26,12 +29,17 @@ def stoppable(
             if stop.interrupted:
                 raise KeyboardInterrupt
             stop.interrupt()
+            if sys.stderr.isatty():
+                # Not print: a handler may interrupt a print.
+                os.write(sys.stderr.fileno(), b"\nstopping; once more ends the program\n")
 
-        before = signal.signal(signal.SIGINT, interrupt)
+        # A batch system asks by SIGTERM.
+        before = {number: signal.signal(number, interrupt) for number in _REQUESTS}
         try:
             yield stop
         finally:
-            signal.signal(signal.SIGINT, before)
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
 
 class _Silent:

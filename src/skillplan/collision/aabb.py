@@ -23,7 +23,7 @@ from skillplan.collision.boxes import (
 from skillplan.collision.detector import Detector
 from skillplan.task import back_end
 from skillplan.task.motion import Event, Point, Visit
-from skillplan.task.scene import WORLD, Body, Placement, Robot, Tool
+from skillplan.task.scene import WORLD, Body, Placement, Pose, Robot, Tool
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -195,6 +195,8 @@ class AabbDetector(Detector):
         """Yield what moves where: travel, approach and retreat of every visit, in order."""
         here = place
         for visit in visits:
+            if visit.event is Event.DRIVE:
+                carries = visit.subject
             x_m, y_m, z_m = visit.position
             safe_m = max(robot.safe_height_m, z_m)
             above: Point = (x_m, y_m, safe_m)
@@ -205,7 +207,7 @@ class AabbDetector(Detector):
             yield from self._moving("the approach", tool, carries, above, down, visit)
             if visit.event is Event.GRASP:
                 carries = visit.subject
-            elif visit.event is Event.RELEASE:
+            elif visit.event in (Event.RELEASE, Event.DRIVE):
                 carries = None
             elif visit.event is Event.OFFLOAD:
                 tool = None
@@ -230,20 +232,13 @@ class AabbDetector(Detector):
         if carries is not None:
             body = self.task.scene.body(carries)
             grip_m = body.height_m
-            yaw_rad = self._carried_yaw(body, visit)
-            boxes = tuple(world_box(box, origin, yaw_rad) for box in body.boxes)
+            boxes = world_boxes(body, Pose.upright(origin, visit.yaw_rad))
             yield _Sweep(label, carries, boxes, by, spares)
         elif visit.event in (Event.GRASP, Event.RELEASE):
             grip_m = self.task.scene.body(visit.subject).height_m
         if tool is not None and tool.envelope is not None:
             tip: Point = (origin[0], origin[1], origin[2] + grip_m)
             yield _Sweep(label, tool.name, (world_box(tool.envelope, tip),), by, spares)
-
-    def _carried_yaw(self, body: Body, visit: Visit) -> float:
-        for placement in body.placements:
-            if placement.frame == WORLD and placement.pose.position == visit.position:
-                return placement.pose.yaw_rad
-        return 0.0
 
     def _hits(self, sweeps: tuple[_Sweep, ...]) -> Iterator[_Hit]:
         """Yield every collision that some state would cause, in the order of the motion."""
@@ -273,12 +268,7 @@ class AabbDetector(Detector):
             if visit.event not in (Event.RELEASE, Event.DRIVE):
                 continue
             body = self.task.scene.body(visit.subject)
-            placed = next(
-                placement
-                for placement in body.placements
-                if placement.frame == WORLD and placement.pose.position == visit.position
-            )
-            boxes = world_boxes(body, placed.pose)
+            boxes = world_boxes(body, Pose.upright(visit.position, visit.yaw_rad))
             floor_m = min(box.low[2] for box in boxes)
             feet = [box for box in boxes if box.low[2] - floor_m <= tolerance_m]
             contacts = []

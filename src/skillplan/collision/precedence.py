@@ -12,6 +12,7 @@ from skillplan.collision.detector import Detector
 from skillplan.task import back_end
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
+from skillplan.task.task import Precedence, Task
 from skillplan.task.verdict import Verdict
 
 
@@ -31,6 +32,14 @@ class PrecedenceDetector(Detector):
 
     options: Options
 
+    def __init__(self, task: Task, options: Options | None = None) -> None:
+        super().__init__(task, options)
+        self._lines: dict[str, list[Precedence]] = {}
+        for line in task.chart:
+            for element in (line.before, line.after):
+                self._lines.setdefault(element, []).append(line)
+        self._elements = {skill.name: self._element(skill) for skill in task.skills}
+
     def refuses(self) -> str | None:
         """Return why not, where the task has no chart."""
         if not self.task.chart:
@@ -40,10 +49,10 @@ class PrecedenceDetector(Detector):
     def check(self, skill: Skill, state: State) -> Verdict:
         """Rule on the operation that `skill` performs; see :meth:`BackEnd.check`."""
         facts = self.task.facts
-        element = self._element(skill)
+        element = self._elements[skill.name]
         needed, blocked = facts.none, facts.none
         if element is not None:
-            for line in self.task.chart:
+            for line in self._lines.get(element, ()):
                 if line.after == element:
                     fact = self.task.operations[line.before]
                     needed |= facts.of(fact)

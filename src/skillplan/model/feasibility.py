@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Iterable
 
@@ -114,8 +115,12 @@ class Feasibility:
         self.asked[back_end.name] += 1
         try:
             verdict = back_end.check(skill, state)
-        except SkillplanError:
+        except BackEndError:
             raise
+        except SkillplanError as error:
+            raise BackEndError(
+                f"Back end {back_end.name!r} failed on {skill.name} in {state}: {error}"
+            ) from error
         except Exception as error:
             raise BackEndError(
                 f"Back end {back_end.name!r} failed on {skill.name} in {state}: "
@@ -126,6 +131,12 @@ class Feasibility:
                 f"Back end {back_end.name!r} returned {type(verdict).__name__} for "
                 f"{skill.name}, not a Verdict."
             )
+        try:
+            json.dumps(dict(verdict.evidence), allow_nan=False)
+        except (TypeError, ValueError) as error:
+            raise BackEndError(
+                f"The evidence of back end {back_end.name!r} for {skill.name} is not JSON: {error}."
+            ) from None
         verdict = verdict.grounded(state, back_end.name)
         if not verdict.applies_in(state):
             raise BackEndError(

@@ -120,6 +120,7 @@ def replay(model: SkillModel, skills: Sequence[Skill]) -> Replay:
     reward = model.task.reward
     penalty = None if reward is None else 0.0
     violations: list[Violation] = []
+    over = model.is_goal(state)
     for index, skill in enumerate(skills):
         if index == model.step_limit:
             reason = f"the sequence has {len(skills)} skills, the limit is {model.step_limit}"
@@ -135,7 +136,8 @@ def replay(model: SkillModel, skills: Sequence[Skill]) -> Replay:
             penalty = None if reward is None else reward.infeasible
             break
         transition = model.transition(state, skill)
-        steps.append(_step(model, index, transition))
+        steps.append(_step(model, index, transition, over))
+        over = over or model.is_goal(transition.next_state)
         state = transition.next_state
     feasible = not violations
     complete = feasible and model.is_goal(state)
@@ -146,14 +148,17 @@ def replay(model: SkillModel, skills: Sequence[Skill]) -> Replay:
     return Replay(tuple(steps), state, feasible, complete, tuple(violations), penalty)
 
 
-def _step(model: SkillModel, index: int, transition: Transition) -> Step:
+def _step(model: SkillModel, index: int, transition: Transition, over: bool) -> Step:
+    """Return the record of a step; once the episode is over, nothing is paid any more."""
     task, state, skill = model.task, transition.state, transition.skill
     start = goal = None
     if skill.motion is not None:
         start = task.scene.robot(skill.motion.robot).place(state)[1]
         goal = skill.motion.visits(state)[-1].position
     reward = None
-    if task.reward is not None:
+    if task.reward is not None and over:
+        reward = 0.0
+    elif task.reward is not None:
         at_goal = model.is_goal(transition.next_state)
         reward = task.reward.of_step(
             state,

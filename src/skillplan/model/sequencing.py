@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.errors import NotASequencing
-from skillplan.model.precedence_chart import closure, derive_chart
+from skillplan.model.precedence_chart import derive_chart
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -45,6 +45,9 @@ class SequencingProblem:
         Pairs of indices: the first before the second.
     ways
         The skills between the initial state (-1), or a job, and a job: tool changes.
+    step_limit
+        The most skills a plan of the task may have. An order does not know of it: one whose
+        plan is longer is no solution of the task.
 
     Raises
     ------
@@ -58,6 +61,7 @@ class SequencingProblem:
     costs: NDArray[np.float64]
     precedence: frozenset[tuple[int, int]]
     ways: dict[tuple[int, int], tuple[str, ...]]
+    step_limit: int
 
     def __post_init__(self) -> None:
         n = len(self.jobs)
@@ -127,6 +131,7 @@ class _Recognition:
             costs,
             precedence,
             ways,
+            self.task.step_limit,
         )
 
     def _no(self, reason: str) -> NotASequencing:
@@ -160,18 +165,31 @@ class _Recognition:
             raise self._no(f"{skill} is never feasible ({why})")
         if chart.undecided:
             raise self._no(f"the order around {chart.undecided[0]} could not be worked out")
-        if chart.alternatives:
-            skill, names = next(iter(chart.alternatives.items()))
-            raise self._no(f"{skill} needs one or more of {', '.join(names)}")
+        if chart.circle:
+            raise self._no(f"it has no order, {' before '.join(chart.circle)}")
+        if chart.conditional:
+            skill, facts = next(iter(chart.conditional.items()))
+            raise self._no(f"{skill} depends on more than an order: {', '.join(facts)}")
         index = {element: i for i, element in enumerate(self.elements)}
         pairs = [(r.before, r.after) for r in chart.relations]
-        circle = sorted(one for one, other in closure(pairs) if one == other)
-        if circle:
-            raise self._no(f"each of {', '.join(circle)} has to come before itself")
         left_out = {name for pair in pairs for name in pair} - set(index)
         if left_out:
             raise self._no(f"{min(left_out)} takes part without being in the goal")
         return frozenset((index[before], index[after]) for before, after in pairs)
+
+    def _check_connector(self, skill: Skill, state: State) -> None:
+        """Demand that a tool change is feasible wherever it is applicable.
+
+        Its verdict may rest on tools and the hand, not on places or what has been done.
+        """
+        verdict = self.model.verdict(state, skill)
+        facts = [fact.removeprefix("not ") for fact in verdict.facts]
+        stands = {fact for robot in self.task.scene.robots for fact in robot.places}
+        if not verdict.is_feasible or any(
+            fact in stands or fact.rpartition("(")[2].rstrip(")") in self.task.operations
+            for fact in facts
+        ):
+            raise self._no(f"{skill.name} is not feasible wherever it is applicable")
 
     def _after(self, job: int, way: tuple[str, ...]) -> State:
         """Return a state right after a job, in which no other job is done."""
@@ -200,6 +218,7 @@ class _Recognition:
                 best = (cost + own, way)
             for skill in self.connectors:
                 if skill.precondition.holds(state):
+                    self._check_connector(skill, state)
                     pushed += 1
                     total = cost + skill.cost.at(state)
                     following = skill.prediction.apply(state)

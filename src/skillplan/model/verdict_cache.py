@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,9 @@ from skillplan.task.verdict import Verdict, VerdictStatus
 FORMAT = "skillplan.verdicts/1"
 
 _LOG = logging.getLogger(__name__)
+
+# Class of the back end, its options, the task as an object, and the skill.
+_ShelfKey = tuple[type[BackEnd], str, int, str]
 
 
 class _Shelf:
@@ -57,10 +60,15 @@ class _Shelf:
 
 
 class VerdictCache:
-    """Verdicts by back end and skill, found by the facts they rest on."""
+    """Verdicts by back end, task and skill, found by the facts they rest on.
+
+    Back ends of one class with equal options, made for the same task, share what they said.
+    """
 
     def __init__(self) -> None:
-        self._shelves: dict[tuple[str, str], _Shelf] = {}
+        self._shelves: dict[_ShelfKey, _Shelf] = {}
+        # By back end as an object, for speed; the back end is held so that its id stays its own.
+        self._by_object: dict[tuple[int, str], tuple[BackEnd, _Shelf]] = {}
 
     def find(self, back_end: BackEnd, skill: Skill, state: State) -> Verdict | None:
         """Return a kept verdict that applies in `state`, or None."""
@@ -70,19 +78,25 @@ class VerdictCache:
         """Keep a verdict that names the facts it rests on."""
         self._shelf(back_end, skill).add(verdict)
 
-    def only(self, back_ends: Container[str]) -> VerdictCache:
+    def only(self, back_ends: Iterable[BackEnd]) -> VerdictCache:
         """Return a cache in memory that starts with the verdicts of some back ends."""
         copy = VerdictCache()
-        copy._shelves = {
-            key: _Shelf(shelf) for key, shelf in self._shelves.items() if key[0] in back_ends
-        }
+        for back_end in back_ends:
+            for skill in back_end.task.skills:
+                shelf = self._shelves.get(_shelf_key(back_end, skill))
+                if shelf is not None:
+                    copy._shelves[_shelf_key(back_end, skill)] = _Shelf(shelf)
         return copy
 
     def _shelf(self, back_end: BackEnd, skill: Skill) -> _Shelf:
-        key = (back_end.name, skill.name)
+        known = self._by_object.get((id(back_end), skill.name))
+        if known is not None:
+            return known[1]
+        key = _shelf_key(back_end, skill)
         shelf = self._shelves.get(key)
         if shelf is None:
             shelf = self._shelves[key] = self._new_shelf(back_end, skill)
+        self._by_object[id(back_end), skill.name] = (back_end, shelf)
         return shelf
 
     def _new_shelf(self, back_end: BackEnd, skill: Skill) -> _Shelf:
@@ -109,7 +123,7 @@ class DiskVerdictCache(VerdictCache):
         super().__init__()
         self.folder = folder
         self.dropped: list[Path] = []
-        self._paths: dict[tuple[str, str], Path] = {}
+        self._paths: dict[_ShelfKey, Path] = {}
         self._writable = True
 
     def keep(self, back_end: BackEnd, skill: Skill, verdict: Verdict) -> None:
@@ -140,11 +154,20 @@ class DiskVerdictCache(VerdictCache):
             return _Shelf()
 
     def _path(self, back_end: BackEnd, skill: Skill) -> Path:
-        key = (back_end.name, skill.name)
+        key = _shelf_key(back_end, skill)
         if key not in self._paths:
             name = f"{verdict_key(back_end, skill)}.json"
             self._paths[key] = self.folder / back_end.name / name
         return self._paths[key]
+
+
+def _shelf_key(back_end: BackEnd, skill: Skill) -> _ShelfKey:
+    return type(back_end), back_end.options.model_dump_json(), id(back_end.task), skill.name
+
+
+def _class_name(back_end: BackEnd) -> str:
+    """Return what tells an engine from a detector of the same name."""
+    return f"{type(back_end).__module__}.{type(back_end).__qualname__}"
 
 
 def _read(path: Path, facts: Facts) -> list[Verdict]:
@@ -166,7 +189,12 @@ def verdict_key(back_end: BackEnd, skill: Skill) -> str:
     Scene, skill, facts, and the back end's name, version, distribution version and options.
     """
     content = {
-        "back_end": [back_end.name, back_end.version, _distribution_version(back_end)],
+        "back_end": [
+            _class_name(back_end),
+            back_end.name,
+            back_end.version,
+            _distribution_version(back_end),
+        ],
         "options": back_end.options.model_dump(mode="json"),
         "facts": list(back_end.task.facts.names),
         "scene": plain(back_end.task.scene),

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skillplan.model.precedence_chart import DerivedChart, closure, reduction
+from skillplan.model.partial_order import closure, reduction
+from skillplan.model.precedence_chart import DerivedChart
 from skillplan.report.table import Column, Table
 from skillplan.task.task import Task
 
@@ -26,7 +27,9 @@ def chart_document(chart: DerivedChart, task: Task, back_ends: Sequence[str]) ->
         "extra": [{"before": r.before, "after": r.after, "reason": r.reason} for r in chart.extra],
         "impossible": dict(chart.impossible),
         "undecided": list(chart.undecided),
-        "alternatives": {skill: list(names) for skill, names in chart.alternatives.items()},
+        "circle": list(chart.circle),
+        "contradiction": list(chart.contradiction),
+        "conditional": {skill: list(facts) for skill, facts in chart.conditional.items()},
     }
 
 
@@ -63,9 +66,14 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
         notes.append(f"{hidden} more derived pairs follow from these; --format json has all.")
     notes += [f"{skill} is never feasible: {why}" for skill, why in chart.impossible.items()]
     notes += [
-        f"{skill} needs one or more of {', '.join(names)}, none in particular"
-        for skill, names in chart.alternatives.items()
+        f"{skill} depends on more than an order: {', '.join(facts)}"
+        for skill, facts in chart.conditional.items()
     ]
     notes += [f"{skill} could not be worked out" for skill in chart.undecided]
+    if chart.circle:
+        notes.append(f"No order exists: {' before '.join(chart.circle)}.")
+    elif chart.contradiction:
+        circle = " before ".join(chart.contradiction)
+        notes.append(f"Derived and hand-made relations contradict each other: {circle}.")
     title = f"{task.name}: precedence relation derived by {', '.join(back_ends)}"
     return Table(title, columns, rows, notes)

@@ -73,7 +73,7 @@ class Explanation:
                 verdict.stage,
                 verdict.status.value,
                 verdict.reason or "-",
-                ", ".join(verdict.facts) or "no fact",
+                _basis(verdict, self.task),
                 _figures(verdict.evidence) or "-",
             )
             for verdict in self.stages
@@ -104,10 +104,16 @@ def explain(model: SkillModel, skill: Skill, before: Sequence[Skill]) -> Explana
     if not walked.feasible:
         fault = walked.violations[0]
         raise OptionError(
-            f"--after fails at entry {fault.step} ({fault.skill}): {fault.stage}: {fault.reason}."
+            f"--after fails at step {fault.step + 1} ({fault.skill}): "
+            f"{fault.stage}: {fault.reason}."
         )
     stages = tuple(model.feasibility.stages(skill, walked.state))
     return Explanation(model.task, skill, walked.state, stages)
+
+
+def _basis(verdict: Verdict, task: Task) -> str:
+    facts = verdict.facts
+    return "all facts" if len(facts) == len(task.facts) else ", ".join(facts) or "no fact"
 
 
 def _figures(evidence: Mapping[str, Any]) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from skillplan.registry import PluginInfo
+from skillplan.report.plugin_info import PluginInfo
 from skillplan.report.table import Column, Table
 
 _BOUNDS = {

@@ -92,6 +92,8 @@ class Result:
             )
         if self.wall_s < 0 or (self.makespan_s or 0) < 0 or (self.cost or 0) < 0:
             raise ValueError("Costs and times must be >= 0.")
+        if min(self.states, self.expanded or 0, self.checks, self.cache_hits) < 0:
+            raise ValueError("Counts must be >= 0.")
         cost, bound = self.cost, self.lower_bound
         if cost is not None and bound is not None and bound > cost + tolerance(cost):
             raise ValueError(f"Bound {bound} exceeds cost {cost}.")

@@ -9,8 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import IO
 
-FORMATS = ("table", "json", "csv", "md")
-
 
 @dataclass(frozen=True)
 class Column:

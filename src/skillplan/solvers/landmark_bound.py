@@ -64,8 +64,8 @@ class LandmarkBound:
                 self._makers.setdefault(task.facts.bit(name), []).append(i)
         self._rivals = self._exclusive_rivals()
         self._relevant = task.goal.requires.bits
-        for requires, forbids in zip(self._requires, self._forbids, strict=True):
-            self._relevant |= requires | forbids
+        for requires in self._requires:
+            self._relevant |= requires
         self._ways = self._direct_ways()
         self._outlooks: dict[int, _Outlook | None] = {}
 
@@ -78,6 +78,8 @@ class LandmarkBound:
         if key in self._outlooks:
             outlook = self._outlooks[key]
         else:
+            if len(self._outlooks) * len(self._requires) > _MOST_KEPT:
+                self._outlooks.clear()
             outlook = self._outlooks[key] = self._look(key)
         if outlook is None:
             return -1, 0
@@ -121,7 +123,7 @@ class LandmarkBound:
             waiting = still
 
     def _landmarks(self, bits: int, alive: set[int]) -> list[int]:
-        found: list[int] = []
+        found: dict[int, None] = {}
         seen = bits
         todo = self._task.goal.requires.bits & ~bits
         while todo:
@@ -129,14 +131,14 @@ class LandmarkBound:
             todo ^= fact
             seen |= fact
             makers = [i for i in self._makers.get(fact, ()) if i in alive]
-            if len(makers) == 1 and makers[0] not in found:
-                found.append(makers[0])
+            if len(makers) == 1:
+                found[makers[0]] = None
             needed = -1
             for i in makers:
                 needed &= self._requires[i]
             if makers:
                 todo |= needed & ~seen
-        return found
+        return list(found)
 
     def _exclusive_rivals(self) -> dict[int, int]:
         rivals: dict[int, int] = {}
@@ -178,5 +180,7 @@ class LandmarkBound:
         return ways
 
 
+# Entries of the table of outlooks, at some 100 bytes each, before it is begun anew.
+_MOST_KEPT = 5_000_000
 # Stands for "only from where one is": replaced by the cost from there, or a dead end.
 _NEVER = 1 << 80

@@ -35,6 +35,8 @@ class Visit:
         What the hand does there.
     subject
         The body or tool it does it to.
+    yaw_rad
+        How the body is turned about the vertical there [rad].
 
     Raises
     ------
@@ -45,6 +47,7 @@ class Visit:
     position: Point
     event: Event
     subject: str
+    yaw_rad: float = 0.0
 
     def __post_init__(self) -> None:
         if not all(math.isfinite(value) for value in self.position):

@@ -190,7 +190,9 @@ class Robot:
                 raise ValueError(f"Robot {self.name!r}: {name} must be > 0, not {value}.")
 
     def place(self, state: State) -> tuple[str, Point]:
-        """Return the fact and position [m] of where it stands in `state`, at safe height.
+        """Return the fact that says where it stands in `state`, and the position [m].
+
+        The position is that of the lowest point of tool and load, at safe height.
 
         Raises
         ------

@@ -32,6 +32,8 @@ _BOUNDS = {
     "less_than": ("< ", "lt"),
     "less_than_equal": ("<= ", "le"),
 }
+# Faults after which it helps to read what the key means, its unit and order included.
+_EXPLAINED = {"list_type", "dict_type", "too_short", "too_long", *_BOUNDS}
 # More than anybody reads at once; to name the nearest key takes a while for each.
 _MOST = 1000
 
@@ -54,14 +56,19 @@ def schema_issues(error: ValidationError, model: type[BaseModel]) -> list[Issue]
             hint = name_hint(str(path[-1]), fields_at(model, path[:-1]))
             found.append(Issue(f"unknown key {shown(path[-1])}. {hint}", path, at_key=True))
         elif kind == "missing":
-            found.append(Issue(f"key {path[-1]!r} is missing.", path, at_key=True))
+            meaning = _meaning(model, path)
+            message = f"key {path[-1]!r} is missing{f': {meaning}' if meaning else ''}."
+            found.append(Issue(message, path, at_key=True))
         elif _concerns_key(fault):
             found.append(Issue(f"key {_words(fault)}", path[:-1], at_key=True))
         else:
             cause = fault.get("ctx", {}).get("error")
             if isinstance(cause, Located):
                 path = (*path, *cause.path)
-            found.append(Issue(_words(fault), path))
+            words, meaning = _words(fault), _meaning(model, path)
+            if kind in _EXPLAINED and meaning:
+                words = f"{words.removesuffix('.')} ({meaning})."
+            found.append(Issue(words, path))
     return found
 
 
@@ -111,6 +118,20 @@ def shown(value: object) -> str:
         return repr(value[:45] + "...")
     text = repr(value)
     return text if len(text) <= 48 else text[:45] + "..."
+
+
+def _meaning(model: type[BaseModel], path: Sequence[str | int]) -> str:
+    """Return the description of the key at a path, or of the list that it is an entry of."""
+    while path and isinstance(path[-1], int):
+        path = path[:-1]
+    if not path:
+        return ""
+    holder: Any = model
+    for step in path[:-1]:
+        holder = _child(holder, step)
+    fields = _model_in(holder)
+    info = None if fields is None else fields.model_fields.get(str(path[-1]))
+    return (info.description if info is not None else None) or ""
 
 
 def fields_at(model: type[BaseModel], path: Iterable[str | int]) -> list[str]:

@@ -6,7 +6,7 @@ those that hold, packed into the bits of one integer.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from skillplan.errors import OptionError, name_hint
@@ -177,7 +177,3 @@ class State:
     def complement(self) -> State:
         """Return the set of the facts that do not hold."""
         return State(self.facts.all_bits & ~self.bits, self.facts)
-
-    def with_facts(self, names: Iterable[str]) -> State:
-        """Return this state with the named facts added."""
-        return self | self.facts.of(*names)

@@ -186,18 +186,21 @@ class Task:
         return tuple(literal.value(state) for literal in self.observation)
 
     def parse_sequence(self, text: str) -> tuple[Skill, ...]:
-        """Return the skills of a comma-separated list of action numbers or names.
+        """Return the skills of a list of action numbers or names.
+
+        They are separated by commas, or else by blanks, with or without brackets around.
 
         Raises
         ------
         OptionError
             If the list is empty or names something unknown; the message says which entry.
         """
-        entries = [entry.strip() for entry in text.split(",")]
-        if entries == [""]:
+        text = text.strip().removeprefix("[").removesuffix("]").strip()
+        entries = [entry.strip() for entry in (text.split(",") if "," in text else text.split())]
+        if not entries:
             raise OptionError("The sequence is empty. Give action numbers or names: 0,1,4.")
         skills = []
-        for position, entry in enumerate(entries):
+        for position, entry in enumerate(entries, start=1):
             if not entry:
                 raise OptionError(f"Entry {position} of the sequence is empty.")
             try:

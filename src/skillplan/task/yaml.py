@@ -314,11 +314,3 @@ def _neighbour_hint(path: Path) -> str:
         return f"Did you mean {stems[near]!r}?"
     rest = f" and {len(names) - 12} more" if len(names) > 12 else ""
     return f"There are {', '.join(sorted(names)[:12])}{rest}."
-
-
-def scalar(text: str) -> Any:
-    """Return what a word on the command line means: a number, true or false, nothing, or text."""
-    try:
-        return _resolve(text)
-    except ValueError:
-        return text

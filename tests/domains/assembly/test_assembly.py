@@ -6,13 +6,14 @@ import pytest
 
 from situations import assembly, config_content
 from skillplan.model.replay import replay
-from skillplan.run import Setup, make_model
-from skillplan.testing import DomainSuite, _lid_content, reachable_states
+from skillplan.run import make_model
+from skillplan.setup import Setup
+from skillplan.testing import DomainSuite, lid_content, reachable_states
 
 
 class TestAssemblyDomain(DomainSuite):
     domain = "assembly"
-    content = _lid_content()
+    content = lid_content()
 
 
 class TestAssemblyDomainOnTheBoard(DomainSuite):

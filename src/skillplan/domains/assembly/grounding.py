@@ -166,7 +166,11 @@ class _Grounding:
                 add=[f"held({name})"],
                 delete=[f"at_start({name})", HAND_FREE],
                 ends_at=vocabulary.start_place(self.config, name),
-                routes={None: [Visit(start_of(self.config, name), Event.GRASP, name)]},
+                routes={
+                    None: [
+                        Visit(start_of(self.config, name), Event.GRASP, name, part.start_yaw_rad)
+                    ]
+                },
                 parameters=parameters,
             )
             place = self._skill(
@@ -176,7 +180,11 @@ class _Grounding:
                 add=[f"placed({name})", HAND_FREE],
                 delete=[f"held({name})"],
                 ends_at=vocabulary.goal_place(name),
-                routes={None: [Visit(goal_of(self.config, name), Event.RELEASE, name)]},
+                routes={
+                    None: [
+                        Visit(goal_of(self.config, name), Event.RELEASE, name, part.goal_yaw_rad)
+                    ]
+                },
                 parameters=parameters,
                 carries=name,
             )

@@ -189,7 +189,7 @@ class AssemblyConfig(Strict):
         None, description="facts to bring about; left out: every part placed, every screw fastened"
     )
     chart: Annotated[list[ChartLine], Field(max_length=4096)] = Field(
-        [], description="the hand-made precedence relation"
+        [], description="the hand-made precedence relation, as [{before: a, after: [b, c]}]"
     )
     actions: Annotated[list[Fact], Field(min_length=1, max_length=1024)] | None = Field(
         None, description="the actions in the order of their numbers; left out: all, in file order"
@@ -202,9 +202,11 @@ class AssemblyConfig(Strict):
         description="the most skills a sequence may have"
     )
     physics: Annotated[dict[Name, dict[str, Any] | None], Field(max_length=1)] = Field(
-        {}, description="the physics engine and its options; left out: kinematic"
+        {}, description="the physics engine and its options, as {kinematic: {}}"
     )
     collision: Annotated[dict[Name, dict[str, Any] | None], Field(max_length=16)] = Field(
-        {}, description="collision detectors and their options; left out: the chart, or else aabb"
+        {},
+        description="collision detectors and options, as {aabb: {}}; left out: the chart, "
+        "or else aabb",
     )
     expect: ExpectConfig | None = Field(None, description="figures that tests verify")

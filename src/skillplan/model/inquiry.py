@@ -1,0 +1,217 @@
+"""What back ends say of one skill in states that need not be reachable."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from skillplan.model.feasibility import PRECONDITION, Feasibility
+from skillplan.task.skill import Skill
+from skillplan.task.state import Facts, State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict, VerdictStatus
+
+# So many states are imagined for one skill before it is given up as undecided.
+_MOST_QUESTIONS = 5_000
+
+
+@dataclass(frozen=True)
+class Relation:
+    """One element before another, and the evidence for it."""
+
+    before: str
+    after: str
+    reason: str
+    evidence: Mapping[str, Any] = field(default_factory=dict, hash=False)
+
+
+class Undecided(Exception):
+    """Raised where a back end does not know, or an inquiry does not come to an end."""
+
+
+class Inquiry:
+    """What is asked about one skill of one element."""
+
+    def __init__(
+        self, feasibility: Feasibility, imagination: Imagination, element: str, skill: Skill
+    ) -> None:
+        self.feasibility = feasibility
+        self.imagination = imagination
+        self.element = element
+        self.skill = skill
+        self.order = list(imagination.task.operations)
+        self.asked = 0
+
+    def ask(self, done: frozenset[str]) -> Verdict:
+        """Return the verdict on the skill where exactly these elements are done."""
+        self.asked += 1
+        if self.asked > _MOST_QUESTIONS:
+            raise Undecided
+        verdict = self.feasibility.rule(self.skill, self.imagination.before(self.skill, done))
+        if verdict.status is VerdictStatus.UNKNOWN:
+            raise Undecided
+        return verdict
+
+    def feasible_set(
+        self, done: frozenset[str] = frozenset(), undone: frozenset[str] = frozenset()
+    ) -> frozenset[str] | None:
+        """Return elements with which done the skill is feasible, or None.
+
+        An infeasible verdict rules out every state that agrees on its facts, so that in any
+        feasible one an element it blames differs: depth-first search over which.
+
+        Parameters
+        ----------
+        done, undone
+            Elements that must, and must not, be done.
+        """
+        verdict = self.ask(done)
+        if verdict.is_feasible:
+            return done
+        blamed = self.imagination.elements(verdict) - {self.element} - done - undone
+        for other in sorted(blamed, key=self.order.index):
+            found = self.feasible_set(done | {other}, undone)
+            if found is not None:
+                return found
+            undone |= {other}
+        return None
+
+    def relations(self, needed: frozenset[str]) -> Iterable[Relation]:
+        """Yield what must precede and follow the element, given a feasible set."""
+        for fact in self.skill.precondition.forbids:
+            other = self.imagination.owner(fact)
+            if other not in (None, self.element):
+                # Another element's untouched start, such as a part lying on this one.
+                name = self.skill.name
+                evidence = {"skill": name, "stage": PRECONDITION, "facts": [f"not {fact}"]}
+                yield Relation(str(other), self.element, f"{name} needs not {fact}", evidence)
+        for other in self.order:
+            if other == self.element:
+                continue
+            single = frozenset({other})
+            if other in needed:
+                verdict = self.ask(needed - single)
+                pair, exception = (other, self.element), (frozenset[str](), single)
+            else:
+                verdict = self.ask(needed | single)
+                pair, exception = (self.element, other), (single, frozenset[str]())
+            if not verdict.is_feasible and self.feasible_set(*exception) is None:
+                yield self._relation(*pair, verdict)
+
+    def beyond(self, derived: set[tuple[str, str]]) -> tuple[str, ...]:
+        """Return the facts that matter to the skill beyond a relation, closed under transitivity.
+
+        Where exactly what must precede the element is done, the skill has to be feasible, and
+        to stay so whatever else is done in an order that respects the relation.
+        """
+        before = frozenset(one for one, other in derived if other == self.element)
+        after = {other for one, other in derived if one == self.element}
+        state = self.imagination.before(self.skill, before)
+        verdict = self.ask(before)
+        settled = self.imagination.settled(self.skill, before, after)
+        facts = state.facts
+        if not verdict.is_feasible:
+            return tuple(sorted(verdict.facts))
+        present = [fact for fact in verdict.present or () if fact not in settled]
+        absent = [
+            fact
+            for fact in verdict.absent or ()
+            if fact not in settled and not self._excluded(fact, facts)
+        ]
+        return (*present, *(f"not {fact}" for fact in absent))
+
+    def _excluded(self, fact: str, facts: Facts) -> bool:
+        """Whether the precondition leaves no room for a fact."""
+        required = self.skill.precondition.requires
+        return any(
+            fact in group and any(other in required for other in group if other != fact)
+            for group in facts.exclusive
+        )
+
+    def _relation(self, before: str, after: str, verdict: Verdict) -> Relation:
+        evidence = {"skill": self.skill.name, "stage": verdict.stage, "facts": verdict.facts}
+        return Relation(before, after, verdict.reason, {**evidence, **verdict.evidence})
+
+
+class Imagination:
+    """States that need not be reachable: chosen elements done, the others untouched."""
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        self._owner = self._own_facts()
+        self._makers: dict[str, list[Skill]] = {}
+        for skill in task.skills:
+            for fact in skill.prediction.add:
+                self._makers.setdefault(fact, []).append(skill)
+        self._finished = self._finished_facts()
+
+    def chain(self, element: str) -> list[Skill]:
+        """Return the skills that bring one element, and no other, to its goal, in order."""
+        fact = self.task.operations[element]
+        skills: list[Skill] = []
+        self._bring(self.task.initial, fact, skills)
+        return [skill for skill in skills if element in skill.parameters.values()]
+
+    def before(self, skill: Skill, done: Iterable[str]) -> State:
+        """Return a state in which `skill` is applicable and the elements in `done` are done."""
+        bits = self.task.initial.bits
+        for element in done:
+            own, after = self._finished[element]
+            bits = bits & ~own | after
+        state = self.task.facts.state(bits)
+        for name in skill.precondition.requires:
+            state = self._bring(state, name, [])
+        # What the skill forbids, such as a part lying on it, is taken away.
+        return state - skill.precondition.forbids
+
+    def settled(self, skill: Skill, before: Iterable[str], after: Iterable[str]) -> set[str]:
+        """Return the facts that are certain where a skill is applicable in a good order."""
+        certain = {*skill.precondition.requires, *skill.precondition.forbids}
+        elements = {*before, *after}
+        return certain | {fact for fact, owner in self._owner.items() if owner in elements}
+
+    def owner(self, fact: str) -> str | None:
+        """Return the element that a fact is about, or None."""
+        return self._owner.get(fact)
+
+    def elements(self, verdict: Verdict) -> set[str]:
+        """Return the elements that the facts of a verdict are about."""
+        facts = [*(verdict.present or ()), *(verdict.absent or ())]
+        return {self._owner[fact] for fact in facts if fact in self._owner}
+
+    def _own_facts(self) -> dict[str, str]:
+        """Return the element of every fact named after one; not where the arm stands."""
+        stands = {fact for robot in self.task.scene.robots for fact in robot.places}
+        found = {}
+        for fact in self.task.facts.names:
+            element = fact.rpartition("(")[2].rstrip(")")
+            if element in self.task.operations and fact not in stands:
+                found[fact] = element
+        return found
+
+    def _finished_facts(self) -> dict[str, tuple[int, int]]:
+        """Return, by element, the bits of its own facts and those of them that hold when done."""
+        own = dict.fromkeys(self.task.operations, 0)
+        for fact, element in self._owner.items():
+            own[element] |= self.task.facts.bit(fact)
+        return {
+            element: (mask, self._bring(self.task.initial, goal, []).bits & mask)
+            for (element, goal), mask in zip(
+                self.task.operations.items(), own.values(), strict=True
+            )
+        }
+
+    def _bring(self, state: State, fact: str, skills: list[Skill], depth: int = 0) -> State:
+        """Apply predicted outcomes until `fact` holds, noting the skills used."""
+        if fact in state or depth > 8:
+            return state
+        makers = self._makers.get(fact)
+        if not makers:
+            return state
+        # Of several, as for an empty tool holder, the one that lacks the least here.
+        maker = min(makers, key=lambda s: len(s.precondition.requires - state))
+        for name in maker.precondition.requires:
+            state = self._bring(state, name, skills, depth + 1)
+        skills.append(maker)
+        return maker.prediction.apply(state)
