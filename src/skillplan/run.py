@@ -121,11 +121,11 @@ def solve(
     solution = _search(solver, model, seed, stop)
     wall_s = time.perf_counter() - begin_s
     stats = model.stats
-    expanded = solution.trace.get("expanded", solution.trace.get("visited"))
+    expanded = _count(solution, "expanded", "visited")
     blank = replace(
         blank,
-        states=stats.states,
-        expanded=expanded if isinstance(expanded, int) else stats.states,
+        states=max(stats.states, _count(solution, "states") or 0),
+        expanded=stats.states if expanded is None else expanded,
         checks=stats.checks,
         cache_hits=stats.cache_hits,
         wall_s=wall_s,
@@ -152,6 +152,15 @@ def _why_infeasible(model: SkillModel) -> str:
         if obstacle is not None:
             return obstacle
     return f"none within {task.step_limit} skills"
+
+
+def _count(solution: Solution, *names: str) -> int | None:
+    """Return the first of some figures of a trace that is a count."""
+    for name in names:
+        figure = solution.trace.get(name)
+        if isinstance(figure, int) and figure >= 0:
+            return figure
+    return None
 
 
 def _refusal(solver: Solver, model: SkillModel) -> str | None:

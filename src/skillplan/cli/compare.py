@@ -49,6 +49,7 @@ def command(
     bound is refuted by another's plan is marked wrong.
     """
     from contextlib import ExitStack
+    from dataclasses import replace
 
     from skillplan.cli.output import emit, exit_code
     from skillplan.cli.waiting import stoppable
@@ -74,11 +75,16 @@ def command(
         results = solve_all(loaded, names, setup, seed=seed, make_stop=make_stop, warm=warm)
     title = f"{loaded.name}: {results[0].physics} physics, collision {results[0].collision}, "
     title += "warm cache" if warm else "cold cache"
+    not_run = list(names[len(results) :])
     document = {
         "schema": "skillplan.comparison/1",
         "warm": warm,
+        "not_run": not_run,
         "rows": [result.document() for result in results],
     }
     code = exit_code(results)
-    emit(style, document, [comparison_table(results, title)], failed=code != 0)
+    table = comparison_table(results, title)
+    if not_run:
+        table = replace(table, notes=(*table.notes, f"not run: {', '.join(not_run)}"))
+    emit(style, document, [table], failed=code != 0)
     return code

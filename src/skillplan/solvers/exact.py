@@ -75,6 +75,7 @@ class ExactSolver(Solver):
         if proved and plan is not None:
             bound = plan.cost
         trace = {
+            "states": search.states,
             "expanded": search.expanded,
             "generated": search.generated,
             "ended": "proof" if proved else self.stop.reason,
@@ -94,6 +95,7 @@ class _Search:
         self.stop = solver.stop
         self.model = model
         self.bound = LandmarkBound(model.task)
+        self.states = 0
         self.expanded = 0
         self.generated = 0
         # All tolls of a plan together stay within the tolerance of a proof.
@@ -130,6 +132,7 @@ class _Search:
                     self.stop.incumbent(plan)
                 return plan, True
             known.append(label)
+            self.states += len(known) == 1
             self.expanded += 1
             if self.options.dives and self.expanded > next_dive:
                 next_dive = 2 * next_dive + 64
