@@ -44,8 +44,7 @@ def command(
     from skillplan.cli.waiting import stoppable
     from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
     from skillplan.model.replay import replay
-    from skillplan.report.result import Status, step_document
-    from skillplan.report.result_tables import evaluation_table
+    from skillplan.report.evaluation import Evaluation
     from skillplan.run import make_model, solve, warm_cache
     from skillplan.setup import load_problem
 
@@ -54,45 +53,12 @@ def command(
     skills = loaded.parse_sequence(sequence)
     cache = warm_cache()
     walked = replay(make_model(loaded, setup, cache), skills)
-    optimum = deviation = None
-    interrupted = False
+    best = None
     if walked.complete:
         with stoppable(time_limit_s, label="proving the optimum") as stop:
             best = solve(loaded, "exact", setup, stop=stop, cache=cache)
-        interrupted = best.interrupted
-        if best.status is Status.OPTIMAL:
-            optimum = best.cost
-        if optimum:
-            deviation = walked.cost / optimum - 1
-        elif optimum == walked.cost:
-            deviation = 0.0
-    document = {
-        "schema": "skillplan.evaluation/1",
-        "task": {"name": loaded.name, "kind": loaded.kind, "sha256": loaded.sha256},
-        "feasible": walked.feasible,
-        "complete": walked.complete,
-        "cost": walked.cost,
-        "cost_unit": loaded.metric.unit,
-        "optimum": optimum,
-        "deviation": deviation,
-        "makespan": len(walked.steps),
-        "makespan_s": walked.duration_s,
-        "reward": walked.total_reward,
-        "actions": [loaded.action(skill) for skill in skills],
-        "steps": [step_document(step) for step in walked.steps],
-        "violations": [
-            {
-                "step": violation.step,
-                "skill": violation.skill,
-                "stage": violation.stage,
-                "reason": violation.reason,
-                "facts": list(violation.facts),
-            }
-            for violation in walked.violations
-        ],
-    }
-    table = evaluation_table(walked, loaded, optimum, deviation)
-    emit(style, document, [table], failed=not walked.complete)
-    if interrupted:
+    evaluation = Evaluation(loaded, skills, walked, best)
+    emit(style, evaluation.document(), [evaluation.table()], failed=not walked.complete)
+    if best is not None and best.interrupted:
         return EXIT_INTERRUPTED
     return EXIT_SOLVED if walked.complete else EXIT_NO_PLAN

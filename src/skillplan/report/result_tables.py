@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skillplan.model.replay import Replay, Step
+from skillplan.model.replay import Step
 from skillplan.report.result import Result, Status
 from skillplan.report.table import Column, Table
 from skillplan.task.motion import Point
@@ -106,31 +106,6 @@ def comparison_table(results: Sequence[Result], title: str) -> Table:
     return Table(title, columns, rows, notes)
 
 
-def evaluation_table(
-    walked: Replay, task: Task, optimum: float | None, deviation: float | None
-) -> Table:
-    """Return an evaluated sequence: its steps, what it costs, and what fails where."""
-    notes = [f"feasible   {_yes(walked.feasible)}", f"complete   {_yes(walked.complete)}"]
-    if walked.steps:
-        what = "cost" if walked.complete else "so far"
-        notes.append(f"{what:<10} {task.cost_text(walked.cost)}, {walked.duration_s:.1f} s")
-    if walked.complete and optimum is not None:
-        notes.append(
-            f"deviation  {percent(deviation)} of the proved optimum {task.cost_text(optimum)}"
-        )
-    elif walked.complete:
-        notes.append("deviation  unknown: the optimum was not proved in time")
-    if walked.total_reward is not None:
-        notes.append(f"reward     {walked.total_reward:.5f}")
-    for violation in walked.violations:
-        where = f"step {violation.step + 1} ({violation.skill})" if violation.skill else "the end"
-        notes.append(f"violation  at {where}: {violation.stage}: {violation.reason}")
-        if violation.facts and violation.skill:
-            notes.append(f"           rests on {', '.join(violation.facts)}")
-    columns, rows = step_rows(walked.steps, task.metric.name, task.metric.unit)
-    return Table(f"{task.name}: evaluation", columns, rows, notes)
-
-
 def percent(fraction: float | None) -> str:
     """Return a fraction in per cent with two decimals, or a dash."""
     return "-" if fraction is None else f"{100 * fraction:.2f} %"
@@ -167,7 +142,3 @@ def _because(result: Result) -> str:
 
 def _point(point: Point | None) -> str:
     return "-" if point is None else " ".join(f"{value:.3f}" for value in point)
-
-
-def _yes(value: bool) -> str:
-    return "yes" if value else "no"

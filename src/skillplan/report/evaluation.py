@@ -1,0 +1,107 @@
+"""A sequence, replayed and held against the proved optimum."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skillplan.model.replay import Replay
+from skillplan.report.result import Result, Status, step_document
+from skillplan.report.result_tables import percent, step_rows
+from skillplan.report.table import Table
+from skillplan.task.skill import Skill
+from skillplan.task.task import Task
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What became of a sequence.
+
+    Parameters
+    ----------
+    task, skills
+        What was replayed.
+    walked
+        The replay.
+    best
+        What an exact solver found on the same task, or None where it was not asked.
+    """
+
+    task: Task
+    skills: Sequence[Skill]
+    walked: Replay
+    best: Result | None = None
+
+    @property
+    def optimum(self) -> float | None:
+        """The proved optimum; None where it is not proved."""
+        best = self.best
+        return best.cost if best is not None and best.status is Status.OPTIMAL else None
+
+    @property
+    def deviation(self) -> float | None:
+        """Excess over the proved optimum, as a fraction of it; None where either is missing."""
+        optimum = self.optimum
+        if optimum is None or not self.walked.complete:
+            return None
+        if optimum == 0:
+            return 0.0 if self.walked.cost == 0 else None
+        return self.walked.cost / optimum - 1
+
+    def document(self) -> dict[str, Any]:
+        """Return the JSON document ``skillplan.evaluation/1``."""
+        task, walked = self.task, self.walked
+        return {
+            "schema": "skillplan.evaluation/1",
+            "task": {"name": task.name, "kind": task.kind, "sha256": task.sha256},
+            "feasible": walked.feasible,
+            "complete": walked.complete,
+            "cost": walked.cost,
+            "cost_unit": task.metric.unit,
+            "optimum": self.optimum,
+            "deviation": self.deviation,
+            "makespan": len(walked.steps),
+            "makespan_s": walked.duration_s,
+            "reward": walked.total_reward,
+            "actions": [task.action(skill) for skill in self.skills],
+            "steps": [step_document(step) for step in walked.steps],
+            "violations": [
+                {
+                    "step": violation.step,
+                    "skill": violation.skill,
+                    "stage": violation.stage,
+                    "reason": violation.reason,
+                    "facts": list(violation.facts),
+                }
+                for violation in walked.violations
+            ],
+        }
+
+    def table(self) -> Table:
+        """Return the steps, what they cost, and what fails where."""
+        task, walked = self.task, self.walked
+        notes = [f"feasible   {_yes(walked.feasible)}", f"complete   {_yes(walked.complete)}"]
+        if walked.steps:
+            what = "cost" if walked.complete else "so far"
+            notes.append(f"{what:<10} {task.cost_text(walked.cost)}, {walked.duration_s:.1f} s")
+        if self.deviation is not None:
+            notes.append(
+                f"deviation  {percent(self.deviation)} of the proved optimum "
+                f"{task.cost_text(self.optimum)}"
+            )
+        elif walked.complete and self.optimum is None:
+            notes.append("deviation  unknown: the optimum was not proved in time")
+        if walked.total_reward is not None:
+            notes.append(f"reward     {walked.total_reward:.5f}")
+        for fault in walked.violations:
+            where = f"step {fault.step + 1} ({fault.skill})" if fault.skill else "the end"
+            notes.append(f"violation  at {where}: {fault.stage}: {fault.reason}")
+            if fault.facts and fault.skill:
+                notes.append(f"           rests on {', '.join(fault.facts)}")
+        columns, rows = step_rows(walked.steps, task.metric.name, task.metric.unit)
+        return Table(f"{task.name}: evaluation", columns, rows, notes)
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "no"
