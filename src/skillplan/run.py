@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from skillplan.setup import Setup
 from skillplan.solvers.solution import Solution
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
+from skillplan.task.plain_json import json_fault
 from skillplan.task.task import Task
 
 DEFAULT_SOLVER = "exact"
@@ -115,7 +116,8 @@ def solve(
         cost_unit=task.metric.unit,
     )
     begin_s = time.perf_counter()
-    refusal = _refusal(solver, model)
+    with _blamed(solver):
+        refusal = solver.refuses(model)
     if refusal is not None:
         return replace(blank, status=Status.REFUSED, reason=refusal)
     solution = _search(solver, model, seed, stop)
@@ -163,9 +165,11 @@ def _count(solution: Solution, *names: str) -> int | None:
     return None
 
 
-def _refusal(solver: Solver, model: SkillModel) -> str | None:
+@contextmanager
+def _blamed(solver: Solver) -> Iterator[None]:
+    """Name the solver in whatever it raises that is not in words already."""
     try:
-        return solver.refuses(model)
+        yield
     except SkillplanError:
         raise
     except Exception as error:
@@ -176,25 +180,17 @@ def _refusal(solver: Solver, model: SkillModel) -> str | None:
 
 def _search(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> Solution:
     try:
-        solution = solver.solve(model, seed=seed)
+        with _blamed(solver):
+            solution = solver.solve(model, seed=seed)
     except SearchStopped:
         return Solution(stop.best, stop.lower_bound)
-    except SkillplanError:
-        raise
-    except Exception as error:
-        raise SkillplanError(
-            f"The solver {solver.name!r} failed: {type(error).__name__}: {error}"
-        ) from error
     if not isinstance(solution, Solution):
         raise SkillplanError(
             f"The solver {solver.name!r} returned {type(solution).__name__}, not a Solution."
         )
-    try:
-        json.dumps(dict(solution.trace), allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise SkillplanError(
-            f"The trace of the solver {solver.name!r} is not JSON: {error}."
-        ) from None
+    fault = json_fault(solution.trace)
+    if fault is not None:
+        raise SkillplanError(f"The trace of the solver {solver.name!r} is not JSON: {fault}.")
     return solution
 
 

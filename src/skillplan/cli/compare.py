@@ -11,6 +11,7 @@ from skillplan.cli.options import (
     format_option,
     make_setup,
     seed_option,
+    split_names,
     task_argument,
     time_limit_option,
 )
@@ -59,7 +60,7 @@ def command(
     from skillplan.setup import load_problem
     from skillplan.solvers.stop import Stop
 
-    names = tuple(dict.fromkeys(name.strip() for name in solvers.split(",") if name.strip()))
+    names = tuple(split_names(solvers))
     if not names:
         raise OptionError("--solvers names no solver.")
     loaded = load_problem(task, asked(physics, collision)).task

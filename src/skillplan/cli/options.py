@@ -215,11 +215,12 @@ def parse_options(entries: tuple[str, ...], solver: str | None) -> dict[str, dic
 def asked(physics: str | None, collision: str | None) -> dict[str, list[str]]:
     """Return the names of the back ends that the command line chooses, by kind."""
     given = {"physics": physics, "collision": collision}
-    return {
-        kind: [name.strip() for name in names.split(",")]
-        for kind, names in given.items()
-        if names is not None
-    }
+    return {kind: split_names(names) for kind, names in given.items() if names is not None}
+
+
+def split_names(text: str) -> list[str]:
+    """Return the distinct names of a list with commas, in order."""
+    return list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
 
 
 def make_setup(
@@ -240,7 +241,7 @@ def make_setup(
 
     if physics is not None and not physics.strip():
         raise OptionError("--physics names no engine.")
-    detectors = tuple(name.strip() for name in (collision or "").split(",") if name.strip())
+    detectors = tuple(split_names(collision or ""))
     if collision is not None and not detectors:
         raise OptionError("--collision names no detector.")
     parsed = parse_options(options, solvers[0] if len(solvers) == 1 else None)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterable
 
 from skillplan.errors import BackEndError, SkillplanError
 from skillplan.model.verdict_cache import VerdictCache
 from skillplan.task.back_end import BackEnd
+from skillplan.task.plain_json import json_fault
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -131,12 +131,11 @@ class Feasibility:
                 f"Back end {back_end.name!r} returned {type(verdict).__name__} for "
                 f"{skill.name}, not a Verdict."
             )
-        try:
-            json.dumps(dict(verdict.evidence), allow_nan=False)
-        except (TypeError, ValueError) as error:
+        fault = json_fault(verdict.evidence)
+        if fault is not None:
             raise BackEndError(
-                f"The evidence of back end {back_end.name!r} for {skill.name} is not JSON: {error}."
-            ) from None
+                f"The evidence of back end {back_end.name!r} for {skill.name} is not JSON: {fault}."
+            )
         verdict = verdict.grounded(state, back_end.name)
         if not verdict.applies_in(state):
             raise BackEndError(

@@ -8,7 +8,7 @@ from typing import Any
 
 from skillplan.model.feasibility import PRECONDITION, Feasibility
 from skillplan.task.skill import Skill
-from skillplan.task.state import Facts, State
+from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
 
@@ -107,26 +107,24 @@ class Inquiry:
         """
         before = frozenset(one for one, other in derived if other == self.element)
         after = {other for one, other in derived if one == self.element}
-        state = self.imagination.before(self.skill, before)
         verdict = self.ask(before)
         settled = self.imagination.settled(self.skill, before, after)
-        facts = state.facts
         if not verdict.is_feasible:
             return tuple(sorted(verdict.facts))
         present = [fact for fact in verdict.present or () if fact not in settled]
         absent = [
             fact
             for fact in verdict.absent or ()
-            if fact not in settled and not self._excluded(fact, facts)
+            if fact not in settled and not self._excluded(fact)
         ]
         return (*present, *(f"not {fact}" for fact in absent))
 
-    def _excluded(self, fact: str, facts: Facts) -> bool:
+    def _excluded(self, fact: str) -> bool:
         """Whether the precondition leaves no room for a fact."""
         required = self.skill.precondition.requires
         return any(
             fact in group and any(other in required for other in group if other != fact)
-            for group in facts.exclusive
+            for group in required.facts.exclusive
         )
 
     def _relation(self, before: str, after: str, verdict: Verdict) -> Relation:
@@ -135,10 +133,17 @@ class Inquiry:
 
 
 class Imagination:
-    """States that need not be reachable: chosen elements done, the others untouched."""
+    """States that need not be reachable: chosen elements done, the others untouched.
+
+    Attributes
+    ----------
+    stands
+        The facts that say where an arm stands.
+    """
 
     def __init__(self, task: Task) -> None:
         self.task = task
+        self.stands = {fact for robot in task.scene.robots for fact in robot.places}
         self._owner = self._own_facts()
         self._makers: dict[str, list[Skill]] = {}
         for skill in task.skills:
@@ -182,11 +187,10 @@ class Imagination:
 
     def _own_facts(self) -> dict[str, str]:
         """Return the element of every fact named after one; not where the arm stands."""
-        stands = {fact for robot in self.task.scene.robots for fact in robot.places}
         found = {}
         for fact in self.task.facts.names:
             element = fact.rpartition("(")[2].rstrip(")")
-            if element in self.task.operations and fact not in stands:
+            if element in self.task.operations and fact not in self.stands:
                 found[fact] = element
         return found
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.errors import NotASequencing
+from skillplan.model.inquiry import Imagination
 from skillplan.model.precedence_chart import derive_chart
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.skill import Skill
@@ -102,6 +103,7 @@ class _Recognition:
         self.task: Task = model.task
         if not self.task.deterministic:
             raise self._no("skills may have several outcomes")
+        self.imagination = Imagination(self.task)
         goal = list(self.task.goal.requires)
         self.elements = [e for e, fact in self.task.operations.items() if fact in goal]
         if len(self.elements) != len(goal) or self.task.goal.forbids.bits:
@@ -149,7 +151,7 @@ class _Recognition:
             own = [
                 name
                 for name in makers[0].precondition.requires
-                if name.endswith(f"({element})") and name not in self.task.initial
+                if self.imagination.owner(name) == element and name not in self.task.initial
             ]
             if not own:
                 return chain
@@ -183,11 +185,10 @@ class _Recognition:
         Its verdict may rest on tools and the hand, not on places or what has been done.
         """
         verdict = self.model.verdict(state, skill)
-        facts = [fact.removeprefix("not ") for fact in verdict.facts]
-        stands = {fact for robot in self.task.scene.robots for fact in robot.places}
+        facts = [*(verdict.present or ()), *(verdict.absent or ())]
+        stands = self.imagination.stands
         if not verdict.is_feasible or any(
-            fact in stands or fact.rpartition("(")[2].rstrip(")") in self.task.operations
-            for fact in facts
+            fact in stands or self.imagination.owner(fact) is not None for fact in facts
         ):
             raise self._no(f"{skill.name} is not feasible wherever it is applicable")
 
@@ -245,9 +246,5 @@ class _Recognition:
         return cost
 
     def _foreign(self, amiss: str, job: int) -> bool:
-        fact = amiss.removeprefix("not ")
-        return any(
-            fact.endswith(f"({element})")
-            for other, element in enumerate(self.elements)
-            if other != job
-        )
+        owner = self.imagination.owner(amiss.removeprefix("not "))
+        return owner in self.elements and owner != self.elements[job]

@@ -126,23 +126,24 @@ def _meaning(model: type[BaseModel], path: Sequence[str | int]) -> str:
         path = path[:-1]
     if not path:
         return ""
-    holder: Any = model
-    for step in path[:-1]:
-        holder = _child(holder, step)
-    fields = _model_in(holder)
+    fields = _model_at(model, path[:-1])
     info = None if fields is None else fields.model_fields.get(str(path[-1]))
     return (info.description if info is not None else None) or ""
 
 
 def fields_at(model: type[BaseModel], path: Iterable[str | int]) -> list[str]:
     """Return the keys that `model` allows at a path."""
-    here: Any = model
-    for step in path:
-        here = _child(here, step)
-    resolved = _model_in(here)
+    resolved = _model_at(model, path)
     if resolved is None:
         return []
     return [info.alias or name for name, info in resolved.model_fields.items()]
+
+
+def _model_at(model: type[BaseModel], path: Iterable[str | int]) -> type[BaseModel] | None:
+    here: Any = model
+    for step in path:
+        here = _child(here, step)
+    return _model_in(here)
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:
