@@ -145,7 +145,7 @@ def _roll_out(model: SkillModel, choose: Callable[[State], Skill | None]) -> lis
         if skill is None:
             break
         skills.append(skill)
-        state = skill.prediction.apply(state)
+        state = skill.prediction_in(state).apply(state)
     return skills
 
 

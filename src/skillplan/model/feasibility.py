@@ -16,6 +16,9 @@ from skillplan.task.verdict import Verdict, VerdictStatus
 
 PRECONDITION = "precondition"
 
+# Of the facts that would do, a message names so many.
+_MOST_NAMED = 12
+
 
 class Feasibility:
     """Rules on skills by asking back ends, each only for what is not known yet.
@@ -60,7 +63,7 @@ class Feasibility:
         BackEndError
             If a back end raises instead of ruling, or returns something else than a verdict.
         """
-        if not skill.precondition.holds(state):
+        if not skill.applicable(state):
             return self._inapplicable(skill, state)
         asked_before = self.asked.total()
         verdict = self._rule(skill, state)
@@ -72,29 +75,33 @@ class Feasibility:
 
     def stages(self, skill: Skill, state: State) -> list[Verdict]:
         """Return the verdict of every stage, also beyond the first that fails."""
-        if not skill.precondition.holds(state):
+        if not skill.applicable(state):
             return [self._inapplicable(skill, state)]
-        first = Verdict.feasible(skill.precondition.requires, skill.precondition.forbids)
+        condition = skill.condition(state)
+        first = Verdict.feasible(condition.requires, condition.forbids)
         return [
             first.grounded(state, PRECONDITION),
             *(self._ask(back_end, skill, state) for back_end in self.back_ends),
         ]
 
     def _inapplicable(self, skill: Skill, state: State) -> Verdict:
-        condition = skill.precondition
-        amiss = condition.why_not(state)
+        amiss = skill.why_not(state)
+        names = [*amiss.requires, *(f"not {name}" for name in amiss.forbids)]
+        one_of = "one of " if len(amiss.requires) > len(skill.condition(state).requires) else ""
+        shown = names if len(names) <= _MOST_NAMED else [*names[:_MOST_NAMED], "..."]
         return Verdict(
             VerdictStatus.INFEASIBLE,
-            f"needs {', '.join(amiss)}",
+            f"needs {one_of}{', '.join(shown)}",
             PRECONDITION,
-            condition.forbids & state,
-            condition.requires - state,
-            {"amiss": amiss},
+            amiss.forbids,
+            amiss.requires,
+            {"amiss": names},
         )
 
     def _rule(self, skill: Skill, state: State) -> Verdict:
         facts = self.task.facts
-        present, absent = skill.precondition.requires, skill.precondition.forbids
+        condition = skill.condition(state)
+        present, absent = condition.requires, condition.forbids
         unknown: Verdict | None = None
         for back_end in self.back_ends:
             verdict = self._ask(back_end, skill, state)

@@ -103,6 +103,8 @@ class _Recognition:
         self.task: Task = model.task
         if not self.task.deterministic:
             raise self._no("skills may have several outcomes")
+        if any(skill.cases for skill in self.task.skills):
+            raise self._no("what a skill brings about depends on the state")
         self.imagination = Imagination(self.task)
         goal = list(self.task.goal.requires)
         self.elements = [e for e, fact in self.task.operations.items() if fact in goal]

@@ -124,7 +124,7 @@ class SkillModel:
         return [
             skill
             for requires, forbids, skill in self._masks
-            if bits & requires == requires and not bits & forbids
+            if bits & requires == requires and not bits & forbids and skill.has_case(bits)
         ]
 
     def verdict(self, state: State, skill: Skill) -> Verdict:
@@ -148,7 +148,9 @@ class SkillModel:
         return Transition(
             state,
             skill,
-            tuple((outcome.probability, outcome.apply(state)) for outcome in skill.outcomes),
+            tuple(
+                (outcome.probability, outcome.apply(state)) for outcome in skill.outcomes_in(state)
+            ),
             skill.cost.at(state),
             skill.duration_s.at(state),
         )

@@ -25,7 +25,8 @@ class TabularMDP:
     Parameters
     ----------
     states
-        The n reachable states; state 0 is the initial one. Nothing follows a goal state.
+        The n states that can be reached from the initial one, which is state 0, or from one of
+        the task's other starts. Nothing follows a goal state.
     goal
         Whether the task is done, shape (n,).
     rows
@@ -38,6 +39,9 @@ class TabularMDP:
         Outcomes of row j are ``outcomes[j]`` to ``outcomes[j + 1]``, shape (m + 1,).
     successors, probabilities
         State index and probability of every outcome, shape (k,).
+    rewards
+        What a learner is paid for every outcome, shape (k,): by the task's reward scheme, or
+        minus the cost where it has none.
 
     Raises
     ------
@@ -54,6 +58,7 @@ class TabularMDP:
     outcomes: NDArray[np.int64]
     successors: NDArray[np.int64]
     probabilities: NDArray[np.float64]
+    rewards: NDArray[np.float64]
 
     def __post_init__(self) -> None:
         if len(self.rows) != len(self.states) + 1 or self.rows[-1] != len(self.actions):
@@ -62,6 +67,8 @@ class TabularMDP:
             raise ValueError("TabularMDP outcomes do not fit the actions.")
         if self.outcomes[-1] != len(self.successors):
             raise ValueError("TabularMDP outcomes do not fit the successors.")
+        if len(self.rewards) != len(self.successors):
+            raise ValueError("TabularMDP rewards do not fit the successors.")
         if len(self.actions):
             sums = np.add.reduceat(self.probabilities, self.outcomes[:-1])
             if not np.allclose(sums, 1.0, atol=1e-9):
@@ -83,10 +90,11 @@ class TabularMDP:
         ModelTooLarge
             If more states than `limit` can be reached.
         """
-        index = {model.initial: 0}
-        states = [model.initial]
+        states = list(dict.fromkeys((model.initial, *model.task.starts)))
+        index = {state: i for i, state in enumerate(states)}
+        reward = model.task.reward
         goal, rows, actions, costs, durations_s = [], [0], [], [], []
-        outcomes, successors, probabilities = [0], [], []
+        outcomes, successors, probabilities, rewards = [0], [], [], []
         for state in states:
             goal.append(model.is_goal(state))
             for step in () if goal[-1] else model.transitions(state):
@@ -104,6 +112,17 @@ class TabularMDP:
                         states.append(following)
                     successors.append(index[following])
                     probabilities.append(probability)
+                    rewards.append(
+                        -step.cost
+                        if reward is None
+                        else reward.of_step(
+                            state,
+                            step.skill.name,
+                            step.cost,
+                            goal=model.is_goal(following),
+                            out_of_time=False,
+                        )
+                    )
                 outcomes.append(len(successors))
             rows.append(len(actions))
         return cls(
@@ -116,4 +135,5 @@ class TabularMDP:
             np.array(outcomes, dtype=np.int64),
             np.array(successors, dtype=np.int64),
             np.array(probabilities, dtype=np.float64),
+            np.array(rewards, dtype=np.float64),
         )

@@ -201,6 +201,9 @@ def verdict_key(back_end: BackEnd, skill: Skill) -> str:
         "skill": [skill.name, skill.kind, list(skill.agents), dict(skill.parameters)],
         "execution": [plain(skill.motion), str(skill.precondition)],
         "prediction": [str(skill.prediction.add), str(skill.prediction.delete)],
+        "cases": [
+            plain(case.fact) + plain(case.forbids) + plain(case.outcomes) for case in skill.cases
+        ],
         "chart": [[line.before, line.after] for line in back_end.task.chart],
         "operations": dict(back_end.task.operations),
     }

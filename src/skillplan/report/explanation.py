@@ -10,7 +10,7 @@ from skillplan.errors import OptionError
 from skillplan.model.replay import replay
 from skillplan.model.skill_model import SkillModel
 from skillplan.report.table import Column, Table
-from skillplan.task.skill import Skill
+from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
@@ -38,10 +38,17 @@ class Explanation:
         """Whether every stage passed."""
         return all(verdict.is_feasible for verdict in self.stages)
 
+    @property
+    def _prediction(self) -> Outcome:
+        skill = self.skill
+        return (
+            skill.prediction if skill.case(self.state) is None else skill.prediction_in(self.state)
+        )
+
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.explanation/1``."""
         first = next((v for v in self.stages if not v.is_feasible), None)
-        prediction = self.skill.prediction
+        prediction = self._prediction
         return {
             "schema": "skillplan.explanation/1",
             "task": {"name": self.task.name, "sha256": self.task.sha256},
@@ -51,7 +58,7 @@ class Explanation:
             "status": first.status.value if first else "feasible",
             "stage": first.stage if first else None,
             "reason": first.reason if first else None,
-            "precondition": str(self.skill.precondition),
+            "precondition": str(self.skill.condition(self.state)),
             "prediction": {"add": list(prediction.add), "delete": list(prediction.delete)},
             "stages": [
                 {
@@ -80,11 +87,11 @@ class Explanation:
         ]
         columns = [Column(name) for name in ("stage", "verdict", "reason")]
         columns += [Column(name, below=True) for name in ("rests on", "evidence")]
-        gone = self.state & self.skill.prediction.delete
+        gone = self.state & self._prediction.delete
         notes = [
             f"state         {', '.join(self.state)}",
-            f"precondition  {self.skill.precondition}",
-            f"prediction    {', '.join(self.skill.prediction.add)}"
+            f"precondition  {self.skill.condition(self.state)}",
+            f"prediction    {', '.join(self._prediction.add)}"
             + "".join(f", not {fact}" for fact in gone),
         ]
         outcome = "feasible" if self.feasible else "not feasible"

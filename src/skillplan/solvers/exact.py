@@ -1,7 +1,7 @@
 """Best-first search with proof, on the lazy model.
 
-A* (Hart, Nilsson and Raphael, 1968) under the landmark bound, ordered by cost and then by
-number of skills. Edges are lazy (Dellin and Srinivasa, "A unifying formalism for shortest path
+A* (Hart, Nilsson and Raphael, 1968) under the landmark bound, ordered by cost, then by number
+of skills, then by time. Edges are lazy (Dellin and Srinivasa, "A unifying formalism for shortest path
 problems with expensive edge evaluations", 2016): a back end is asked about a skill only when
 its arrow comes up for expansion, so that most arrows never cost a check.
 """
@@ -21,20 +21,24 @@ from skillplan.solvers.solver import Solver
 from skillplan.task import back_end
 from skillplan.task.state import State
 
+# Times [us] are added below the last bit of the cost; 2 ** 40 us are twelve days.
+_TIME_BITS = 40
+
 
 @dataclass(slots=True)
 class _Label:
-    """A way to a state: its cost [units], its skills, and where it came from."""
+    """A way to a state: its cost [units], skills and time [us], and where it came from."""
 
     state: State
     cost: int
     steps: int
+    time: int
     parent: _Label | None
     skill: int
 
 
 class ExactSolver(Solver):
-    """Prove the cheapest plan; of equals, one with the fewest skills."""
+    """Prove the cheapest plan; of equals, one with the fewest skills, then the fastest."""
 
     name = "exact"
 
@@ -87,7 +91,8 @@ class _Search:
     """One task's search: what the two passes share.
 
     Labels are ordered by weight: the cost plus a toll for every skill, far below what matters
-    and far above what rounding does to ways of equal length. So ties go to fewer skills.
+    and far above what rounding does to ways of equal length. So ties go to fewer skills, and
+    what is still equal to less time, which weighs less than one unit of cost.
     """
 
     def __init__(self, solver: ExactSolver, model: SkillModel) -> None:
@@ -108,7 +113,7 @@ class _Search:
         limit = self.model.step_limit if bounded else None
         best: dict[int, list[_Label]] = {}
         queue: list[tuple[int, int, int, _Label]] = []
-        start = _Label(self.model.initial, 0, 0, None, -1)
+        start = _Label(self.model.initial, 0, 0, 0, None, -1)
         self._push(queue, start, limit)
         next_dive = 0
         while queue:
@@ -142,29 +147,32 @@ class _Search:
                     self._push(queue, child, limit)
         return self._plan, True
 
-    def _weight(self, cost: int, steps: int) -> int:
-        return cost + self._toll * steps
+    def _weight(self, cost: int, steps: int, time: int) -> int:
+        return (cost + self._toll * steps << _TIME_BITS) + time
 
     def _ahead(self, label: _Label, limit: int | None) -> int | None:
         """Return the least weight of a plan by way of a label, or None where there is none."""
         cost, steps = self.bound(label.state)
         if cost < 0 or (limit is not None and label.steps + steps > limit):
             return None
-        ahead = self._weight(label.cost + cost, label.steps + steps)
+        ahead = self._weight(label.cost + cost, label.steps + steps, label.time)
         return None if self._incumbent is not None and ahead >= self._incumbent else ahead
 
     def _floor(self, ahead: int) -> float:
         """Return the bound that the lightest open arrow proves on the cost of any plan."""
         if self._incumbent is not None:
             ahead = min(ahead, self._incumbent)
-        return max(0.0, from_units(ahead - self._toll * self.model.step_limit))
+        return max(0.0, from_units((ahead >> _TIME_BITS) - self._toll * self.model.step_limit))
 
     def _dominated(self, known: Sequence[_Label], label: _Label, bounded: bool) -> bool:
         """Whether one of the known ways to a state is no worse than `label`."""
         if bounded:
-            return any(k.cost <= label.cost and k.steps <= label.steps for k in known)
-        weight = self._weight(label.cost, label.steps)
-        return any(self._weight(k.cost, k.steps) <= weight for k in known)
+            return any(
+                k.steps <= label.steps and (k.cost, k.time) <= (label.cost, label.time)
+                for k in known
+            )
+        weight = self._weight(label.cost, label.steps, label.time)
+        return any(self._weight(k.cost, k.steps, k.time) <= weight for k in known)
 
     def _push(
         self, queue: list[tuple[int, int, int, _Label]], label: _Label, limit: int | None
@@ -178,9 +186,10 @@ class _Search:
     def _children(self, label: _Label) -> Iterator[_Label]:
         task = self.model.task
         for skill in self.model.applicable(label.state):
-            state = skill.prediction.apply(label.state)
+            state = skill.prediction_in(label.state).apply(label.state)
             cost = label.cost + to_units(skill.cost.at(label.state))
-            yield _Label(state, cost, label.steps + 1, label, task.action(skill))
+            time = label.time + round(skill.duration_s.at(label.state) * 1e6)
+            yield _Label(state, cost, label.steps + 1, time, label, task.action(skill))
 
     def _feasible(self, label: _Label) -> bool:
         if label.parent is None:
@@ -212,7 +221,7 @@ class _Search:
                 stack.append(child)
 
     def _keep(self, label: _Label) -> None:
-        weight = self._weight(label.cost, label.steps)
+        weight = self._weight(label.cost, label.steps, label.time)
         if self._incumbent is None or weight < self._incumbent:
             self._incumbent = weight
             self._plan = _plan_of(self.model, label)

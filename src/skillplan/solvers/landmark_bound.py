@@ -9,6 +9,7 @@ way to come to it from a skill that can directly precede it. No back end is aske
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from skillplan.task.state import State
@@ -57,7 +58,7 @@ class LandmarkBound:
         self._task = task
         self._requires = [skill.precondition.requires.bits for skill in task.skills]
         self._forbids = [skill.precondition.forbids.bits for skill in task.skills]
-        self._adds = [skill.prediction.add.bits for skill in task.skills]
+        self._adds = [_union(o.add for o in skill.effects) for skill in task.skills]
         self._makers: dict[int, list[int]] = {}
         for i, added in enumerate(self._adds):
             for name in task.facts.names_of(added):
@@ -162,9 +163,12 @@ class LandmarkBound:
         """For every skill, the skills that can directly precede it, cheapest first."""
         after = []
         for skill in self._task.skills:
+            # What is certain afterwards, whatever the state it was started in.
             delete, add = skill.prediction.delete.bits, skill.prediction.add.bits
-            true = skill.precondition.requires.bits & ~delete | add
-            false = skill.precondition.forbids.bits & ~add | delete
+            may_delete = _union(outcome.delete for outcome in skill.effects)
+            may_add = _union(outcome.add for outcome in skill.effects)
+            true = skill.precondition.requires.bits & ~may_delete | add
+            false = skill.precondition.forbids.bits & ~may_add | delete
             after.append(self._known(true, false))
         ways: list[list[tuple[int, int]]] = []
         for k, skill in enumerate(self._task.skills):
@@ -178,6 +182,13 @@ class LandmarkBound:
                     found.append((to_units(cost), j))
             ways.append(sorted(found))
         return ways
+
+
+def _union(sets: Iterable[State]) -> int:
+    bits = 0
+    for facts in sets:
+        bits |= facts.bits
+    return bits
 
 
 # Entries of the table of outlooks, at some 100 bytes each, before it is begun anew.

@@ -54,6 +54,56 @@ class ConstantCost:
 
 
 @dataclass(frozen=True)
+class CaseCost:
+    """A value by which one of some facts holds, such as the time of a swing by position.
+
+    Parameters
+    ----------
+    values
+        Value, >= 0, by the bit of the fact; of these facts at most one holds at a time.
+
+    Raises
+    ------
+    ValueError
+        If a value is negative or not finite, or there is none.
+    """
+
+    values: Mapping[int, float] = field(hash=False)
+    _mask: int = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if not self.values:
+            raise ValueError("CaseCost needs at least one value.")
+        for value in self.values.values():
+            if not (math.isfinite(value) and value >= 0):
+                raise ValueError(f"Cost must be finite and >= 0, not {value}.")
+        object.__setattr__(self, "_mask", sum(self.values))
+
+    def at(self, state: State) -> float:
+        """Return the value of the fact that holds in `state`.
+
+        Raises
+        ------
+        ValueError
+            If none of the facts holds there, or several do.
+        """
+        value = self.values.get(state.bits & self._mask)
+        if value is None:
+            raise ValueError(f"No value is given for the state {state}.")
+        return value
+
+    def least(self, true_bits: int, false_bits: int) -> float:
+        """Return the least value that the known facts leave open."""
+        known = true_bits & self._mask
+        if known:
+            return self.values.get(known, math.inf)
+        return min(
+            (value for bit, value in self.values.items() if not bit & false_bits),
+            default=math.inf,
+        )
+
+
+@dataclass(frozen=True)
 class TravelCost:
     """The planar length of a motion from where the arm stands, scaled and offset.
 

@@ -1,12 +1,79 @@
-"""The reward scheme of a task: what a learner is paid, in exactly one term a step."""
+"""Rewards of a task: what a learner is paid, in exactly one term a step."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
 
 from skillplan.task.condition import Condition
 from skillplan.task.state import State
+
+
+class Reward(Protocol):
+    """What a learner is paid."""
+
+    @property
+    def infeasible(self) -> float:
+        """Reward of a skill that is not applicable or not feasible; it ends the episode."""
+
+    def of_step(
+        self, state: State, skill: str, cost: float, *, goal: bool, out_of_time: bool
+    ) -> float:
+        """Return the reward of a successful step from `state`.
+
+        Parameters
+        ----------
+        state
+            Where the step started.
+        skill
+            Its skill's name.
+        cost
+            Its cost in the task's metric.
+        goal
+            Whether it reached the goal.
+        out_of_time
+            Whether it was the last one that the step limit allows.
+        """
+
+
+@dataclass(frozen=True)
+class DistanceReward:
+    """The nearer to the goal, the less a step costs: Veeramani and Muthuswamy, Eqs 6 and 7.
+
+    Parameters
+    ----------
+    distances
+        Distance to the goal, >= 0, by the bit of the fact that says where the robot stands.
+    complete
+        Added to the step that reaches the goal; the paper's is 1.
+    infeasible
+        Reward of a skill that cannot be executed.
+
+    Raises
+    ------
+    ValueError
+        If a figure is not finite, or a distance is negative.
+    """
+
+    distances: Mapping[int, float] = field(hash=False)
+    complete: float
+    infeasible: float
+    _mask: int = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if not all(math.isfinite(value) for value in (self.complete, self.infeasible)):
+            raise ValueError("Rewards must be finite.")
+        if not all(math.isfinite(d) and d >= 0 for d in self.distances.values()):
+            raise ValueError("Distances must be finite and >= 0.")
+        object.__setattr__(self, "_mask", sum(self.distances))
+
+    def of_step(
+        self, state: State, skill: str, cost: float, *, goal: bool, out_of_time: bool
+    ) -> float:
+        """Return the reward of a step; see `Reward.of_step`."""
+        return (self.complete if goal else 0.0) - self.distances[state.bits & self._mask]
 
 
 @dataclass(frozen=True, slots=True)

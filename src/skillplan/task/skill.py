@@ -54,6 +54,38 @@ class Outcome:
         return State(state.bits & ~self.delete.bits | self.add.bits, state.facts)
 
 
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What a skill does where one particular fact holds: a conditional effect, as in PDDL.
+
+    Parameters
+    ----------
+    fact
+        The one fact that selects the case, such as where a walking base stands.
+    outcomes
+        What may come of the skill there; probabilities sum to 1, the nominal outcome first.
+    forbids
+        Facts that must not hold besides.
+    occupies
+        What nobody else may use while the skill runs, such as the pins that a swing sweeps.
+
+    Raises
+    ------
+    ValueError
+        If it is not selected by exactly one fact, or the probabilities do not sum to 1.
+    """
+
+    fact: State
+    outcomes: tuple[Outcome, ...]
+    forbids: State
+    occupies: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        if len(self.fact) != 1:
+            raise ValueError(f"A case is selected by one fact, not {self.fact}.")
+        _check_probabilities(f"Case {self.fact}", self.outcomes)
+
+
 @dataclass(frozen=True)
 class Skill:
     """A grounded robot skill: one arrow label of the transition model.
@@ -69,7 +101,8 @@ class Skill:
     precondition
         Where it is *applicable*: symbolic, free to ask.
     outcomes
-        The *prediction*; probabilities sum to 1, the nominal outcome first.
+        The *prediction*; probabilities sum to 1, the nominal outcome first. Empty where
+        `cases` are given.
     cost
         Value in the task's metric, >= 0, possibly depending on the state.
     duration_s
@@ -78,11 +111,15 @@ class Skill:
         The *execution*; None for a skill without motion.
     parameters
         What it was grounded with, such as ``{"part": "pcb", "tool": "gripper"}``.
+    cases
+        For a skill whose prediction depends on the state: at most one of their facts holds at a
+        time, and the skill is applicable only where one does.
 
     Raises
     ------
     ValueError
-        If the name is empty, no agent or outcome is given, or the probabilities do not sum to 1.
+        If the name is empty, no agent is given, there are neither or both of outcomes and cases,
+        two cases have one fact, or the probabilities do not sum to 1.
     """
 
     name: str
@@ -94,38 +131,119 @@ class Skill:
     duration_s: Cost
     motion: Motion | None = None
     parameters: Mapping[str, str] = field(default_factory=dict, hash=False)
+    cases: tuple[Case, ...] = field(default=(), hash=False)
+    _cases: Mapping[int, Case] = field(init=False, repr=False, compare=False)
+    _selectors: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not self.name:
             raise ValueError("Skill name must not be empty.")
         if not self.agents:
             raise ValueError(f"Skill {self.name!r} needs at least one agent.")
-        if not self.outcomes:
-            raise ValueError(f"Skill {self.name!r} needs at least one outcome.")
-        total = math.fsum(outcome.probability for outcome in self.outcomes)
-        if abs(total - 1) > _TOLERANCE:
-            raise ValueError(f"Skill {self.name!r}: outcome probabilities sum to {total}, not 1.")
+        if self.cases and self.outcomes:
+            raise ValueError(f"Skill {self.name!r} has outcomes of its own beside its cases.")
+        if not self.cases:
+            _check_probabilities(f"Skill {self.name!r}", self.outcomes)
+        cases = {case.fact.bits: case for case in self.cases}
+        if len(cases) != len(self.cases):
+            raise ValueError(f"Skill {self.name!r} has two cases for one fact.")
+        object.__setattr__(self, "_cases", cases)
+        object.__setattr__(self, "_selectors", sum(cases))
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
 
     def __reduce__(self) -> tuple[type[Skill], tuple[Any, ...]]:
         # A mapping proxy cannot be pickled; its content can.
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        values = {item.name: getattr(self, item.name) for item in fields(self) if item.init}
         return Skill, tuple({**values, "parameters": dict(self.parameters)}.values())
+
+    def case(self, state: State) -> Case | None:
+        """Return the case that `state` selects; None for a skill without, or where none fits."""
+        return self._cases.get(state.bits & self._selectors) if self.cases else None
+
+    def applicable(self, state: State) -> bool:
+        """Whether the precondition holds in `state`, and one of the cases where there are any."""
+        return self.precondition.holds(state) and self.has_case(state.bits)
+
+    def has_case(self, bits: int) -> bool:
+        """Whether the state with these bits selects a case; true of a skill without cases."""
+        if not self.cases:
+            return True
+        case = self._cases.get(bits & self._selectors)
+        return case is not None and not bits & case.forbids.bits
+
+    def condition(self, state: State) -> Condition:
+        """Return what its being applicable in `state` rests on."""
+        case = self.case(state)
+        if case is None:
+            return self.precondition
+        requires = self.precondition.requires | case.fact
+        return Condition(requires, self.precondition.forbids | case.forbids)
+
+    def why_not(self, state: State) -> Condition:
+        """Return what would have to hold otherwise in `state` for it to be applicable.
+
+        Required are missing facts and forbidden are those in the way; both are empty where it
+        is applicable. Where no case fits, the facts that would select one are all missing.
+        """
+        condition = self.condition(state)
+        missing = condition.requires - state
+        if self.cases and self.case(state) is None and not condition.forbids & state:
+            missing |= state.facts.state(self._selectors) - state
+        return Condition(missing, condition.forbids & state)
+
+    def outcomes_in(self, state: State) -> tuple[Outcome, ...]:
+        """Return what may come of it in `state`, the nominal outcome first.
+
+        Raises
+        ------
+        ValueError
+            If it has cases and none of them fits.
+        """
+        if not self.cases:
+            return self.outcomes
+        case = self.case(state)
+        if case is None:
+            raise ValueError(f"Skill {self.name!r} has no case for the state {state}.")
+        return case.outcomes
+
+    def prediction_in(self, state: State) -> Outcome:
+        """Return the nominal outcome in `state`; raises as `outcomes_in`."""
+        return self.outcomes_in(state)[0]
+
+    @property
+    def effects(self) -> tuple[Outcome, ...]:
+        """All that may come of it, in whatever state."""
+        return self.outcomes or tuple(o for case in self.cases for o in case.outcomes)
 
     @property
     def prediction(self) -> Outcome:
-        """The nominal outcome."""
-        return self.outcomes[0]
+        """The nominal outcome; of a skill with cases what they have in common."""
+        if not self.cases:
+            return self.outcomes[0]
+        nominal = [case.outcomes[0] for case in self.cases]
+        add, delete = nominal[0].add, nominal[0].delete
+        for outcome in nominal[1:]:
+            add, delete = add & outcome.add, delete & outcome.delete
+        return Outcome(1.0, add, delete)
 
     @property
     def postcondition(self) -> Condition:
-        """What must hold after a successful execution."""
+        """What must hold after a successful execution, wherever it was started."""
         return Condition(self.prediction.add, self.prediction.delete)
 
     @property
     def deterministic(self) -> bool:
-        """Whether only one thing can come of it."""
-        return len(self.outcomes) == 1
+        """Whether only one thing can come of it in any state."""
+        cases = (case.outcomes for case in self.cases)
+        return all(len(outcomes) == 1 for outcomes in (cases if self.cases else (self.outcomes,)))
 
     def __str__(self) -> str:
         return self.name
+
+
+def _check_probabilities(owner: str, outcomes: tuple[Outcome, ...]) -> None:
+    if not outcomes:
+        raise ValueError(f"{owner} needs at least one outcome.")
+    total = math.fsum(outcome.probability for outcome in outcomes)
+    if abs(total - 1) > _TOLERANCE:
+        raise ValueError(f"{owner}: outcome probabilities sum to {total}, not 1.")

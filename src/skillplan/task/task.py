@@ -10,7 +10,7 @@ from typing import Any
 
 from skillplan.errors import OptionError, name_hint
 from skillplan.task.condition import Condition
-from skillplan.task.reward import RewardScheme
+from skillplan.task.reward import Reward
 from skillplan.task.scene import Scene
 from skillplan.task.skill import Skill
 from skillplan.task.state import Facts, State
@@ -18,10 +18,28 @@ from skillplan.task.state import Facts, State
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """What is minimised: a name and a unit, such as ``distance`` in ``m``."""
+    """What is minimised: a name and a unit, such as ``distance`` in ``m``.
+
+    Parameters
+    ----------
+    name, unit
+        For people.
+    decimals
+        How many a cost is printed with, >= 0; 0 for what is counted.
+
+    Raises
+    ------
+    ValueError
+        If the decimals are negative.
+    """
 
     name: str
     unit: str
+    decimals: int = 5
+
+    def __post_init__(self) -> None:
+        if self.decimals < 0:
+            raise ValueError(f"Metric decimals must be >= 0, not {self.decimals}.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,12 +108,20 @@ class Task:
         The back ends the task file asks for.
     sha256
         Hash of the content of the task file, in hexadecimal.
+    starts
+        Other states in which it may have to be done: learners explore from them, too, and a
+        stored policy answers from them.
+    stage
+        In a chain of tasks the level of the hierarchy it belongs to, such as ``base``.
+    preset
+        The plan, as names of skills, that the domain has by a rule of its own; None where the
+        task is for solvers to solve.
 
     Raises
     ------
     ValueError
-        If skill names are not distinct, the step limit is below 1, or the chart or the
-        observation names something unknown.
+        If skill names are not distinct, the step limit is below 1, or the chart, the
+        observation or the preset names something unknown.
     """
 
     name: str
@@ -107,13 +133,16 @@ class Task:
     metric: Metric
     step_limit: int
     scene: Scene
-    reward: RewardScheme | None = None
+    reward: Reward | None = None
     observation: tuple[Literal, ...] = ()
     operations: Mapping[str, str] = field(default_factory=dict)
     chart: tuple[Precedence, ...] = ()
     physics: BackEndChoice | None = None
     collision: tuple[BackEndChoice, ...] = ()
     sha256: str = ""
+    starts: tuple[State, ...] = ()
+    stage: str = ""
+    preset: tuple[str, ...] | None = None
     _index: dict[str, int] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -132,6 +161,9 @@ class Task:
             for element in (line.before, line.after):
                 if element not in self.operations:
                     raise ValueError(f"Task {self.name!r}: chart names unknown {element!r}.")
+        for name in self.preset or ():
+            if name not in index:
+                raise ValueError(f"Task {self.name!r}: preset names unknown skill {name!r}.")
         object.__setattr__(self, "_index", index)
 
     def replace(self, **changes: Any) -> Task:
@@ -213,4 +245,4 @@ class Task:
         """Return a cost for people, with its unit."""
         if cost is None or not math.isfinite(cost):
             return "-"
-        return f"{cost:.5f} {self.metric.unit}"
+        return f"{cost:.{self.metric.decimals}f} {self.metric.unit}"
