@@ -4,13 +4,15 @@ BIN := .venv/bin
 INSTALLED := .venv/.installed
 SKILLPLAN := $(BIN)/skillplan
 BOARD := configs/inverter_board.yaml
+BENCH := configs/swarmitfix_polygonal.yaml
 SOURCES := src tests benchmarks examples plugins
 
 .PHONY: demo test test-all check format bench schema clean
 
-demo: $(INSTALLED)  ## the inverter board, from the YAML to the proven optimal sequence
+demo: $(INSTALLED)  ## the board to its proven optimum, and the bench by three solvers
 	$(SKILLPLAN) chart $(BOARD)
 	$(SKILLPLAN) compare $(BOARD) --solvers exhaustive,exact
+	$(SKILLPLAN) compare $(BENCH) --solvers csp,sarsa,monte-carlo,policy-iteration
 	$(SKILLPLAN) search-optimal $(BOARD)
 
 test: $(INSTALLED)  ## the suite, without what takes minutes
@@ -32,9 +34,12 @@ format: $(INSTALLED)  ## format, and mend what lint can mend
 bench: $(INSTALLED)  ## ratios against a baseline of the same run
 	$(BIN)/python benchmarks/startup.py
 	$(BIN)/python benchmarks/search.py
+	$(BIN)/python benchmarks/tabular.py
+	$(BIN)/python benchmarks/fleet.py 10
 
 schema: $(INSTALLED)  ## the JSON Schema that editors read
 	$(SKILLPLAN) schema assembly > configs/assembly.schema.json
+	$(SKILLPLAN) schema swarmitfix > configs/swarmitfix.schema.json
 
 clean:  ## all that these targets make
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -66,8 +66,10 @@ def faults_of(tmp_path, run):
 
 
 def test_the_corpus_is_large():
-    """At least seventy files, each with one fault."""
-    assert len(CORPUS) >= 70
+    """At least seventy files for every kind of task, each with one fault."""
+    benches = [path for path in CORPUS if path.stem.startswith("swarmitfix_")]
+    assert len(benches) >= 70
+    assert len(CORPUS) - len(benches) >= 70
     assert dict.fromkeys(CORPUS, 1) == {path: len(expected_lines(path)) for path in CORPUS}
 
 
@@ -195,6 +197,60 @@ def test_faults_of_spelling_are_told_at_once_in_the_order_of_the_file(faults_of)
         "10:20: collision.aabb.tolerance: 'aabb' has no option 'tolerance'. "
         "Did you mean 'tolerance_m'?",
     ] == faults_of(text)
+
+
+def test_faults_of_a_bench_are_told_at_once_in_the_order_of_the_file(faults_of):
+    """Positions, sides, mounts and the trajectory: five faults, five lines."""
+    assert [
+        "3:27: trajectory.vertices_m[0]: the point (-0.1, 0) m is off the bench, whose outline is "
+        "x 0 to 2.38 m, y 0 to 1.76669182 m; move it onto the bench.",
+        "3:46: trajectory.vertices_m[2]: two consecutive points are the same, (1, 1) m, which "
+        "makes a segment of zero length; leave one of them out.",
+        "4:14: base.home: there is no position 'C79' on a bench of 6 x 13, which has C1 to C78. "
+        "Did you mean 'C78'?",
+        "4:25: base.side: an open trajectory has no inward side. Give left or right.",
+        "5:23: pkm.sheet_height_m: must be above 0.5, the height of the machine's base, not 0.4.",
+    ] == faults_of(
+        "kind: swarmitfix\nname: bench\ntrajectory: {vertices_m: [[-0.1, 0], [1, 1], [1, 1]]}\n"
+        "base: {home: C79, side: inward}\npkm: {sheet_height_m: 0.4}\n"
+    )
+
+
+def test_a_fault_of_all_tasks_of_a_chain_is_told_once(faults_of):
+    """Not once for each of them."""
+    goals = ", ".join(f"C{i}" for i in range(1, 40))
+    expected = [
+        "4:13: collision.precedence: cannot serve this task: the task file has no 'chart:'. "
+        "Add one, or use --collision aabb."
+    ]
+    assert expected == faults_of(
+        f"kind: swarmitfix\nname: bench\nbase: {{goals: [{goals}]}}\n"
+        "collision: {precedence: {}}\n"
+    )
+
+
+def test_a_drawing_that_is_none_is_told_in_one_line(tmp_path, faults_of):
+    """Whatever the library that reads it says of it."""
+    text = "kind: swarmitfix\nname: bench\ntrajectory: {file: a.dxf}\n"
+    for content in (
+        b"no drawing\n",
+        b"\0" * 100,
+        b"0\nSECTION\n",
+        b"  0\nSECTION\n  2\nENTITIES\n",
+    ):
+        (tmp_path / "a.dxf").write_bytes(content)
+        (line,) = faults_of(text)
+        assert line.startswith("3:20: trajectory.file: a.dxf: ")
+        assert line.isprintable()
+
+
+def test_a_file_s_name_cannot_break_the_line(faults_of):
+    """It is shown in one line, and cut."""
+    for name in ('"a\\nb.csv"', f'"{"a" * 4000}.csv"', '"\\u202e.csv"', '"a\\0.csv"'):
+        (line,) = faults_of(f"kind: swarmitfix\nname: bench\ntrajectory: {{file: {name}}}\n")
+        assert line.startswith("3:20: trajectory.file: ")
+        assert line.isprintable()
+        assert len(line) < 500
 
 
 def test_faults_of_meaning_are_told_at_once_in_the_order_of_the_file(faults_of):
@@ -334,7 +390,21 @@ def chart_of(count):
     return "\n".join(["chart:", *lines])
 
 
+def zigzag(count):
+    """Return an open trajectory of many vertices."""
+    rows = [f"[{0.1 + 2.1 * (i % 2):.1f}, {0.05 + 1.6 * i / count:.6f}]" for i in range(count)]
+    return f"{BENCH}trajectory: {{vertices_m: [{', '.join(rows)}]}}\n"
+
+
+def fleet(rows, cols):
+    """Return eight robots on a bench."""
+    robots = [f"r{i}: {{home: C{10 * i}, goal: C{10 * i + 500}}}" for i in range(1, 9)]
+    return f"{BENCH}bench: {{rows: {rows}, cols: {cols}}}\nrobots: {{{', '.join(robots)}}}\n"
+
+
 HEAD = "kind: assembly\nname: large\n"
+BENCH = "kind: swarmitfix\nname: large\n"
+LINE = "trajectory: {vertices_m: [[0.4, 0.4], [1.9, 0.9]]}\n"
 MILLION = 1_000_000
 PATHOLOGICAL = {
     "brackets": (2, "[" * MILLION),
@@ -382,6 +452,24 @@ PATHOLOGICAL = {
         2,
         board(9, extra=f"collision: {{{', '.join(f'aab{i}: {{}}' for i in range(20_000))}}}"),
     ),
+    "bench_large": (0, BENCH + "bench: {rows: 4, cols: 499}\nbase: {goals: [C1996]}\n"),
+    "bench_larger": (2, BENCH + "bench: {rows: 1000, cols: 2001}\nbase: {goals: [C1]}\n"),
+    "bench_goals": (
+        2,
+        f"{BENCH}bench: {{rows: 10, cols: 999}}\nbase: {{goals: [{', '.join(['C1'] * 1000)}]}}\n",
+    ),
+    "goals_500": (0, f"{BENCH}base: {{goals: [{', '.join(['C1', 'C2'] * 250)}]}}\n"),
+    "vertices_many": (2, zigzag(10_000)),
+    "supports_many": (2, f"{BENCH}{LINE}heads: {{subdivisions: [1000000]}}\n"),
+    "heads_many": (2, f"{BENCH}{LINE}heads: {{step_m: 1e-300}}\n"),
+    "chords_many": (
+        2,
+        BENCH
+        + "trajectory: {start_m: [0, 0], chord_tolerance_m: 0.000001, path: [{arc_to_m: [1, 0], "
+        + "through_m: [0.5, 0.000001]}]}\nbench: {pitch_m: 1e-300}\n",
+    ),
+    "fleet_large": (0, fleet(10, 67)),
+    "fleet_larger": (2, fleet(10, 999)),
     "options_many": (
         2,
         board(9, extra=f"collision: {{aabb: {{{', '.join(f't{i}: 1' for i in range(40_000))}}}}}"),

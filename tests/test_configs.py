@@ -21,19 +21,51 @@ from skillplan.testing import reachable_states
 FOLDER = Path(__file__).parents[1] / "configs"
 CONFIGS = sorted(FOLDER.glob("*.yaml"))
 BOARD = FOLDER / "inverter_board.yaml"
-SCHEMA = FOLDER / "assembly.schema.json"
 
-every_config = pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
-
-
-def configs_expecting(key: str) -> pytest.MarkDecorator:
-    """Return the parametrization over the files whose expect block has `key`."""
-    having = [path for path in CONFIGS if key in (content_of(path).get("expect") or {})]
-    return pytest.mark.parametrize("path", having, ids=lambda path: path.stem)
+# What an expect block must say, by kind, and all that it may say. The figures of assemblies are
+# verified here, those of benches in swarmitfix/test_bench_configs.py.
+NEEDED = {"assembly": [{"optimal_cost"}], "swarmitfix": [{"goals", "steps"}, {"swings"}]}
+VERIFIED = {
+    "assembly": {
+        "optimal_cost",
+        "optimal_actions",
+        "states",
+        "observations",
+        "sequences",
+        "costs",
+        "tool_changes",
+    },
+    "swarmitfix": {
+        "goals",
+        "makespans",
+        "supports",
+        "steps",
+        "relaxed",
+        "split",
+        "csp",
+        "swings",
+        "parallel_makespan",
+    },
+}
 
 
 def content_of(path: Path) -> Any:
     return yaml.safe_load(path.read_text("utf-8"))
+
+
+def schema_of(kind: str) -> Any:
+    return json.loads((FOLDER / f"{kind}.schema.json").read_text("utf-8"))
+
+
+ASSEMBLIES = [path for path in CONFIGS if content_of(path)["kind"] == "assembly"]
+every_config = pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+every_kind = pytest.mark.parametrize("kind", sorted(VERIFIED))
+
+
+def configs_expecting(key: str) -> pytest.MarkDecorator:
+    """Return the parametrization over the assemblies whose expect block has `key`."""
+    having = [path for path in ASSEMBLIES if key in (content_of(path).get("expect") or {})]
+    return pytest.mark.parametrize("path", having, ids=lambda path: path.stem)
 
 
 def walk(task: Task, actions: list[int]) -> Replay:
@@ -102,8 +134,12 @@ def board_sequences(board: Task) -> dict[int, list[tuple[float, tuple[int, ...]]
 
 class TestEveryConfig:
     def test_there_are_the_board_and_a_larger_one(self) -> None:
-        """The format is proved by two boards at least."""
-        assert {"inverter_board", "motor_drive"} <= {path.stem for path in CONFIGS}
+        """The format of assemblies is proved by two boards at least."""
+        assert {"inverter_board", "motor_drive"} <= {path.stem for path in ASSEMBLIES}
+
+    def test_every_kind_has_a_file(self) -> None:
+        """None of another kind, either."""
+        assert set(VERIFIED) == {content_of(path)["kind"] for path in CONFIGS}
 
     @every_config
     def test_it_names_its_schema_in_the_first_line(self, path: Path) -> None:
@@ -118,42 +154,53 @@ class TestEveryConfig:
         """A task file without an expect block, or without an optimum in it, is not shipped."""
         expect = content_of(path).get("expect")
         assert expect, f"{path.name} has no expect block"
-        assert "optimal_cost" in expect
+        assert any(needed <= set(expect) for needed in NEEDED[content_of(path)["kind"]])
 
     @every_config
-    def test_its_figures_are_all_verified_here(self, path: Path) -> None:
+    def test_its_figures_are_all_verified(self, path: Path) -> None:
         """No key of an expect block goes unread."""
-        verified = {
-            "optimal_cost",
-            "optimal_actions",
-            "states",
-            "observations",
-            "sequences",
-            "costs",
-            "tool_changes",
-        }
-        assert set(content_of(path)["expect"]) <= verified
+        content = content_of(path)
+        assert set(content["expect"]) <= VERIFIED[content["kind"]]
+
+    @every_kind
+    def test_an_expect_block_may_say_nothing_else(self, kind: str) -> None:
+        """The schema allows no key that is not verified."""
+        (block,) = (
+            definition
+            for name, definition in schema_of(kind)["$defs"].items()
+            if name in ("ExpectConfig", "BenchExpectConfig")
+        )
+        assert set(block["properties"]) == VERIFIED[kind]
 
     @every_config
     def test_it_validates_against_the_shipped_schema(self, path: Path) -> None:
         """What an editor says of it agrees with what loading says."""
-        schema = json.loads(SCHEMA.read_text("utf-8"))
+        schema = schema_of(content_of(path)["kind"])
         jsonschema.Draft202012Validator.check_schema(schema)
         jsonschema.Draft202012Validator(schema).validate(content_of(path))
 
-    def test_the_shipped_schema_is_the_printed_one(self) -> None:
-        """`skillplan schema assembly` gives the very file."""
-        command = [sys.executable, "-m", "skillplan", "schema", "assembly"]
+    @every_kind
+    def test_the_shipped_schema_is_the_printed_one(self, kind: str) -> None:
+        """`skillplan schema KIND` gives the very file."""
+        command = [sys.executable, "-m", "skillplan", "schema", kind]
         printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-        assert SCHEMA.read_text("utf-8") == printed
+        assert (FOLDER / f"{kind}.schema.json").read_text("utf-8") == printed
 
-    def test_the_schema_catches_what_loading_catches(self) -> None:
+    @pytest.mark.parametrize(
+        ("stem", "section", "key", "slip"),
+        [
+            ("inverter_board", "robot", "home_m", "hoem_m"),
+            ("swarmitfix_triangular", "heads", "max_gap_m", "max_gap"),
+        ],
+    )
+    def test_the_schema_catches_what_loading_catches(
+        self, stem: str, section: str, key: str, slip: str
+    ) -> None:
         """A misspelt key is a fault for editors, too."""
-        schema = json.loads(SCHEMA.read_text("utf-8"))
-        content = content_of(BOARD)
-        content["robot"]["hoem_m"] = content["robot"].pop("home_m")
+        content = content_of(FOLDER / f"{stem}.yaml")
+        content[section][slip] = content[section].pop(key)
         with pytest.raises(jsonschema.ValidationError):
-            jsonschema.Draft202012Validator(schema).validate(content)
+            jsonschema.Draft202012Validator(schema_of(content["kind"])).validate(content)
 
 
 class TestExpectedFigures:

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 from skillplan import registry
 from skillplan.cli.app import COMMANDS, main
+from skillplan.domains.swarmitfix.bench_schema import SwarmitfixConfig
 
 ROOT = Path(__file__).parents[1]
 BOARD = ROOT / "configs" / "inverter_board.yaml"
@@ -59,6 +60,54 @@ collision: {precedence: {hold_back_picks: false}, aabb: {tolerance_m: 0.0002, ch
 expect: {optimal_cost: 1.0, optimal_actions: [0], costs: [{actions: [0], cost: 1.0}]}
 """
 
+# One for every job of a bench, with something in every section.
+BENCHES = {
+    "trajectory": """\
+kind: swarmitfix
+name: curve
+description: A curve on a small bench.
+bench: {rows: 6, cols: 13, pitch_m: 0.34, actions: 11}
+trajectory:
+  closed: false
+  start_m: [0.4, 0.6]
+  path:
+    - {arc_to_m: [0.8, 1.0], through_m: [0.45, 0.9]}
+    - {line_to_m: [1.2, 1.0]}
+    - {spline_through_m: [[1.5, 0.9], [1.8, 0.6]]}
+  chord_tolerance_m: 0.01
+heads: {side_m: 0.1, max_gap_m: 0.25, step_m: 0.1, orientations: 1, reorientation_cost: 0.1}
+base: {home: C53, arm_length_m: 0.472, safe_distance_m: 0.286, reach_m: [0.333, 0.451],
+  side: right, goal_choice: whole-trajectory}
+pkm: {leg_limits_m: {A: [0.24, 0.32], B: [0.24, 0.32], C: [0.24, 0.32]}, sheet_height_m: 0.85}
+timings: {swing_s: {"60": 7.5, "120": 11.6, "180": 15.8}, retract_s: 0.3, park_s: 0.5,
+  approach_s: 0.5, support_s: 0.3}
+step_limit: 50
+physics: {kinematic: {}}
+collision: {aabb: {}}
+expect: {goals: [C56], makespans: [2], supports: 3, steps: 2, relaxed: 0, split: 0, csp: solved}
+""",
+    "divided": """\
+kind: swarmitfix
+name: divided
+trajectory: {closed: true, vertices_m: [[0.4, 0.35], [1.2, 1.6], [2.0, 0.35]]}
+heads: {subdivisions: [2, 2, 2]}
+base: {home: C66, side: inward, goal_choice: fewest-steps}
+""",
+    "goals": """\
+kind: swarmitfix
+name: goals
+bench: {rows: 2, cols: 5}
+base: {home: C1, goals: [C9, C9, C3]}
+""",
+    "robots": """\
+kind: swarmitfix
+name: fleet
+bench: {rows: 3, cols: 9, pitch_m: 1, actions: 13}
+robots: {one: {home: C1, goal: C27}, two: {home: C9, goal: C19}}
+expect: {swings: 4, parallel_makespan: 2}
+""",
+}
+
 HOSTILE = st.one_of(
     st.sampled_from(
         [
@@ -78,6 +127,15 @@ HOSTILE = st.one_of(
             "world",
             "placed(box)",
             "not placed(box)",
+            "C1",
+            "C78",
+            "C99",
+            "B1",
+            "left",
+            "outward",
+            "a.csv",
+            "a.dxf",
+            "../a.nc",
             "not",
             "a" * 70,
             "\n",
@@ -124,6 +182,13 @@ HOSTILE = st.one_of(
     st.floats(-1, 1),
     st.text(max_size=8),
 )
+
+# Files that a trajectory is read from, and how a valid one begins.
+FILES = {
+    ".csv": b"x_m,y_m\n0.4,0.4\n0.9,0.9\n",
+    ".nc": b"G21 G90\nG0 X400 Y400\nG1 X900 Y900\n",
+    ".dxf": b"0\nSECTION\n2\nENTITIES\n0\nLINE\n5\n2F\n8\n0\n10\n0\n20\n0\n11\n1\n21\n1\n",
+}
 
 STRUCTURES = st.recursive(
     HOSTILE,
@@ -267,6 +332,110 @@ def test_no_mutation_of_a_task_is_too_odd(folder, data):
         if not content:
             break
     survives_check(folder, yaml.safe_dump(content, allow_unicode=True, sort_keys=False))
+
+
+def survives_bench(folder, content):
+    """Check a content, and go on with what is valid."""
+    path = folder / "task.yaml"
+    path.write_bytes(content.encode("utf-8", "replace"))
+    if survives("check", path) == 0:
+        quick = ("--time-limit", "0.05", "--format", "json")
+        survives("search-optimal", path, *quick)
+        survives("search-optimal", path, *quick, "--solver", "csp")
+        survives("evaluate", path, "--sequence", "0,1,0", "--part", "base-1", *quick)
+        survives("explain", path, "1", "--part", "base-1", "--format", "json")
+
+
+@pytest.mark.parametrize("job", sorted(BENCHES))
+def test_the_unspoilt_benches_are_valid(folder, job):
+    """And can be solved."""
+    path = folder / "task.yaml"
+    path.write_text(BENCHES[job])
+    assert survives("check", path) == 0
+    assert survives("search-optimal", path) == 0
+
+
+@many(150)
+@given(data=st.data(), job=st.sampled_from(sorted(BENCHES)))
+def test_no_mutation_of_a_bench_is_too_odd(folder, data, job):
+    """One to three nodes of a valid file of one of the jobs are spoilt."""
+    content = yaml.safe_load(BENCHES[job])
+    for _ in range(data.draw(st.integers(1, 3))):
+        path = data.draw(st.sampled_from(list(nodes(content))))
+        content = mutated(content, path, data.draw(CHANGES), data.draw(HOSTILE))
+        if not content:
+            break
+    survives_bench(folder, yaml.safe_dump(content, allow_unicode=True, sort_keys=False))
+
+
+BENCH_SCHEMA = SwarmitfixConfig.model_json_schema(by_alias=True)
+TEXTS = st.sampled_from(["C1", "C42", "C78", "C99", "one", "two", "a.csv", "kinematic", "x"])
+
+
+def drawn_from(schema):
+    """Return a strategy for values that a part of the schema lets through; numbers are small."""
+    if "$ref" in schema:
+        return st.deferred(lambda: drawn_from(BENCH_SCHEMA["$defs"][schema["$ref"].split("/")[-1]]))
+    if "anyOf" in schema:
+        return st.one_of(*map(drawn_from, schema["anyOf"]))
+    if "const" in schema or "enum" in schema:
+        return st.sampled_from(schema.get("enum") or [schema["const"]])
+    kind = schema.get("type")
+    if kind == "number" and schema.get("minimum") == -1000:
+        # A coordinate, on the bench of the paper.
+        return st.floats(0.2, 1.7)
+    if kind in ("integer", "number"):
+        least = max(schema.get("minimum", schema.get("exclusiveMinimum", -3)), -3)
+        most = max(least, min(schema.get("maximum", schema.get("exclusiveMaximum", 13)), 13))
+        if kind == "integer":
+            return st.integers(int(least), int(most))
+        return st.floats(least, most, exclude_min="exclusiveMinimum" in schema)
+    if kind == "array":
+        least = schema.get("minItems", 0)
+        most = max(least, min(schema.get("maxItems", 4), 4))
+        return st.lists(drawn_from(schema["items"]), min_size=least, max_size=most)
+    if kind == "object":
+        values = {key: drawn_from(one) for key, one in schema.get("properties", {}).items()}
+        needed = schema.get("required", ())
+        if values:
+            return st.fixed_dictionaries({key: values.pop(key) for key in needed}, optional=values)
+        inner = schema.get("additionalProperties")
+        return st.dictionaries(
+            TEXTS, drawn_from(inner) if isinstance(inner, dict) else HOSTILE, max_size=3
+        )
+    return {"boolean": st.booleans(), "null": st.none(), "string": TEXTS}.get(kind, HOSTILE)
+
+
+JOBS = ("trajectory", "robots", "base")
+
+
+@many(200)
+@given(
+    content=drawn_from({**BENCH_SCHEMA, "required": ["kind"]}),
+    job=st.sampled_from(JOBS),
+    data=st.data(),
+)
+def test_no_bench_that_the_schema_lets_through_is_too_odd(folder, content, job, data):
+    """Every key has a value of its type, and there is one job as a rule."""
+    for other in JOBS:
+        if other != job:
+            content.pop(other, None)
+    if content.get(job) is None:
+        content[job] = data.draw(drawn_from(BENCH_SCHEMA["properties"][job]))
+    content["name"] = "drawn"
+    survives_bench(folder, yaml.safe_dump(content, allow_unicode=True, sort_keys=False))
+
+
+@many(60)
+@given(
+    content=st.binary(max_size=120) | st.text(max_size=120), suffix=st.sampled_from(sorted(FILES))
+)
+def test_no_trajectory_file_is_too_odd(folder, content, suffix):
+    """Bytes, of which few are a drawing, a table or a program."""
+    raw = content if isinstance(content, bytes) else content.encode("utf-8", "replace")
+    for head in (b"", FILES[suffix]):
+        (folder / f"a{suffix}").write_bytes(head + raw)
+        survives_bench(folder, f"kind: swarmitfix\nname: a\ntrajectory: {{file: a{suffix}}}\n")
 
 
 TOKENS = re.findall(r"[\w.-]+|\s+|.", BOARD.read_text())

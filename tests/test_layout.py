@@ -77,7 +77,7 @@ class TestStarting:
         """What pip installs with skillplan is light; the heavy lives in plugins."""
         project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
         names = {re.split(r"[<>=!~ \[]", entry)[0].lower() for entry in project["dependencies"]}
-        assert set() == names & {"torch", "pybullet", "pin", "pinocchio", "coal", "numba"}
+        assert set() == names & {"torch", "pybullet", "pin", "pinocchio", "coal"}
 
 
 class TestFiles:
@@ -207,6 +207,7 @@ class TestErrors:
             ("PluginError", 2),
             ("ModelTooLarge", 2),
             ("NotASequencing", 2),
+            ("NotMultiAgent", 2),
             ("BackEndError", 3),
             ("SearchStopped", 130),
         ],

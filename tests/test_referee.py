@@ -136,6 +136,33 @@ def test_the_shorter_plan_is_optimal_where_the_cheaper_one_is_too_long():
     assert result.status == "optimal"
 
 
+def test_a_task_whose_start_is_its_goal_is_proved_at_cost_0():
+    """The empty plan is no counterexample to itself."""
+    done = make_task(Facts(("done",)), [], initial=("done",), goal=("done",))
+    for result in (
+        verdict_on(Solution(Plan((), 0.0), 0.0, proved=True), done),
+        solve(done, "exact", BARE),
+    ):
+        assert (result.status, result.cost, result.lower_bound, result.reason) == (
+            "optimal",
+            0.0,
+            0.0,
+            "",
+        )
+        assert result.steps == ()
+
+
+def test_no_bound_above_0_is_granted_where_the_start_is_the_goal():
+    """Then the empty plan does refute it."""
+    done = make_task(Facts(("done",)), [], initial=("done",), goal=("done",))
+    for solution in (Solution(None, 1.0), Solution(None, proved=True)):
+        result = verdict_on(solution, done)
+        assert result.status == "wrong"
+        assert "claims that no plan costs less than" in result.reason
+    assert counterexample(model_of(done), 0.0) is None
+    assert counterexample(model_of(done), 1e-3) == []
+
+
 def test_an_infeasible_step_is_caught():
     """With the stage and the reason of the back end."""
 

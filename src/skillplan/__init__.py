@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _HOMES = {
+    "Account": "skillplan.domains.domain",
     "BackEnd": "skillplan.task.back_end",
+    "Case": "skillplan.task.skill",
+    "ChainResult": "skillplan.report.chain_result",
     "Condition": "skillplan.task.condition",
     "Detector": "skillplan.collision.detector",
     "Domain": "skillplan.domains.domain",
@@ -39,10 +42,14 @@ _HOMES = {
     "load_problem": "skillplan.setup",
     "make_model": "skillplan.run",
     "solve": "skillplan.run",
+    "solve_chain": "skillplan.chain",
 }
 
 __all__ = [
+    "Account",
     "BackEnd",
+    "Case",
+    "ChainResult",
     "Condition",
     "Detector",
     "Domain",
@@ -70,14 +77,17 @@ __all__ = [
     "load_problem",
     "make_model",
     "solve",
+    "solve_chain",
 ]
 
 if TYPE_CHECKING:
+    from skillplan.chain import solve_chain
     from skillplan.collision.detector import Detector
-    from skillplan.domains.domain import Domain
+    from skillplan.domains.domain import Account, Domain
     from skillplan.errors import SkillplanError, TaskError
     from skillplan.model.skill_model import SkillModel, Transition
     from skillplan.physics.engine import Engine
+    from skillplan.report.chain_result import ChainResult
     from skillplan.report.result import Result, Status
     from skillplan.run import make_model, solve
     from skillplan.setup import Setup, load_problem
@@ -88,7 +98,7 @@ if TYPE_CHECKING:
     from skillplan.task.condition import Condition
     from skillplan.task.load import Problem
     from skillplan.task.scene import Scene
-    from skillplan.task.skill import Outcome, Skill
+    from skillplan.task.skill import Case, Outcome, Skill
     from skillplan.task.state import Facts, State
     from skillplan.task.task import Task
     from skillplan.task.verdict import Verdict

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from skillplan.errors import ModelTooLarge, SkillplanError
-from skillplan.model.policy_value import evaluate_policy
+from skillplan.model.policy_value import evaluate_policy, roll_out
 from skillplan.model.replay import Replay, replay
 from skillplan.model.skill_model import SkillModel
 from skillplan.report.result import Result, Status, tolerance
@@ -105,7 +105,7 @@ def _judge_policy(blank: Result, policy: Mapping[State, Skill], model: SkillMode
             raise _NotOfThisTask(f"{type(error).__name__}: {error}") from error
 
     try:
-        skills = _roll_out(model, choose)
+        skills = roll_out(model, choose)
         value = None if task.deterministic else evaluate_policy(model, choose)
     except _NotOfThisTask as error:
         return _wrong(blank, f"the policy is not one of this task: {error}")
@@ -136,19 +136,6 @@ def _fault(walked: Replay) -> str:
     return f"{where}{fault.stage}: {fault.reason}"
 
 
-def _roll_out(model: SkillModel, choose: Callable[[State], Skill | None]) -> list[Skill]:
-    """Return the skills that a policy takes while every outcome is the nominal one."""
-    state = model.initial
-    skills: list[Skill] = []
-    while not model.is_goal(state) and len(skills) < model.step_limit:
-        skill = choose(state)
-        if skill is None:
-            break
-        skills.append(skill)
-        state = skill.prediction_in(state).apply(state)
-    return skills
-
-
 def _judge_proof(
     result: Result, solution: Solution, model: SkillModel, unknown_met: bool, audit: bool
 ) -> Result:
@@ -176,7 +163,8 @@ def _judge_proof(
     if cost is None:
         return replace(result, lower_bound=bound)
     if solution.proved and not model.task.deterministic:
-        return replace(result, reason="a proof under chance cannot be audited yet")
+        reason = "a proof under chance cannot be audited yet"
+        return replace(result, reason=reason, lower_bound=min(bound, cost))
     if solution.proved:
         return replace(result, status=Status.OPTIMAL, lower_bound=cost)
     return replace(result, lower_bound=min(bound, cost))
@@ -201,7 +189,7 @@ def counterexample(model: SkillModel, bound: float) -> list[Skill] | None:
     limit = bound if math.isinf(bound) else bound - tolerance(bound)
     best: dict[State, float] = {model.initial: 0.0}
     came: dict[State, tuple[State, Skill]] = {}
-    queue: list[tuple[float, int, int, State]] = [(0.0, 0, 0, model.initial)]
+    queue: list[tuple[float, int, int, State]] = [(0.0, 0, 0, model.initial)] if limit > 0 else []
     pushed, looked_at, done = 0, 0, set[State]()
     while queue and len(done) < AUDIT_STATES and looked_at < AUDIT_SKILLS:
         cost, steps, _, state = heapq.heappop(queue)

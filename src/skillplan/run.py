@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from skillplan.setup import Setup
 from skillplan.solvers.solution import Solution
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
+from skillplan.task.back_end import BackEnd
 from skillplan.task.plain_json import json_fault
 from skillplan.task.task import Task
 
@@ -96,52 +97,113 @@ def solve(
     BackEndError
         If a back end fails.
     """
+    cache = VerdictCache() if cache is None else cache
+    return grade(
+        task, attempt(task, solver, setup, seed=seed, stop=stop, cache=cache), setup, cache
+    )
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What a solver made of a task, before the referee has seen it.
+
+    Parameters
+    ----------
+    blank
+        The result to fill in: who solved what, how, and at what effort.
+    solution
+        What the solver claims.
+    unknown_met
+        Whether a back end could not decide about a skill on the way.
+    stopped
+        Why the search was stopped, or None while it was not.
+    dear
+        The back ends that were asked and whose verdicts cost much.
+    """
+
+    blank: Result
+    solution: Solution
+    unknown_met: bool = False
+    stopped: str | None = None
+    dear: tuple[BackEnd, ...] = ()
+
+
+def attempt(
+    task: Task,
+    solver: str | Solver,
+    setup: Setup = Setup(),
+    *,
+    seed: int = 0,
+    stop: Stop | None = None,
+    cache: VerdictCache | None = None,
+) -> Attempt:
+    """Let a solver work on a task; parameters and errors are those of `solve`."""
     stop = Stop() if stop is None else stop
     if isinstance(solver, str):
         solver = make_solver(solver, setup.options.get(solver, {}), stop)
     else:
         solver.stop = stop
-    cache = VerdictCache() if cache is None else cache
     model = make_model(task, setup, cache, stop.overdue)
-    back_ends = model.feasibility.back_ends
-    blank = Result(
-        task=task.name,
-        kind=task.kind,
-        sha256=task.sha256,
-        solver=solver.name,
-        seed=seed,
-        physics=setup.physics_choice(task).name,
-        collision=",".join(choice.name for choice in setup.collision_choices(task)),
-        status=Status.UNSOLVED,
-        cost_unit=task.metric.unit,
-    )
+    blank = blank_result(task, solver.name, setup, seed)
     begin_s = time.perf_counter()
     with _blamed(solver):
         refusal = solver.refuses(model)
     if refusal is not None:
-        return replace(blank, status=Status.REFUSED, reason=refusal)
+        return Attempt(replace(blank, status=Status.REFUSED, reason=refusal), Solution())
     solution = _search(solver, model, seed, stop)
     wall_s = time.perf_counter() - begin_s
     stats = model.stats
-    expanded = _count(solution, "expanded", "visited")
+    iterations = _count(solution, "iterations", "expanded", "visited")
     blank = replace(
         blank,
         states=max(stats.states, _count(solution, "states") or 0),
-        expanded=stats.states if expanded is None else expanded,
+        expanded=stats.states if iterations is None else iterations,
         checks=stats.checks,
         cache_hits=stats.cache_hits,
         wall_s=wall_s,
         interrupted=stop.interrupted,
         trace=solution.trace,
     )
-    dear = [back_end for back_end in back_ends if back_end.dear]
+    dear = tuple(back_end for back_end in model.feasibility.back_ends if back_end.dear)
+    return Attempt(blank, solution, stats.unknown > 0, stop.reason, dear)
+
+
+def blank_result(task: Task, solver: str, setup: Setup, seed: int) -> Result:
+    """Return a result that says who solves what, and nothing of how it went."""
+    return Result(
+        task=task.name,
+        kind=task.kind,
+        sha256=task.sha256,
+        solver=solver,
+        seed=seed,
+        physics=setup.physics_choice(task).name,
+        collision=",".join(choice.name for choice in setup.collision_choices(task)),
+        status=Status.UNSOLVED,
+        cost_unit=task.metric.unit,
+    )
+
+
+def grade(task: Task, made: Attempt, setup: Setup, cache: VerdictCache) -> Result:
+    """Have the referee judge an attempt at a task.
+
+    The attempt may have been made at another task of the same skills: a stored policy answers
+    from other starts, too.
+    """
+    if made.blank.status is Status.REFUSED:
+        return made.blank
+    dear = made.dear
     # Verdicts of dear back ends were made by them, not by the solver, and are not asked twice.
     fresh = make_model(task, setup, cache.only(dear))
-    result = judge(blank, solution, fresh, unknown_met=stats.unknown > 0, audit=not dear)
+    result = judge(made.blank, made.solution, fresh, unknown_met=made.unknown_met, audit=not dear)
+    if result.cost is not None:
+        result = replace(result, policy=made.solution.policy)
     if result.status is Status.INFEASIBLE and not dear:
         result = replace(result, reason=_why_infeasible(fresh))
-    if result.status in (Status.SOLVED, Status.UNSOLVED) and stop.reason:
-        reason = f"{stop.reason}: {result.reason}" if result.reason else stop.reason
+    said = made.solution.trace.get("reason")
+    if result.status is Status.UNSOLVED and isinstance(said, str):
+        result = replace(result, reason=said)
+    if result.status in (Status.SOLVED, Status.UNSOLVED) and made.stopped:
+        reason = f"{made.stopped}: {result.reason}" if result.reason else made.stopped
         result = replace(result, reason=reason)
     return result
 

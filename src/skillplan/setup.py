@@ -90,7 +90,9 @@ def _make_back_end(
 
 
 def load_problem(
-    path: str | os.PathLike[str], asked: Mapping[str, Collection[str]] | None = None
+    path: str | os.PathLike[str],
+    asked: Mapping[str, Collection[str]] | None = None,
+    changes: Mapping[str, str] | None = None,
 ) -> Problem:
     """Load a task file of any installed kind.
 
@@ -101,6 +103,9 @@ def load_problem(
     asked
         Names of the back ends that will be asked by kind, ``physics`` or ``collision``, where
         that is not left to the file: what else it chooses of a kind need not be installed.
+    changes
+        Key path to YAML value, such as ``{"base.home": "C1"}``: what the file is read as if it
+        held.
 
     Raises
     ------
@@ -136,4 +141,5 @@ def load_problem(
         registry.names("domain"),
         check_content,
         check_task,
+        changes,
     )

@@ -28,6 +28,7 @@ from skillplan.run import make_model, make_solver, solve
 from skillplan.setup import Setup
 from skillplan.solvers.stop import Stop
 from skillplan.task.back_end import BackEnd
+from skillplan.task.plain_json import json_fault
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -306,6 +307,20 @@ class DomainSuite:
                 for skill in model.applicable(state):
                     assert skill.cost.at(state) >= 0
                     assert skill.duration_s.at(state) >= 0
+
+    def test_a_chain_that_nobody_has_solved_is_followed_as_it_was_grounded(self) -> None:
+        """Without plans, what follows is what stands in for them."""
+        plugin: Domain = registry.load("domain", self.domain)()
+        config = plugin.Config.model_validate(self.content)
+        followed = plugin.follow(config, "", {})
+        assert [task.name for task in followed] == [task.name for task in self.tasks()]
+        assert [task.initial for task in followed] == [task.initial for task in self.tasks()]
+
+    def test_what_it_says_beyond_the_plans_is_json(self) -> None:
+        """Its account can be printed, also of a file that nobody has solved."""
+        plugin: Domain = registry.load("domain", self.domain)()
+        config = plugin.Config.model_validate(self.content)
+        assert json_fault(plugin.account(config, {}).document) is None
 
     def test_the_schema_describes_every_key(self) -> None:
         """Editors can show what a key of the file means."""

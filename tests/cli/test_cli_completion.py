@@ -41,7 +41,9 @@ def test_commands(complete: Any) -> None:
 def test_task_files(complete: Any) -> None:
     """Those here and those in configs."""
     board, motor = "configs/inverter_board.yaml", "configs/motor_drive.yaml"
-    assert ["mine.yaml", board, motor] == complete("skillplan check ")
+    shown = complete("skillplan check ")
+    assert ["mine.yaml", board, motor] == shown[:3]
+    assert all(name.startswith("configs/swarmitfix_") for name in shown[3:])
     assert [motor] == complete("skillplan search-optimal configs/m")
 
 

@@ -78,7 +78,7 @@ class TestTwo:
             (("search-optimal", "BOARD", "--time-limit", "inf"), "must be a finite number > 0"),
             (("search-optimal", "BOARD", "--time-limit", "soon"), "'soon' is not a number"),
             (("search-optimal", "BOARD", "--format", "xml"), "'table', 'json', 'csv', 'md'"),
-            (("evaluate", "BOARD"), "Missing option '--sequence'"),
+            (("evaluate", "BOARD"), "Give either --sequence or --policy."),
             (("evaluate", "BOARD", "--sequence", ""), "The sequence is empty."),
             (("evaluate", "BOARD", "--sequence", "0,,1"), "Entry 2 of the sequence is empty."),
             (("evaluate", "BOARD", "--sequence", "0,16"), "No action 16; the task has actions 0"),
@@ -186,7 +186,7 @@ class TestThree:
         self, cli: Any, board: str, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """It is owned up to, and the way to more is named; JSON stays one document."""
-        monkeypatch.setattr("skillplan.setup.load_problem", lambda path: 1 / 0)
+        monkeypatch.setattr("skillplan.setup.load_problem", lambda *_: 1 / 0)
         monkeypatch.delenv("SKILLPLAN_DEBUG", raising=False)
         outcome = cli("check", board, "--format", "json")
         assert 3 == outcome.code
@@ -198,7 +198,7 @@ class TestThree:
         """With SKILLPLAN_DEBUG the exception comes through."""
         from skillplan.cli.app import main
 
-        monkeypatch.setattr("skillplan.setup.load_problem", lambda path: 1 / 0)
+        monkeypatch.setattr("skillplan.setup.load_problem", lambda *_: 1 / 0)
         monkeypatch.setenv("SKILLPLAN_DEBUG", "1")
         with pytest.raises(ZeroDivisionError):
             main(["check", board])

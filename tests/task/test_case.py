@@ -249,3 +249,14 @@ def test_walking_past_a_place_is_a_skill_like_any_other():
     task = make_task(FACTS, [right(), jump], initial=("at(0)",), goal=("at(3)",))
     result = solve(task, "exact")
     assert [step.skill for step in result.steps] == ["jump"]
+
+
+def test_exact_search_gets_along_with_costs_that_only_cases_have():
+    """The bound asks no cost of a skill in a state where none of its cases fits."""
+    cost = CaseCost({FACTS.bit(PLACES[i]): 1.0 for i in range(4)})
+    skill = right(cost=cost, precondition=Condition(FACTS.none, FACTS.none))
+    other = make_skill(
+        FACTS, "leap", requires=("at(0)",), add=("at(4)",), delete=("at(0)",), cost=9
+    )
+    task = make_task(FACTS, [skill, other], initial=("at(0)",), goal=("at(3)",))
+    assert solve(task, "exact").cost == 3.0

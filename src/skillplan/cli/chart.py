@@ -9,6 +9,9 @@ from skillplan.cli.options import (
     back_end_options,
     format_option,
     make_setup,
+    part_option,
+    set_option,
+    settings,
     task_argument,
 )
 
@@ -16,12 +19,16 @@ from skillplan.cli.options import (
 @click.command("chart")
 @task_argument
 @back_end_options
+@set_option
+@part_option
 @format_option
 def command(
     task: str,
     physics: str | None,
     collision: str | None,
     options: tuple[str, ...],
+    changes: tuple[str, ...],
+    part: str | None,
     style: str,
 ) -> int:
     """Derive the precedence relation of TASK by asking back ends, by default aabb.
@@ -36,7 +43,7 @@ def command(
     from skillplan.run import make_feasibility, warm_cache
     from skillplan.setup import load_problem
 
-    loaded = load_problem(task, asked(physics, collision or "aabb")).task
+    loaded = load_problem(task, asked(physics, collision or "aabb"), settings(changes)).part(part)
     # A chart derived from the chart would say nothing.
     setup = make_setup(physics, collision or "aabb", options)(loaded)
     feasibility = make_feasibility(loaded, setup, warm_cache())

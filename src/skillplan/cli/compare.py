@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import click
 
 from skillplan.cli.options import (
@@ -11,6 +13,8 @@ from skillplan.cli.options import (
     format_option,
     make_setup,
     seed_option,
+    set_option,
+    settings,
     split_names,
     task_argument,
     time_limit_option,
@@ -24,9 +28,10 @@ from skillplan.cli.options import (
     type=PluginName("solver", several=True),
     metavar="A,B,C",
     required=True,
-    help="Solvers, separated by commas.",
+    help="Solvers, separated by commas; for a chain also heads=monte-carlo+base=sarsa.",
 )
 @back_end_options
+@set_option
 @time_limit_option()
 @seed_option
 @click.option(
@@ -39,6 +44,7 @@ def command(
     physics: str | None,
     collision: str | None,
     options: tuple[str, ...],
+    changes: tuple[str, ...],
     time_limit_s: float | None,
     seed: int,
     warm: bool,
@@ -52,20 +58,27 @@ def command(
     from contextlib import ExitStack
     from dataclasses import replace
 
+    from skillplan.chain import solve_chain_with_all, solver_names
     from skillplan.cli.output import emit, exit_code
     from skillplan.cli.waiting import stoppable
     from skillplan.errors import OptionError
+    from skillplan.model.verdict_cache import VerdictCache
+    from skillplan.report.chain_result import ChainResult
+    from skillplan.report.chain_tables import chain_comparison_tables
+    from skillplan.report.result import Result
     from skillplan.report.result_tables import comparison_table
-    from skillplan.run import make_solver, solve_all
+    from skillplan.run import make_solver, solve_all, warm_cache
     from skillplan.setup import load_problem
     from skillplan.solvers.stop import Stop
 
     names = tuple(split_names(solvers))
     if not names:
         raise OptionError("--solvers names no solver.")
-    loaded = load_problem(task, asked(physics, collision)).task
-    setup = make_setup(physics, collision, options, names)(loaded)
-    for name in names:
+    problem = load_problem(task, asked(physics, collision), settings(changes))
+    last = problem.tasks[-1]
+    every = tuple(dict.fromkeys(each for name in names for each in solver_names(name)))
+    setup = make_setup(physics, collision, options, every)(last)
+    for name in every:
         make_solver(name, setup.options.get(name, {}))
     with ExitStack() as waiting:
 
@@ -73,9 +86,25 @@ def command(
             waiting.pop_all().close()
             return waiting.enter_context(stoppable(time_limit_s, label=name))
 
-        results = solve_all(loaded, names, setup, seed=seed, make_stop=make_stop, warm=warm)
-    title = f"{loaded.name}: {results[0].physics} physics, collision {results[0].collision}, "
-    title += "warm cache" if warm else "cold cache"
+        title = f"{problem.name}: {setup.physics_choice(last).name} physics, collision "
+        title += ",".join(choice.name for choice in setup.collision_choices(last)) or "none"
+        title += ", warm cache" if warm else ", cold cache"
+        results: Sequence[Result | ChainResult]
+        if problem.is_chain:
+            results = chains = solve_chain_with_all(
+                problem,
+                names,
+                setup,
+                seed=seed,
+                make_stop=make_stop,
+                make_cache=warm_cache if warm else VerdictCache,
+            )
+            tables = chain_comparison_tables(chains, title)
+        else:
+            results = single = solve_all(
+                last, names, setup, seed=seed, make_stop=make_stop, warm=warm
+            )
+            tables = [comparison_table(single, title)]
     not_run = list(names[len(results) :])
     document = {
         "schema": "skillplan.comparison/1",
@@ -84,8 +113,8 @@ def command(
         "rows": [result.document() for result in results],
     }
     code = exit_code(results)
-    table = comparison_table(results, title)
     if not_run:
-        table = replace(table, notes=(*table.notes, f"not run: {', '.join(not_run)}"))
-    emit(style, document, [table], failed=code != 0)
+        notes = (*tables[0].notes, f"not run: {', '.join(not_run)}")
+        tables[0] = replace(tables[0], notes=notes)
+    emit(style, document, tables, failed=code != 0)
     return code

@@ -9,6 +9,9 @@ from skillplan.cli.options import (
     back_end_options,
     format_option,
     make_setup,
+    part_option,
+    set_option,
+    settings,
     task_argument,
     time_limit_option,
 )
@@ -19,22 +22,39 @@ from skillplan.cli.options import (
 @click.option(
     "--sequence",
     metavar="0,1,4,...",
-    required=True,
     help="Action numbers or skill names, separated by commas.",
 )
+@click.option(
+    "--policy",
+    "policy_file",
+    metavar="FILE",
+    help="Follow the policy of a policies.json instead, without planning anew.",
+)
+@click.option(
+    "--from",
+    "start",
+    metavar="PLACE",
+    help="Start elsewhere: a place such as C20, or facts separated by commas.",
+)
 @back_end_options
+@set_option
+@part_option
 @time_limit_option(10.0)
 @format_option
 def command(
     task: str,
-    sequence: str,
+    sequence: str | None,
+    policy_file: str | None,
+    start: str | None,
     physics: str | None,
     collision: str | None,
     options: tuple[str, ...],
+    changes: tuple[str, ...],
+    part: str | None,
     time_limit_s: float,
     style: str,
 ) -> int:
-    """Replay a sequence of skills on TASK.
+    """Replay a sequence of skills on TASK, or follow a stored policy.
 
     Says whether it is feasible and complete, what it costs, how far that is from the proved
     optimum, and otherwise which condition fails where. The time limit is for proving the
@@ -42,16 +62,26 @@ def command(
     """
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import stoppable
-    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
+    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED, OptionError
+    from skillplan.model.policy_value import roll_out
     from skillplan.model.replay import replay
     from skillplan.report.evaluation import Evaluation
+    from skillplan.report.policy_file import read_policy, start_state
     from skillplan.run import make_model, solve, warm_cache
     from skillplan.setup import load_problem
 
-    loaded = load_problem(task, asked(physics, collision)).task
+    loaded = load_problem(task, asked(physics, collision), settings(changes)).part(part)
     setup = make_setup(physics, collision, options, ("exact",))(loaded)
-    skills = loaded.parse_sequence(sequence)
+    if (sequence is None) == (policy_file is None):
+        raise OptionError("Give either --sequence or --policy.")
+    stored = None if policy_file is None else read_policy(policy_file, loaded)
+    if start is not None:
+        loaded = loaded.replace(initial=start_state(loaded, start), sha256=loaded.sha256)
     cache = warm_cache()
+    if stored is not None:
+        skills = tuple(roll_out(make_model(loaded, setup, cache), stored.policy.get))
+    else:
+        skills = loaded.parse_sequence(sequence or "")
     walked = replay(make_model(loaded, setup, cache), skills)
     best = None
     if walked.complete:

@@ -10,6 +10,9 @@ from skillplan.cli.options import (
     back_end_options,
     format_option,
     make_setup,
+    part_option,
+    set_option,
+    settings,
     task_argument,
 )
 
@@ -23,6 +26,8 @@ from skillplan.cli.options import (
     help="The sequence that leads to the state asked about; default: the initial state.",
 )
 @back_end_options
+@set_option
+@part_option
 @format_option
 def command(
     task: str,
@@ -31,6 +36,8 @@ def command(
     physics: str | None,
     collision: str | None,
     options: tuple[str, ...],
+    changes: tuple[str, ...],
+    part: str | None,
     style: str,
 ) -> int:
     """Say why SKILL, a name or action number, is feasible or not in a state of TASK.
@@ -43,7 +50,7 @@ def command(
     from skillplan.run import make_model, warm_cache
     from skillplan.setup import load_problem
 
-    loaded = load_problem(task, asked(physics, collision)).task
+    loaded = load_problem(task, asked(physics, collision), settings(changes)).part(part)
     setup = make_setup(physics, collision, options)(loaded)
     chosen = loaded.skill(skill)
     before = loaded.parse_sequence(after) if after is not None else ()

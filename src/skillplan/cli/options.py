@@ -78,7 +78,7 @@ class SkillName(click.ParamType[str]):
         from skillplan.setup import load_problem
 
         try:
-            task = load_problem(ctx.params["task"]).task
+            task = load_problem(ctx.params["task"]).part(ctx.params.get("part"))
         except (SkillplanError, KeyError):
             return []
         return [
@@ -118,6 +118,27 @@ def back_end_options(function: _F) -> _F:
     ):
         function = decorate(function)
     return function
+
+
+def set_option(function: _F) -> _F:
+    """Add ``--set``."""
+    return click.option(
+        "--set",
+        "changes",
+        metavar="KEY=VALUE",
+        multiple=True,
+        help="Read the task file as if KEY, such as base.goal_choice or parts.pcb.mass_kg, had "
+        "this value. May be repeated.",
+    )(function)
+
+
+def part_option(function: _F) -> _F:
+    """Add ``--part``."""
+    return click.option(
+        "--part",
+        metavar="NAME",
+        help="The task meant, of a file that describes a chain of several, such as base-1.",
+    )(function)
 
 
 def format_option(function: _F) -> _F:
@@ -179,6 +200,23 @@ def time_limit_option(default: float | None = None) -> Callable[[_F], _F]:
         show_default=default is not None,
         help="Stop after S seconds with the best plan, its bound and its gap.",
     )
+
+
+def settings(changes: tuple[str, ...]) -> dict[str, str]:
+    """Return key path to value, from the entries of ``--set``.
+
+    Raises
+    ------
+    OptionError
+        If an entry has another form.
+    """
+    found = {}
+    for entry in changes:
+        key, equals, value = entry.partition("=")
+        if not equals or not all(key.split(".")):
+            raise OptionError(f"--set {entry!r} must have the form KEY=VALUE, as base.home=C1.")
+        found[key] = value
+    return found
 
 
 seed_option = click.option(

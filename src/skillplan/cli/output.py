@@ -16,6 +16,7 @@ from skillplan.errors import (
     EXIT_WRONG_INPUT,
     OptionError,
 )
+from skillplan.report.chain_result import ChainResult
 from skillplan.report.result import Result, Status
 from skillplan.report.table import Table, render
 from skillplan.task.atomic_file import write_whole
@@ -49,7 +50,7 @@ def as_json(document: dict[str, Any]) -> str:
     return json.dumps(document, indent=2, allow_nan=False)
 
 
-def exit_code(results: Sequence[Result]) -> int:
+def exit_code(results: Sequence[Result | ChainResult]) -> int:
     """Return the exit code of a command that printed these results.
 
     Interrupted wins, then a wrong claim, then any solved result.

@@ -11,7 +11,10 @@ from skillplan.cli.options import (
     back_end_options,
     format_option,
     make_setup,
+    part_option,
     seed_option,
+    set_option,
+    settings,
     task_argument,
     time_limit_option,
 )
@@ -23,11 +26,12 @@ from skillplan.cli.options import (
     "--solver",
     type=PluginName("solver"),
     metavar="NAME",
-    default="exact",
-    show_default=True,
-    help="Which solver searches.",
+    help="Which solver searches; for a chain also one for each stage, as "
+    "heads=monte-carlo,base=sarsa; default: exact, for several robots fleet.",
 )
 @back_end_options
+@set_option
+@part_option
 @time_limit_option()
 @click.option(
     "--gap",
@@ -39,14 +43,21 @@ from skillplan.cli.options import (
 )
 @seed_option
 @click.option("--no-cache", is_flag=True, help="Neither read nor write verdicts kept on disk.")
-@click.option("--out", metavar="DIR", help="Also save result.json and plan.csv in a new folder.")
+@click.option(
+    "--out",
+    metavar="DIR",
+    help="Also save result.json, plan.csv and, of a solver that learns one, policies.json in a "
+    "new folder.",
+)
 @format_option
 def command(
     task: str,
-    solver: str,
+    solver: str | None,
     physics: str | None,
     collision: str | None,
     options: tuple[str, ...],
+    changes: tuple[str, ...],
+    part: str | None,
     time_limit_s: float | None,
     gap: float,
     seed: int,
@@ -58,23 +69,42 @@ def command(
 
     Ctrl-C, like the time limit, prints the best plan so far with its lower bound and gap.
     """
+    from skillplan.chain import solve_chain, solver_names
     from skillplan.cli.output import as_json, emit, exit_code, prepare_folder, save
     from skillplan.cli.waiting import stoppable
+    from skillplan.report.chain_result import ChainResult
+    from skillplan.report.chain_tables import appendix_tables, chain_tables
+    from skillplan.report.policy_file import policy_document
+    from skillplan.report.result import Result
     from skillplan.report.result_tables import plan_table
     from skillplan.report.table import as_csv
     from skillplan.run import solve, warm_cache
     from skillplan.setup import load_problem
 
-    loaded = load_problem(task, asked(physics, collision)).task
-    setup = make_setup(physics, collision, options, (solver,))(loaded)
+    problem = load_problem(task, asked(physics, collision), settings(changes))
+    solver = solver or problem.domain.default_solver(problem.config)
+    setup = make_setup(physics, collision, options, solver_names(solver))(problem.tasks[-1])
     folder = prepare_folder(out)
+    result: Result | ChainResult
     with stoppable(time_limit_s, gap, solver) as stop:
         cache = None if no_cache else warm_cache()
-        result = solve(loaded, solver, setup, seed=seed, stop=stop, cache=cache)
-    table = plan_table(result, loaded)
+        if problem.is_chain and part is None:
+            result = chain = solve_chain(problem, solver, setup, seed=seed, stop=stop, cache=cache)
+            tables, appendix = chain_tables(chain), appendix_tables(chain)
+            solved = [(part.task, part.result) for part in chain.parts if not part.reused]
+        else:
+            task_meant = problem.part(part)
+            result = solve(task_meant, solver, setup, seed=seed, stop=stop, cache=cache)
+            tables, appendix = [plan_table(result, task_meant)], {}
+            solved = [(task_meant, result)]
     if folder is not None:
         save(folder, "result.json", as_json(result.document()))
-        save(folder, "plan.csv", as_csv(table))
+        save(folder, "plan.csv", as_csv(tables[-1]))
+        for name, table in appendix.items():
+            save(folder, name, as_csv(table))
+        policies = policy_document(problem.sha256, solver, solved)
+        if policies is not None:
+            save(folder, "policies.json", as_json(policies))
     code = exit_code([result])
-    emit(style, result.document(), [table], failed=code != 0)
+    emit(style, result.document(), tables, failed=code != 0)
     return code

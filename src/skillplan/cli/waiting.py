@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
 
+from skillplan.cli.interruption import heeding
 from skillplan.solvers.stop import Progress, Stop, relative_gap
-
-_REQUESTS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
@@ -24,22 +20,8 @@ def stoppable(
     """
     with _display(label) as show:
         stop = Stop(time_limit_s=time_limit_s, gap=gap, on_progress=show)
-
-        def interrupt(number: int, frame: FrameType | None) -> None:
-            if stop.interrupted:
-                raise KeyboardInterrupt
-            stop.interrupt()
-            if sys.stderr.isatty():
-                # Not print: a handler may interrupt a print.
-                os.write(sys.stderr.fileno(), b"\nstopping; once more ends the program\n")
-
-        # A batch system asks by SIGTERM.
-        before = {number: signal.signal(number, interrupt) for number in _REQUESTS}
-        try:
+        with heeding(stop.interrupt):
             yield stop
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
 
 
 class _Silent:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -23,6 +24,56 @@ class Strict(BaseModel):
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,63}$")]
 
 
+@dataclass(frozen=True)
+class Listing:
+    """A table that a domain has to show: cells are texts, rows as long as the columns.
+
+    Raises
+    ------
+    ValueError
+        If a row has another number of cells than there are columns.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise ValueError(f"Row {row} does not have {len(self.columns)} cells.")
+
+
+@dataclass(frozen=True)
+class Account:
+    """What a domain has to say of a file beyond the plans of its tasks.
+
+    Parameters
+    ----------
+    document
+        Keys added to the result's JSON document; JSON values only.
+    listings
+        Tables shown before that of the plans.
+    appendix
+        Tables that are saved but not shown, by the name of the file.
+    lower_bound
+        No way through the file's main tasks costs less in all, however the stages before are
+        planned; None where nothing is proved.
+    bound_given
+        The same, but given the plans of the stages before.
+    makespan_s
+        Time of the whole [s], where that is more than the skills'; None otherwise.
+    """
+
+    document: Mapping[str, Any] = field(default_factory=dict)
+    listings: tuple[Listing, ...] = ()
+    appendix: Mapping[str, Listing] = field(default_factory=dict)
+    lower_bound: float | None = None
+    makespan_s: float | None = None
+    bound_given: float | None = None
+
+
 class Domain(ABC):
     """A kind of task file.
 
@@ -32,10 +83,13 @@ class Domain(ABC):
         What the file's key ``kind`` says.
     Config
         The schema of the file: a model derived from `Strict`.
+    stages
+        The stages that a chain of its tasks may have, in order.
     """
 
     kind: ClassVar[str]
     Config: ClassVar[type[BaseModel]]
+    stages: ClassVar[tuple[str, ...]] = ()
 
     def issues(self, config: Any) -> Iterable[Issue]:
         """Return every fault that the schema cannot see, each with the path of its key."""
@@ -52,6 +106,50 @@ class Domain(ABC):
         sha256
             Hash of the content, to be carried by the tasks.
         """
+
+    def follow(
+        self, config: Any, sha256: str, plans: Mapping[str, Sequence[str]], refinement: int = 0
+    ) -> list[Task]:
+        """Return the tasks of a chain as they stand once some of them have been solved.
+
+        Tasks that are solved, and those of their stage, stay as they are.
+
+        Parameters
+        ----------
+        config, sha256
+            As in `ground`.
+        plans
+            Names of skills by the name of the task that they solve.
+        refinement
+            How often the upper levels were asked for a finer plan since a solver that does not
+            search them failed below; empty is returned where there is none finer.
+
+        Raises
+        ------
+        ChainBroken
+            If the plans leave the next stage nothing to choose from.
+        """
+        return self.ground(config, sha256) if refinement == 0 else []
+
+    def account(
+        self, config: Any, plans: Mapping[str, Sequence[str]], refinement: int = 0
+    ) -> Account:
+        """Return what is to be said of the file beyond the plans of its tasks."""
+        return Account()
+
+    def default_solver(self, config: Any) -> str:
+        """Return the solver that serves a file best where the user names none."""
+        return "exact"
+
+    def errata(self, config: Any) -> Listing | None:
+        """Return what the published source prints wrongly, by this file's geometry.
+
+        Raises
+        ------
+        OptionError
+            If the file differs too much from the source to say.
+        """
+        return None
 
     def locate(self, fact: str) -> tuple[str | int, ...]:
         """Return the path of the file's entry that a fact comes from; the root by default."""

@@ -89,9 +89,13 @@ class Feasibility:
         names = [*amiss.requires, *(f"not {name}" for name in amiss.forbids)]
         one_of = "one of " if len(amiss.requires) > len(skill.condition(state).requires) else ""
         shown = names if len(names) <= _MOST_NAMED else [*names[:_MOST_NAMED], "..."]
+        reason = f"needs {one_of}{', '.join(shown)}"
+        wrong = [self.task.places[fact].name for fact in amiss.forbids if fact in self.task.places]
+        if len(wrong) == len(names):
+            reason = f"cannot be done at {', '.join(wrong)}"
         return Verdict(
             VerdictStatus.INFEASIBLE,
-            f"needs {one_of}{', '.join(shown)}",
+            reason,
             PRECONDITION,
             amiss.forbids,
             amiss.requires,

@@ -34,6 +34,25 @@ class PolicyValue:
     infeasible: bool = False
 
 
+def roll_out(model: SkillModel, choose: Callable[[State], Skill | None]) -> list[Skill]:
+    """Return the skills that a policy takes while every outcome is the nominal one.
+
+    Ends at the goal, at the step limit, where the policy knows nothing, or with a skill that is
+    not applicable.
+    """
+    state = model.initial
+    skills: list[Skill] = []
+    while not model.is_goal(state) and len(skills) < model.step_limit:
+        skill = choose(state)
+        if skill is None:
+            break
+        skills.append(skill)
+        if not skill.applicable(state):
+            break
+        state = skill.prediction_in(state).apply(state)
+    return skills
+
+
 def evaluate_policy(model: SkillModel, choose: Callable[[State], Skill | None]) -> PolicyValue:
     """Solve the linear equations of the Markov chain that a policy makes of the model.
 

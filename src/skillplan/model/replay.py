@@ -31,6 +31,8 @@ class Step:
         Time it takes [s].
     reward
         What a learner is paid; None where the task has no reward scheme.
+    place
+        The place where it ends, of a skill that walks.
     """
 
     index: int
@@ -41,6 +43,7 @@ class Step:
     cost: float
     duration_s: float
     reward: float | None
+    place: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,10 +154,17 @@ def replay(model: SkillModel, skills: Sequence[Skill]) -> Replay:
 def _step(model: SkillModel, index: int, transition: Transition, over: bool) -> Step:
     """Return the record of a step; once the episode is over, nothing is paid any more."""
     task, state, skill = model.task, transition.state, transition.skill
-    start = goal = None
+    start = goal = place = None
     if skill.motion is not None:
         start = task.scene.robot(skill.motion.robot).place(state)[1]
         goal = skill.motion.visits(state)[-1].position
+    elif task.places:
+        following = transition.next_state
+        # A skill that stays leaves and reaches nothing.
+        left = task.places_in(state - following) or task.places_in(state)
+        reached = task.places_in(following - state) or task.places_in(following)
+        if len(left) == len(reached) == 1:
+            start, goal, place = left[0].position, reached[0].position, reached[0].name
     reward = None
     if task.reward is not None and over:
         reward = 0.0
@@ -176,4 +186,5 @@ def _step(model: SkillModel, index: int, transition: Transition, over: bool) -> 
         transition.cost,
         transition.duration_s,
         reward,
+        place,
     )

@@ -6,12 +6,13 @@ groupings are offsets, as in compressed sparse rows.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.errors import ModelTooLarge
+from skillplan.errors import ModelTooLarge, SearchStopped
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.state import State
 
@@ -75,7 +76,12 @@ class TabularMDP:
                 raise ValueError("TabularMDP probabilities must sum to 1 in every row.")
 
     @classmethod
-    def from_model(cls, model: SkillModel, limit: int = DEFAULT_LIMIT) -> TabularMDP:
+    def from_model(
+        cls,
+        model: SkillModel,
+        limit: int = DEFAULT_LIMIT,
+        stop: Callable[[], bool] | None = None,
+    ) -> TabularMDP:
         """Return the arrays of everything that can be reached by feasible skills.
 
         Parameters
@@ -84,18 +90,30 @@ class TabularMDP:
             Asked about every skill that is applicable in a reachable state.
         limit
             The most states to hold, >= 1.
+        stop
+            Asked before every state whether to give up; None for never.
 
         Raises
         ------
         ModelTooLarge
             If more states than `limit` can be reached.
+        SearchStopped
+            If `stop` said so.
         """
         states = list(dict.fromkeys((model.initial, *model.task.starts)))
         index = {state: i for i, state in enumerate(states)}
         reward = model.task.reward
         goal, rows, actions, costs, durations_s = [], [0], [], [], []
         outcomes, successors, probabilities, rewards = [0], [], [], []
+        too_large = ModelTooLarge(
+            f"{model.task.name!r} has more than {limit:,} reachable states. "
+            "Use a solver that does not enumerate them, such as exact."
+        )
+        if len(states) > limit:
+            raise too_large
         for state in states:
+            if stop is not None and stop():
+                raise SearchStopped("The model was not enumerated to the end: told to stop.")
             goal.append(model.is_goal(state))
             for step in () if goal[-1] else model.transitions(state):
                 actions.append(model.task.action(step.skill))
@@ -104,10 +122,7 @@ class TabularMDP:
                 for probability, following in step.outcomes:
                     if following not in index:
                         if len(states) == limit:
-                            raise ModelTooLarge(
-                                f"{model.task.name!r} has more than {limit:,} reachable states. "
-                                "Use a solver that does not enumerate them, such as exact."
-                            )
+                            raise too_large
                         index[following] = len(states)
                         states.append(following)
                     successors.append(index[following])

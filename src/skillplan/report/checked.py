@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from skillplan.domains.domain import Listing
+from skillplan.report.chain_tables import listing_table
 from skillplan.report.table import Column, Table
 from skillplan.task.load import Problem
 
@@ -20,14 +22,23 @@ class Checked:
         What was loaded.
     back_ends
         Names of the back ends that each of its tasks will ask.
+    errata
+        What the published source prints wrongly, where that was asked for.
     """
 
     problem: Problem
     back_ends: Sequence[Sequence[str]]
+    errata: Listing | None = None
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.check/1``."""
         problem = self.problem
+        errata = self.errata
+        found = (
+            {}
+            if errata is None
+            else {"errata": [dict(zip(errata.columns, row, strict=True)) for row in errata.rows]}
+        )
         return {
             "schema": "skillplan.check/1",
             "task": {"name": problem.name, "kind": problem.kind, "sha256": problem.sha256},
@@ -43,10 +54,15 @@ class Checked:
                 }
                 for task, names in zip(problem.tasks, self.back_ends, strict=True)
             ],
+            **found,
         }
 
-    def table(self) -> Table:
-        """Return a row for every task of the file."""
+    def tables(self) -> list[Table]:
+        """Return a row for every task of the file, and the errata."""
+        errata = [] if self.errata is None else [listing_table(self.errata)]
+        return [*errata, self._tasks()]
+
+    def _tasks(self) -> Table:
         columns = [
             Column("task"),
             Column("actions", right=True),

@@ -99,7 +99,10 @@ class Evaluation:
             notes.append(f"violation  at {where}: {fault.stage}: {fault.reason}")
             if fault.facts and fault.skill:
                 notes.append(f"           rests on {', '.join(fault.facts)}")
-        columns, rows = step_rows(walked.steps, task.metric.name, task.metric.unit)
+        start = [place.name for place in task.places_in(task.initial)]
+        if start:
+            notes.insert(0, f"from       {', '.join(start)}")
+        columns, rows = step_rows(walked.steps, task.metric)
         return Table(f"{task.name}: evaluation", columns, rows, notes)
 
 

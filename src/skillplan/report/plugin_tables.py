@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pydantic import BaseModel
@@ -61,10 +61,9 @@ def _option_table(name: str, options: type[BaseModel]) -> Table:
     rows = [
         (
             key,
-            str(field.get("type", "any")),
+            _type(field),
             str(field.get("default", "required")),
-            ", ".join(f"{sign}{field[bound]}" for bound, sign in _BOUNDS.items() if bound in field)
-            or "-",
+            _range(field),
             str(field.get("description", "")),
         )
         for key, field in properties.items()
@@ -72,3 +71,20 @@ def _option_table(name: str, options: type[BaseModel]) -> Table:
     headings = ("option", "type", "default", "range", "what it is [unit]")
     title = f"options of {name}" if rows else f"{name} has no options"
     return Table(title, [Column(heading) for heading in headings], rows)
+
+
+def _type(field: Mapping[str, Any]) -> str:
+    """Return the type of an option; of an optional one that of its value."""
+    kinds = [kind.get("type") for kind in field.get("anyOf", ())]
+    return str(field.get("type") or " or ".join(str(k) for k in kinds if k != "null") or "any")
+
+
+def _range(field: Mapping[str, Any]) -> str:
+    """Return the bounds of an option, or its words."""
+    if "enum" in field or "const" in field:
+        return " or ".join(str(word) for word in field.get("enum", [field.get("const")]))
+    for kind in (field, *field.get("anyOf", ())):
+        bounds = [f"{sign}{kind[bound]}" for bound, sign in _BOUNDS.items() if bound in kind]
+        if bounds:
+            return ", ".join(bounds)
+    return "-"

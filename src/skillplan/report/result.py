@@ -10,6 +10,8 @@ from typing import Any
 
 from skillplan.model.replay import Step
 from skillplan.solvers.stop import relative_gap
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
 
 
 class Status(StrEnum):
@@ -54,6 +56,8 @@ class Result:
         What the solver asked of the model, and how long it took [s], the referee not counted.
     trace
         Figures of the search.
+    policy
+        The policy that the plan follows; None where the solver gave a plan.
 
     Raises
     ------
@@ -83,6 +87,7 @@ class Result:
     wall_s: float = 0.0
     interrupted: bool = False
     trace: Mapping[str, Any] = field(default_factory=dict)
+    policy: Mapping[State, Skill] | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         has_plan = self.status in (Status.OPTIMAL, Status.SOLVED)

@@ -8,9 +8,9 @@ from skillplan.model.replay import Step
 from skillplan.report.result import Result, Status
 from skillplan.report.table import Column, Table
 from skillplan.task.motion import Point
-from skillplan.task.task import Task
+from skillplan.task.task import Metric, Task
 
-_PROOF = {
+PROOF = {
     Status.OPTIMAL: "optimal, proved",
     Status.SOLVED: "solved, not proved to be the best",
     Status.INFEASIBLE: "infeasible: proved that there is no plan",
@@ -22,10 +22,9 @@ _PROOF = {
 
 def plan_table(result: Result, task: Task) -> Table:
     """Return the steps of a result's plan, and its figures below."""
-    unit = result.cost_unit
     title = f"{result.task}: {result.solver}, physics {result.physics}, collision "
     title += result.collision or "none"
-    notes = [f"status     {_PROOF[result.status]}" + _because(result)]
+    notes = [f"status     {PROOF[result.status]}" + _because(result)]
     if result.cost is not None:
         actions = ",".join(str(step.action) for step in result.steps)
         notes += [
@@ -41,19 +40,21 @@ def plan_table(result: Result, task: Task) -> Table:
         f"effort     {result.checks} checks, {result.cache_hits} verdicts reused, "
         f"{result.expanded if result.expanded is not None else '-'} nodes, {result.wall_s:.2f} s"
     )
-    return Table(title, *step_rows(result.steps, task.metric.name, unit), notes)
+    return Table(title, *step_rows(result.steps, task.metric), notes)
 
 
 def step_rows(
-    steps: Sequence[Step], metric: str, unit: str
+    steps: Sequence[Step], metric: Metric
 ) -> tuple[tuple[Column, ...], list[tuple[str, ...]]]:
     """Return columns and rows of the steps of a plan."""
+    walks = any(step.place is not None for step in steps)
     columns = (
         Column("step", right=True),
         Column("action", right=True),
         Column("skill"),
+        *([Column("to")] if walks else []),
         Column("to x y z [m]", right=True),
-        Column(f"{metric} [{unit}]", right=True),
+        Column(_headed(metric), right=True),
         Column("time [s]", right=True),
     )
     rows: list[tuple[str, ...]] = [
@@ -61,13 +62,19 @@ def step_rows(
             str(step.index + 1),
             str(step.action),
             step.skill,
+            *([step.place or "-"] if walks else []),
             _point(step.goal),
-            f"{step.cost:.5f}",
+            f"{step.cost:.{metric.decimals}f}",
             f"{step.duration_s:.1f}",
         )
         for step in steps
     ]
     return columns, rows
+
+
+def _headed(metric: Metric) -> str:
+    """Return a metric as a heading, with its unit where that is another word."""
+    return metric.name if metric.name == metric.unit else f"{metric.name} [{metric.unit}]"
 
 
 def comparison_table(results: Sequence[Result], title: str) -> Table:

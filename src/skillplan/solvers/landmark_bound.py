@@ -94,7 +94,9 @@ class LandmarkBound:
 
     def _ready(self, i: int, bits: int) -> bool:
         requires = self._requires[i]
-        return bits & requires == requires and not bits & self._forbids[i]
+        if bits & requires != requires or bits & self._forbids[i]:
+            return False
+        return self._task.skills[i].has_case(bits)
 
     def _look(self, bits: int) -> _Outlook | None:
         alive, reached = self._relaxed(bits)

@@ -33,10 +33,13 @@ class Solver(ABC):
     Options
         A pydantic model whose fields carry range and description, so that the command line
         lists, validates and explains them.
+    stage
+        Of a chain of tasks the only stage that it searches, as ``goals``; None for all.
     """
 
     name: ClassVar[str]
     Options: ClassVar[type[BaseModel]] = back_end.Options
+    stage: ClassVar[str | None] = None
 
     def __init__(self, options: BaseModel | None = None, stop: Stop | None = None) -> None:
         self.options = self.Options() if options is None else options

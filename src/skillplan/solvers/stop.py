@@ -91,6 +91,23 @@ class Stop:
             return True
         return False
 
+    def renew(self) -> None:
+        """Forget the best plan and the bound, for the next task of a chain.
+
+        The time goes on, and an interruption stays.
+        """
+        self.best = None
+        self.lower_bound = None
+        self.nodes = 0
+        self._own_reason = None
+        if not self.interrupted and time.monotonic() < self._deadline_s:
+            self._told_s = None
+
+    def within(self, time_limit_s: float) -> Stop:
+        """Return a stop for a search on the side, which ends no later than this one."""
+        left_s = self._deadline_s - time.monotonic()
+        return Stop(time_limit_s=max(1e-3, min(time_limit_s, left_s)))
+
     def interrupt(self) -> None:
         """Ask the search to stop and hand over the best it has."""
         self.interrupted = True

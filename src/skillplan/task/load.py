@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,8 @@ from typing import Any, Protocol
 
 from pydantic import BaseModel, ValidationError
 
-from skillplan.errors import Issue, PluginError, TaskError, name_hint
+from skillplan.errors import Issue, OptionError, PluginError, TaskError, name_hint
+from skillplan.task.overrides import overridden
 from skillplan.task.reachability import unreachable_facts
 from skillplan.task.schema_errors import schema_issues, shown
 from skillplan.task.task import Task
@@ -31,12 +32,27 @@ class TaskDomain(Protocol):
     """What loading needs of a domain; see :class:`skillplan.domains.domain.Domain`."""
 
     Config: Any
+    stages: Any
 
     def issues(self, config: Any) -> Iterable[Issue]:
         """Return the faults that a schema cannot see."""
 
     def ground(self, config: Any, sha256: str) -> list[Task]:
         """Return the tasks of a faultless content."""
+
+    def follow(
+        self, config: Any, sha256: str, plans: Mapping[str, Sequence[str]], refinement: int = 0
+    ) -> list[Task]:
+        """Return the tasks of a chain once some are solved."""
+
+    def account(self, config: Any, plans: Mapping[str, Sequence[str]], refinement: int = 0) -> Any:
+        """Return what is to be said beyond the plans."""
+
+    def default_solver(self, config: Any) -> str:
+        """Return the solver that serves a file best."""
+
+    def errata(self, config: Any) -> Any:
+        """Return what the published source prints wrongly."""
 
     def locate(self, fact: str) -> tuple[str | int, ...]:
         """Return the path of the file's entry that a fact comes from."""
@@ -58,6 +74,8 @@ class Problem:
         The validated content.
     tasks
         One, or a chain of several that are solved in turn.
+    domain
+        What grounded them.
     """
 
     name: str
@@ -66,6 +84,7 @@ class Problem:
     sha256: str
     config: BaseModel
     tasks: tuple[Task, ...]
+    domain: TaskDomain
 
     @property
     def task(self) -> Task:
@@ -76,10 +95,41 @@ class Problem:
         TaskError
             If the file describes a chain of several.
         """
-        if len(self.tasks) != 1:
-            message = f"describes {len(self.tasks)} tasks in a chain; this command takes one."
-            raise TaskError(self.source, [Issue(message)])
-        return self.tasks[0]
+        return self.part(None)
+
+    @property
+    def is_chain(self) -> bool:
+        """Whether its tasks are stages of a hierarchy, to be solved in turn."""
+        return len(self.tasks) > 1 or bool(self.tasks[0].stage)
+
+    def part(self, name: str | None) -> Task:
+        """Return a task by name; None for the only one.
+
+        Raises
+        ------
+        TaskError
+            If the file describes a chain and no name is given.
+        OptionError
+            If no task has the name.
+        """
+        names = [task.name for task in self.tasks]
+        if name is None and len(names) == 1:
+            return self.tasks[0]
+        if name is None:
+            message = f"describes {len(names)} tasks in a chain; name one by --part: "
+            shown = names if len(names) <= 8 else [*names[:4], "...", *names[-3:]]
+            raise TaskError(self.source, [Issue(f"{message}{', '.join(shown)}.")])
+        if name not in names:
+            raise OptionError(f"No task {name!r} in {self.source}. {name_hint(name, names)}")
+        return self.tasks[names.index(name)]
+
+    def follow(self, plans: Mapping[str, Sequence[str]], refinement: int = 0) -> tuple[Task, ...]:
+        """Return the tasks as they stand once some of them have been solved."""
+        return tuple(self.domain.follow(self.config, self.sha256, plans, refinement))
+
+    def account(self, plans: Mapping[str, Sequence[str]], refinement: int = 0) -> Any:
+        """Return what the domain has to say beyond the plans."""
+        return self.domain.account(self.config, plans, refinement)
 
 
 def load_task(
@@ -88,6 +138,7 @@ def load_task(
     known_kinds: Iterable[str] = (),
     check_content: Callable[[Mapping[str, Any]], Iterable[Issue]] = lambda _: (),
     check_task: Callable[[Task], Iterable[Issue]] = lambda _: (),
+    changes: Mapping[str, str] | None = None,
 ) -> Problem:
     """Load, validate and ground a task file.
 
@@ -103,17 +154,21 @@ def load_task(
         Returns faults of a content that is not validated yet.
     check_task
         Returns faults of a grounded task.
+    changes
+        Key path to YAML value: what the file is read as if it held.
 
     Raises
     ------
     TaskError
         With every fault of the file: its place, what is wrong and what to write instead.
+    OptionError
+        If a change does not fit the file.
     """
     source = os.fspath(path)
-    document = parse(read_text(Path(source), source), source)
+    document = overridden(parse(read_text(Path(source), source), source), changes or {})
     kind, domain = _domain(document, find_domain, known_kinds)
     issues = list(check_content(document.data))
-    config, faults = _validated(document, domain)
+    config, faults = _validated(document, domain, {"folder": Path(source).parent})
     issues += faults
     if config is not None:
         issues += domain.issues(config)
@@ -129,9 +184,10 @@ def load_task(
         ]
         issues += check_task(task)
     if issues:
-        raise document.error(issues)
+        # Of tasks in a chain, what is wrong with one is often wrong with all.
+        raise document.error(dict.fromkeys(issues))
     name = getattr(config, "name", None) or Path(source).stem
-    return Problem(name, kind, source, sha256, config, tuple(tasks))
+    return Problem(name, kind, source, sha256, config, tuple(tasks), domain)
 
 
 def _domain(
@@ -157,14 +213,16 @@ def _domain(
         raise document.error([Issue(str(error), ("kind",))]) from None
 
 
-def _validated(document: Document, domain: TaskDomain) -> tuple[BaseModel | None, list[Issue]]:
+def _validated(
+    document: Document, domain: TaskDomain, context: Mapping[str, Any]
+) -> tuple[BaseModel | None, list[Issue]]:
     """Return the content, or None, and its faults but for those that the document knows.
 
     A content with no fault but unknown keys is returned without them, so that what else is
     wrong with it comes to light as well.
     """
     try:
-        return domain.Config.model_validate(document.data), []
+        return domain.Config.model_validate(document.data, context=context), []
     except ValidationError as error:
         # What could not be read is missing from the data, which the schema need not say again.
         unread = {issue.path[:n] for issue in document.issues for n in range(len(issue.path) + 1)}
@@ -174,7 +232,9 @@ def _validated(document: Document, domain: TaskDomain) -> tuple[BaseModel | None
         if len(unknown) < error.error_count():
             return None, faults
     try:
-        return domain.Config.model_validate(_without(document.data, unknown)), faults
+        return domain.Config.model_validate(
+            _without(document.data, unknown), context=context
+        ), faults
     except ValidationError as error:
         # What a model says of itself as a whole, it says only where its keys are sound; if an
         # unknown key is a slip for one that it misses, that is told already.

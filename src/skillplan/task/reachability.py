@@ -6,18 +6,15 @@ of reach indeed.
 
 from __future__ import annotations
 
-from skillplan.task.skill import Skill
+from collections.abc import Iterator, Sequence
+
+from skillplan.task.skill import Outcome, Skill
 from skillplan.task.task import Task
 
 
 def unreachable_facts(task: Task) -> dict[str, str]:
     """Return the goal facts out of reach, each with the first reason found."""
-    reached, before = task.initial.bits, -1
-    while reached != before:
-        before = reached
-        for skill in task.skills:
-            if not skill.precondition.requires.bits & ~reached:
-                reached |= _added(skill, reached)
+    reached = _reached(task)
     lost = {}
     for fact in task.goal.requires:
         bit = task.facts.bit(fact)
@@ -36,13 +33,38 @@ def unreachable_facts(task: Task) -> dict[str, str]:
     return lost
 
 
-def _added(skill: Skill, reached: int) -> int:
-    """Return the facts that a skill may bring about once the facts in `reached` may hold."""
-    bits = 0
-    for outcome in skill.outcomes:
-        bits |= outcome.add.bits
+def _reached(task: Task) -> int:
+    """Return the facts that may come to hold; time grows linearly with skills and cases."""
+    reached = task.initial.bits
+    ways = [way for skill in task.skills for way in _ways(skill)]
+    # By a fact that they lack, the ways that are looked at again once it may hold.
+    waiting: dict[int, list[tuple[int, int]]] = {}
+    while ways:
+        needed, added = ways.pop()
+        missing = needed & ~reached
+        if missing:
+            waiting.setdefault(missing & -missing, []).append((needed, added))
+            continue
+        new = added & ~reached
+        reached |= new
+        while new:
+            bit = new & -new
+            ways += waiting.pop(bit, ())
+            new ^= bit
+    return reached
+
+
+def _ways(skill: Skill) -> Iterator[tuple[int, int]]:
+    """Yield what a skill, or each of its cases, needs and may bring about."""
+    needed = skill.precondition.requires.bits
+    if not skill.cases:
+        yield needed, _added(skill.outcomes)
     for case in skill.cases:
-        if case.fact.bits & reached:
-            for outcome in case.outcomes:
-                bits |= outcome.add.bits
+        yield needed | case.fact.bits, _added(case.outcomes)
+
+
+def _added(outcomes: Sequence[Outcome]) -> int:
+    bits = 0
+    for outcome in outcomes:
+        bits |= outcome.add.bits
     return bits

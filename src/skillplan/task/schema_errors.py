@@ -74,7 +74,7 @@ def schema_issues(error: ValidationError, model: type[BaseModel]) -> list[Issue]
 
 def _concerns_key(fault: Mapping[str, Any]) -> bool:
     """Whether pydantic means the key of a mapping, which it says by a last step '[key]'."""
-    *path, last = fault["loc"]
+    *path, last = fault["loc"] or ("",)
     return last == "[key]" and bool(path) and path[-1] == fault["input"]
 
 
@@ -118,6 +118,16 @@ def shown(value: object) -> str:
         return repr(value[:45] + "...")
     text = repr(value)
     return text if len(text) <= 48 else text[:45] + "..."
+
+
+def continued(sentence: str) -> str:
+    """Return a sentence as it goes on in a line, after a key path: with a small first letter.
+
+    Names that begin it, such as G41 or X, stay as they are.
+    """
+    word = sentence.partition(" ")[0]
+    is_name = word != "A" and not (len(word) > 1 and word[1:].islower())
+    return sentence if is_name else sentence[0].lower() + sentence[1:]
 
 
 def _meaning(model: type[BaseModel], path: Sequence[str | int]) -> str:

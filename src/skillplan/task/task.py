@@ -10,6 +10,7 @@ from typing import Any
 
 from skillplan.errors import OptionError, name_hint
 from skillplan.task.condition import Condition
+from skillplan.task.motion import Point
 from skillplan.task.reward import Reward
 from skillplan.task.scene import Scene
 from skillplan.task.skill import Skill
@@ -55,6 +56,14 @@ class Literal:
 
     def __str__(self) -> str:
         return self.fact if self.positive else f"not {self.fact}"
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a robot stands: the place's name and its position [m]."""
+
+    name: str
+    position: Point
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,12 +125,14 @@ class Task:
     preset
         The plan, as names of skills, that the domain has by a rule of its own; None where the
         task is for solvers to solve.
+    places
+        The place that a fact says a robot stands at, for skills that walk.
 
     Raises
     ------
     ValueError
         If skill names are not distinct, the step limit is below 1, or the chart, the
-        observation or the preset names something unknown.
+        observation, the preset or a place names something unknown.
     """
 
     name: str
@@ -143,6 +154,7 @@ class Task:
     starts: tuple[State, ...] = ()
     stage: str = ""
     preset: tuple[str, ...] | None = None
+    places: Mapping[str, Place] = field(default_factory=dict)
     _index: dict[str, int] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -161,6 +173,9 @@ class Task:
             for element in (line.before, line.after):
                 if element not in self.operations:
                     raise ValueError(f"Task {self.name!r}: chart names unknown {element!r}.")
+        for fact in self.places:
+            if fact not in self.facts:
+                raise ValueError(f"Task {self.name!r}: unknown fact {fact!r} is a place.")
         for name in self.preset or ():
             if name not in index:
                 raise ValueError(f"Task {self.name!r}: preset names unknown skill {name!r}.")
@@ -240,6 +255,10 @@ class Task:
             except OptionError as error:
                 raise OptionError(f"Entry {position} of the sequence: {error}") from None
         return tuple(skills)
+
+    def places_in(self, state: State) -> list[Place]:
+        """Return the places at which robots stand in a state."""
+        return [self.places[fact] for fact in state if fact in self.places]
 
     def cost_text(self, cost: float | None) -> str:
         """Return a cost for people, with its unit."""

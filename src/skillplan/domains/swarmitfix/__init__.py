@@ -1,0 +1,78 @@
+"""The SwarmItFIX bench: a walking fixture along a tool's trajectory (Veeramani, Muthuswamy)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from skillplan.domains.domain import Account, Domain, Listing
+from skillplan.domains.swarmitfix.base_goals import UnreachableSupport
+from skillplan.domains.swarmitfix.bench_account import account
+from skillplan.domains.swarmitfix.bench_faults import issues
+from skillplan.domains.swarmitfix.bench_schema import SwarmitfixConfig
+from skillplan.domains.swarmitfix.job import Job, bench_of
+from skillplan.domains.swarmitfix.table_errata import table_errata
+from skillplan.errors import ChainBroken, Issue, OptionError
+from skillplan.task.task import Task
+
+
+class SwarmitfixDomain(Domain):
+    """Heads, goals and ways of walking bases that support sheet metal from below."""
+
+    kind = "swarmitfix"
+    Config = SwarmitfixConfig
+    stages = ("heads", "goals", "base")
+
+    def issues(self, config: Any) -> Iterable[Issue]:
+        """Return faults of positions, trajectory, reach and robots."""
+        return issues(config)
+
+    def ground(self, config: Any, sha256: str) -> list[Task]:
+        """Return the chain of tasks; what follows a level stands on that level's optimum."""
+        return Job(config).tasks(sha256)
+
+    def follow(
+        self, config: Any, sha256: str, plans: Mapping[str, Sequence[str]], refinement: int = 0
+    ) -> list[Task]:
+        """Return the chain as it stands on the plans made so far.
+
+        Refined, the heads stand closer together.
+        """
+        job = Job(config, plans, refinement)
+        if refinement and not job.supportable:
+            return []
+        try:
+            return job.tasks(sha256)
+        except UnreachableSupport as error:
+            raise ChainBroken(f"with the heads so placed: {error}") from None
+
+    def account(
+        self, config: Any, plans: Mapping[str, Sequence[str]], refinement: int = 0
+    ) -> Account:
+        """Return supports, goals and the five steps."""
+        return account(Job(config, plans, refinement))
+
+    def default_solver(self, config: Any) -> str:
+        """Return ``fleet`` for several bases, else ``exact``."""
+        return "exact" if config.robots is None else "fleet"
+
+    def errata(self, config: Any) -> Listing:
+        """Return where Table 1 of the paper and the rotated triangle disagree."""
+        try:
+            found = table_errata(bench=bench_of(config))
+        except ValueError as error:
+            raise OptionError(f"Table 1 cannot be held against this bench: {error}") from None
+        return Listing(
+            "Table 1 of Veeramani and Muthuswamy (2022) against rotated triangles",
+            ("action", "position", "column", "printed", "by geometry", "note"),
+            tuple((e.action, e.parity, e.column, e.printed, e.geometric, e.note) for e in found),
+            (
+                f"{len(found)} cells are printed wrongly; skillplan goes by geometry",
+                "Fig. 2 draws C54 to C41 as a swing about P17 (leg 3, CW 60 deg); Table 1's B1, "
+                "which skillplan takes, swings about P16 (leg 1, CCW 60 deg). Both end on C41.",
+            ),
+        )
+
+    def locate(self, fact: str) -> tuple[str | int, ...]:
+        """Return the section that a goal comes from."""
+        return ("base",)

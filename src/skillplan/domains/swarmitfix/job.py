@@ -1,0 +1,337 @@
+"""The hierarchy of one trajectory: heads, goals of the base, ways of the base.
+
+Veeramani and Muthuswamy, Fig. 3. Each level is grounded from what the one above it gave; a level
+that has not been solved yet stands in with its proved optimum, so that the whole chain can be
+looked at before anything is solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property, lru_cache
+
+from skillplan.domains.swarmitfix.base_goals import (
+    GoalSet,
+    ReachRules,
+    UnreachableSupport,
+    goal_sets,
+    inward_side,
+    preferring,
+    unreachable,
+)
+from skillplan.domains.swarmitfix.base_task import BaseGrounding
+from skillplan.domains.swarmitfix.bench import Bench
+from skillplan.domains.swarmitfix.bench_schema import SwarmitfixConfig
+from skillplan.domains.swarmitfix.fleet_task import fleet_task
+from skillplan.domains.swarmitfix.goal_choice import Choice, GoalRule, choose
+from skillplan.domains.swarmitfix.goals_task import goal_of, goals_task
+from skillplan.domains.swarmitfix.head_task import (
+    fewest,
+    head_task,
+    heads_of,
+    segment_fault,
+)
+from skillplan.domains.swarmitfix.heads import (
+    Head,
+    HeadRules,
+    even_heads,
+    vertex_heads,
+    way_between,
+)
+from skillplan.domains.swarmitfix.pkm import PkmGeometry
+from skillplan.domains.swarmitfix.pkm_reach import Mount, PkmLimits, Range, horizontal_reach_m
+from skillplan.domains.swarmitfix.step_timings import Timings
+from skillplan.domains.swarmitfix.trajectory_content import elements_of
+from skillplan.domains.swarmitfix.workpiece import Segment, Workpiece
+from skillplan.task.task import BackEndChoice, Task
+
+Plans = Mapping[str, Sequence[str]]
+GOALS = "goals"
+
+
+class Job:
+    """What a faultless file asks for, as far as some plans have decided it.
+
+    Parameters
+    ----------
+    config
+        The file's content, without issues.
+    plans
+        Names of skills by task; a level without plans stands in with its optimum.
+    refinement
+        How often heads were asked to stand closer together, >= 0: every segment is divided as
+        many times more, or the gap that is left bare as many times smaller.
+
+    Attributes
+    ----------
+    bench, timings
+        The lattice, and how long the steps take.
+    """
+
+    def __init__(
+        self, config: SwarmitfixConfig, plans: Plans | None = None, refinement: int = 0
+    ) -> None:
+        self.config = config
+        self.parts = 1 + refinement
+        self.plans: Plans = plans or {}
+        self.bench = bench_of(config)
+        self.timings = timings_of(config)
+
+    @cached_property
+    def workpiece(self) -> Workpiece:
+        """The trajectory, split into segments."""
+        assert self.config.trajectory is not None
+        start, elements = elements_of(self.config.trajectory)
+        return Workpiece.from_elements(
+            start,
+            elements,
+            closed=self.config.trajectory.closed,
+            chord_tolerance_m=self.config.trajectory.chord_tolerance_m,
+        )
+
+    @cached_property
+    def head_rules(self) -> HeadRules:
+        """How heads may be placed."""
+        heads = self.config.heads
+        return HeadRules(
+            side_m=heads.side_m,
+            max_gap_m=heads.max_gap_m / self.parts,
+            step_m=heads.step_m,
+            orientations=heads.orientations,
+            reorientation_cost=heads.reorientation_cost,
+        )
+
+    @cached_property
+    def vertex_heads(self) -> tuple[Head, ...]:
+        """The heads at the vertices."""
+        return vertex_heads(self.workpiece, self.head_rules)
+
+    def ends(self, segment: Segment) -> tuple[Head, Head]:
+        """Return the vertex heads between which a segment lies."""
+        heads = self.vertex_heads
+        return heads[segment.index], heads[(segment.index + 1) % len(heads)]
+
+    @cached_property
+    def heads(self) -> tuple[Head, ...]:
+        """All heads in the order of travel; of a closed trajectory the first is not repeated."""
+        subdivisions = self.config.heads.subdivisions
+        placed: list[Head] = []
+        for segment in self.workpiece.segments:
+            first, last = self.ends(segment)
+            placed.append(first)
+            if subdivisions is not None:
+                placed += even_heads(segment, subdivisions[segment.index] * self.parts)
+                continue
+            plan = self.plans.get(head_task_name(segment))
+            if plan is None:
+                plan = fewest(segment, first, last, self.head_rules)
+            placed += heads_of(segment, first, last, self.head_rules, plan)
+        if not self.workpiece.closed:
+            placed.append(self.vertex_heads[-1])
+        return tuple(placed)
+
+    @property
+    def supportable(self) -> bool:
+        """Whether every segment can be supported under the head rules, and held by a base."""
+        if self.config.trajectory is None:
+            return False
+        if self.config.heads.subdivisions is None:
+            for segment in self.workpiece.segments:
+                if segment_fault(segment, *self.ends(segment), self.head_rules) is not None:
+                    return False
+        return not self.unreachable()
+
+    @cached_property
+    def reach(self) -> ReachRules:
+        """Where a base may stand for a support."""
+        base = self.config.base
+        return ReachRules(
+            arm_length_m=base.arm_length_m,
+            safe_distance_m=base.safe_distance_m,
+            reach_m=(base.reach_m[0], base.reach_m[1]),
+            side=self._side(),
+        )
+
+    def _side(self) -> int:
+        """Return +1 for bases to the left of the direction of travel, -1 for the right."""
+        side = self.config.base.side
+        if side in ("left", "right"):
+            return 1 if side == "left" else -1
+        inward = inward_side(self.workpiece.clockwise or False)
+        return -inward if side == "outward" else inward
+
+    @cached_property
+    def goal_sets(self) -> tuple[GoalSet, ...]:
+        """The positions that can hold each support."""
+        supports = [head.position for head in self.heads]
+        closed = self.workpiece.closed
+        way = way_between(self.workpiece, self.heads)
+        sets = goal_sets(self.bench, supports, self.reach, closed, way)
+        if not closed:
+            # The last support has no next one; whoever serves the way to it holds it, too.
+            end = sets[-1].e2
+            sets = (*sets, replace(sets[-1], index=len(supports) - 1, e1=end, e2=end))
+        if self.config.base.prefer_reachable:
+            least_m, most_m = self.pkm_reach_m
+            sets = tuple(preferring(self.bench, one, least_m, most_m) for one in sets)
+        return sets
+
+    @cached_property
+    def pkm_reach_m(self) -> tuple[float, float]:
+        """Horizontal distances of base and head that the limits of the legs allow [m].
+
+        Raises
+        ------
+        ValueError
+            If they allow none.
+        """
+        return _reach_m(limits_of(self.config), mount_of(self.config))
+
+    def unreachable(self) -> tuple[UnreachableSupport, ...]:
+        """Return every pair of supports that no position serves."""
+        supports = [head.position for head in self.heads]
+        way = way_between(self.workpiece, self.heads)
+        return unreachable(self.bench, supports, self.reach, self.workpiece.closed, way)
+
+    @cached_property
+    def choice(self) -> Choice:
+        """The goals of the base by the file's rule."""
+        return self._choose(self.config.base.goal_choice)
+
+    def _choose(self, rule: str) -> Choice:
+        return choose(self.bench, self.home, self.goal_sets, rule, self.timings.swing_s)
+
+    @cached_property
+    def least_steps(self) -> int:
+        """No choice of goals takes fewer swings in all."""
+        return self._choose(GoalRule.WHOLE_TRAJECTORY).total_steps
+
+    @cached_property
+    def goals(self) -> tuple[int, ...]:
+        """The goals of the base: as given, as planned, or by the file's rule."""
+        if self.config.base.goals is not None:
+            return tuple(self.bench.position(name) for name in self.config.base.goals)
+        plan = self.plans.get(GOALS)
+        if plan is None:
+            return self.choice.goals
+        return tuple(self.bench.position(goal_of(name)) for name in plan)
+
+    @property
+    def home(self) -> int:
+        """Where the base stands at the start."""
+        return self.bench.position(self.config.base.home)
+
+    def tasks(self, sha256: str) -> list[Task]:
+        """Return the chain: heads of every segment, goals, and a way to every goal."""
+        config = self.config
+        if config.robots is not None:
+            robots = {
+                name: (self.bench.position(robot.home), self.bench.position(robot.goal))
+                for name, robot in config.robots.items()
+            }
+            made = [
+                fleet_task(
+                    self.bench,
+                    robots,
+                    self.timings.swing_s,
+                    name=config.name,
+                    sha256=sha256,
+                    step_limit=config.step_limit,
+                )
+            ]
+        else:
+            made = [] if config.trajectory is None else self._upper_tasks(sha256)
+            base = BaseGrounding(self.bench, self.timings.swing_s, config.step_limit)
+            starts = (self.home, *self.goals)
+            made += [
+                base.task(f"base-{number}", start, goal, sha256)
+                for number, (start, goal) in enumerate(
+                    zip(starts, self.goals, strict=False), start=1
+                )
+            ]
+        physics = [BackEndChoice(name, options or {}) for name, options in config.physics.items()]
+        collision = [
+            BackEndChoice(name, options or {}) for name, options in config.collision.items()
+        ]
+        return [
+            task.replace(
+                physics=physics[0] if physics else None, collision=tuple(collision), sha256=sha256
+            )
+            for task in made
+        ]
+
+    def _upper_tasks(self, sha256: str) -> list[Task]:
+        made = []
+        if self.config.heads.subdivisions is None:
+            for segment in self.workpiece.segments:
+                first, last = self.ends(segment)
+                name = head_task_name(segment)
+                made.append(
+                    head_task(segment, first, last, self.head_rules, name=name, sha256=sha256)
+                )
+        made.append(
+            goals_task(
+                self.bench,
+                self.home,
+                self.goal_sets,
+                self.timings.swing_s,
+                self.choice.goals,
+                name=GOALS,
+                sha256=sha256,
+            )
+        )
+        return made
+
+
+@lru_cache(maxsize=64)
+def _reach_m(limits: PkmLimits, mount: Mount) -> Range:
+    """Return the reach of the machine, which takes a quarter of a second to find."""
+    return horizontal_reach_m(PkmGeometry(), limits, mount)
+
+
+def head_task_name(segment: Segment) -> str:
+    """Return the name of the task of placing the heads of a segment."""
+    return f"heads-{segment.index + 1}"
+
+
+def bench_of(config: SwarmitfixConfig) -> Bench:
+    """Return the lattice of a file."""
+    bench = config.bench
+    return Bench(bench.rows, bench.cols, bench.pitch_m, bench.actions)
+
+
+def mount_of(config: SwarmitfixConfig) -> Mount:
+    """Return how the parallel kinematic machine of a file stands.
+
+    Raises
+    ------
+    ValueError
+        If the sheet lies below it.
+    """
+    height_m = config.pkm.sheet_height_m
+    return Mount() if height_m is None else Mount(sheet_m=height_m)
+
+
+def limits_of(config: SwarmitfixConfig) -> PkmLimits:
+    """Return the limits of the legs of a file; the calibrated ones where it says nothing."""
+    given = config.pkm.leg_limits_m
+    limits = {
+        f"leg_{leg.lower()}_m": (value[0], value[1])
+        for leg in "ABC"
+        if (value := getattr(given, leg)) is not None
+    }
+    return PkmLimits(**limits)
+
+
+def timings_of(config: SwarmitfixConfig) -> Timings:
+    """Return the durations of a file; the real machine's where it says nothing."""
+    given = config.timings
+    default = Timings()
+    swing_s = dict(default.swing_s)
+    swing_s |= {int(angle): time_s for angle, time_s in (given.swing_s or {}).items()}
+    steps = {
+        name: getattr(default if getattr(given, name) is None else given, name)
+        for name in ("retract_s", "park_s", "approach_s", "support_s")
+    }
+    return Timings(swing_s, **steps)

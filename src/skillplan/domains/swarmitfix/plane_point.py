@@ -1,0 +1,21 @@
+"""Points of the bench's plane: when two are one, how far out they may lie, how they are shown."""
+
+from __future__ import annotations
+
+Point2 = tuple[float, float]
+
+SAME_POINT_M = 1e-6
+"""Points as near as this are one point [m], which is far below what a bench can place."""
+
+MAX_COORDINATE_M = 1e6
+"""Greatest absolute value of a coordinate [m]; up to it rounding stays below 1e-9 m."""
+
+
+def on_any_bench(point: Point2) -> bool:
+    """Whether both coordinates are finite and within `MAX_COORDINATE_M`."""
+    return all(abs(coordinate) <= MAX_COORDINATE_M for coordinate in point)
+
+
+def shown(point: Point2) -> str:
+    """Return a point [m] as messages show it: ``(0.34, -1.2) m``."""
+    return f"({point[0]:.9g}, {point[1]:.9g}) m"

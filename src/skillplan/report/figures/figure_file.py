@@ -1,0 +1,88 @@
+"""Figures as files: PNG or SVG, equal bytes for equal figures, there whole or not at all."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
+from skillplan.errors import OptionError
+from skillplan.report.figures.figure_style import house_style
+from skillplan.task.atomic_file import write_whole
+
+SUFFIXES = (".png", ".svg")
+
+
+def figure_bytes(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
+    """Return a figure as PNG or SVG; neither holds the date or the version of a program.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    suffix
+        ``.png`` or ``.svg``.
+    dpi
+        Dots per inch of a PNG, > 0.
+
+    Raises
+    ------
+    ValueError
+        If the suffix is another one.
+    """
+    if suffix not in SUFFIXES:
+        raise ValueError(f"A figure is saved as one of {', '.join(SUFFIXES)}, not {suffix!r}.")
+    made = io.BytesIO()
+    with house_style():
+        if suffix == ".png":
+            FigureCanvasAgg(figure)
+            figure.savefig(made, format="png", dpi=dpi, metadata={"Software": None})
+        else:
+            FigureCanvasSVG(figure)
+            nothing = {"Date": None, "Creator": None}
+            figure.savefig(made, format="svg", metadata=nothing)
+    return made.getvalue()
+
+
+def checked_path(out: str) -> Path:
+    """Return where a figure goes, having seen that it can go there before anything is solved.
+
+    Raises
+    ------
+    OptionError
+        If the suffix is unknown, or the folder is missing or closed to writing.
+    """
+    path = Path(out)
+    suffix = path.suffix
+    if suffix.lower() not in SUFFIXES:
+        said = f"figures are not saved as {suffix}" if suffix else "does not say which format"
+        raise OptionError(f"--out {out}: {said}; end it in {' or '.join(SUFFIXES)}.")
+    try:
+        if path.is_dir():
+            raise OptionError(f"--out {out}: is a folder. Name a file.")
+        if not path.parent.is_dir():
+            raise OptionError(f"--out {out}: there is no folder {path.parent}. Make it first.")
+    except OSError as error:
+        raise OptionError(f"--out {out}: cannot be used: {error.strerror}.") from None
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise OptionError(f"--out {out}: the folder {path.parent} cannot be written to.")
+    return path
+
+
+def save_figure(figure: Figure, path: Path, dpi: int = 150) -> None:
+    """Write a figure in the format that the suffix says, replacing what was there.
+
+    Raises
+    ------
+    OptionError
+        If it cannot be written; what was there stays.
+    """
+    content = figure_bytes(figure, path.suffix.lower(), dpi)
+    try:
+        write_whole(path, content)
+    except OSError as error:
+        raise OptionError(f"--out {path}: cannot be written: {error.strerror}.") from None

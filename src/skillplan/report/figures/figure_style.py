@@ -1,0 +1,188 @@
+"""The look that all figures share: colours, fonts, headings, and a blank sheet in inches.
+
+Colours are those of Okabe and Ito ("Color universal design", 2008), which people with any of the
+common colour vision deficiencies tell apart; nothing is told by colour alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache, wraps
+from typing import Any, ParamSpec, TypeVar
+
+import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import TextPath
+
+INK = "#1a1a1a"
+MUTED = "#5f6368"
+FAINT = "#c9cdd2"
+PAPER = "#ffffff"
+BLUE, ORANGE, GREEN, RED = "#0072b2", "#e69f00", "#009e73", "#d55e00"
+PURPLE, SKY, OLIVE, GREY = "#cc79a7", "#56b4e9", "#8a7a00", "#6e6e6e"
+PALETTE = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, OLIVE, GREY)
+
+TITLE_PT, TEXT_PT, SMALL_PT, LEAST_PT = 12.0, 9.0, 7.5, 4.5
+TITLE_IN = 0.30
+LINE_IN = 0.18
+LEAST_WIDTH_IN = 5.5
+
+_STYLE: dict[Any, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "sans-serif"],
+    "font.size": TEXT_PT,
+    "axes.labelsize": TEXT_PT,
+    "axes.titlesize": TEXT_PT + 1,
+    "axes.edgecolor": MUTED,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "grid.color": "#e3e5e8",
+    "grid.linewidth": 0.6,
+    "xtick.labelsize": SMALL_PT,
+    "ytick.labelsize": SMALL_PT,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "text.color": INK,
+    "legend.fontsize": SMALL_PT + 0.5,
+    "legend.frameon": False,
+    "lines.linewidth": 1.5,
+    "hatch.linewidth": 0.6,
+    # A dollar in a name is a dollar.
+    "text.parse_math": False,
+    # Text stays text, and equal figures are equal files.
+    "svg.fonttype": "none",
+    "svg.hashsalt": "skillplan",
+}
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """What stands above a figure.
+
+    Parameters
+    ----------
+    title
+        What is shown.
+    details
+        Of what: the task, the solver, the seed and the parameters.
+    """
+
+    title: str
+    details: str = ""
+
+    def lines(self, width_in: float) -> list[str]:
+        """Return the details as lines that fit into a width [in]."""
+        return _wrapped(self.details, SMALL_PT + 0.5, width_in) if self.details else []
+
+    def title_lines(self, width_in: float) -> list[str]:
+        """Return the title as lines that fit into a width [in]."""
+        return _wrapped(self.title, 1.12 * TITLE_PT, width_in)
+
+    def height_in(self, width_in: float) -> float:
+        """Return the height that the heading takes at a width [in]."""
+        titles, lines = len(self.title_lines(width_in)), len(self.lines(width_in))
+        return 0.22 + TITLE_IN * titles + LINE_IN * lines
+
+
+def _wrapped(text: str, size_pt: float, width_in: float) -> list[str]:
+    """Return a text as lines that are no wider than told [in], or single words."""
+    lines: list[str] = []
+    for word in text.split(" "):
+        longer = f"{lines[-1]} {word}" if lines else word
+        if lines and text_width_in(longer, size_pt) <= width_in:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return [line.strip() for line in lines]
+
+
+def text_colour(colour: str) -> str:
+    """Return a colour dark enough to be read on white, of the same hue."""
+    red, green, blue = to_rgb(colour)
+    light = 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    share = min(1.0, 0.36 / max(light, 1e-9))
+    return str(to_hex((share * red, share * green, share * blue)))
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Draw as this package draws, whatever the user's matplotlibrc says."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_STYLE)
+        yield
+
+
+def in_house_style(draw: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Have a function draw in the house style."""
+
+    @wraps(draw)
+    def styled(*args: _P.args, **kwargs: _P.kwargs) -> _R:
+        with house_style():
+            return draw(*args, **kwargs)
+
+    return styled
+
+
+@lru_cache(maxsize=4096)
+def text_width_in(text: str, size_pt: float) -> float:
+    """Return how wide a text is [in] at a font size [pt]."""
+    if not text.strip():
+        return 0.0
+    prop = FontProperties(family="DejaVu Sans")
+    return float(TextPath((0, 0), text, size=size_pt, prop=prop).get_extents().width) / 72
+
+
+def sheet(width_in: float, height_in: float, heading: Heading) -> Figure:
+    """Return a figure of a size [in] that holds nothing but its heading.
+
+    Raises
+    ------
+    ValueError
+        If a side is not > 0.
+    """
+    if not (width_in > 0 and height_in > 0):
+        raise ValueError(f"A figure cannot be {width_in} x {height_in} in.")
+    figure = Figure(figsize=(width_in, height_in), facecolor=PAPER)
+    left, down = 0.2, 0.12
+    for line in heading.title_lines(width_in - 2 * left):
+        _line(figure, left, down, line, size=TITLE_PT, weight="bold")
+        down += TITLE_IN
+    for line in heading.lines(width_in - 2 * left):
+        _line(figure, left, down, line, size=SMALL_PT + 0.5, color=MUTED)
+        down += LINE_IN
+    return figure
+
+
+def _line(figure: Figure, left: float, down: float, text: str, **style: Any) -> None:
+    width_in, height_in = figure.get_size_inches()
+    figure.text(left / width_in, 1 - down / height_in, text, va="top", ha="left", **style)
+
+
+def axes_in(
+    figure: Figure, left_in: float, bottom_in: float, width_in: float, height_in: float
+) -> Axes:
+    """Return axes at a place of a figure, from its lower left corner [in]."""
+    whole_w, whole_h = figure.get_size_inches()
+    return figure.add_axes(
+        (left_in / whole_w, bottom_in / whole_h, width_in / whole_w, height_in / whole_h)
+    )
+
+
+def legend_columns(labels: list[str], width_in: float) -> tuple[int, float]:
+    """Return how many columns a legend below a figure has, and its height [in]."""
+    if not labels:
+        return 1, 0.0
+    widest = max(text_width_in(label, SMALL_PT + 0.5) for label in labels)
+    columns = min(len(labels), max(1, int(width_in / (widest + 0.62))))
+    rows = -(-len(labels) // columns)
+    return columns, 0.21 * rows + 0.12

@@ -1,0 +1,131 @@
+"""Figures of repeated runs, each with the interval in which its true value lies 95 times of 100."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+# Two-sided, 95 %.
+_TAIL = 0.975
+_NORMAL = statistics.NormalDist().inv_cdf(_TAIL)
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A figure and its 95 % interval.
+
+    Parameters
+    ----------
+    value
+        The figure.
+    low, high
+        The interval; both None where too few runs give one.
+
+    Raises
+    ------
+    ValueError
+        If the figure lies outside the interval.
+    """
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+
+    def __post_init__(self) -> None:
+        if (self.low is None) != (self.high is None):
+            raise ValueError("An interval has two ends.")
+        if self.low is not None and self.high is not None:
+            slack = 1e-9 * max(1.0, abs(self.value))
+            if not self.low - slack <= self.value <= self.high + slack:
+                raise ValueError(f"{self.value} lies outside [{self.low}, {self.high}].")
+
+    def document(self) -> dict[str, Any]:
+        """Return the figure as JSON values."""
+        ends = None if self.low is None else [self.low, self.high]
+        return {"value": self.value, "ci95": ends}
+
+
+def share(count: int, total: int) -> Estimate | None:
+    """Return a share with its interval after Wilson (1927); None of nothing.
+
+    Unlike the textbook's interval it does not shrink to a point where all or none count.
+
+    Parameters
+    ----------
+    count, total
+        How many of how many, 0 <= count <= total.
+
+    Raises
+    ------
+    ValueError
+        If the count is out of range.
+    """
+    if not 0 <= count <= total:
+        raise ValueError(f"A share of {count} of {total} makes no sense.")
+    if total == 0:
+        return None
+    fraction, z2 = count / total, _NORMAL**2
+    middle = (fraction + z2 / (2 * total)) / (1 + z2 / total)
+    spread = fraction * (1 - fraction) / total + z2 / (4 * total**2)
+    half = _NORMAL / (1 + z2 / total) * math.sqrt(spread)
+    low = 0.0 if count == 0 else middle - half
+    high = 1.0 if count == total else middle + half
+    return Estimate(fraction, low, high)
+
+
+def mean(values: Sequence[float]) -> Estimate | None:
+    """Return a mean with Student's t interval over independent runs; None of nothing.
+
+    One run gives no interval.
+    """
+    if not values:
+        return None
+    value = math.fsum(values) / len(values)
+    if len(values) == 1:
+        return Estimate(value)
+    half = t_quantile(len(values) - 1) * statistics.stdev(values) / math.sqrt(len(values))
+    return Estimate(value, value - half, value + half)
+
+
+def t_quantile(freedom: int) -> float:
+    """Return the 97.5 % quantile of Student's t distribution.
+
+    Parameters
+    ----------
+    freedom
+        Degrees of freedom, >= 1.
+
+    Raises
+    ------
+    ValueError
+        If there are none.
+    """
+    if freedom < 1:
+        raise ValueError(f"Degrees of freedom must be >= 1, not {freedom}.")
+    if freedom > 1_000:
+        # Cornish and Fisher's first correction is exact to six digits here.
+        return _NORMAL + (_NORMAL**3 + _NORMAL) / (4 * freedom)
+    low, high = _NORMAL, 13.0
+    while high - low > 1e-12 * high:
+        middle = (low + high) / 2
+        if _t_within(middle, freedom) < 2 * _TAIL - 1:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _t_within(t: float, freedom: int) -> float:
+    """Return the probability of [-t, t]: Abramowitz and Stegun, 26.7.3 and 26.7.4."""
+    angle = math.atan(t / math.sqrt(freedom))
+    sine, square = math.sin(angle), math.cos(angle) ** 2
+    odd = freedom % 2
+    term = math.cos(angle) if odd else 1.0
+    total = term if freedom > 1 else 0.0
+    for k in range(2 + odd, freedom - 1, 2):
+        term *= square * (k - 1) / k
+        total += term
+    return 2 / math.pi * (angle + sine * total) if odd else sine * total

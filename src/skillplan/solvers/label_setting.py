@@ -1,0 +1,266 @@
+"""Cheapest ways from all states to a goal where nothing is left to chance, compiled.
+
+States are settled in the order of what they cost: breadth first where all steps cost the same,
+else by Dijkstra's algorithm ("A note on two problems in connexion with graphs", 1959). Works on
+arrays alone, so that it serves lattices far larger than a model that is enumerated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.solvers.compiled import compiled
+
+Integers = NDArray[np.int32]
+
+# Sums are whole numbers, of 1e-12 or more, so that the order of adding breaks no tie.
+_FINEST = 1e-12
+_LARGEST_SUM = 2.0**62
+
+
+@dataclass(frozen=True, slots=True)
+class CostsToGo:
+    """What the way to the goal costs from every state, and how it begins.
+
+    Parameters
+    ----------
+    costs
+        Least cost, infinite where no way leads to a goal, shape (n,).
+    ties
+        Least sum of tie weights among the cheapest ways, shape (n,).
+    chosen
+        Row to take, of equals the lowest; -1 at goals and where no way leads to one, shape (n,).
+    """
+
+    costs: NDArray[np.float64]
+    ties: NDArray[np.float64]
+    chosen: NDArray[np.int32]
+
+
+def costs_to_go(
+    rows: NDArray[Any],
+    successors: NDArray[Any],
+    goal: NDArray[np.bool_],
+    costs: NDArray[np.float64] | None = None,
+    ties: NDArray[np.float64] | None = None,
+) -> CostsToGo:
+    """Return the cheapest ways to the nearest goal; of equals, those of the least tie weight.
+
+    Time and memory grow linearly with the number of rows where all cost the same.
+
+    Parameters
+    ----------
+    rows
+        Rows of state i are ``rows[i]`` to ``rows[i + 1]``, shape (n + 1,).
+    successors
+        Where each row leads, -1 for nowhere, shape (m,), m < 2 ** 31.
+    goal
+        Whether a state is a goal, shape (n,); what its rows do does not matter.
+    costs
+        Cost of each row, >= 0, shape (m,); None for 1 each.
+    ties
+        Weight of each row, >= 0, shape (m,), by which ways of equal cost are compared; None for
+        no such weights.
+
+    Raises
+    ------
+    ValueError
+        If an array has the wrong length, there are too many rows, or a cost is negative or not
+        finite.
+    """
+    n, m = len(goal), len(successors)
+    if len(rows) != n + 1 or rows[-1] != m:
+        raise ValueError("The rows do not fit the states and successors.")
+    if m >= 2**31:
+        raise ValueError(f"There are {m:,} rows; at most {2**31 - 1:,} can be held.")
+    for weights in (costs, ties):
+        if weights is not None and (
+            len(weights) != m or not np.isfinite(weights).all() or (weights < 0).any()
+        ):
+            raise ValueError("Every row needs a finite weight >= 0.")
+    rows = np.ascontiguousarray(rows, dtype=np.int32)
+    successors = np.ascontiguousarray(successors, dtype=np.int32)
+    step = 1.0
+    if costs is not None and m:
+        step = float(costs[0])
+    uniform = costs is None or (step > 0 and bool((costs == step).all()))
+    cost_units, cost_unit = _in_units(None if uniform else costs, n)
+    tie_units, tie_unit = _in_units(ties, n)
+    settle = _breadth_first if uniform else _dijkstra
+    cost_sums, tie_sums, chosen = settle(rows, successors, goal, cost_units, tie_units)
+    away = cost_sums < 0
+    return CostsToGo(
+        np.where(away, np.inf, cost_sums * (step if uniform else cost_unit)),
+        np.where(away, np.inf, tie_sums * tie_unit),
+        chosen,
+    )
+
+
+def _in_units(weights: NDArray[np.float64] | None, n: int) -> tuple[NDArray[np.int64], float]:
+    """Return weights as whole numbers of which n can be added, and the unit."""
+    if weights is None or not len(weights):
+        return np.empty(0, dtype=np.int64), 0.0
+    unit = max(_FINEST, float(weights.max()) * (n + 1) / _LARGEST_SUM)
+    return np.rint(weights / unit).astype(np.int64), unit
+
+
+@compiled
+def _arcs_back(rows: Integers, successors: Integers, n: int) -> tuple[Integers, Integers, Integers]:
+    """Return the rows that lead into each state, grouped by it, and the state of each row."""
+    m = len(successors)
+    begins = np.zeros(n + 2, dtype=np.int32)
+    for row in range(m):
+        if successors[row] >= 0:
+            begins[successors[row] + 2] += 1
+    for state in range(1, n + 1):
+        begins[state + 1] += begins[state]
+    into = np.empty(begins[n + 1], dtype=np.int32)
+    owners = np.empty(m, dtype=np.int32)
+    for state in range(n):
+        for row in range(rows[state], rows[state + 1]):
+            owners[row] = state
+            following = successors[row]
+            if following >= 0:
+                into[begins[following + 1]] = row
+                begins[following + 1] += 1
+    return begins, into, owners
+
+
+@compiled
+def _breadth_first(
+    rows: Integers,
+    successors: Integers,
+    goal: NDArray[np.bool_],
+    costs: NDArray[np.int64],
+    ties: NDArray[np.int64],
+) -> tuple[NDArray[Any], NDArray[np.int64], Integers]:
+    """Settle states by number of steps; `costs` is not looked at.
+
+    All states of one distance are settled before the first of the next, so that a state's tie
+    weight is final before it is passed on.
+    """
+    n = len(goal)
+    begins, into, owners = _arcs_back(rows, successors, n)
+    steps = np.full(n, -1, dtype=np.int32)
+    sums = np.zeros(n if len(ties) else 0, dtype=np.int64)
+    chosen = np.full(n, -1, dtype=np.int32)
+    queue = np.empty(n, dtype=np.int32)
+    end = 0
+    for state in range(n):
+        if goal[state]:
+            steps[state] = 0
+            queue[end] = state
+            end += 1
+    head = 0
+    while head < end:
+        following = queue[head]
+        head += 1
+        distance = steps[following] + 1
+        for at in range(begins[following], begins[following + 1]):
+            row = into[at]
+            state = owners[row]
+            if steps[state] < 0:
+                steps[state] = distance
+                queue[end] = state
+                end += 1
+            elif steps[state] != distance:
+                continue
+            if len(ties):
+                total = ties[row] + sums[following]
+                if chosen[state] >= 0 and total > sums[state]:
+                    continue
+                if chosen[state] < 0 or total < sums[state]:
+                    sums[state] = total
+                    chosen[state] = row
+                    continue
+            if chosen[state] < 0 or row < chosen[state]:
+                chosen[state] = row
+    if not len(ties):
+        sums = np.zeros(n, dtype=np.int64)
+    return steps, sums, chosen
+
+
+@compiled
+def _before(one: int, other: int, costs: NDArray[np.int64], ties: NDArray[np.int64]) -> bool:
+    """Whether heap entry `one` comes before `other`."""
+    if costs[one] != costs[other]:
+        return bool(costs[one] < costs[other])
+    return bool(ties[one] < ties[other])
+
+
+@compiled
+def _dijkstra(
+    rows: Integers,
+    successors: Integers,
+    goal: NDArray[np.bool_],
+    costs: NDArray[np.int64],
+    ties: NDArray[np.int64],
+) -> tuple[NDArray[Any], NDArray[np.int64], Integers]:
+    """Settle states by cost, then tie weight, from a binary heap of states.
+
+    A way is only offered by a settled state to one that is not, so that what is chosen never
+    goes in a circle, whatever costs nothing.
+    """
+    n = len(goal)
+    begins, into, owners = _arcs_back(rows, successors, n)
+    cost = np.full(n, -1, dtype=np.int64)
+    tie = np.zeros(n, dtype=np.int64)
+    chosen = np.full(n, -1, dtype=np.int32)
+    settled = np.zeros(n, dtype=np.bool_)
+    heap = np.empty(n, dtype=np.int32)
+    place = np.full(n, -1, dtype=np.int32)
+    size = 0
+    for state in range(n):
+        if goal[state]:
+            cost[state] = 0
+            heap[size], place[state] = state, size
+            size += 1
+    while size:
+        following = heap[0]
+        settled[following] = True
+        size -= 1
+        if size:
+            # The last entry sinks from the top.
+            moved, at = heap[size], 0
+            while True:
+                child = 2 * at + 1
+                if child >= size:
+                    break
+                if child + 1 < size and _before(heap[child + 1], heap[child], cost, tie):
+                    child += 1
+                if not _before(heap[child], moved, cost, tie):
+                    break
+                heap[at], place[heap[child]] = heap[child], at
+                at = child
+            heap[at], place[moved] = moved, at
+        for index in range(begins[following], begins[following + 1]):
+            row = into[index]
+            state = owners[row]
+            if settled[state]:
+                continue
+            total = costs[row] + cost[following]
+            total_tie = tie[following]
+            if len(ties):
+                total_tie += ties[row]
+            if cost[state] == total and tie[state] == total_tie:
+                chosen[state] = min(chosen[state], row)
+                continue
+            if cost[state] >= 0 and (
+                total > cost[state] or (total == cost[state] and total_tie > tie[state])
+            ):
+                continue
+            cost[state], tie[state], chosen[state] = total, total_tie, row
+            at = place[state]
+            if at < 0:
+                at = size
+                size += 1
+            while at and _before(state, heap[(at - 1) // 2], cost, tie):
+                parent = heap[(at - 1) // 2]
+                heap[at], place[parent] = parent, at
+                at = (at - 1) // 2
+            heap[at], place[state] = state, at
+    return cost, tie, chosen

@@ -1,0 +1,61 @@
+"""Off-policy temporal-difference control: Q-learning.
+
+Watkins, "Learning from delayed rewards" (1989); Sutton and Barto (2018), section 6.5.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from skillplan.solvers import episode_kernels
+from skillplan.solvers.episode_kernels import Q_LEARNING, Environment, Schedule
+from skillplan.solvers.episodic_solver import EpisodicOptions, EpisodicSolver
+
+
+class QLearningSolver(EpisodicSolver):
+    """Learn a policy for all states step by step, off policy."""
+
+    name = "q-learning"
+
+    class Options(EpisodicOptions):
+        """Rates and curves.
+
+        Its targets do not depend on how much is explored, so that it takes larger steps than
+        SARSA and explores more.
+        """
+
+        alpha: float = Field(
+            default=0.5,
+            gt=0.0,
+            le=1.0,
+            description="step size of an update, in the first episode [-]",
+        )
+        alpha_end: float | None = Field(
+            default=0.1,
+            ge=0.0,
+            le=1.0,
+            description="step size in the last episode, approached linearly; null for alpha [-]",
+        )
+
+        epsilon: float = Field(
+            default=0.3,
+            ge=0.0,
+            le=1.0,
+            description="probability of a random action, in the first episode [-]",
+        )
+
+    options: Options
+
+    def run_episodes(
+        self,
+        env: Environment,
+        schedule: Schedule,
+        begun: int,
+        q: NDArray[np.float64],
+        stream: NDArray[np.uint64],
+        lengths: NDArray[np.int64],
+    ) -> None:
+        """Run episodes of Q-learning."""
+        episode_kernels.td_episodes(env, schedule, Q_LEARNING, begun, q, stream, lengths)

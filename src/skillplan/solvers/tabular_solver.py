@@ -1,0 +1,138 @@
+"""What solvers on arrays have in common: enumeration, refusal, policies for all states."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from skillplan.errors import ModelTooLarge, SearchStopped
+from skillplan.model.skill_model import SkillModel
+from skillplan.model.tabular_mdp import DEFAULT_LIMIT, TabularMDP
+from skillplan.solvers.solution import Policy
+from skillplan.solvers.solver import Solver
+from skillplan.task import back_end
+
+
+class TabularOptions(back_end.Options):
+    """What every solver on arrays can be told."""
+
+    max_states: int = Field(
+        default=DEFAULT_LIMIT,
+        ge=1,
+        le=10_000_000,
+        description="refuse tasks of which more states can be reached: about 1 kB each [-]",
+    )
+
+
+class TabularSolver(Solver):
+    """Enumerates the model once and works on its arrays.
+
+    Attributes
+    ----------
+    enumeration_s
+        Time that enumerating the model took [s]; 0 before.
+    """
+
+    Options = TabularOptions
+    options: TabularOptions
+    enumeration_s = 0.0
+    _enumerated: tuple[SkillModel, TabularMDP] | None = None
+
+    def refuses(self, model: SkillModel) -> str | None:
+        """Return why not, where more states can be reached than may be held."""
+        try:
+            self.mdp(model)
+        except ModelTooLarge as error:
+            return str(error)
+        except SearchStopped:
+            return None  # whoever solves it will be told to stop, too
+        return None
+
+    def mdp(self, model: SkillModel) -> TabularMDP:
+        """Return the arrays of a model; those of the last model are kept.
+
+        Raises
+        ------
+        ModelTooLarge
+            If more states can be reached than may be held.
+        SearchStopped
+            If the solver is told to stop meanwhile.
+        """
+        if self._enumerated is None or self._enumerated[0] is not model:
+            begin_s = time.perf_counter()
+            mdp = TabularMDP.from_model(model, self.options.max_states, self.stop)
+            self.enumeration_s = time.perf_counter() - begin_s
+            self._enumerated = (model, mdp)
+        return self._enumerated[1]
+
+    def figures(self, mdp: TabularMDP, iterations: int, learning_s: float) -> dict[str, Any]:
+        """Return the part of a trace that all these solvers have."""
+        return {
+            "states": len(mdp.states),
+            "iterations": iterations,
+            "learning_s": learning_s,
+            "enumeration_s": self.enumeration_s,
+            "ended": self.stop.reason or "finished",
+        }
+
+
+def policy_of(model: SkillModel, mdp: TabularMDP, chosen: NDArray[np.int64]) -> Policy:
+    """Return the policy that takes a row in every state.
+
+    Parameters
+    ----------
+    model
+        The model that was enumerated.
+    mdp
+        Its arrays.
+    chosen
+        A row for every state, -1 for none, shape (n,).
+    """
+    skills = model.task.skills
+    rows = chosen.tolist()
+    actions = mdp.actions.tolist()
+    return Policy(
+        {
+            state: skills[actions[row]]
+            for state, row in zip(mdp.states, rows, strict=True)
+            if row >= 0
+        }
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Payments:
+    """What a learner is paid.
+
+    Parameters
+    ----------
+    rewards
+        For every outcome, shape (k,).
+    stuck
+        What a state is worth in which nothing can be done.
+    """
+
+    rewards: NDArray[np.float64]
+    stuck: float
+
+
+def payments(model: SkillModel, mdp: TabularMDP, objective: str) -> Payments:
+    """Return the rewards of the task's scheme, or what stands for its costs.
+
+    In a state in which nothing can be done a robot can only try what fails, for which a scheme
+    has a figure. Without a scheme, or for the objective ``cost``, minus the cost is paid and, at
+    the goal, a bonus as large as the dearest plan that the step limit allows: else it would be
+    best to go round for ever in a circle that costs nothing. Being stuck costs the same.
+    """
+    reward = model.task.reward
+    if objective == "reward" and reward is not None:
+        return Payments(mdp.rewards, reward.infeasible)
+    dearest = float(mdp.costs.max(initial=0.0)) or 1.0
+    bonus = dearest * model.step_limit
+    costs = np.repeat(mdp.costs, np.diff(mdp.outcomes))
+    return Payments(np.where(mdp.goal[mdp.successors], bonus, 0.0) - costs, -bonus)

@@ -1,0 +1,175 @@
+"""Values of a solver's options as they are written: ``0.8:0.999:12``, ``0.01,0.1``, ``0.5``."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel
+
+from skillplan import registry
+from skillplan.errors import OptionError
+from skillplan.report.sweep_plan import Axis, Value
+
+_MOST_VALUES = 1_000
+
+
+@dataclass(frozen=True, slots=True)
+class SolverValues:
+    """What is asked of a solver's options.
+
+    Parameters
+    ----------
+    axes
+        The options that vary.
+    centre
+        A value of each of them, for while another one varies.
+    fixed
+        The other options that were given.
+    """
+
+    axes: tuple[Axis, ...]
+    centre: Mapping[str, Value]
+    fixed: Mapping[str, Value]
+
+
+def read_values(solver: str, given: list[tuple[str, str]]) -> SolverValues:
+    """Return the axes, the centre and the fixed options of a solver.
+
+    ``a:b:n`` is n evenly spaced values from a to b, ``a:b:n:log`` evenly spaced logarithms;
+    whole-numbered options get the nearest whole values. ``a,b,c`` lists values. Options that
+    take any text are taken as they stand, for a comma may belong to them. An option given
+    twice, with several values and with one, varies around the latter; otherwise the centre is
+    the default.
+
+    Parameters
+    ----------
+    solver
+        The solver's name.
+    given
+        Option and text, in order.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or given twice, or a value is wrong.
+    PluginError
+        If the solver is unknown or broken.
+    """
+    plugin = registry.load("solver", solver)
+    several: dict[str, tuple[Any, ...]] = {}
+    single: dict[str, str] = {}
+    for name, text in given:
+        values = _values(solver, plugin, name, text)
+        if name in (several if values is not None else single):
+            raise OptionError(f"Option {name!r} is given twice: {text!r} is one too many.")
+        if values is None:
+            single[name] = text
+        else:
+            several[name] = values
+    around = _checked(solver, plugin, single, "")
+    axes = []
+    for name, values in several.items():
+        checked = [
+            _checked(solver, plugin, {**single, name: value}, f"{name}={value}")[name]
+            for value in values
+        ]
+        axes.append(Axis(name, tuple({json.dumps(value): value for value in checked}.values())))
+    return SolverValues(
+        tuple(axes),
+        {axis.option: around[axis.option] for axis in axes},
+        {name: around[name] for name in single if name not in several},
+    )
+
+
+def _values(
+    solver: str, plugin: type[Any], name: str, text: str
+) -> tuple[float | int | str, ...] | None:
+    """Return the values that a text lists, or None where it is a single one."""
+    options: type[BaseModel] = plugin.Options
+    if name not in options.model_fields:
+        registry.make_options("solver", solver, plugin, {name: text})  # says what is known
+    kinds = _kinds(options.model_fields[name].annotation)
+    numeric = bool(kinds & {int, float})
+    if str in kinds and not numeric:
+        return None
+    if numeric and ":" in text:
+        values = spaced(name, text)
+        if float not in kinds:
+            return tuple(dict.fromkeys(round(value) for value in values))
+        return values
+    if "," not in text:
+        return None
+    entries = [entry.strip() for entry in text.split(",")]
+    if not all(entries):
+        raise OptionError(f"Option {name}={text}: a value of the list is missing.")
+    if len(entries) > _MOST_VALUES:
+        raise OptionError(f"Option {name}: lists more than {_MOST_VALUES:,} values.")
+    return tuple(dict.fromkeys(entries))
+
+
+def _kinds(annotation: Any) -> set[Any]:
+    """Return the types that an annotation allows, without what constrains them."""
+    origin = get_origin(annotation)
+    if origin is Annotated:
+        return _kinds(get_args(annotation)[0])
+    if origin in (Union, UnionType):
+        return {kind for one in get_args(annotation) for kind in _kinds(one)}
+    return {origin or annotation}
+
+
+def spaced(name: str, text: str) -> tuple[float, ...]:
+    """Return the values of ``a:b:n`` or ``a:b:n:log``.
+
+    Raises
+    ------
+    OptionError
+        If the text has another form, or describes no such values.
+    """
+    where = f"Option {name}={text}"
+    parts = [part.strip() for part in text.split(":")]
+    logarithmic = len(parts) == 4 and parts[3] == "log"
+    if len(parts) != 3 and not logarithmic:
+        raise OptionError(
+            f"{where}: a range has the form FROM:TO:COUNT or FROM:TO:COUNT:log, as 0.8:0.999:12."
+        )
+    try:
+        first, last = float(parts[0]), float(parts[1])
+    except ValueError:
+        raise OptionError(f"{where}: the ends of a range are numbers.") from None
+    if not (math.isfinite(first) and math.isfinite(last)):
+        raise OptionError(f"{where}: the ends of a range are finite numbers.")
+    count = int(parts[2]) if parts[2].isascii() and parts[2].isdigit() and len(parts[2]) < 9 else 0
+    if not 2 <= count <= _MOST_VALUES:
+        raise OptionError(
+            f"{where}: the count of values is a whole number from 2 to {_MOST_VALUES:,}, not "
+            f"{parts[2]!r}."
+        )
+    if first == last:
+        raise OptionError(f"{where}: the ends of a range differ; write {name}={parts[0]} for one.")
+    if logarithmic and min(first, last) <= 0:
+        raise OptionError(f"{where}: the ends of a logarithmic range are > 0.")
+    values = []
+    for i in range(count):
+        part = i / (count - 1)
+        value = first + (last - first) * part
+        if logarithmic:
+            value = math.exp(math.log(first) + (math.log(last) - math.log(first)) * part)
+        values.append(float(f"{value:.10g}"))
+    values[0], values[-1] = first, last
+    return tuple(dict.fromkeys(values))
+
+
+def _checked(
+    solver: str, plugin: type[Any], values: Mapping[str, Any], entry: str
+) -> dict[str, Any]:
+    """Return all options of a solver as JSON values."""
+    made = registry.make_options("solver", solver, plugin, values).model_dump(mode="json")
+    for name in values:
+        if isinstance(made[name], float) and not math.isfinite(made[name]):
+            raise OptionError(f"Option {entry or name}: must be a finite number.")
+    return made

@@ -1,0 +1,223 @@
+"""The folder of a study: what was asked, and every finished run, whatever ends the program.
+
+``manifest.json`` is there whole or not at all. ``runs.jsonl`` grows by a line for every finished
+run and is forced to disk; a line that was being written when the program ended is dropped.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import IO, Any
+
+from skillplan import __version__
+from skillplan.errors import OptionError
+from skillplan.report.sweep_plan import SweepPlan, same
+from skillplan.report.sweep_record import SweepRecord, record_of
+from skillplan.task.atomic_file import write_whole
+
+MANIFEST, RUNS = "manifest.json", "runs.jsonl"
+SCHEMA = "skillplan.sweep-manifest/1"
+
+# What a study may differ in from the one that is resumed, in words.
+_WORDS = {
+    "task": "the task",
+    "step_limit": "the step limit",
+    "solver": "the solver",
+    "physics": "the physics engine",
+    "collision": "the collision detectors",
+    "warm": "--warm",
+    "design": "the design",
+    "axes": "the values of the options",
+    "centre": "the centre",
+    "fixed": "the fixed options",
+    "starts": "the starts",
+    "seeds": "the seeds",
+    "versions": "a version",
+}
+
+
+class StudyFolder:
+    """A folder that is being written by one study; a context manager.
+
+    Parameters
+    ----------
+    path
+        The folder, made if need be.
+    plan
+        The study.
+    resume
+        Whether a study that was begun there is continued.
+    command
+        The words of the command line, to be kept.
+
+    Attributes
+    ----------
+    records
+        The runs that are done; those that failed are to be done again.
+
+    Raises
+    ------
+    OptionError
+        If the folder cannot be used, holds something else, or holds another study: what
+        differs is named.
+    """
+
+    def __init__(
+        self, path: str, plan: SweepPlan, *, resume: bool = False, command: tuple[str, ...] = ()
+    ) -> None:
+        self.path = Path(path)
+        self.records: list[SweepRecord] = []
+        self._lines: IO[bytes] | None = None
+        try:
+            self._open(plan, resume, command)
+        except (OSError, ValueError) as error:
+            self.close()
+            reason = getattr(error, "strerror", None) or str(error)
+            raise OptionError(f"--out {path}: cannot be used: {reason}.") from None
+        except OptionError:
+            self.close()
+            raise
+
+    def __enter__(self) -> StudyFolder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let others write."""
+        if self._lines is not None:
+            self._lines.close()
+            self._lines = None
+
+    def add(self, record: SweepRecord) -> None:
+        """Keep a run, whatever happens next.
+
+        Raises
+        ------
+        OptionError
+            If it cannot be written.
+        """
+        assert self._lines is not None
+        try:
+            self._lines.write(f"{record.line()}\n".encode())
+            self._lines.flush()
+            os.fsync(self._lines.fileno())
+        except OSError as error:
+            raise OptionError(
+                f"--out {self.path}: {RUNS} cannot be written: {error.strerror}. --resume goes "
+                "on from the runs that are there."
+            ) from None
+
+    def _open(self, plan: SweepPlan, resume: bool, command: tuple[str, ...]) -> None:
+        self.path.mkdir(parents=True, exist_ok=True)
+        # A program that was ended while it wrote the manifest leaves a piece of one.
+        pieces = list(self.path.glob(f".{MANIFEST}.*.tmp"))
+        found = {one.name for one in self.path.iterdir()} - {one.name for one in pieces}
+        if found and not resume:
+            raise OptionError(
+                f"--out {self.path}: is not empty. Name a new folder, or go on with --resume."
+            )
+        if found - {RUNS} and MANIFEST not in found:
+            raise OptionError(f"--out {self.path}: holds no {MANIFEST}, so nothing to resume.")
+        self._lines = (self.path / RUNS).open("ab")
+        self._lock()
+        for piece in pieces:
+            piece.unlink(missing_ok=True)
+        asked = _identity(plan)
+        if MANIFEST in found:
+            self._compare(asked)
+            self._read(plan)
+        else:
+            self._lines.truncate(0)
+            content = {
+                "schema": SCHEMA,
+                **asked,
+                "command": list(command),
+                "python": sys.version.split()[0],
+                "runs": len(plan.settings) * len(plan.seeds),
+            }
+            write_whole(self.path / MANIFEST, json.dumps(content, indent=2, allow_nan=False))
+
+    def _lock(self) -> None:
+        """Keep other studies out; the lock goes with the process."""
+        assert self._lines is not None
+        try:
+            import fcntl
+
+            fcntl.flock(self._lines, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OptionError(
+                f"--out {self.path}: another study is writing there just now."
+            ) from None
+        except (ImportError, OSError):
+            return  # neither every system nor every file system has locks
+
+    def _compare(self, asked: dict[str, Any]) -> None:
+        content = json.loads((self.path / MANIFEST).read_text("utf-8"))
+        if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+            raise OptionError(f"--out {self.path}: {MANIFEST} is no document {SCHEMA}.")
+        for key, words in _WORDS.items():
+            if not same(content.get(key), asked[key]):
+                was, now = _differing(content.get(key), asked[key])
+                raise OptionError(
+                    f"--resume: the study in {self.path} is another one, in {words}: {was} there, "
+                    f"{now} now. Ask for the same, or name a new folder."
+                )
+
+    def _read(self, plan: SweepPlan) -> None:
+        """Read the finished runs, and drop the piece of a line that may end the file."""
+        assert self._lines is not None
+        content = (self.path / RUNS).read_bytes()
+        whole = content[: content.rfind(b"\n") + 1]
+        if len(whole) < len(content):
+            self._lines.truncate(len(whole))
+        known: dict[tuple[int, int], SweepRecord] = {}
+        starts = [start.name for start in plan.starts]
+        for number, line in enumerate(whole.decode("utf-8", "replace").splitlines(), start=1):
+            try:
+                record = record_of(line)
+                fits = [one.start for one in record.outcomes] in (starts, [])
+                if (
+                    not fits
+                    or record.setting >= len(plan.settings)
+                    or record.seed not in plan.seeds
+                ):
+                    raise ValueError("it is no run of this study")
+            except ValueError as error:
+                raise OptionError(
+                    f"{self.path / RUNS}:{number}: is damaged: {error}. Delete the line, and "
+                    "--resume does its run again."
+                ) from None
+            if record.error is None:
+                known[record.key] = record
+        self.records = list(known.values())
+
+
+def _identity(plan: SweepPlan) -> dict[str, Any]:
+    """Return what has to be the same for runs to belong together."""
+    versions = {"skillplan": __version__}
+    for entry in entry_points(group="skillplan.solver", name=plan.solver):
+        if entry.dist is not None:
+            versions[entry.dist.name] = entry.dist.version
+    # The optima are proved anew, which may take longer than they are given.
+    starts = [start.name for start in plan.starts]
+    return {**plan.document(), "starts": starts, "versions": versions}
+
+
+def _differing(was: Any, now: Any, most: int = 60) -> tuple[str, str]:
+    """Return the first things in which two JSON values differ, as texts of bounded length."""
+    while type(was) is type(now):
+        if isinstance(was, dict) and was.keys() == now.keys():
+            key = next(key for key in was if not same(was[key], now[key]))
+            was, now = was[key], now[key]
+        elif isinstance(was, list) and len(was) == len(now):
+            was, now = next((a, b) for a, b in zip(was, now, strict=True) if not same(a, b))
+        else:
+            break
+    texts = (json.dumps(was), json.dumps(now))
+    return tuple(text if len(text) <= most else f"{text[:most]}..." for text in texts)  # type: ignore[return-value]

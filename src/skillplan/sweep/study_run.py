@@ -1,0 +1,168 @@
+"""One run of a study: learn with one setting and seed, and answer from every start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from skillplan.errors import OptionError, SkillplanError
+from skillplan.model.verdict_cache import VerdictCache
+from skillplan.report.policy_file import start_state
+from skillplan.report.result import Result, Status
+from skillplan.report.sweep_record import StartOutcome, SweepRecord
+from skillplan.run import attempt, grade, solve, warm_cache
+from skillplan.setup import Setup
+from skillplan.solvers.stop import Stop
+from skillplan.task.state import State
+from skillplan.task.task import Task
+
+# Exact search from one start, to stand beside what is learned, takes no longer than this.
+_REFERENCE_S = 10.0
+
+
+@dataclass(frozen=True)
+class StudyJob:
+    """What all runs of a study have in common; can be sent to another process.
+
+    Parameters
+    ----------
+    tasks
+        The task from every start, by the start's name.
+    solver
+        The solver's name.
+    setup
+        Back ends and the options that do not vary.
+    warm
+        Whether verdicts kept on disk are used.
+
+    Raises
+    ------
+    ValueError
+        If there is no task.
+    """
+
+    tasks: Mapping[str, Task]
+    solver: str
+    setup: Setup
+    warm: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.tasks:
+            raise ValueError("A study needs at least one start.")
+
+    def cache(self) -> VerdictCache:
+        """Return where a run keeps verdicts: cold unless the study is warm."""
+        return warm_cache() if self.warm else VerdictCache()
+
+    def optimum(self, start: str) -> float | None:
+        """Return the proved least cost from a start; None where exact search proves none."""
+        task = self.tasks[start]
+        if not task.deterministic:
+            return None
+        options = {key: kv for key, kv in self.setup.options.items() if key != self.solver}
+        setup = replace(self.setup, options=options)
+        stop = Stop(time_limit_s=_REFERENCE_S)
+        best = solve(task, "exact", setup, stop=stop, cache=self.cache())
+        return best.cost if best.status is Status.OPTIMAL else None
+
+
+def from_starts(task: Task, starts: list[str]) -> dict[str, Task]:
+    """Return the task from every start; a learner explores from all of them.
+
+    Parameters
+    ----------
+    task
+        The task.
+    starts
+        Places, or facts joined by ``+``; empty for the task's own start.
+
+    Raises
+    ------
+    OptionError
+        If a start is unknown, named twice, or no state the task can be in.
+    """
+    if not starts:
+        places = [place.name for place in task.places_in(task.initial)]
+        return {places[0] if len(places) == 1 else "+".join(task.initial): task}
+    states: dict[str, State] = {}
+    for name in starts:
+        try:
+            state = start_state(task, name.replace("+", ","))
+        except OptionError as error:
+            raise OptionError(f"--starts {name}: {error}".replace("--from", "it")) from None
+        if state in states.values():
+            raise OptionError(f"--starts: {name} is named twice.")
+        for group in task.facts.exclusive:
+            held = [fact for fact in group if fact in state]
+            if len(held) > 1:
+                raise OptionError(f"--starts {name}: {' and '.join(held)} exclude each other.")
+        states[name] = state
+    every = tuple(dict.fromkeys((*task.starts, *states.values())))
+    return {
+        name: task.replace(initial=state, starts=every, sha256=task.sha256)
+        for name, state in states.items()
+    }
+
+
+def do_run(
+    job: StudyJob, setting: int, options: Mapping[str, Any], seed: int, stop: Stop | None = None
+) -> SweepRecord:
+    """Return what became of a run; whatever goes wrong in it is said in its record.
+
+    Parameters
+    ----------
+    job
+        What is studied.
+    setting
+        Index of the setting.
+    options
+        Its options of the solver.
+    seed
+        Governs all randomness.
+    stop
+        When to stop; by default never.
+    """
+    try:
+        return _run(job, setting, options, seed, stop)
+    except SkillplanError as error:
+        return SweepRecord(setting, seed, error=str(error))
+    except Exception as error:
+        return SweepRecord(setting, seed, error=f"{type(error).__name__}: {error}")
+
+
+def _run(
+    job: StudyJob, setting: int, options: Mapping[str, Any], seed: int, stop: Stop | None
+) -> SweepRecord:
+    known = job.setup.options.get(job.solver, {})
+    setup = replace(job.setup, options={**job.setup.options, job.solver: {**known, **options}})
+    (first, task), *others = job.tasks.items()
+    cache = job.cache()
+    made = attempt(task, job.solver, setup, seed=seed, stop=stop, cache=cache)
+    if made.blank.status is Status.REFUSED:
+        return SweepRecord(setting, seed, error=f"refused: {made.blank.reason}")
+    result = grade(task, made, setup, cache)
+    outcomes = [_outcome(first, result)]
+    shared = made.solution.policy is not None
+    if shared:
+        # What it claims to have proved, it claims of the first start only.
+        solution = replace(made.solution, lower_bound=None, proved=False)
+        made = replace(made, solution=solution)
+    for name, task in others:
+        other = (
+            grade(task, made, setup, cache)
+            if shared
+            else solve(task, job.solver, setup, seed=seed, stop=stop, cache=job.cache())
+        )
+        outcomes.append(_outcome(name, other))
+    return SweepRecord(setting, seed, tuple(outcomes), shared, result.expanded)
+
+
+def _outcome(start: str, result: Result) -> StartOutcome:
+    # What a solver says it learned for leaves out enumerating and compiling.
+    said = result.trace.get("learning_s")
+    sound = isinstance(said, int | float) and not isinstance(said, bool) and said >= 0
+    learning_s = float(said) if sound and said is not None else result.wall_s
+    return StartOutcome(
+        start, result.status, result.cost, result.makespan, result.reason, learning_s
+    )

@@ -1,0 +1,204 @@
+"""``skillplan plot``: figures of real tasks, and what cannot be drawn."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from skillplan.cli.plot import FIGURES
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+POLYGONAL = str(CONFIGS / "swarmitfix_polygonal.yaml")
+WALK = """
+kind: swarmitfix
+name: walk
+bench: {rows: 3, cols: 5}
+base: {home: C1, goals: [C8, C8, C15]}
+"""
+MEET = """
+kind: swarmitfix
+name: meet
+robots:
+  left: {home: C1, goal: C13}
+  right: {home: C66, goal: C78}
+"""
+QUICK = ("-O", "episodes=300")
+
+
+@pytest.fixture
+def walk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """A base that walks on a small bench; the current folder is an empty one."""
+    folder = tmp_path / "here"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    path = tmp_path / "walk.yaml"
+    path.write_text(WALK)
+    return str(path)
+
+
+@pytest.fixture
+def meet(tmp_path: Path) -> str:
+    """Two bases on one bench."""
+    path = tmp_path / "meet.yaml"
+    path.write_text(MEET)
+    return str(path)
+
+
+def texts(path: Path) -> set[str]:
+    """Return the texts of an SVG file."""
+    tags = ElementTree.parse(path).iter("{http://www.w3.org/2000/svg}text")
+    return {(tag.text or "").strip() for tag in tags}
+
+
+@pytest.mark.parametrize(
+    ("figure", "words", "written"),
+    [
+        (
+            "policy",
+            ("--solver", "policy-iteration"),
+            {"C1", "C15", "Policy of base-1: from C1 to C8"},
+        ),
+        ("policy", QUICK, {"P1", "goal"}),
+        ("rewards", (), {"reward [-]", "C15"}),
+        ("gantt", (), {"head", "PKM", "base", "sequence 1"}),
+        ("q-values", QUICK, {"Q(s, a) [-]", "episode [-]"}),
+        ("q-values", (*QUICK, "--states", "C2,C3"), {"Q(s, a) [-]"}),
+        ("learning", (*QUICK, "--seeds", "2"), {"base-1: C1 to C8", "base-3: C8 to C15"}),
+        ("learning", (*QUICK, "--seeds", "1", "--part", "base-1"), {"base-1: C1 to C8"}),
+    ],
+)
+def test_a_figure_of_a_walk_is_drawn(
+    cli: Any, walk: str, figure: str, words: tuple[str, ...], written: set[str]
+) -> None:
+    """Its path is printed, and nothing else is there."""
+    outcome = cli("plot", walk, figure, *words, "--out", "f.svg")
+    assert (0, "f.svg\n", "") == (outcome.code, outcome.out, outcome.err)
+    assert [Path("f.svg")] == list(Path().iterdir())
+    assert written <= texts(Path("f.svg"))
+
+
+def test_the_placement_of_a_trajectory_is_drawn(cli: Any, walk: str) -> None:
+    """With the goals of Table 3, and as many steps."""
+    outcome = cli("plot", POLYGONAL, "placement", "--out", "f.svg")
+    assert 0 == outcome.code
+    title = "Placement of heads and bases of polygonal: 17 steps of the base for 16 goals"
+    assert {title, "C42", "C29", "C54", "b7\N{EN DASH}9", "h16", "home"} <= texts(Path("f.svg"))
+
+
+def test_the_ways_of_a_fleet_are_drawn(cli: Any, walk: str, meet: str) -> None:
+    """By the solver for fleets, or by any other that gives a plan."""
+    assert 0 == cli("plot", meet, "fleet", "--out", "f.svg").code
+    written = texts(Path("f.svg"))
+    assert any(text.startswith("left: ") for text in written)
+    assert any("parallel steps" in text for text in written)
+
+
+@pytest.mark.parametrize("figure", ["rewards", "learning"])
+def test_assemblies_are_drawn_too(cli: Any, walk: str, board: str, figure: str) -> None:
+    """Where nothing of a bench is shown."""
+    words = ("--seeds", "1", *QUICK) if figure == "learning" else ()
+    assert 0 == cli("plot", board, figure, *words, "--out", "f.svg").code
+    assert any("inverter-board" in text for text in texts(Path("f.svg")))
+
+
+def test_a_picture_is_named_after_task_and_figure(cli: Any, walk: str) -> None:
+    """In the current folder, as PNG, in the resolution asked for; a second call replaces it."""
+    for dpi in ("60", "30"):
+        assert "walk-gantt.png\n" == cli("plot", walk, "gantt", "--dpi", dpi).out
+    content = Path("walk-gantt.png").read_bytes()
+    assert content.startswith(b"\x89PNG")
+    assert 11.55 * 30 == pytest.approx(int.from_bytes(content[16:20], "big"), abs=1)
+
+
+def test_equal_calls_write_equal_files(cli: Any, walk: str) -> None:
+    """A seed says all; another one learns something else."""
+    for out, seed in (("a.svg", "1"), ("b.svg", "1"), ("c.svg", "2")):
+        cli("plot", walk, "q-values", *QUICK, "--seed", seed, "--out", out)
+    assert Path("a.svg").read_bytes() == Path("b.svg").read_bytes()
+    assert Path("a.svg").read_bytes() != Path("c.svg").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("polcy",), "Did you mean 'policy'?"),
+        (("policy", "--out", "f.pdf"), "end it in .png or .svg"),
+        (("policy", "--out", "no/f.png"), "there is no folder"),
+        (("policy", "--solver", "exact"), "exact plans a sequence, not a policy"),
+        (("policy", "--part", "base-9"), "No task 'base-9'"),
+        (("policy", "--states", "C1"), "--states is for q-values"),
+        (("policy", "-O", "gama=1"), "Did you mean 'gamma'?"),
+        (("placement",), "no trajectory along which heads are placed"),
+        (("gantt", "--part", "base-1"), "leave --part out"),
+        (("fleet",), "no key robots"),
+        (("q-values", "--states", "C99"), "there is no state 'C99'"),
+        (("q-values", "--states", "C8", *QUICK), "nothing is to be decided in state C8"),
+        (("q-values", "--solver", "exact"), "exact records no values of actions"),
+        (("learning", "--solver", "exact"), "exact records no episodes"),
+        (("learning", "-O", "gamma=0.9"), "leave -O gamma out"),
+    ],
+)
+def test_what_cannot_be_drawn_is_told(
+    cli: Any, walk: str, words: tuple[str, ...], message: str
+) -> None:
+    """Exit code 2, and no file."""
+    outcome = cli("plot", walk, *words)
+    assert (2, "") == (outcome.code, outcome.out)
+    assert message in " ".join(outcome.err.split())
+    assert [] == list(Path().iterdir())
+
+
+@pytest.mark.parametrize("figure", ["policy", "placement", "gantt", "fleet"])
+def test_a_bench_figure_of_an_assembly_is_refused(
+    cli: Any, walk: str, board: str, figure: str
+) -> None:
+    """It says what can be drawn instead."""
+    outcome = cli("plot", board, figure)
+    assert 2 == outcome.code
+    assert "the file is of kind assembly. Figures of any kind are rewards" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("figure", "message"),
+    [("gantt", "has several"), ("rewards", "no rewards"), ("policy", "no task of the file leads")],
+)
+def test_a_figure_of_one_base_does_not_fit_a_fleet(
+    cli: Any, walk: str, meet: str, figure: str, message: str
+) -> None:
+    """Nothing is solved in vain."""
+    outcome = cli("plot", meet, figure)
+    assert 2 == outcome.code
+    assert message in outcome.err
+
+
+def test_a_chain_without_a_plan_is_not_drawn(cli: Any, walk: str) -> None:
+    """Exit code 1 and the reason: the planner of 2014 finds no shared pin."""
+    outcome = cli("plot", POLYGONAL, "placement", "--solver", "csp")
+    assert (1, "") == (outcome.code, outcome.out)
+    assert "polygonal: unsolved: goals: nothing that" in outcome.err
+    assert [] == list(Path().iterdir())
+
+
+def test_help_lists_all_figures_and_loads_none() -> None:
+    """Matplotlib takes half a second."""
+    code = (
+        "import sys; from skillplan.cli.app import main\n"
+        "try: main(['plot', '--help'])\n"
+        "except SystemExit: print('matplotlib' in sys.modules, 'numpy' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("False False\n")
+    assert all(f"    {name} " in done.stdout for name in FIGURES)
+
+
+def test_a_missing_matplotlib_is_told(cli: Any, walk: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And what to do about it."""
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    outcome = cli("plot", walk, "gantt")
+    assert 2 == outcome.code
+    assert "pip install matplotlib" in outcome.err

@@ -1,0 +1,199 @@
+"""`skillplan sweep`: what it prints, what it keeps, and how it ends."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+CASES = str(Path(__file__).parents[2] / "configs" / "swarmitfix_cases.yaml")
+PATIENCE_S = 60
+
+
+@pytest.fixture
+def fragile_solver(install: Any) -> str:
+    """A solver that raises, or takes its process with it, where its option says so."""
+    source = '''
+        import os
+        import signal
+        from typing import Literal
+
+        from pydantic import BaseModel, Field
+
+        from skillplan import Plan, Solution, Solver
+
+        class Fragile(Solver):
+            """Answer, raise or die."""
+
+            name = "fragile"
+
+            class Options(BaseModel):
+                """How it ends."""
+
+                how: Literal["well", "raise", "die"] = Field(default="well", description="[-]")
+
+            def solve(self, model, *, seed=0):
+                if self.options.how == "raise":
+                    raise RuntimeError("no memory left")
+                if self.options.how == "die":
+                    os.kill(os.getpid(), signal.SIGKILL)
+                return Solution(Plan(("B1", "B9", "B9", "B9")))
+    '''
+    install("solver", "fragile", "fragile_solver:Fragile", source)
+    return "fragile"
+
+
+QUICK = ("-O", "episodes=200,300", "--starts", "C20,C6", "--runs", "2")
+
+
+class TestOutput:
+    def test_json_is_one_document_with_all_runs(self, cli: Any) -> None:
+        outcome = cli("sweep", CASES, *QUICK, "--format", "json")
+        assert (0, "") == (outcome.code, outcome.err)
+        document = outcome.document
+        assert "skillplan.sweep/1" == document["schema"]
+        assert "five-cases" == document["name"]
+        assert (4, 0, 0) == (len(document["runs"]), document["failed"], document["missing"])
+        assert [200, 300] == [one["options"]["episodes"] for one in document["settings"]]
+        assert ["C20", "C6"] == [one["start"] for one in document["settings"][0]["starts"]]
+
+    def test_csv_has_a_row_for_every_setting_and_start(self, cli: Any) -> None:
+        rows = list(csv.DictReader(io.StringIO(cli("sweep", CASES, *QUICK, "--format", "csv").out)))
+        assert [("200", "C20"), ("200", "C6"), ("300", "C20"), ("300", "C6")] == [
+            (row["episodes"], row["start"]) for row in rows
+        ]
+        assert {"2"} == {row["runs"] for row in rows}
+
+    @pytest.mark.parametrize("style", ["table", "md"])
+    def test_the_table_has_a_row_for_every_setting(self, cli: Any, style: str) -> None:
+        out = cli("sweep", CASES, *QUICK, "--format", style).out
+        assert "five-cases: sarsa, 2 settings of 2 runs, one-at-a-time" in out
+        assert "C20 4, C6 3 steps, proved by exact search" in out
+
+    def test_a_figure_is_drawn(self, cli: Any, tmp_path: Path) -> None:
+        picture = tmp_path / "study.png"
+        assert 0 == cli("sweep", CASES, *QUICK, "--plot", str(picture)).code
+        assert picture.read_bytes().startswith(b"\x89PNG")
+
+    def test_a_step_limit_can_be_set(self, cli: Any) -> None:
+        """From a start that takes longer, the solver has failed."""
+        words = ("--starts", "C20,C78", "--set", "step_limit=5", "--runs", "1")
+        document = cli("sweep", CASES, *words, "--format", "json").document
+        assert ["solved", "unsolved"] == [one["status"] for one in document["runs"][0]["outcomes"]]
+
+
+class TestFolder:
+    def test_what_is_kept_can_be_gone_on_with(self, cli: Any, tmp_path: Path) -> None:
+        folder = tmp_path / "study"
+        first = cli("sweep", CASES, *QUICK, "--out", str(folder), "--format", "json")
+        assert {"manifest.json", "runs.jsonl", "sweep.json", "starts.csv"} == {
+            path.name for path in folder.iterdir()
+        }
+        manifest = json.loads((folder / "manifest.json").read_text())
+        assert first.document["task"] == manifest["task"]
+        assert first.document == json.loads((folder / "sweep.json").read_text())
+        again = cli("sweep", CASES, *QUICK, "--out", str(folder), "--resume", "--format", "json")
+        assert first.document == again.document
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (("--seed", "1"), "the seeds: 0 there, 1 now"),
+            (("--set", "bench.pitch_m=0.3"), "is another one, in the task"),
+            (("--design", "grid"), 'the design: "one-at-a-time" there, "grid" now'),
+            (("-O", "alpha=0.2"), "is another one, in the fixed options"),
+        ],
+    )
+    def test_another_study_is_refused_in_words(
+        self, cli: Any, tmp_path: Path, words: tuple[str, ...], message: str
+    ) -> None:
+        folder = ("--out", str(tmp_path / "study"))
+        cli("sweep", CASES, *QUICK, *folder)
+        outcome = cli("sweep", CASES, *QUICK, *words, *folder, "--resume")
+        assert 2 == outcome.code
+        assert message in outcome.err
+        assert 1 == outcome.err.count("\n")
+
+
+class TestFaults:
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (("-O", "gamma=0.8:0.9"), "has the form FROM:TO:COUNT"),
+            (("-O", "gama=0.8:0.9:3"), "Did you mean 'gamma'?"),
+            (("-O", "gamma"), "must have the form [PLUGIN.]KEY=VALUE"),
+            (("-O", "exact.gap=1"), "No plugin 'exact' takes part"),
+            (("--starts", "C99"), "--starts C99: Unknown fact"),
+            (("--starts", ","), "--starts names no start"),
+            (("--resume",), "--resume needs --out DIR"),
+            (("--plot", "study.gif"), "--plot study.gif: figures are not saved as .gif"),
+            (("--runs", "0"), "0 is not in the range"),
+            (("--jobs", "0"), "0 is not in the range"),
+            (("--solver", "sarsaa"), "Did you mean 'sarsa'?"),
+        ],
+    )
+    def test_a_wrong_word_is_one_clear_error(
+        self, cli: Any, words: tuple[str, ...], message: str
+    ) -> None:
+        outcome = cli("sweep", CASES, *words)
+        assert 2 == outcome.code
+        assert message in outcome.err
+        assert "" == outcome.out
+
+    @pytest.mark.parametrize("jobs", ["1", "2"])
+    def test_a_run_that_fails_is_named_and_the_others_go_on(
+        self, cli: Any, fragile_solver: str, jobs: str
+    ) -> None:
+        words = ("--solver", fragile_solver, "-O", "how=raise,die,well", "--runs", "2")
+        outcome = cli("sweep", CASES, *words, "--jobs", jobs, "--format", "json")
+        assert 0 == outcome.code
+        document = outcome.document
+        assert (4, 0) == (document["failed"], document["missing"])
+        errors = {one["setting"]: one["error"] for one in document["runs"]}
+        assert "RuntimeError: no memory left" in errors[0]
+        assert "its process ended by signal 9" == errors[1]
+        assert errors[2] is None
+        shown = cli("sweep", CASES, *words, "--jobs", jobs).out
+        assert "how = die, seed 1: its process ended by signal 9" in shown
+
+    def test_a_study_in_which_nothing_arrives_ends_with_1(self, cli: Any) -> None:
+        words = ("--set", "step_limit=1", "-O", "episodes=10", "--runs", "1")
+        assert 1 == cli("sweep", CASES, *words).code
+
+    def test_ctrl_c_prints_what_is_done(self, environment: dict[str, str], tmp_path: Path) -> None:
+        """To the whole group, as a terminal sends it: one document, no noise, exit code 130."""
+        values = ["-O", "episodes=100,100000000", "--runs", "3", "--jobs", "2"]
+        command = [sys.executable, "-m", "skillplan", "sweep", CASES, *values]
+        process = subprocess.Popen(
+            [*command, "--out", str(tmp_path / "study"), "--format", "json"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment,
+            start_new_session=True,
+        )
+        runs = tmp_path / "study" / "runs.jsonl"
+        deadline_s = time.monotonic() + PATIENCE_S
+        try:
+            while not runs.exists() or not runs.read_bytes():
+                assert time.monotonic() < deadline_s
+                time.sleep(0.05)
+            os.killpg(process.pid, signal.SIGINT)
+            out, err = process.communicate(timeout=PATIENCE_S)
+        finally:
+            process.kill()
+            process.communicate()
+        assert (130, "") == (process.returncode, err)
+        document = json.loads(out)
+        assert document["interrupted"]
+        assert 6 == document["missing"] + len(document["runs"])
+        assert document["runs"]

@@ -1,0 +1,238 @@
+"""What all solvers on arrays owe: every start, refusals, stops, curves, ways back from no cache."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+
+from situations import make_skill, make_task, model_of, retry_task
+from skillplan.errors import ModelTooLarge, OptionError, SearchStopped
+from skillplan.model.tabular_mdp import TabularMDP
+from skillplan.report.result import Status
+from skillplan.run import make_model, make_solver, solve
+from skillplan.setup import Setup
+from skillplan.solvers import compiled as compiled_module
+from skillplan.solvers.compiled import compiled
+from skillplan.solvers.episode_kernels import random_bits
+from skillplan.solvers.stop import Stop
+from skillplan.solvers.tabular_solver import payments
+from skillplan.task.state import Facts
+from skillplan.testing import lid_task
+from swarm_situations import base_task, legs_of_table_3, minimal_starts
+
+LEARNERS = ("sarsa", "q-learning", "monte-carlo")
+PLANNERS = ("policy-iteration", "value-iteration")
+ALL = (*LEARNERS, *PLANNERS)
+
+
+class StopAfter(Stop):
+    """Is interrupted when it has been polled so often."""
+
+    def __init__(self, polls: int) -> None:
+        super().__init__()
+        self._left = polls
+
+    def __call__(self) -> bool:
+        self._left -= 1
+        if self._left < 0:
+            self.interrupt()
+        return super().__call__()
+
+
+@pytest.mark.parametrize("name", ALL)
+class TestEverySolver:
+    def test_its_policy_leads_to_the_goal_from_every_position(self, name: str) -> None:
+        solution = make_solver(name, {}).solve(make_model(base_task(66, 42)))
+        assert solution.policy is not None
+        assert len(solution.policy) == 77
+        assert minimal_starts(solution.policy, 42) > 0.9
+
+    def test_it_walks_the_sequences_of_table_3_in_as_many_steps(self, name: str) -> None:
+        for start, goal, steps in legs_of_table_3():
+            result = solve(base_task(start, goal), name, seed=1)
+            assert result.status in (Status.SOLVED, Status.OPTIMAL), result.reason
+            assert result.cost == steps
+
+    def test_it_solves_a_task_with_chance(self, name: str) -> None:
+        result = solve(retry_task(0.25), name)
+        assert result.status is Status.SOLVED
+        assert result.cost == pytest.approx(8.0)
+
+    def test_it_refuses_what_is_too_large_in_words(self, name: str) -> None:
+        result = solve(base_task(66, 42), name, Setup(options={name: {"max_states": 20}}))
+        assert result.status is Status.REFUSED
+        assert "more than 20 reachable states" in result.reason
+
+    def test_it_says_how_long_it_took_and_how_often_it_went_round(self, name: str) -> None:
+        result = solve(base_task(66, 42), name)
+        assert result.trace["states"] == 78
+        assert result.trace["iterations"] >= 1
+        assert result.trace["learning_s"] > 0
+        assert result.trace["enumeration_s"] > 0
+
+    def test_it_has_nothing_to_do_at_the_goal(self, name: str) -> None:
+        facts = Facts(("done",))
+        task = make_task(facts, [make_skill(facts, "rest")], initial=("done",), goal=("done",))
+        result = solve(task, name)
+        assert result.status in (Status.SOLVED, Status.OPTIMAL)
+        assert result.cost == 0
+
+    def test_it_ends_while_it_enumerates_when_told_to(self, name: str) -> None:
+        stop = Stop()
+        stop.interrupt()
+        assert solve(base_task(66, 42), name, stop=stop).status is Status.UNSOLVED
+
+    def test_a_dead_end_is_not_where_it_goes(self, name: str) -> None:
+        """The cheaper way ends where nothing can be done."""
+        facts = Facts(("a", "done", "stuck"))
+        skills = [
+            make_skill(facts, "trap", forbids=("done", "stuck"), add=("stuck",), cost=0.1),
+            make_skill(facts, "to_a", forbids=("a", "done", "stuck"), add=("a",), cost=1.0),
+            make_skill(facts, "finish", requires=("a",), forbids=("done", "stuck"), add=("done",)),
+        ]
+        result = solve(make_task(facts, skills, goal=("done",)), name)
+        assert [step.skill for step in result.steps] == ["to_a", "finish"]
+
+
+@pytest.mark.parametrize("name", LEARNERS)
+class TestLearners:
+    def test_a_circle_that_costs_nothing_does_not_hold_them(self, name: str) -> None:
+        facts = Facts(("here", "there", "done"))
+        skills = [
+            make_skill(facts, "go", requires=("here",), add=("there",), delete=("here",), cost=0),
+            make_skill(
+                facts, "back", requires=("there",), add=("here",), delete=("there",), cost=0
+            ),
+            make_skill(facts, "end", requires=("there",), add=("done",), delete=("there",), cost=3),
+        ]
+        result = solve(make_task(facts, skills, initial=("here",), goal=("done",)), name)
+        assert result.cost == 3
+
+    def test_an_interrupted_run_keeps_what_it_has_learned(self, name: str) -> None:
+        solver = make_solver(name, {})
+        model = make_model(base_task(66, 42))
+        assert solver.refuses(model) is None
+        solver.stop = StopAfter(20)
+        solution = solver.solve(model)
+        assert solution.trace["iterations"] == 20_000
+        assert solution.trace["ended"] == "interrupted"
+        assert minimal_starts(solution.policy or {}, 42) > 0.9
+
+    def test_curves_are_recorded_at_evenly_spaced_episodes(self, name: str) -> None:
+        options = {"episodes": 2_500, "record": 5, "watch": "at(C66), at(C13)"}
+        trace = solve(base_task(66, 42), name, Setup(options={name: options})).trace
+        assert trace["episodes"] == [500, 1000, 1500, 2000, 2500]
+        means = trace["steps_per_episode"]
+        assert len(means) == 5
+        assert sum(means) * 500 == pytest.approx(trace["steps"])
+        assert means[0] > means[-1]
+        assert set(trace["q_values"]) == {"at(C66)", "at(C13)"}
+        curves = trace["q_values"]["at(C66)"]
+        assert set(curves) <= {f"B{i}" for i in range(11)}
+        assert all(len(curve) == 5 for curve in curves.values())
+
+    def test_recording_changes_nothing(self, name: str) -> None:
+        plain, recorded = (
+            make_solver(name, {"episodes": 3_000, "record": record}).solve(
+                make_model(base_task(66, 42)), seed=3
+            )
+            for record in (0, 7)
+        )
+        assert dict(plain.policy or {}) == dict(recorded.policy or {})
+        assert plain.trace["steps"] == recorded.trace["steps"]
+
+    def test_nothing_is_recorded_unasked(self, name: str) -> None:
+        trace = solve(base_task(66, 42), name).trace
+        assert not {"episodes", "steps_per_episode", "q_values"} & set(trace)
+
+    def test_a_watched_fact_that_does_not_exist_is_named(self, name: str) -> None:
+        setup = Setup(options={name: {"record": 2, "watch": "at(C66),at(C99)"}})
+        with pytest.raises(OptionError, match=r"at\(C99\)"):
+            solve(base_task(66, 42), name, setup)
+
+    def test_a_stage_that_knows_none_of_the_watched_facts_is_not_watched(self, name: str) -> None:
+        """As the heads of a chain know no position of the base."""
+        setup = Setup(options={name: {"record": 2, "watch": "head(1:0)"}})
+        assert "q_values" not in solve(base_task(66, 42), name, setup).trace
+
+    def test_other_seeds_give_other_episodes(self, name: str) -> None:
+        model = make_model(base_task(66, 42))
+        steps = {make_solver(name, {}).solve(model, seed=seed).trace["steps"] for seed in range(4)}
+        assert len(steps) == 4
+
+    def test_episodes_are_cut_off(self, name: str) -> None:
+        options = {"episodes": 100, "max_steps": 3}
+        trace = solve(base_task(66, 1), name, Setup(options={name: options})).trace
+        assert trace["steps"] <= 300
+
+
+class TestPayments:
+    def test_a_reward_scheme_is_paid_as_it_stands(self) -> None:
+        model = make_model(base_task(66, 42))
+        mdp = TabularMDP.from_model(model)
+        assert (payments(model, mdp, "reward").rewards == mdp.rewards).all()
+
+    def test_costs_are_paid_with_a_bonus_that_no_plan_can_outweigh(self) -> None:
+        model = make_model(lid_task())
+        mdp = TabularMDP.from_model(model)
+        paid = payments(model, mdp, "reward")
+        at_goal = mdp.goal[mdp.successors]
+        assert (paid.rewards[~at_goal] == -mdp.costs[~at_goal]).all()
+        bonus = paid.rewards[at_goal] + mdp.costs[at_goal]
+        assert np.allclose(bonus, model.step_limit * mdp.costs.max())
+        assert paid.stuck == pytest.approx(-bonus[0])
+
+
+class TestEnumeration:
+    def test_starts_count_as_states(self) -> None:
+        with pytest.raises(ModelTooLarge, match="more than 77 reachable states"):
+            TabularMDP.from_model(make_model(base_task(66, 42)), 77)
+
+    def test_it_gives_up_when_told_to(self) -> None:
+        with pytest.raises(SearchStopped, match="told to stop"):
+            TabularMDP.from_model(make_model(lid_task()), stop=lambda: True)
+
+    def test_refusing_and_solving_enumerate_once(self) -> None:
+        model = model_of(base_task(66, 42))
+        solver = make_solver("value-iteration", {})
+        assert solver.refuses(model) is None
+        asked = model.stats.states
+        solver.solve(model)
+        assert model.stats.states == asked == 77
+
+
+class TestCompiled:
+    def test_random_numbers_are_those_of_splitmix64(self) -> None:
+        """The reference implementation's first numbers from 1234567."""
+        stream = np.array([1234567], dtype=np.uint64)
+        assert [int(random_bits(stream)) for _ in range(5)] == [
+            6457827717110365317,
+            3203168211198807973,
+            9817491932198370423,
+            4593380528125082431,
+            16408922859458223821,
+        ]
+
+    def test_without_a_place_for_the_cache_it_compiles_all_the_same(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def fails_to_cache(*args: object, **options: object) -> object:
+            if options.get("cache"):
+                raise RuntimeError("cannot cache function 'f': no locator available")
+            return numba.njit(*args, **options)
+
+        monkeypatch.setattr(compiled_module, "njit", fails_to_cache)
+
+        def twice(x: int) -> int:
+            return 2 * x
+
+        assert compiled(twice)(21) == 42
+
+    def test_another_fault_is_not_hidden(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def fails(*args: object, **options: object) -> object:
+            raise RuntimeError("something else")
+
+        monkeypatch.setattr(compiled_module, "njit", fails)
+        with pytest.raises(RuntimeError, match="something else"):
+            compiled(len)
