@@ -173,7 +173,8 @@ def command(
 
 
 def _say_why(name: str, answer: Any) -> None:
-    print(f"skillplan: {name}: {answer.status}: {answer.reason}. Nothing drawn.", file=sys.stderr)
+    reason = answer.reason.rstrip(".")
+    print(f"skillplan: {name}: {answer.status}: {reason}. Nothing drawn.", file=sys.stderr)
 
 
 def _module(figure: str) -> Any:

@@ -62,6 +62,8 @@ class Account:
         planned; None where nothing is proved.
     bound_given
         The same, but given the plans of the stages before.
+    caveat
+        What a user must know before executing the plans; empty where nothing is amiss.
     makespan_s
         Time of the whole [s], where that is more than the skills'; None otherwise.
     """
@@ -72,6 +74,7 @@ class Account:
     lower_bound: float | None = None
     makespan_s: float | None = None
     bound_given: float | None = None
+    caveat: str = ""
 
 
 class Domain(ABC):

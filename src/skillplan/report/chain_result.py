@@ -145,7 +145,7 @@ class ChainResult:
 
     @property
     def reason(self) -> str:
-        """Why it is no better than the status says."""
+        """Why it is no better than the status says, and what to know before executing it."""
         for part in self.parts:
             if part.result.cost is None:
                 return f"{part.task.name}: {part.result.reason}"
@@ -153,9 +153,10 @@ class ChainResult:
             return self.broken
         if self.interrupted:
             return "interrupted"
+        parts = [self.account.caveat] if self.account.caveat else []
         if self.status is Status.SOLVED and self.proved_by_level:
-            return "every stage is the best, proved, given the ones before"
-        return ""
+            parts.insert(0, "every stage is the best, proved, given the ones before")
+        return "; ".join(parts)
 
     @property
     def cost(self) -> float | None:

@@ -56,15 +56,14 @@ def _bounds(result: ChainResult) -> str:
 
 
 def _because(result: ChainResult) -> str:
-    """Return why the status is no better, or who has proved it if not the solver itself."""
-    if result.reason:
-        return f" ({result.reason})"
+    """Return who has proved it, if not the solver itself, and what else is to be said."""
     own = all(
         part.result.status is Status.OPTIMAL
         for part in result.parts
         if part.task.preset is None and not part.reused
     )
-    return "" if own or result.status is not Status.OPTIMAL else " by the exact search beside it"
+    beside = "" if own or result.status is not Status.OPTIMAL else " by the exact search beside it"
+    return beside + (f" ({result.reason})" if result.reason else "")
 
 
 def appendix_tables(result: ChainResult) -> dict[str, Table]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from skillplan.errors import OptionError
+from skillplan.errors import OptionError, name_hint
 from skillplan.report.result import Result
 from skillplan.solvers.solution import Policy
 from skillplan.task.skill import Outcome
@@ -138,15 +138,28 @@ def start_state(task: Task, text: str) -> State:
     OptionError
         If a name is neither a fact nor a place, or two of them exclude each other.
     """
-    by_place = {place.name: fact for fact, place in task.places.items()}
+    by_place: dict[str, list[str]] = {}
+    for fact, place in task.places.items():
+        by_place.setdefault(place.name, []).append(fact)
     names = [name.strip() for name in text.split(",") if name.strip()]
     if not names:
         raise OptionError("--from names no fact and no place.")
-    start = task.facts.of(*(by_place.get(name, name) for name in names))
+    facts = []
+    for name in names:
+        meant = by_place.get(name, [name])
+        if len(meant) > 1:
+            raise OptionError(f"--from {name}: may be {' or '.join(meant[:3])}. Name the fact.")
+        if meant[0] not in task.facts and by_place:
+            raise OptionError(f"--from: no place {name!r}. {name_hint(name, by_place)}")
+        facts += meant
+    start = task.facts.of(*facts)
     for group in task.facts.exclusive:
         together = [fact for fact in group if fact in start]
         if len(together) > 1:
             raise OptionError(f"--from: {' and '.join(together[:2])} cannot both hold. Keep one.")
+        if not together:
+            # Of several robots the others stay where they are.
+            start |= task.facts.of(*group) & task.initial
     return start
 
 

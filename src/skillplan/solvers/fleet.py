@@ -26,6 +26,10 @@ _TOLERANCE = 1e-9
 _JOINT_UP_TO = 2
 
 
+# Rounds of improvement where only the time limit ends them.
+_MOST_ROUNDS = 1_000_000_000
+
+
 class FleetSolver(Solver):
     """Bring several agents to their goals, none in another's way; two of them with a proof."""
 
@@ -54,7 +58,8 @@ class FleetSolver(Solver):
             default=50,
             ge=0,
             le=10_000_000,
-            description="rounds of improvement, in each of which some agents plan anew [-]",
+            description="rounds of improvement, in each of which some agents plan anew; with a "
+            "time limit as many as it allows [-]",
         )
         max_nodes: int = Field(
             default=2_000_000,
@@ -178,7 +183,8 @@ class _Run:
         if found.complete or any(move.rejected for move in self.problem.all_moves()):
             return found.schedule
         search = ScheduleImprovement(self.problem, self.objective, self.rng, self.stop)
-        better = _schedule(search.run(found.schedule.steps(), self.options.rounds))
+        rounds = _MOST_ROUNDS if self.stop.limited else self.options.rounds
+        better = _schedule(search.run(found.schedule.steps(), rounds))
         self.figures["rounds"] += search.rounds
         return min(better, found.schedule, key=self._key)
 

@@ -128,6 +128,11 @@ class Stop:
         return time.monotonic() > self._told_s + _GRACE_S
 
     @property
+    def limited(self) -> bool:
+        """Whether there is a time limit, so that whoever can may use it up."""
+        return math.isfinite(self._deadline_s)
+
+    @property
     def reason(self) -> str | None:
         """Why the search was stopped, or None while it was not."""
         if self._told_s is None:

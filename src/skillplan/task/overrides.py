@@ -35,13 +35,15 @@ def overridden(document: Document, changes: Mapping[str, str]) -> Document:
         return document
     data = deepcopy(document.data)
     values = dict(document.values)
+    given: list[tuple[str | int, ...]] = []
     for key, text in changes.items():
         path = _put(data, key, _value(key, text))
+        given.append(path)
         # What stands in the file there is not what counts.
         for known in list(values):
             if known[: len(path)] == path:
                 del values[known]
-    return replace(document, data=data, values=values)
+    return replace(document, data=data, values=values, given=tuple(given))
 
 
 def _value(key: str, text: str) -> Any:

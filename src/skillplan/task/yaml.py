@@ -54,6 +54,8 @@ class Document:
     issues
         Faults that leave the rest readable, such as a key that stands twice; None stands in
         `data` for a value that could not be read.
+    given
+        Paths of values that do not stand in the file.
     """
 
     source: str
@@ -61,13 +63,17 @@ class Document:
     values: dict[Path_, Position] = field(repr=False)
     keys: dict[Path_, Position] = field(repr=False)
     issues: tuple[Issue, ...] = ()
+    given: tuple[Path_, ...] = ()
 
     def locate(self, issue: Issue) -> Issue:
         """Return the issue with the position of the nearest part of its path that exists.
 
-        That is the key's, too, where the value begins in a later line.
+        That is the key's, too, where the value begins in a later line. What does not stand in
+        the file has none.
         """
         path, at_key = issue.path, issue.at_key
+        if any(path[: len(one)] == one for one in self.given):
+            return replace(issue, message=f"{issue.message} That is what --set says.")
         while path and path not in self.values:
             path, at_key = path[:-1], True
         value = self.values.get(path, (1, 1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -53,6 +54,7 @@ def account(job: Job) -> Account:
         bound,
         total.duration_s,
         given,
+        _caveat(document),
     )
 
 
@@ -103,6 +105,15 @@ def _supports(job: Job) -> dict[str, Any]:
         "goal_choice": job.config.base.goal_choice,
         "supports_beyond_leg_limits": sum(verdict.is_infeasible for verdict in rulings),
     }
+
+
+def _caveat(document: Mapping[str, Any]) -> str:
+    """Return how many supports the arm cannot truly hold, where there are any."""
+    beyond = document.get("supports_beyond_leg_limits", 0)
+    if not beyond:
+        return ""
+    of = len(document["goals"])
+    return f"{beyond} of {of} supports are beyond the limits of the PKM's legs"
 
 
 def _heads(job: Job) -> list[dict[str, Any]]:
