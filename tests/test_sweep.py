@@ -196,7 +196,7 @@ class TestPlans:
     @pytest.mark.parametrize(
         ("starts", "message"),
         [
-            (["C99"], "--starts C99: Unknown fact 'C99'"),
+            (["C99"], "--starts C99: no place 'C99'"),
             (["C1", "at(C1)"], "is named twice"),
             (["C1+C2"], "cannot both hold"),
         ],

@@ -132,7 +132,7 @@ class TestFaults:
             (("-O", "gama=0.8:0.9:3"), "Did you mean 'gamma'?"),
             (("-O", "gamma"), "must have the form [PLUGIN.]KEY=VALUE"),
             (("-O", "exact.gap=1"), "No plugin 'exact' takes part"),
-            (("--starts", "C99"), "--starts C99: Unknown fact"),
+            (("--starts", "C99"), "--starts C99: no place"),
             (("--starts", ","), "--starts names no start"),
             (("--resume",), "--resume needs --out DIR"),
             (("--plot", "study.gif"), "--plot study.gif: figures are not saved as .gif"),

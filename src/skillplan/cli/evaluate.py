@@ -76,7 +76,11 @@ def command(
         raise OptionError("Give either --sequence or --policy.")
     stored = None if policy_file is None else read_policy(policy_file, loaded)
     if start is not None:
-        loaded = loaded.replace(initial=start_state(loaded, start), sha256=loaded.sha256)
+        try:
+            initial = start_state(loaded, start)
+        except OptionError as error:
+            raise OptionError(f"--from {start}: {error}") from None
+        loaded = loaded.replace(initial=initial, sha256=loaded.sha256)
     cache = warm_cache()
     if stored is not None:
         skills = tuple(roll_out(make_model(loaded, setup, cache), stored.policy.get))

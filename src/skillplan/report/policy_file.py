@@ -143,20 +143,20 @@ def start_state(task: Task, text: str) -> State:
         by_place.setdefault(place.name, []).append(fact)
     names = [name.strip() for name in text.split(",") if name.strip()]
     if not names:
-        raise OptionError("--from names no fact and no place.")
+        raise OptionError("names no fact and no place.")
     facts = []
     for name in names:
         meant = by_place.get(name, [name])
         if len(meant) > 1:
-            raise OptionError(f"--from {name}: may be {' or '.join(meant[:3])}. Name the fact.")
+            raise OptionError(f"{name} may be {' or '.join(meant[:3])}. Name the fact.")
         if meant[0] not in task.facts and by_place:
-            raise OptionError(f"--from: no place {name!r}. {name_hint(name, by_place)}")
+            raise OptionError(f"no place {name!r}. {name_hint(name, by_place)}")
         facts += meant
     start = task.facts.of(*facts)
     for group in task.facts.exclusive:
         together = [fact for fact in group if fact in start]
         if len(together) > 1:
-            raise OptionError(f"--from: {' and '.join(together[:2])} cannot both hold. Keep one.")
+            raise OptionError(f"{' and '.join(together[:2])} cannot both hold. Keep one.")
         if not together:
             # Of several robots the others stay where they are.
             start |= task.facts.of(*group) & task.initial

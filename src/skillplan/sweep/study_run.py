@@ -90,13 +90,9 @@ def from_starts(task: Task, starts: list[str]) -> dict[str, Task]:
         try:
             state = start_state(task, name.replace("+", ","))
         except OptionError as error:
-            raise OptionError(f"--starts {name}: {error}".replace("--from", "it")) from None
+            raise OptionError(f"--starts {name}: {error}") from None
         if state in states.values():
             raise OptionError(f"--starts: {name} is named twice.")
-        for group in task.facts.exclusive:
-            held = [fact for fact in group if fact in state]
-            if len(held) > 1:
-                raise OptionError(f"--starts {name}: {' and '.join(held)} exclude each other.")
         states[name] = state
     every = tuple(dict.fromkeys((*task.starts, *states.values())))
     return {

@@ -47,6 +47,8 @@ def overridden(document: Document, changes: Mapping[str, str]) -> Document:
 
 
 def _value(key: str, text: str) -> Any:
+    if not text.strip():
+        raise OptionError(f"--set {key[:40]}= has no value. Write null for none.")
     try:
         document = parse(text, f"--set {key}")
     except TaskError as error:

@@ -141,21 +141,7 @@ class RewardScheme:
     def of_step(
         self, state: State, skill: str, cost: float, *, goal: bool, out_of_time: bool
     ) -> float:
-        """Return the reward of a successful step from `state`.
-
-        Parameters
-        ----------
-        state
-            Where the step started.
-        skill
-            Its skill's name.
-        cost
-            Its cost in the task's metric.
-        goal
-            Whether it reached the goal.
-        out_of_time
-            Whether it was the last one that the step limit allows.
-        """
+        """Return the reward of a step; see `Reward.of_step`."""
         if goal:
             return self.complete
         if out_of_time:
