@@ -179,7 +179,7 @@ class TestPolicies:
             (("--part", "base-1", "--sequence", "B2", "--policy", "FILE"), "Give either"),
             (("--part", "base-1", "--policy", "none.json"), "cannot be read: No such file"),
             (("--part", "base-1", "--policy", "FILE", "--from", "C99"), "C99"),
-            (("--part", "base-1", "--policy", "FILE", "--from", ""), "--from names no fact"),
+            (("--part", "base-1", "--policy", "FILE", "--from", ""), "names no fact"),
             (("--part", "base-1", "--policy", "TASK"), "is not JSON"),
             (
                 ("--part", "base-1", "--policy", "FILE", "--set", "base.goals.0=C1"),
