@@ -112,3 +112,9 @@ def test_a_vocabulary_knows_its_facts():
     assert FACTS.bit("fact_5") == 32
     assert FACTS.none.bits == 0
     assert list(FACTS.state(0b101)) == ["fact_0", "fact_2"]
+
+
+def test_single_facts_have_hashes_of_their_own():
+    """Whole numbers would not do: of the powers of two Python makes 61 hashes."""
+    facts = Facts(tuple(f"at({i})" for i in range(2_000)))
+    assert len({hash(facts.state(1 << i)) for i in range(2_000)}) == 2_000

@@ -86,7 +86,7 @@ class SkillModel:
         self.feasibility = feasibility
         self.task: Task = feasibility.task
         self._overdue = overdue
-        self._transitions: dict[int, tuple[Transition, ...]] = {}
+        self._transitions: dict[State, tuple[Transition, ...]] = {}
         self._unknown = 0
         self._expanded = 0
         self._masks = [
@@ -168,7 +168,7 @@ class SkillModel:
             If the solver should have stopped long ago.
         """
         self._cut_off()
-        found = self._transitions.get(state.bits)
+        found = self._transitions.get(state)
         if found is None:
             found = tuple(
                 self.transition(state, skill)
@@ -177,7 +177,7 @@ class SkillModel:
             )
             if len(self._transitions) >= _KEPT_STATES:
                 self._transitions.clear()
-            self._transitions[state.bits] = found
+            self._transitions[state] = found
             self._expanded += 1
         return found
 

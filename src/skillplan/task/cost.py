@@ -70,6 +70,7 @@ class CaseCost:
 
     values: Mapping[int, float] = field(hash=False)
     _mask: int = field(init=False, repr=False, compare=False)
+    _numbers: Mapping[int, tuple[int, float]] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not self.values:
@@ -78,6 +79,9 @@ class CaseCost:
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f"Cost must be finite and >= 0, not {value}.")
         object.__setattr__(self, "_mask", sum(self.values))
+        # By number of the fact: powers of two make poor keys, see `State.__hash__`.
+        numbers = {bit.bit_length(): (bit, value) for bit, value in self.values.items()}
+        object.__setattr__(self, "_numbers", numbers)
 
     def at(self, state: State) -> float:
         """Return the value of the fact that holds in `state`.
@@ -87,8 +91,9 @@ class CaseCost:
         ValueError
             If none of the facts holds there, or several do.
         """
-        value = self.values.get(state.bits & self._mask)
-        if value is None:
+        held = state.bits & self._mask
+        bit, value = self._numbers.get(held.bit_length(), (0, 0.0))
+        if not held or bit != held:
             raise ValueError(f"No value is given for the state {state}.")
         return value
 

@@ -61,6 +61,7 @@ class DistanceReward:
     complete: float
     infeasible: float
     _mask: int = field(init=False, repr=False, compare=False)
+    _numbers: Mapping[int, float] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not all(math.isfinite(value) for value in (self.complete, self.infeasible)):
@@ -68,12 +69,17 @@ class DistanceReward:
         if not all(math.isfinite(d) and d >= 0 for d in self.distances.values()):
             raise ValueError("Distances must be finite and >= 0.")
         object.__setattr__(self, "_mask", sum(self.distances))
+        # By number of the fact: powers of two make poor keys, see `State.__hash__`.
+        numbers = {bit.bit_length(): distance for bit, distance in self.distances.items()}
+        object.__setattr__(self, "_numbers", numbers)
 
     def of_step(
         self, state: State, skill: str, cost: float, *, goal: bool, out_of_time: bool
     ) -> float:
         """Return the reward of a step; see `Reward.of_step`."""
-        return (self.complete if goal else 0.0) - self.distances[state.bits & self._mask]
+        return (self.complete if goal else 0.0) - self._numbers[
+            (state.bits & self._mask).bit_length()
+        ]
 
 
 @dataclass(frozen=True, slots=True)

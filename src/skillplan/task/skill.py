@@ -147,7 +147,9 @@ class Skill:
         cases = {case.fact.bits: case for case in self.cases}
         if len(cases) != len(self.cases):
             raise ValueError(f"Skill {self.name!r} has two cases for one fact.")
-        object.__setattr__(self, "_cases", cases)
+        # By number of the fact: powers of two make poor keys, see `State.__hash__`.
+        by_number = {bits.bit_length(): case for bits, case in cases.items()}
+        object.__setattr__(self, "_cases", by_number)
         object.__setattr__(self, "_selectors", sum(cases))
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
 
@@ -158,7 +160,7 @@ class Skill:
 
     def case(self, state: State) -> Case | None:
         """Return the case that `state` selects; None for a skill without, or where none fits."""
-        return self._cases.get(state.bits & self._selectors) if self.cases else None
+        return self._case(state.bits) if self.cases else None
 
     def applicable(self, state: State) -> bool:
         """Whether the precondition holds in `state`, and one of the cases where there are any."""
@@ -168,8 +170,13 @@ class Skill:
         """Whether the state with these bits selects a case; true of a skill without cases."""
         if not self.cases:
             return True
-        case = self._cases.get(bits & self._selectors)
+        case = self._case(bits)
         return case is not None and not bits & case.forbids.bits
+
+    def _case(self, bits: int) -> Case | None:
+        selected = bits & self._selectors
+        case = self._cases.get(selected.bit_length())
+        return case if case is not None and case.fact.bits == selected else None
 
     def condition(self, state: State) -> Condition:
         """Return what its being applicable in `state` rests on."""

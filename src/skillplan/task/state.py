@@ -95,6 +95,10 @@ class Facts:
         return found
 
 
+# The largest below 2 ** 64.
+_PRIME = 18_446_744_073_709_551_557
+
+
 class State:
     """The symbolic situation: the set of the facts that hold.
 
@@ -141,7 +145,8 @@ class State:
         return State, (self.bits, self.facts)
 
     def __hash__(self) -> int:
-        return hash(self.bits)
+        # Python hashes whole numbers modulo 2 ** 61 - 1, of which powers of two have 61 hashes.
+        return self.bits % _PRIME
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, State):
