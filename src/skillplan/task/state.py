@@ -95,8 +95,8 @@ class Facts:
         return found
 
 
-# The largest below 2 ** 64.
-_PRIME = 18_446_744_073_709_551_557
+# The second largest below 2 ** 61; the largest is the one that Python itself takes.
+_PRIME = 2_305_843_009_213_693_921
 
 
 class State:
