@@ -40,7 +40,7 @@ def solve_chain(
     A task whose plan the domain has by a rule of its own is not searched, unless it is of the
     one stage that the solver is for; the other stages of such a solver are left to exact
     search, and where it fails it may ask for finer plans of the levels above, as often as its
-    option ``replans``. A policy answers later tasks with the same goal without planning anew.
+    ``replans`` says. A policy answers later tasks with the same goal without planning anew.
     Beside every plan stands the optimum that exact search proves.
 
     Parameters
@@ -147,8 +147,8 @@ class _Chain:
     def _finer(self, stage: str, replans: int) -> tuple[Task, ...]:
         """Return the chain on finer plans of the upper levels; empty where there is none."""
         name = self.solvers[stage]
-        options = make_solver(name, self.setup.options.get(name, {})).options
-        if replans >= int(getattr(options, "replans", 0)) or self.stop():
+        most = make_solver(name, self.setup.options.get(name, {})).replans
+        if replans >= most or self.stop():
             return ()
         return self.problem.follow({}, replans + 1)
 

@@ -68,6 +68,11 @@ class CspSolver(Solver):
 
     options: Options
 
+    @property
+    def replans(self) -> int:
+        """As often as its option says."""
+        return self.options.replans
+
     def refuses(self, model: SkillModel) -> str | None:
         """Return why not, where nothing is occupied or a skill may have several outcomes."""
         if not model.task.deterministic:

@@ -70,6 +70,20 @@ class EpisodicOptions(TabularOptions):
     )
 
 
+class FallingStepOptions(EpisodicOptions):
+    """Rates of learners whose step size is large at first and falls."""
+
+    alpha: float = Field(
+        default=0.5, gt=0.0, le=1.0, description="step size of an update, in the first episode [-]"
+    )
+    alpha_end: float | None = Field(
+        default=0.1,
+        ge=0.0,
+        le=1.0,
+        description="step size in the last episode, approached linearly; null for alpha [-]",
+    )
+
+
 class EpisodicSolver(TabularSolver):
     """Learns the value of every row from random episodes, which begin in any state."""
 

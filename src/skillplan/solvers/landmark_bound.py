@@ -164,13 +164,12 @@ class LandmarkBound:
     def _direct_ways(self) -> list[list[tuple[int, int]]]:
         """For every skill, the skills that can directly precede it, cheapest first."""
         after = []
-        for skill in self._task.skills:
+        for skill, added in zip(self._task.skills, self._adds, strict=True):
             # What is certain afterwards, whatever the state it was started in.
             delete, add = skill.prediction.delete.bits, skill.prediction.add.bits
             may_delete = _union(outcome.delete for outcome in skill.effects)
-            may_add = _union(outcome.add for outcome in skill.effects)
             true = skill.precondition.requires.bits & ~may_delete | add
-            false = skill.precondition.forbids.bits & ~may_add | delete
+            false = skill.precondition.forbids.bits & ~added | delete
             after.append(self._known(true, false))
         ways: list[list[tuple[int, int]]] = []
         for k, skill in enumerate(self._task.skills):

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from skillplan.solvers import episode_kernels
 from skillplan.solvers.episode_kernels import Environment, Schedule
-from skillplan.solvers.episodic_solver import EpisodicOptions, EpisodicSolver
+from skillplan.solvers.episodic_solver import EpisodicSolver, FallingStepOptions
 
 
 class MonteCarloSolver(EpisodicSolver):
@@ -22,21 +22,9 @@ class MonteCarloSolver(EpisodicSolver):
 
     name = "monte-carlo"
 
-    class Options(EpisodicOptions):
+    class Options(FallingStepOptions):
         """Rates and curves; the schedules are this project's, the rest is the paper's."""
 
-        alpha: float = Field(
-            default=0.5,
-            gt=0.0,
-            le=1.0,
-            description="step size of an update, in the first episode [-]",
-        )
-        alpha_end: float | None = Field(
-            default=0.1,
-            ge=0.0,
-            le=1.0,
-            description="step size in the last episode, approached linearly; null for alpha [-]",
-        )
         epsilon_end: float | None = Field(
             default=0.0,
             ge=0.0,

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from skillplan.solvers import episode_kernels
 from skillplan.solvers.episode_kernels import Q_LEARNING, Environment, Schedule
-from skillplan.solvers.episodic_solver import EpisodicOptions, EpisodicSolver
+from skillplan.solvers.episodic_solver import EpisodicSolver, FallingStepOptions
 
 
 class QLearningSolver(EpisodicSolver):
@@ -19,25 +19,12 @@ class QLearningSolver(EpisodicSolver):
 
     name = "q-learning"
 
-    class Options(EpisodicOptions):
+    class Options(FallingStepOptions):
         """Rates and curves.
 
         Its targets do not depend on how much is explored, so that it takes larger steps than
         SARSA and explores more.
         """
-
-        alpha: float = Field(
-            default=0.5,
-            gt=0.0,
-            le=1.0,
-            description="step size of an update, in the first episode [-]",
-        )
-        alpha_end: float | None = Field(
-            default=0.1,
-            ge=0.0,
-            le=1.0,
-            description="step size in the last episode, approached linearly; null for alpha [-]",
-        )
 
         epsilon: float = Field(
             default=0.3,

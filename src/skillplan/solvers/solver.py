@@ -45,6 +45,11 @@ class Solver(ABC):
         self.options = self.Options() if options is None else options
         self.stop = Stop() if stop is None else stop
 
+    @property
+    def replans(self) -> int:
+        """How often it may have the stages before its own planned anew, finer; 0 by default."""
+        return 0
+
     def refuses(self, model: SkillModel) -> str | None:
         """Return in words why this solver cannot serve the model; None if it can."""
         return None

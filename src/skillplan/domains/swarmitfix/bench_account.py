@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -34,8 +34,9 @@ def account(job: Job) -> Account:
     listings: list[Listing] = []
     bound = given = None
     if config.trajectory is not None:
-        document |= _supports(job)
-        listings.append(_goals_listing(job))
+        rulings, heads = _rulings(job), _heads(job)
+        document |= _supports(job, rulings, heads)
+        listings.append(_goals_listing(job, rulings, heads))
         given = float(job.least_steps)
         # Heads that are planned might have been planned otherwise.
         bound = given if config.heads.subdivisions is not None and job.parts == 1 else None
@@ -50,17 +51,18 @@ def account(job: Job) -> Account:
     return Account(
         document,
         tuple(listings),
-        {"timeline.csv": _steps_listing(job, phases)},
-        bound,
-        total.duration_s,
-        given,
-        _caveat(document),
+        appendix={"timeline.csv": _steps_listing(job, phases)},
+        lower_bound=bound,
+        makespan_s=total.duration_s,
+        bound_given=given,
+        caveat=_caveat(document),
     )
 
 
-def _supports(job: Job) -> dict[str, Any]:
+def _supports(
+    job: Job, rulings: Sequence[Verdict], heads: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
     workpiece = job.workpiece
-    rulings = _rulings(job)
     return {
         "workpiece": {
             "closed": workpiece.closed,
@@ -83,7 +85,7 @@ def _supports(job: Job) -> dict[str, Any]:
                 for segment in workpiece.segments
             ],
         },
-        "heads": _heads(job),
+        "heads": heads,
         "goals": [
             {
                 "sequence": number,
@@ -160,10 +162,11 @@ def _rulings(job: Job) -> list[Verdict]:
     return rulings
 
 
-def _goals_listing(job: Job) -> Listing:
+def _goals_listing(
+    job: Job, rulings: Sequence[Verdict], heads: Sequence[Mapping[str, Any]]
+) -> Listing:
     """Return the supports, who can hold them, and who does."""
     rows, notes = [], []
-    rulings = _rulings(job)
     for number, (goal_set, goal, verdict) in enumerate(
         zip(job.goal_sets, job.goals, rulings, strict=True), start=1
     ):
@@ -189,7 +192,6 @@ def _goals_listing(job: Job) -> Listing:
         f"trajectory {'closed' if workpiece.closed else 'open'}, {workpiece.length_m:.3f} m, "
         f"{len(workpiece.segments)} segments ({curved} curved), vertices: {kinds}"
     ]
-    heads = _heads(job)
     spacing_m = [
         math.dist(one["position_m"], other["position_m"]) for one, other in pairwise(heads)
     ]
@@ -209,7 +211,7 @@ def _goals_listing(job: Job) -> Listing:
         )
     notes = [*above, *notes]
     return Listing(
-        f"{job.config.name}: {len(_heads(job))} heads, goals of the base by "
+        f"{job.config.name}: {len(heads)} heads, goals of the base by "
         f"{job.config.base.goal_choice}",
         ("goal", "support x y [m]", "candidates", "by", "chosen", "PKM"),
         tuple(rows),

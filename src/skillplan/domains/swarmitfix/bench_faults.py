@@ -38,10 +38,7 @@ def issues(config: SwarmitfixConfig) -> Iterator[Issue]:
         except ValueError as error:
             found.append(Issue(continued(str(error)), ("trajectory",)))
     if not found and config.robots is not None:
-        robots = {
-            name: (bench.position(robot.home), bench.position(robot.goal))
-            for name, robot in config.robots.items()
-        }
+        robots = Job(config).robots
         found += _places(bench, len(robots))
         found += [Issue(message, path) for message, path in fleet_faults(bench, robots)]
     if not found and config.trajectory is not None:

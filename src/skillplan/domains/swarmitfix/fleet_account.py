@@ -15,12 +15,7 @@ Move = tuple[str, int, int, int]
 
 def fleet_account(job: Job, document: Mapping[str, Any]) -> Account:
     """Return every robot's way, and the steps in which swings can run side by side."""
-    assert job.config.robots is not None
-    bench = job.bench
-    robots = {
-        name: (bench.position(ends.home), bench.position(ends.goal))
-        for name, ends in job.config.robots.items()
-    }
+    bench, robots = job.bench, job.robots
     alone = {name: int(bench.distances(goal)[start]) for name, (start, goal) in robots.items()}
     known: dict[str, Any] = {
         **document,

@@ -15,6 +15,7 @@ from skillplan.domains.swarmitfix.base_goals import (
     GoalSet,
     ReachRules,
     UnreachableSupport,
+    WayBetween,
     goal_sets,
     inward_side,
     preferring,
@@ -41,6 +42,7 @@ from skillplan.domains.swarmitfix.heads import (
 )
 from skillplan.domains.swarmitfix.pkm import PkmGeometry
 from skillplan.domains.swarmitfix.pkm_reach import Mount, PkmLimits, Range, horizontal_reach_m
+from skillplan.domains.swarmitfix.plane_point import Point2
 from skillplan.domains.swarmitfix.step_timings import Timings
 from skillplan.domains.swarmitfix.trajectory_content import elements_of
 from skillplan.domains.swarmitfix.workpiece import Segment, Workpiece
@@ -164,14 +166,12 @@ class Job:
     @cached_property
     def goal_sets(self) -> tuple[GoalSet, ...]:
         """The positions that can hold each support."""
-        supports = [head.position for head in self.heads]
         closed = self.workpiece.closed
-        way = way_between(self.workpiece, self.heads)
-        sets = goal_sets(self.bench, supports, self.reach, closed, way)
+        sets = goal_sets(self.bench, self._supports, self.reach, closed, self._way)
         if not closed:
             # The last support has no next one; whoever serves the way to it holds it, too.
             end = sets[-1].e2
-            sets = (*sets, replace(sets[-1], index=len(supports) - 1, e1=end, e2=end))
+            sets = (*sets, replace(sets[-1], index=len(self.heads) - 1, e1=end, e2=end))
         if self.config.base.prefer_reachable:
             least_m, most_m = self.pkm_reach_m
             sets = tuple(preferring(self.bench, one, least_m, most_m) for one in sets)
@@ -190,9 +190,16 @@ class Job:
 
     def unreachable(self) -> tuple[UnreachableSupport, ...]:
         """Return every pair of supports that no position serves."""
-        supports = [head.position for head in self.heads]
-        way = way_between(self.workpiece, self.heads)
-        return unreachable(self.bench, supports, self.reach, self.workpiece.closed, way)
+        closed = self.workpiece.closed
+        return unreachable(self.bench, self._supports, self.reach, closed, self._way)
+
+    @property
+    def _supports(self) -> list[Point2]:
+        return [head.position for head in self.heads]
+
+    @property
+    def _way(self) -> WayBetween:
+        return way_between(self.workpiece, self.heads)
 
     @cached_property
     def choice(self) -> Choice:
@@ -205,6 +212,8 @@ class Job:
     @cached_property
     def least_steps(self) -> int:
         """No choice of goals takes fewer swings in all."""
+        if self.choice.rule is GoalRule.WHOLE_TRAJECTORY:
+            return self.choice.total_steps
         return self._choose(GoalRule.WHOLE_TRAJECTORY).total_steps
 
     @cached_property
@@ -218,6 +227,13 @@ class Job:
         return tuple(self.bench.position(goal_of(name)) for name in plan)
 
     @property
+    def robots(self) -> dict[str, tuple[int, int]]:
+        """First and last position of every robot; empty where there is one base only."""
+        position = self.bench.position
+        robots = self.config.robots or {}
+        return {name: (position(ends.home), position(ends.goal)) for name, ends in robots.items()}
+
+    @property
     def home(self) -> int:
         """Where the base stands at the start."""
         return self.bench.position(self.config.base.home)
@@ -226,14 +242,10 @@ class Job:
         """Return the chain: heads of every segment, goals, and a way to every goal."""
         config = self.config
         if config.robots is not None:
-            robots = {
-                name: (self.bench.position(robot.home), self.bench.position(robot.goal))
-                for name, robot in config.robots.items()
-            }
             made = [
                 fleet_task(
                     self.bench,
-                    robots,
+                    self.robots,
                     self.timings.swing_s,
                     name=config.name,
                     sha256=sha256,
