@@ -9,7 +9,8 @@ import pytest
 
 from skillplan.domains.swarmitfix import SwarmitfixDomain
 from skillplan.domains.swarmitfix.bench_schema import SwarmitfixConfig
-from skillplan.domains.swarmitfix.job import Job, limits_of, mount_of, timings_of
+from skillplan.domains.swarmitfix.job import Job
+from skillplan.domains.swarmitfix.machine_settings import limits_of, mount_of, timings_of
 from skillplan.domains.swarmitfix.pkm_reach import Mount, PkmLimits
 from skillplan.domains.swarmitfix.step_timings import Timings
 from skillplan.run import solve

@@ -10,7 +10,8 @@ from skillplan.domains.swarmitfix.base_goals import UnreachableSupport
 from skillplan.domains.swarmitfix.bench_account import account
 from skillplan.domains.swarmitfix.bench_faults import issues
 from skillplan.domains.swarmitfix.bench_schema import SwarmitfixConfig
-from skillplan.domains.swarmitfix.job import Job, bench_of
+from skillplan.domains.swarmitfix.job import Job
+from skillplan.domains.swarmitfix.machine_settings import bench_of
 from skillplan.domains.swarmitfix.table_errata import table_errata
 from skillplan.errors import ChainBroken, Issue, OptionError
 from skillplan.task.task import Task

@@ -11,8 +11,9 @@ from skillplan.domains.domain import Account, Listing
 from skillplan.domains.swarmitfix.base_path import BasePath, along
 from skillplan.domains.swarmitfix.fleet_account import fleet_account
 from skillplan.domains.swarmitfix.heads import Head, HeadKind, normal_yaw
-from skillplan.domains.swarmitfix.job import Job, limits_of, mount_of
+from skillplan.domains.swarmitfix.job import Job
 from skillplan.domains.swarmitfix.locomotion import Phase, makespan, timeline
+from skillplan.domains.swarmitfix.machine_settings import limits_of, mount_of
 from skillplan.domains.swarmitfix.pkm import PkmGeometry
 from skillplan.domains.swarmitfix.pkm_reach import rule
 from skillplan.task.verdict import Verdict

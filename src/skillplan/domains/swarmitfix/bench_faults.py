@@ -9,7 +9,8 @@ from skillplan.domains.swarmitfix.bench_schema import SwarmitfixConfig
 from skillplan.domains.swarmitfix.fleet_task import fleet_faults
 from skillplan.domains.swarmitfix.head_grid import MOST_HEADS, HeadGrid
 from skillplan.domains.swarmitfix.head_task import segment_fault
-from skillplan.domains.swarmitfix.job import Job, bench_of, mount_of
+from skillplan.domains.swarmitfix.job import Job
+from skillplan.domains.swarmitfix.machine_settings import bench_of, mount_of
 from skillplan.domains.swarmitfix.pkm_reach import Mount
 from skillplan.domains.swarmitfix.trajectory_content import element_key, elements_of
 from skillplan.domains.swarmitfix.trajectory_faults import Outline, faults

@@ -22,7 +22,6 @@ from skillplan.domains.swarmitfix.base_goals import (
     unreachable,
 )
 from skillplan.domains.swarmitfix.base_task import BaseGrounding
-from skillplan.domains.swarmitfix.bench import Bench
 from skillplan.domains.swarmitfix.bench_schema import SwarmitfixConfig
 from skillplan.domains.swarmitfix.fleet_task import fleet_task
 from skillplan.domains.swarmitfix.goal_choice import Choice, GoalRule, choose
@@ -40,10 +39,15 @@ from skillplan.domains.swarmitfix.heads import (
     vertex_heads,
     way_between,
 )
+from skillplan.domains.swarmitfix.machine_settings import (
+    bench_of,
+    limits_of,
+    mount_of,
+    timings_of,
+)
 from skillplan.domains.swarmitfix.pkm import PkmGeometry
 from skillplan.domains.swarmitfix.pkm_reach import Mount, PkmLimits, Range, horizontal_reach_m
 from skillplan.domains.swarmitfix.plane_point import Point2
-from skillplan.domains.swarmitfix.step_timings import Timings
 from skillplan.domains.swarmitfix.trajectory_content import elements_of
 from skillplan.domains.swarmitfix.workpiece import Segment, Workpiece
 from skillplan.task.task import BackEndChoice, Task
@@ -305,45 +309,3 @@ def _reach_m(limits: PkmLimits, mount: Mount) -> Range:
 def head_task_name(segment: Segment) -> str:
     """Return the name of the task of placing the heads of a segment."""
     return f"heads-{segment.index + 1}"
-
-
-def bench_of(config: SwarmitfixConfig) -> Bench:
-    """Return the lattice of a file."""
-    bench = config.bench
-    return Bench(bench.rows, bench.cols, bench.pitch_m, bench.actions)
-
-
-def mount_of(config: SwarmitfixConfig) -> Mount:
-    """Return how the parallel kinematic machine of a file stands.
-
-    Raises
-    ------
-    ValueError
-        If the sheet lies below it.
-    """
-    height_m = config.pkm.sheet_height_m
-    return Mount() if height_m is None else Mount(sheet_m=height_m)
-
-
-def limits_of(config: SwarmitfixConfig) -> PkmLimits:
-    """Return the limits of the legs of a file; the calibrated ones where it says nothing."""
-    given = config.pkm.leg_limits_m
-    limits = {
-        f"leg_{leg.lower()}_m": (value[0], value[1])
-        for leg in "ABC"
-        if (value := getattr(given, leg)) is not None
-    }
-    return PkmLimits(**limits)
-
-
-def timings_of(config: SwarmitfixConfig) -> Timings:
-    """Return the durations of a file; the real machine's where it says nothing."""
-    given = config.timings
-    default = Timings()
-    swing_s = dict(default.swing_s)
-    swing_s |= {int(angle): time_s for angle, time_s in (given.swing_s or {}).items()}
-    steps = {
-        name: getattr(default if getattr(given, name) is None else given, name)
-        for name in ("retract_s", "park_s", "approach_s", "support_s")
-    }
-    return Timings(swing_s, **steps)
