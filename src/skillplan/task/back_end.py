@@ -6,7 +6,8 @@ The two kinds are siblings that must not know each other, so that what they shar
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
@@ -56,6 +57,33 @@ class BackEnd(ABC):
 
     def refuses(self) -> str | None:
         """Return in words why this back end cannot serve its task; None if it can."""
+        return None
+
+    def faults(self) -> Mapping[str, str]:
+        """Return what is wrong with single bodies or skills, in words, by a fact about them.
+
+        The task's domain finds the line of the file that the fact comes from: a part too wide
+        for the hand is reported under ``placed(part)``. Unlike `refuses`, it may name several.
+        """
+        return {}
+
+    def beside(self, others: Sequence[BackEnd]) -> None:
+        """Learn which back ends are asked beside this one; told once, before the first check."""
+        return
+
+    @property
+    def basis(self) -> Mapping[str, Any]:
+        """What its answers depend on besides task and options, as JSON values.
+
+        A detector that reads an engine's simulation depends on the engine's options.
+        """
+        return {}
+
+    def duration_s(self, skill: Skill, state: State) -> float | None:
+        """Return how long `skill` takes from `state` [s], or None where the task's figure counts.
+
+        May depend on where robots stand and which tools they hold, on nothing else.
+        """
         return None
 
     @abstractmethod
