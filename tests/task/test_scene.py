@@ -33,7 +33,7 @@ def test_a_box_has_positive_extents(extent):
 
 def test_a_body_has_boxes_and_mass():
     """Both checks of its constructor."""
-    with pytest.raises(ValueError, match="'a' needs at least one box"):
+    with pytest.raises(ValueError, match="'a' needs at least one shape"):
         Body("a", (), (), 1.0)
     for mass_kg in (0.0, -1.0, math.nan, math.inf):
         with pytest.raises(ValueError, match="mass must be > 0 kg"):

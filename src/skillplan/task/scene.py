@@ -10,9 +10,29 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 
 from skillplan.task.motion import Point
+from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan.task.state import State
+
+__all__ = [
+    "WORLD",
+    "Body",
+    "Box",
+    "Cylinder",
+    "Grasp",
+    "GraspKind",
+    "Mesh",
+    "Placement",
+    "Pose",
+    "Quaternion",
+    "Robot",
+    "Scene",
+    "Shape",
+    "Tool",
+    "ToolKind",
+]
 
 Quaternion = tuple[float, float, float, float]
 WORLD = "world"
@@ -51,31 +71,6 @@ class Pose:
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
-    """A box of a body.
-
-    Parameters
-    ----------
-    size
-        Extents along x, y and z [m], each > 0.
-    centre
-        Position of its centre in the body's frame [m].
-
-    Raises
-    ------
-    ValueError
-        If an extent is not positive.
-    """
-
-    size: Point
-    centre: Point
-
-    def __post_init__(self) -> None:
-        if not all(math.isfinite(value) and value > 0 for value in self.size):
-            raise ValueError(f"Box extents must be > 0, not {self.size}.")
-
-
-@dataclass(frozen=True, slots=True)
 class Placement:
     """Where a body is while a fact holds.
 
@@ -97,26 +92,86 @@ class Placement:
     solid: bool = True
 
 
+class GraspKind(StrEnum):
+    """How a hand holds a part: between two jaws, or by suction from above."""
+
+    JAWS = "jaws"
+    SUCTION = "suction"
+
+
 @dataclass(frozen=True, slots=True)
-class Body:
-    """A rigid body made of boxes.
+class Grasp:
+    """Where and how a hand holds a body.
+
+    Parameters
+    ----------
+    kind
+        Jaws or suction.
+    tip
+        Where the lowest point of the hand is, in the body's frame [m]: midway between the
+        fingertips, or the rim of the suction cup.
+    closing_axis
+        Axis of the body's frame along which jaws close, ``x`` or ``y``.
+    width_m
+        Extent of the body between the jaws [m], > 0; 0 for suction.
 
     Raises
     ------
     ValueError
-        If it has no box or its mass is not positive.
+        If the axis is neither x nor y, or the width does not fit the kind.
+    """
+
+    kind: GraspKind
+    tip: Point
+    closing_axis: str = "x"
+    width_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.closing_axis not in ("x", "y"):
+            raise ValueError(f"Grasp closes along x or y, not {self.closing_axis!r}.")
+        if (self.width_m > 0) != (self.kind is GraspKind.JAWS):
+            raise ValueError(f"Grasp by {self.kind} cannot have the width {self.width_m} m.")
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body made of boxes, cylinders and convex meshes.
+
+    Parameters
+    ----------
+    name
+        Unique in the scene.
+    shapes
+        At least one, in the body's frame.
+    placements
+        Where it is, by fact.
+    mass_kg
+        Mass [kg], > 0, spread evenly.
+    grasp
+        How it is held; None for what no hand holds.
+
+    Raises
+    ------
+    ValueError
+        If it has no shape or its mass is not positive.
     """
 
     name: str
-    boxes: tuple[Box, ...]
+    shapes: tuple[Shape, ...]
     placements: tuple[Placement, ...]
     mass_kg: float
+    grasp: Grasp | None = None
 
     def __post_init__(self) -> None:
-        if not self.boxes:
-            raise ValueError(f"Body {self.name!r} needs at least one box.")
+        if not self.shapes:
+            raise ValueError(f"Body {self.name!r} needs at least one shape.")
         if not (math.isfinite(self.mass_kg) and self.mass_kg > 0):
             raise ValueError(f"Body {self.name!r}: mass must be > 0 kg, not {self.mass_kg}.")
+
+    @property
+    def boxes(self) -> tuple[Box, ...]:
+        """The smallest upright boxes about its shapes."""
+        return tuple(shape.box for shape in self.shapes)
 
     @property
     def height_m(self) -> float:
@@ -129,6 +184,14 @@ class Body:
             if placement.fact in state:
                 return placement
         return None
+
+
+class ToolKind(StrEnum):
+    """What a tool does: grip between jaws, lift by suction, drive screws."""
+
+    GRIPPER = "gripper"
+    SUCTION = "suction"
+    SCREWDRIVER = "screwdriver"
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,12 +208,18 @@ class Tool:
         Position of its holder [m].
     envelope
         A box about the part of the tool above its tip [m], or None where it is not modelled.
+    kind
+        What it does.
+    opening_m
+        Of a gripper, the greatest distance between its jaws [m]; None where it is not modelled.
     """
 
     name: str
     fact: str
     holder: Point
     envelope: Box | None = None
+    kind: ToolKind = ToolKind.GRIPPER
+    opening_m: float | None = None
 
 
 @dataclass(frozen=True)

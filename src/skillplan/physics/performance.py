@@ -1,0 +1,177 @@
+"""What an engine that moves bodies can show: pictures of a check, and whole plans performed."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from skillplan.task.motion import Point
+from skillplan.task.scene import Pose
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.verdict import Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class Image:
+    """A picture: rows from the top, three bytes a pixel, red, green and blue.
+
+    Raises
+    ------
+    ValueError
+        If the number of bytes does not fit the size.
+    """
+
+    width: int
+    height: int
+    rgb: bytes
+
+    def __post_init__(self) -> None:
+        if len(self.rgb) != 3 * self.width * self.height:
+            raise ValueError(f"{len(self.rgb)} bytes are no image {self.width} x {self.height}.")
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One row of a trace: where the hand and all bodies are.
+
+    Parameters
+    ----------
+    time_s
+        Since the plan began [s].
+    skill
+        The skill under way.
+    tip
+        Where the tip of the hand is [m].
+    target
+        Where it is to be at that time [m].
+    joints_rad
+        Joint angles of the arm [rad].
+    opening_m
+        Between the jaws [m].
+    contact_n
+        The greatest normal force between bodies that are not expected to touch [N].
+    bodies
+        Poses by name.
+    """
+
+    time_s: float
+    skill: str
+    tip: Point
+    target: Point
+    joints_rad: tuple[float, ...]
+    opening_m: float
+    contact_n: float
+    bodies: Mapping[str, Pose]
+
+
+@dataclass(frozen=True, slots=True)
+class PerformedSkill:
+    """How one skill of a plan went.
+
+    Parameters
+    ----------
+    skill
+        Its name.
+    verdict
+        Feasible where it was executed without unexpected contact and its postcondition was
+        sensed; with the figures as evidence.
+    begin_s, end_s
+        Simulated time [s].
+    """
+
+    skill: str
+    verdict: Verdict
+    begin_s: float
+    end_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """Where a body was to be in the end, and how far from there it is.
+
+    Parameters
+    ----------
+    body
+        Its name.
+    goal, final
+        Poses in the world.
+    offset_m
+        Distance between the two [m], >= 0.
+    tilt_rad
+        Angle of the rotation between the two [rad], >= 0.
+    """
+
+    body: str
+    goal: Pose
+    final: Pose
+    offset_m: float
+    tilt_rad: float
+
+
+@dataclass(frozen=True)
+class Performance:
+    """A plan executed in one continuous world.
+
+    Parameters
+    ----------
+    skills
+        Those that were executed, in order; the last may have failed.
+    arrivals
+        One for every body whose place the state after the last skill determines.
+    simulated_s
+        Simulated time [s].
+    steps
+        How many simulation steps that took.
+    figures
+        What else was measured.
+    """
+
+    skills: tuple[PerformedSkill, ...]
+    arrivals: tuple[Arrival, ...]
+    simulated_s: float
+    steps: int
+    figures: Mapping[str, Any] = field(default_factory=dict, hash=False)
+
+    @property
+    def failed(self) -> PerformedSkill | None:
+        """The skill at which it stopped, or None."""
+        return next((one for one in self.skills if not one.verdict.is_feasible), None)
+
+
+class Performer(ABC):
+    """What an engine may be besides: able to draw a check and to perform a whole plan."""
+
+    @abstractmethod
+    def picture(self, skill: Skill, state: State) -> Image:
+        """Return the moment at which `skill` fails in `state`, or its end where it does not."""
+
+    @abstractmethod
+    def footage(self, skill: Skill, state: State, frames_per_s: float) -> Iterator[Image]:
+        """Yield pictures of the whole skill, so many a simulated second."""
+
+    @abstractmethod
+    def perform(
+        self,
+        skills: Sequence[Skill],
+        *,
+        frames_per_s: float | None = None,
+        show: Callable[[Image], None] | None = None,
+        note: Callable[[Sample], None] | None = None,
+        stopped: Callable[[], bool] = lambda: False,
+    ) -> Performance:
+        """Execute a plan from the task's initial state, without a break, and measure.
+
+        Parameters
+        ----------
+        skills
+            The plan; it ends early at the first skill that fails.
+        frames_per_s, show
+            How many pictures a simulated second are shown, and to what.
+        note
+            Called with a row of the trace 60 times a simulated second.
+        stopped
+            Asked often; once true, the plan ends after the skill under way.
+        """
