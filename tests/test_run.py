@@ -1,7 +1,10 @@
 """The straight line: from a path to a judged result."""
 
+from dataclasses import replace
+
 import pytest
 
+from dear_back_ends import DearEngine
 from situations import CONFIGS, FakeSetup, fake_back_end, solver_that, two_roads_task
 from skillplan import registry
 from skillplan.collision.detector import Detector
@@ -177,3 +180,37 @@ def test_a_refusal_is_a_result_in_words():
     type(solver).refuses = lambda self, model: "needs a larger task"
     result = solve(two_roads_task(), solver, FakeSetup())
     assert (result.status, result.reason, result.cost) == ("refused", "needs a larger task", None)
+
+
+def test_a_search_shows_what_it_asks_of_dear_back_ends():
+    """With its own figures, through the stop."""
+    shown = []
+    stop = Stop(on_progress=shown.append)
+    setup = FakeSetup(make=lambda task: [fake_back_end(task, Verdict.feasible(), dear=True)])
+    result = solve(two_roads_task(), "exact", setup, stop=stop)
+    asked = [progress.asked for progress in shown if progress.asked is not None]
+    assert asked[-1].checks == result.checks > 0
+    assert asked[0].checks == asked[-1].to_go == 0
+    quiet = []
+    solve(two_roads_task(), "exact", FakeSetup(), stop=Stop(on_progress=quiet.append))
+    assert all(progress.asked is None for progress in quiet)
+
+
+def test_a_plan_takes_as_long_as_the_back_ends_say():
+    """Instead of what the task says."""
+    clock = {"duration_s": lambda self, skill, state: 7.5}
+    setup = FakeSetup(make=lambda task: [fake_back_end(task, Verdict.feasible(), **clock)])
+    result = solve(two_roads_task(), "exact", setup)
+    assert result.makespan_s == 7.5 * len(result.steps) > 0
+    assert {step.duration_s for step in result.steps} == {7.5}
+
+
+@pytest.mark.parametrize("solver", ["exact", "exhaustive"])
+def test_a_result_does_not_depend_on_how_many_processes_check(solver):
+    """Neither plan, nor proof, nor counts."""
+    task = lid_task()
+    options = DearEngine.Options(seed=2)
+    setup = FakeSetup(make=lambda task: [DearEngine(task, options)])
+    found = [replace(solve(task, solver, setup, jobs=jobs), wall_s=0.0) for jobs in (1, 2)]
+    assert found[0] == found[1]
+    assert found[0].checks > 0

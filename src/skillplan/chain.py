@@ -34,6 +34,7 @@ def solve_chain(
     seed: int = 0,
     stop: Stop | None = None,
     cache: VerdictCache | None = None,
+    jobs: int = 1,
 ) -> ChainResult:
     """Solve the tasks of a problem in turn and have each judged.
 
@@ -58,6 +59,8 @@ def solve_chain(
         When to stop; its time limit is for the whole chain.
     cache
         Where verdicts are kept; a fresh one in memory by default.
+    jobs
+        In how many processes dear back ends are asked; 1 for this one.
 
     Raises
     ------
@@ -66,7 +69,8 @@ def solve_chain(
     BackEndError
         If a back end fails.
     """
-    work = _Chain(problem, solver, setup, seed, Stop() if stop is None else stop, cache)
+    stop = Stop() if stop is None else stop
+    work = _Chain(problem, solver, setup, seed, stop, cache, jobs)
     return work.run()
 
 
@@ -81,6 +85,7 @@ class _Chain:
         seed: int,
         stop: Stop,
         cache: VerdictCache | None,
+        jobs: int,
     ) -> None:
         self.problem = problem
         self.solver = solver
@@ -88,6 +93,7 @@ class _Chain:
         self.seed = seed
         self.stop = stop
         self.cache = VerdictCache() if cache is None else cache
+        self.jobs = jobs
         stages = (*problem.domain.stages, *(task.stage for task in problem.tasks))
         self.solvers = solvers_by_stage(solver, dict.fromkeys(stages))
         # A solver that is made for a stage searches even what has a plan by rule.
@@ -171,11 +177,19 @@ class _Chain:
         return self._judged(task, made)
 
     def _attempt(self, task: Task, solver: str) -> Attempt:
-        return attempt(task, solver, self.setup, seed=self.seed, stop=self.stop, cache=self.cache)
+        return attempt(
+            task,
+            solver,
+            self.setup,
+            seed=self.seed,
+            stop=self.stop,
+            cache=self.cache,
+            jobs=self.jobs,
+        )
 
     def _judged(self, task: Task, made: Attempt) -> ChainPart:
         made = replace(made, blank=replace(made.blank, task=task.name))
-        result = grade(task, made, self.setup, self.cache)
+        result = grade(task, made, self.setup, self.cache, jobs=self.jobs)
         optimum = self._optimum(task, result)
         cost, bound = result.cost, result.lower_bound
         if cost is not None and optimum is not None and (bound is None or bound < optimum):
@@ -193,7 +207,9 @@ class _Chain:
         key = (task.initial, task.goal, task.facts.names, task.skills)
         if key not in self.optima:
             stop = self.stop.within(_REFERENCE_S)
-            best = solve(task, REFERENCE, self.setup, stop=stop, cache=VerdictCache())
+            best = solve(
+                task, REFERENCE, self.setup, stop=stop, cache=VerdictCache(), jobs=self.jobs
+            )
             self.optima[key] = best.cost if best.status is Status.OPTIMAL else None
         return self.optima[key]
 
@@ -268,12 +284,15 @@ def solve_chain_with_all(
     seed: int = 0,
     make_stop: Callable[[str], Stop] = lambda name: Stop(),
     make_cache: Callable[[], VerdictCache] = VerdictCache,
+    jobs: int = 1,
 ) -> list[ChainResult]:
     """Solve a chain with several solvers in turn, each with a cache and a stop of its own."""
     results = []
     for name in solvers:
         stop = make_stop(name)
-        results.append(solve_chain(problem, name, setup, seed=seed, stop=stop, cache=make_cache()))
+        results.append(
+            solve_chain(problem, name, setup, seed=seed, stop=stop, cache=make_cache(), jobs=jobs)
+        )
         if stop.interrupted:
             break
     return results

@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from skillplan import registry
 from skillplan.errors import SearchStopped, SkillplanError
-from skillplan.model.feasibility import Feasibility
+from skillplan.model.feasibility import CheckCount, Feasibility
 from skillplan.model.precedence_chart import derive_chart
 from skillplan.model.skill_model import SkillModel
 from skillplan.model.verdict_cache import DiskVerdictCache, VerdictCache
@@ -33,10 +33,15 @@ _MOST_CHARTED = 64
 
 
 def make_feasibility(
-    task: Task, setup: Setup = Setup(), cache: VerdictCache | None = None
+    task: Task,
+    setup: Setup = Setup(),
+    cache: VerdictCache | None = None,
+    *,
+    jobs: int = 1,
+    on_check: Callable[[CheckCount], None] | None = None,
 ) -> Feasibility:
     """Return the chain of checks for a task; a fresh cache in memory by default."""
-    return Feasibility(task, setup.back_ends(task), cache)
+    return Feasibility(task, setup.back_ends(task), cache, jobs=jobs, on_check=on_check)
 
 
 def make_model(
@@ -44,9 +49,13 @@ def make_model(
     setup: Setup = Setup(),
     cache: VerdictCache | None = None,
     overdue: Callable[[], bool] | None = None,
+    *,
+    jobs: int = 1,
+    on_check: Callable[[CheckCount], None] | None = None,
 ) -> SkillModel:
-    """Return the lazy model of a task."""
-    return SkillModel(make_feasibility(task, setup, cache), overdue)
+    """Return the lazy model of a task; of several `jobs`, dear checks are made in processes."""
+    feasibility = make_feasibility(task, setup, cache, jobs=jobs, on_check=on_check)
+    return SkillModel(feasibility, overdue)
 
 
 def make_solver(name: str, options: Mapping[str, Any], stop: Stop | None = None) -> Solver:
@@ -72,6 +81,7 @@ def solve(
     seed: int = 0,
     stop: Stop | None = None,
     cache: VerdictCache | None = None,
+    jobs: int = 1,
 ) -> Result:
     """Solve a task and have the solution judged.
 
@@ -89,6 +99,8 @@ def solve(
         When to stop; by default never.
     cache
         Where verdicts are kept; a fresh one in memory by default.
+    jobs
+        In how many processes dear back ends are asked; 1 for this one.
 
     Raises
     ------
@@ -98,9 +110,8 @@ def solve(
         If a back end fails.
     """
     cache = VerdictCache() if cache is None else cache
-    return grade(
-        task, attempt(task, solver, setup, seed=seed, stop=stop, cache=cache), setup, cache
-    )
+    made = attempt(task, solver, setup, seed=seed, stop=stop, cache=cache, jobs=jobs)
+    return grade(task, made, setup, cache, jobs=jobs)
 
 
 @dataclass(frozen=True)
@@ -136,6 +147,7 @@ def attempt(
     seed: int = 0,
     stop: Stop | None = None,
     cache: VerdictCache | None = None,
+    jobs: int = 1,
 ) -> Attempt:
     """Let a solver work on a task; parameters and errors are those of `solve`."""
     stop = Stop() if stop is None else stop
@@ -143,14 +155,15 @@ def attempt(
         solver = make_solver(solver, setup.options.get(solver, {}), stop)
     else:
         solver.stop = stop
-    model = make_model(task, setup, cache, stop.overdue)
+    model = make_model(task, setup, cache, stop.overdue, jobs=jobs, on_check=stop.checked)
     blank = blank_result(task, solver.name, setup, seed)
     begin_s = time.perf_counter()
     with _blamed(solver):
         refusal = solver.refuses(model)
     if refusal is not None:
         return Attempt(replace(blank, status=Status.REFUSED, reason=refusal), Solution())
-    solution = _search(solver, model, seed, stop)
+    with closing(model.feasibility):
+        solution = _search(solver, model, seed, stop)
     wall_s = time.perf_counter() - begin_s
     stats = model.stats
     iterations = _count(solution, "iterations", "expanded", "visited")
@@ -183,7 +196,7 @@ def blank_result(task: Task, solver: str, setup: Setup, seed: int) -> Result:
     )
 
 
-def grade(task: Task, made: Attempt, setup: Setup, cache: VerdictCache) -> Result:
+def grade(task: Task, made: Attempt, setup: Setup, cache: VerdictCache, *, jobs: int = 1) -> Result:
     """Have the referee judge an attempt at a task.
 
     The attempt may have been made at another task of the same skills: a stored policy answers
@@ -193,8 +206,11 @@ def grade(task: Task, made: Attempt, setup: Setup, cache: VerdictCache) -> Resul
         return made.blank
     dear = made.dear
     # Verdicts of dear back ends were made by them, not by the solver, and are not asked twice.
-    fresh = make_model(task, setup, cache.only(dear))
-    result = judge(made.blank, made.solution, fresh, unknown_met=made.unknown_met, audit=not dear)
+    fresh = make_model(task, setup, cache.only(dear), jobs=jobs)
+    with closing(fresh.feasibility):
+        result = judge(
+            made.blank, made.solution, fresh, unknown_met=made.unknown_met, audit=not dear
+        )
     if result.cost is not None:
         result = replace(result, policy=made.solution.policy)
     if result.status is Status.INFEASIBLE and not dear:
@@ -279,13 +295,14 @@ def solve_all(
     seed: int = 0,
     make_stop: Callable[[str], Stop] = lambda name: Stop(),
     warm: bool = False,
+    jobs: int = 1,
 ) -> list[Result]:
     """Solve a task with several solvers, cold unless `warm`, and hold their claims together."""
     results = []
     for name in solvers:
         stop = make_stop(name)
         cache = warm_cache() if warm else VerdictCache()
-        results.append(solve(task, name, setup, seed=seed, stop=stop, cache=cache))
+        results.append(solve(task, name, setup, seed=seed, stop=stop, cache=cache, jobs=jobs))
         if stop.interrupted:
             break
     return cross_examine(results)

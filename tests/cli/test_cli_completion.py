@@ -40,11 +40,12 @@ def test_commands(complete: Any) -> None:
 
 def test_task_files(complete: Any) -> None:
     """Those here and those in configs."""
-    board, motor = "configs/inverter_board.yaml", "configs/motor_drive.yaml"
+    stems = ("inverter_board", "motor_drive", "sensor_stack")
+    assemblies = [f"configs/{stem}.yaml" for stem in stems]
     shown = complete("skillplan check ")
-    assert ["mine.yaml", board, motor] == shown[:3]
-    assert all(name.startswith("configs/swarmitfix_") for name in shown[3:])
-    assert [motor] == complete("skillplan search-optimal configs/m")
+    assert ["mine.yaml", *assemblies] == shown[:4]
+    assert all(name.startswith("configs/swarmitfix_") for name in shown[4:])
+    assert [assemblies[1]] == complete("skillplan search-optimal configs/m")
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from skillplan import registry
+
 OPTIMUM = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 # Command to its words and the number of rows of its table.
 COMMANDS: dict[str, tuple[tuple[str, ...], int]] = {
@@ -18,7 +20,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], int]] = {
     "check": (("check", "BOARD"), 1),
     "explain": (("explain", "BOARD", "pick(pcb)"), 3),
     "chart": (("chart", "BOARD"), 8),
-    "plugins": (("plugins", "collision"), 2),
+    "plugins": (("plugins", "collision"), len(registry.names("collision"))),
     "plugin-options": (("plugins", "collision", "aabb"), 2),
     "no-options": (("plugins", "solver", "exhaustive"), 0),
     "unsolved": (

@@ -258,4 +258,4 @@ class TestCheck:
         assert (2, "") == (outcome.code, outcome.out)
         first, second = outcome.err.splitlines()
         assert first.startswith(f"skillplan: error: {path}:13:12: robot.reach_m: ")
-        assert second.startswith(f"skillplan: error: {path}:57:14: parts.transformer.mass_kg: ")
+        assert second.startswith(f"skillplan: error: {path}:60:14: parts.transformer.mass_kg: ")

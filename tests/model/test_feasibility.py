@@ -1,5 +1,7 @@
 """The chain of checks: cheapest first, and the first that fails names itself."""
 
+import math
+
 import pytest
 
 from situations import fake_back_end, make_skill, make_task, model_of
@@ -165,3 +167,139 @@ def test_without_back_ends_what_is_applicable_is_feasible():
     verdict = Feasibility(TASK).rule(SKILL, START)
     assert verdict.is_feasible
     assert verdict.facts == ["a", "not done"]
+
+
+def test_several_questions_are_answered_in_order():
+    """As one after the other would be, inapplicable ones among them."""
+    back_end = fake_back_end(TASK, yes(present=("a",)))
+    feasibility = Feasibility(TASK, [back_end])
+    polls = []
+    questions = [(SKILL, FACTS.of(*names)) for names in (("a",), ("b",), ("a", "b"))]
+    found = feasibility.rule_all(questions, lambda: polls.append(1))
+    assert [verdict.status for verdict in found] == ["feasible", "infeasible", "feasible"]
+    assert (len(back_end.asked), feasibility.checks, feasibility.hits) == (1, 1, 1)
+    assert len(polls) == 3
+
+
+def test_executions_are_counted_of_dear_back_ends_only():
+    """Beside them how many questions came as far as they did."""
+    cheap = fake_back_end(TASK, lambda k, s: no() if "b" in s else yes(absent=("b",)), name="cheap")
+    dear = fake_back_end(TASK, yes(), name="dear", expected_s=1.0, dear=True)
+    feasibility = Feasibility(TASK, [cheap, dear])
+    for names in (("a",), ("a",), ("a", "b")):
+        feasibility.rule(SKILL, FACTS.of(*names))
+    assert (feasibility.checks, feasibility.executions, feasibility.reached) == (2, 1, 2)
+    without = Feasibility(TASK, [cheap])
+    without.rule(SKILL, START)
+    assert (without.executions, without.reached) == (1, 1)
+
+
+def test_every_back_end_is_told_once_what_is_beside_it():
+    """Before it is asked anything."""
+    told = []
+
+    class Social(Engine):
+        name = "social"
+
+        def beside(self, others):
+            told.append([other.name for other in others])
+
+        def check(self, skill, state):
+            return Verdict.feasible()
+
+    feasibility = Feasibility(TASK, [Social(TASK), fake_back_end(TASK, name="other")])
+    assert told == [["other"]]
+    feasibility.rule(SKILL, START)
+    assert len(told) == 1
+
+
+@pytest.mark.parametrize(
+    ("attributes", "message"),
+    [
+        ({"beside": boom}, "Back end 'odd' failed: ZeroDivisionError: in the solver of contacts"),
+        ({"basis": {"a": math.nan}}, "The basis of back end 'odd' is not JSON"),
+    ],
+)
+def test_a_back_end_that_does_not_get_on_with_others_is_named(attributes, message):
+    """Before anything is asked."""
+    odd = type("Odd", (Engine,), {"name": "odd", "check": boom, **attributes})
+    with pytest.raises(BackEndError, match=message):
+        Feasibility(TASK, [odd(TASK)])
+
+
+def test_evidence_is_as_a_file_or_another_process_would_give_it_back():
+    """Lists for tuples: what is kept equals what was said."""
+    said = Verdict.feasible(FACTS.none, FACTS.none, {"point": (1, 2.5), 3: "three"})
+    back_end = fake_back_end(TASK, said)
+    (_, verdict) = Feasibility(TASK, [back_end]).stages(SKILL, START)
+    assert verdict.evidence == {"point": [1, 2.5], "3": "three"}
+
+
+def timing(answer, name="clock"):
+    """Return a back end that times skills, and counts how often it was asked to."""
+
+    def duration_s(self, skill, state):
+        self.timed.append((skill.name, str(state)))
+        return answer(skill, state) if callable(answer) else answer
+
+    made = fake_back_end(TASK, name=name, expected_s=1e-3, duration_s=duration_s)
+    made.timed = []
+    return made
+
+
+def test_a_back_end_that_can_says_how_long_a_skill_takes():
+    """Once for where the robot stands and what it holds; the first that knows counts."""
+    ignorant, clock = timing(None, "ignorant"), timing(2.5)
+    model = model_of(TASK, ignorant, clock)
+    for names in (("a",), ("a", "b"), ("a",)):
+        assert model.transition(FACTS.of(*names), SKILL).duration_s == 2.5
+    assert model.duration_s(START, SKILL) == 2.5
+    assert (len(ignorant.timed), len(clock.timed)) == (1, 1)
+
+
+def test_where_no_back_end_knows_the_tasks_figure_counts():
+    """One that does not time anything is never asked."""
+    model = model_of(TASK, timing(None))
+    assert model.transition(START, SKILL).duration_s == 1.0
+    plain = model_of(TASK, fake_back_end(TASK))
+    assert not plain.feasibility.tells_time
+    assert plain.transition(START, SKILL).duration_s == plain.duration_s(START, SKILL) == 1.0
+
+
+def test_time_is_asked_again_where_the_robot_stands_elsewhere(board_task):
+    """And where it holds another tool; not for what has been done meanwhile."""
+    task, asked = board_task, []
+
+    def duration_s(self, skill, state):
+        asked.append(state)
+        return 1.0
+
+    clock = fake_back_end(task, name="clock", duration_s=duration_s)
+    model = model_of(task, clock)
+    skill = task.skills[0]
+    robot = task.scene.robots[0]
+    here, there, *_ = robot.places
+    state = task.initial - task.facts.of(*robot.places) | task.facts.of(here)
+    done = task.facts.of(next(iter(task.operations.values())))
+    for one in (state, state | done, state - task.facts.of(here) | task.facts.of(there)):
+        model.feasibility.duration_s(skill, one)
+    assert len(asked) == 2
+    tools = task.facts.of(*(tool.fact for tool in robot.tools))
+    model.feasibility.duration_s(skill, state - tools | (tools - state))
+    assert len(asked) == 3
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (boom, "'clock' failed to time finish in {a}: ZeroDivisionError: in the solver of"),
+        (-1.0, "'clock' says that finish takes -1.0 s in {a}"),
+        (math.nan, "'clock' says that finish takes nan s in {a}"),
+        ("soon", "'clock' says that finish takes 'soon' s in {a}"),
+    ],
+)
+def test_a_time_that_makes_no_sense_names_the_back_end(answer, message):
+    """It is the plugin author's to repair."""
+    with pytest.raises(BackEndError) as caught:
+        model_of(TASK, timing(answer)).transition(START, SKILL)
+    assert message in str(caught.value)

@@ -17,6 +17,7 @@ from situations import (
 from skillplan.collision.aabb import AabbDetector
 from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.model.feasibility import Feasibility
+from skillplan.model.single_check import Checked
 from skillplan.model.verdict_cache import VerdictCache
 from skillplan.physics.kinematic import KinematicEngine
 from skillplan.task.verdict import Verdict
@@ -131,7 +132,7 @@ def test_the_cache_finds_what_a_scan_of_all_kept_verdicts_finds(entries, seed):
         if any(not (v.present & sets[1]).bits and not (v.absent & sets[0]).bits for v in kept):
             continue
         kept.append(Verdict.infeasible(f"reason {i}", *sets))
-        cache.keep(back_end, skill, kept[-1])
+        cache.keep(back_end, skill, Checked(kept[-1], 0.0), sets[0])
     rng = random.Random(seed)
     for _ in range(20):
         state = facts.state(rng.randrange(64))

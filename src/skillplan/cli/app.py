@@ -14,13 +14,13 @@ from typing import Any
 import click
 
 from skillplan import __version__
+from skillplan.cli.command_group import CommandGroup
 from skillplan.cli.writing import write_out
 from skillplan.errors import (
     EXIT_BACK_END,
     EXIT_INTERRUPTED,
     SkillplanError,
     TaskError,
-    nearest,
 )
 
 # Command to the line that the group's help shows; the module is named after the command,
@@ -32,8 +32,10 @@ COMMANDS = {
     "sweep": "Study how a solver's options act: several values, seeds and starts.",
     "check": "Validate a task file: its faults at once.",
     "explain": "Say why a skill is feasible or not in a state.",
+    "simulate": "Execute a whole plan in one simulated world; film it.",
     "plot": "Draw a figure of a solved task as PNG or SVG.",
     "chart": "Derive the precedence relation from collision checks.",
+    "cache": "Show, verify, fill and clear the verdicts kept on disk.",
     "plugins": "List installed back ends, solvers and kinds of task.",
     "schema": "Print the JSON Schema of a kind of task file.",
 }
@@ -46,7 +48,7 @@ EPILOG = (
 )
 
 
-class LazyGroup(click.Group):
+class LazyGroup(CommandGroup):
     """Looks commands up by name in `COMMANDS` and imports only the one that is called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -61,16 +63,6 @@ class LazyGroup(click.Group):
         module = importlib.import_module(f"skillplan.cli.{name}")
         command: click.Command = module.command
         return command
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Name the nearest command where there is no such one."""
-        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            near = nearest(args[0], COMMANDS)
-            hint = f"Did you mean {near!r}?" if near else f"Known: {', '.join(COMMANDS)}."
-            raise click.UsageError(f"No such command {args[0]!r}. {hint}", ctx)
-        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands without importing them."""

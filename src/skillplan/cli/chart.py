@@ -8,7 +8,9 @@ from skillplan.cli.options import (
     asked,
     back_end_options,
     format_option,
+    jobs_option,
     make_setup,
+    no_cache_option,
     part_option,
     set_option,
     settings,
@@ -21,6 +23,8 @@ from skillplan.cli.options import (
 @back_end_options
 @set_option
 @part_option
+@jobs_option
+@no_cache_option
 @format_option
 def command(
     task: str,
@@ -29,6 +33,8 @@ def command(
     options: tuple[str, ...],
     changes: tuple[str, ...],
     part: str | None,
+    jobs: int,
+    no_cache: bool,
     style: str,
 ) -> int:
     """Derive the precedence relation of TASK by asking back ends, by default aabb.
@@ -37,7 +43,10 @@ def command(
     follow from the derived ones are missing, derived ones that do not follow from the
     hand-made are extra.
     """
+    from contextlib import closing
+
     from skillplan.cli.output import emit
+    from skillplan.cli.waiting import showing_checks
     from skillplan.model.precedence_chart import derive_chart
     from skillplan.report.chart_tables import chart_document, chart_table
     from skillplan.run import make_feasibility, warm_cache
@@ -46,8 +55,11 @@ def command(
     loaded = load_problem(task, asked(physics, collision or "aabb"), settings(changes)).part(part)
     # A chart derived from the chart would say nothing.
     setup = make_setup(physics, collision or "aabb", options)(loaded)
-    feasibility = make_feasibility(loaded, setup, warm_cache())
-    chart = derive_chart(feasibility)
+    cache = None if no_cache else warm_cache()
+    with showing_checks("deriving") as on_check:
+        feasibility = make_feasibility(loaded, setup, cache, jobs=jobs, on_check=on_check)
+        with closing(feasibility):
+            chart = derive_chart(feasibility)
     names = [back_end.name for back_end in feasibility.back_ends]
     emit(style, chart_document(chart, loaded, names), [chart_table(chart, loaded, names)])
     return 0

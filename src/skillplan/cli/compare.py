@@ -11,6 +11,7 @@ from skillplan.cli.options import (
     asked,
     back_end_options,
     format_option,
+    jobs_option,
     make_setup,
     seed_option,
     set_option,
@@ -27,33 +28,52 @@ from skillplan.cli.options import (
     "--solvers",
     type=PluginName("solver", several=True),
     metavar="A,B,C",
-    required=True,
     help="Solvers, separated by commas; for a chain also heads=monte-carlo+base=sarsa.",
+)
+@click.option(
+    "--detectors",
+    type=PluginName("collision", several=True),
+    metavar="A,B,C",
+    help="Instead of solvers: collision detectors, tried on executions known to be right or wrong.",
+)
+@click.option(
+    "--staged",
+    type=click.IntRange(0, 1000),
+    default=40,
+    show_default=True,
+    metavar="N",
+    help="For --detectors: how many collisions are staged at most, and how many near misses.",
 )
 @back_end_options
 @set_option
 @time_limit_option()
 @seed_option
+@jobs_option
 @click.option(
     "--warm", is_flag=True, help="Let solvers use verdicts kept on disk; says so in the title."
 )
 @format_option
 def command(
     task: str,
-    solvers: str,
+    solvers: str | None,
+    detectors: str | None,
+    staged: int,
     physics: str | None,
     collision: str | None,
     options: tuple[str, ...],
     changes: tuple[str, ...],
     time_limit_s: float | None,
     seed: int,
+    jobs: int,
     warm: bool,
     style: str,
 ) -> int:
-    """Run several solvers on TASK side by side.
+    """Run several solvers, or collision detectors, on TASK side by side.
 
-    Each starts with a cold cache of verdicts and its own time limit. A solver whose claimed
-    bound is refuted by another's plan is marked wrong.
+    Each solver starts with a cold cache of verdicts and its own time limit; one whose claimed
+    bound is refuted by another's plan is marked wrong. Detectors rule on executions that are
+    right by the hand-made chart and on collisions staged from the task: false alarms, misses
+    and the figures that decide.
     """
     from contextlib import ExitStack
     from dataclasses import replace
@@ -71,7 +91,26 @@ def command(
     from skillplan.setup import load_problem
     from skillplan.solvers.stop import Stop
 
-    names = tuple(split_names(solvers))
+    if (solvers is None) == (detectors is None):
+        raise OptionError("Give either --solvers or --detectors.")
+    if detectors is not None:
+        from skillplan.cli.detector_comparison import compare_detectors
+
+        if collision is not None:
+            raise OptionError("--collision is for --solvers; name detectors in --detectors.")
+        if warm or jobs != 1:
+            raise OptionError(f"{'--warm' if warm else '--jobs'} is for --solvers.")
+        return compare_detectors(
+            task,
+            detectors,
+            dict(asked(physics, None)),
+            settings(changes),
+            lambda chosen: make_setup(physics, chosen, options),
+            staged=staged,
+            time_limit_s=time_limit_s,
+            style=style,
+        )
+    names = tuple(split_names(solvers or ""))
     if not names:
         raise OptionError("--solvers names no solver.")
     problem = load_problem(task, asked(physics, collision), settings(changes))
@@ -98,11 +137,12 @@ def command(
                 seed=seed,
                 make_stop=make_stop,
                 make_cache=warm_cache if warm else VerdictCache,
+                jobs=jobs,
             )
             tables = chain_comparison_tables(chains, title)
         else:
             results = single = solve_all(
-                last, names, setup, seed=seed, make_stop=make_stop, warm=warm
+                last, names, setup, seed=seed, make_stop=make_stop, warm=warm, jobs=jobs
             )
             tables = [comparison_table(single, title)]
     not_run = list(names[len(results) :])

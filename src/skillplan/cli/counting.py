@@ -18,7 +18,7 @@ class Count:
     label
         What is counted.
     total
-        How many runs there are, >= 0.
+        How many runs there are, >= 0; None where that shows in the end.
 
     Raises
     ------
@@ -26,8 +26,8 @@ class Count:
         If the total is negative.
     """
 
-    def __init__(self, label: str, total: int) -> None:
-        if total < 0:
+    def __init__(self, label: str, total: int | None) -> None:
+        if total is not None and total < 0:
             raise ValueError(f"There cannot be {total} runs.")
         self.interrupted = False
         self._bar: Any = None
@@ -35,7 +35,7 @@ class Count:
         if sys.stderr.isatty():
             self._show(label, total)
 
-    def _show(self, label: str, total: int) -> None:
+    def _show(self, label: str, total: int | None) -> None:
         # Here and not above: only a terminal pays for importing this.
         from rich.console import Console
         from rich.progress import (
@@ -79,7 +79,7 @@ class Count:
 
 
 @contextmanager
-def counting(label: str, total: int) -> Iterator[Count]:
+def counting(label: str, total: int | None) -> Iterator[Count]:
     """Yield a count that shows itself on a terminal and heeds Ctrl-C and SIGTERM.
 
     The first asks for what is done; the second ends the program.

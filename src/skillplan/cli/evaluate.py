@@ -8,7 +8,9 @@ from skillplan.cli.options import (
     asked,
     back_end_options,
     format_option,
+    jobs_option,
     make_setup,
+    no_cache_option,
     part_option,
     set_option,
     settings,
@@ -40,6 +42,8 @@ from skillplan.cli.options import (
 @set_option
 @part_option
 @time_limit_option(10.0)
+@jobs_option
+@no_cache_option
 @format_option
 def command(
     task: str,
@@ -52,6 +56,8 @@ def command(
     changes: tuple[str, ...],
     part: str | None,
     time_limit_s: float,
+    jobs: int,
+    no_cache: bool,
     style: str,
 ) -> int:
     """Replay a sequence of skills on TASK, or follow a stored policy.
@@ -60,11 +66,14 @@ def command(
     optimum, and otherwise which condition fails where. The time limit is for proving the
     optimum.
     """
+    from contextlib import closing
+
     from skillplan.cli.output import emit
-    from skillplan.cli.waiting import stoppable
+    from skillplan.cli.waiting import showing_checks, stoppable
     from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED, OptionError
     from skillplan.model.policy_value import roll_out
     from skillplan.model.replay import replay
+    from skillplan.model.verdict_cache import VerdictCache
     from skillplan.report.evaluation import Evaluation
     from skillplan.report.policy_file import read_policy, start_state
     from skillplan.run import make_model, solve, warm_cache
@@ -81,16 +90,19 @@ def command(
         except OptionError as error:
             raise OptionError(f"--from {start}: {error}") from None
         loaded = loaded.replace(initial=initial, sha256=loaded.sha256)
-    cache = warm_cache()
-    if stored is not None:
-        skills = tuple(roll_out(make_model(loaded, setup, cache), stored.policy.get))
-    else:
-        skills = loaded.parse_sequence(sequence or "")
-    walked = replay(make_model(loaded, setup, cache), skills)
+    cache = VerdictCache() if no_cache else warm_cache()
+    with showing_checks("replaying") as on_check:
+        model = make_model(loaded, setup, cache, jobs=jobs, on_check=on_check)
+        with closing(model.feasibility):
+            if stored is not None:
+                skills = tuple(roll_out(model, stored.policy.get))
+            else:
+                skills = loaded.parse_sequence(sequence or "")
+            walked = replay(model, skills)
     best = None
     if walked.complete:
         with stoppable(time_limit_s, label="proving the optimum") as stop:
-            best = solve(loaded, "exact", setup, stop=stop, cache=cache)
+            best = solve(loaded, "exact", setup, stop=stop, cache=cache, jobs=jobs)
     evaluation = Evaluation(loaded, skills, walked, best)
     emit(style, evaluation.document(), [evaluation.table()], failed=not walked.complete)
     if best is not None and best.interrupted:

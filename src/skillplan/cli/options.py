@@ -141,6 +141,23 @@ def part_option(function: _F) -> _F:
     )(function)
 
 
+def jobs_option(function: _F) -> _F:
+    """Add ``--jobs``."""
+    return click.option(
+        "--jobs",
+        type=click.IntRange(1, 64),
+        default=1,
+        show_default=True,
+        metavar="N",
+        help="In how many processes dear back ends check at once; no verdict depends on it.",
+    )(function)
+
+
+no_cache_option = click.option(
+    "--no-cache", is_flag=True, help="Neither read nor write verdicts kept on disk."
+)
+
+
 def format_option(function: _F) -> _F:
     """Add ``--format``."""
     return click.option(

@@ -10,7 +10,9 @@ from skillplan.cli.options import (
     asked,
     back_end_options,
     format_option,
+    jobs_option,
     make_setup,
+    no_cache_option,
     part_option,
     seed_option,
     set_option,
@@ -42,7 +44,8 @@ from skillplan.cli.options import (
     help="Stop once cost and lower bound are this close, as a fraction of the cost.",
 )
 @seed_option
-@click.option("--no-cache", is_flag=True, help="Neither read nor write verdicts kept on disk.")
+@jobs_option
+@no_cache_option
 @click.option(
     "--out",
     metavar="DIR",
@@ -61,6 +64,7 @@ def command(
     time_limit_s: float | None,
     gap: float,
     seed: int,
+    jobs: int,
     no_cache: bool,
     out: str | None,
     style: str,
@@ -89,12 +93,14 @@ def command(
     with stoppable(time_limit_s, gap, solver) as stop:
         cache = None if no_cache else warm_cache()
         if problem.is_chain and part is None:
-            result = chain = solve_chain(problem, solver, setup, seed=seed, stop=stop, cache=cache)
+            result = chain = solve_chain(
+                problem, solver, setup, seed=seed, stop=stop, cache=cache, jobs=jobs
+            )
             tables, appendix = chain_tables(chain), appendix_tables(chain)
             solved = [(part.task, part.result) for part in chain.parts if not part.reused]
         else:
             task_meant = problem.part(part)
-            result = solve(task_meant, solver, setup, seed=seed, stop=stop, cache=cache)
+            result = solve(task_meant, solver, setup, seed=seed, stop=stop, cache=cache, jobs=jobs)
             tables, appendix = [plan_table(result, task_meant)], {}
             solved = [(task_meant, result)]
     if folder is not None:

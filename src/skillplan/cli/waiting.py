@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from skillplan.cli.interruption import heeding
+from skillplan.model.feasibility import CheckCount
 from skillplan.solvers.stop import Progress, Stop, relative_gap
 
 
@@ -22,6 +23,16 @@ def stoppable(
         stop = Stop(time_limit_s=time_limit_s, gap=gap, on_progress=show)
         with heeding(stop.interrupt):
             yield stop
+
+
+@contextmanager
+def showing_checks(label: str) -> Iterator[Callable[[CheckCount], None] | None]:
+    """Yield what shows on a terminal how far the asking of dear back ends has come, or None."""
+    with _display(label) as show:
+        if isinstance(show, _Silent):
+            yield None
+        else:
+            yield lambda asked: show(Progress(None, None, 0, asked))
 
 
 class _Silent:
@@ -40,7 +51,7 @@ def _display(label: str) -> Iterator[_Silent | _Bar]:
 
 
 class _Bar:
-    """A line with the time, the best cost, the bound, the gap and the nodes."""
+    """A line with the time, the best cost, the bound, the gap, the nodes and the checks."""
 
     def __init__(self, label: str) -> None:
         # Here and not above: only a terminal pays for importing this.
@@ -68,5 +79,9 @@ class _Bar:
         gap = relative_gap(progress.best_cost, progress.lower_bound)
         if gap is not None:
             parts.append(f"gap {100 * gap:.2f} %")
-        parts.append(f"{progress.nodes:,} nodes")
+        asked = progress.asked
+        if progress.nodes or asked is None:
+            parts.append(f"{progress.nodes:,} nodes")
+        if asked is not None:
+            parts.append(f"{asked.checks:,} checks, {asked.hits:,} reused, {asked.to_go:,} to go")
         self.progress.update(self._line, figures="  ".join(parts))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from skillplan.model.feasibility import PRECONDITION, Feasibility
 from skillplan.task.skill import Skill
@@ -14,6 +14,11 @@ from skillplan.task.verdict import Verdict, VerdictStatus
 
 # So many states are imagined for one skill before it is given up as undecided.
 _MOST_QUESTIONS = 5_000
+
+_T = TypeVar("_T")
+
+# Yields what is asked and is sent the verdict.
+Questions = Generator[tuple[Skill, State], Verdict, _T]
 
 
 @dataclass(frozen=True)
@@ -30,32 +35,60 @@ class Undecided(Exception):
     """Raised where a back end does not know, or an inquiry does not come to an end."""
 
 
-class Inquiry:
-    """What is asked about one skill of one element."""
+def inquire(feasibility: Feasibility, inquiries: Sequence[Questions[_T]]) -> list[_T | None]:
+    """Return what several inquiries come to, all carried on at once; None of one undecided.
 
-    def __init__(
-        self, feasibility: Feasibility, imagination: Imagination, element: str, skill: Skill
-    ) -> None:
-        self.feasibility = feasibility
+    Raises
+    ------
+    BackEndError
+        If a back end fails.
+    """
+    found: list[_T | None] = [None] * len(inquiries)
+    said: dict[int, Verdict | None] = dict.fromkeys(range(len(inquiries)))
+    while said:
+        asked = {}
+        for index, verdict in said.items():
+            inquiry = inquiries[index]
+            try:
+                asked[index] = next(inquiry) if verdict is None else inquiry.send(verdict)
+            except StopIteration as end:
+                found[index] = end.value
+            except Undecided:
+                continue
+        said = dict(zip(asked, feasibility.rule_all(list(asked.values())), strict=True))
+    return found
+
+
+class Inquiry:
+    """What is asked about one skill of one element.
+
+    Attributes
+    ----------
+    found
+        What must precede and follow the element, as far as it has been worked out.
+    """
+
+    def __init__(self, imagination: Imagination, element: str, skill: Skill) -> None:
         self.imagination = imagination
         self.element = element
         self.skill = skill
         self.order = list(imagination.task.operations)
         self.asked = 0
+        self.found: list[Relation] = []
 
-    def ask(self, done: frozenset[str]) -> Verdict:
+    def ask(self, done: frozenset[str]) -> Questions[Verdict]:
         """Return the verdict on the skill where exactly these elements are done."""
         self.asked += 1
         if self.asked > _MOST_QUESTIONS:
             raise Undecided
-        verdict = self.feasibility.rule(self.skill, self.imagination.before(self.skill, done))
+        verdict = yield self.skill, self.imagination.before(self.skill, done)
         if verdict.status is VerdictStatus.UNKNOWN:
             raise Undecided
         return verdict
 
     def feasible_set(
         self, done: frozenset[str] = frozenset(), undone: frozenset[str] = frozenset()
-    ) -> frozenset[str] | None:
+    ) -> Questions[frozenset[str] | None]:
         """Return elements with which done the skill is feasible, or None.
 
         An infeasible verdict rules out every state that agrees on its facts, so that in any
@@ -66,40 +99,43 @@ class Inquiry:
         done, undone
             Elements that must, and must not, be done.
         """
-        verdict = self.ask(done)
+        verdict = yield from self.ask(done)
         if verdict.is_feasible:
             return done
         blamed = self.imagination.elements(verdict) - {self.element} - done - undone
         for other in sorted(blamed, key=self.order.index):
-            found = self.feasible_set(done | {other}, undone)
+            found = yield from self.feasible_set(done | {other}, undone)
             if found is not None:
                 return found
             undone |= {other}
         return None
 
-    def relations(self, needed: frozenset[str]) -> Iterable[Relation]:
-        """Yield what must precede and follow the element, given a feasible set."""
+    def relations(self, needed: frozenset[str]) -> Questions[None]:
+        """Find what must precede and follow the element, given a feasible set."""
         for fact in self.skill.precondition.forbids:
             other = self.imagination.owner(fact)
             if other not in (None, self.element):
                 # Another element's untouched start, such as a part lying on this one.
                 name = self.skill.name
                 evidence = {"skill": name, "stage": PRECONDITION, "facts": [f"not {fact}"]}
-                yield Relation(str(other), self.element, f"{name} needs not {fact}", evidence)
+                reason = f"{name} needs not {fact}"
+                self.found.append(Relation(str(other), self.element, reason, evidence))
         for other in self.order:
             if other == self.element:
                 continue
             single = frozenset({other})
             if other in needed:
-                verdict = self.ask(needed - single)
+                verdict = yield from self.ask(needed - single)
                 pair, exception = (other, self.element), (frozenset[str](), single)
             else:
-                verdict = self.ask(needed | single)
+                verdict = yield from self.ask(needed | single)
                 pair, exception = (self.element, other), (single, frozenset[str]())
-            if not verdict.is_feasible and self.feasible_set(*exception) is None:
-                yield self._relation(*pair, verdict)
+            if not verdict.is_feasible:
+                possible = yield from self.feasible_set(*exception)
+                if possible is None:
+                    self.found.append(self._relation(*pair, verdict))
 
-    def beyond(self, derived: set[tuple[str, str]]) -> tuple[str, ...]:
+    def beyond(self, derived: set[tuple[str, str]]) -> Questions[tuple[str, ...]]:
         """Return the facts that matter to the skill beyond a relation, closed under transitivity.
 
         Where exactly what must precede the element is done, the skill has to be feasible, and
@@ -107,7 +143,7 @@ class Inquiry:
         """
         before = frozenset(one for one, other in derived if other == self.element)
         after = {other for one, other in derived if one == self.element}
-        verdict = self.ask(before)
+        verdict = yield from self.ask(before)
         settled = self.imagination.settled(self.skill, before, after)
         if not verdict.is_feasible:
             return tuple(sorted(verdict.facts))

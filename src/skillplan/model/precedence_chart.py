@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from skillplan.model.feasibility import Feasibility
-from skillplan.model.inquiry import Imagination, Inquiry, Relation, Undecided
+from skillplan.model.inquiry import Imagination, Inquiry, Questions, Relation, inquire
 from skillplan.model.partial_order import circle, closure
 
 
@@ -75,35 +75,33 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
     undecided: list[str] = []
     imagination = Imagination(task)
     inquiries = [
-        Inquiry(feasibility, imagination, element, skill)
+        Inquiry(imagination, element, skill)
         for element in task.operations
         for skill in imagination.chain(element)
     ]
-    for inquiry in inquiries:
-        name = inquiry.skill.name
-        try:
-            needed = inquiry.feasible_set()
-            if needed is None:
-                verdict = inquiry.ask(frozenset())
-                impossible[name] = f"{verdict.stage}: {verdict.reason}"
-                continue
-            for relation in inquiry.relations(needed):
-                found.setdefault((relation.before, relation.after), relation)
-        except Undecided:
-            undecided.append(name)
+    for inquiry, why in zip(
+        inquiries, inquire(feasibility, [*map(_derive, inquiries)]), strict=True
+    ):
+        if why is None:
+            undecided.append(inquiry.skill.name)
+        elif why:
+            impossible[inquiry.skill.name] = why
+        for relation in inquiry.found:
+            found.setdefault((relation.before, relation.after), relation)
     derived = closure(found)
+    left = [
+        inquiry
+        for inquiry in inquiries
+        if inquiry.skill.name not in (*undecided, *impossible)
+        and (inquiry.element, inquiry.element) not in derived
+    ]
     conditional: dict[str, tuple[str, ...]] = {}
-    for inquiry in inquiries:
-        name = inquiry.skill.name
-        on_circle = (inquiry.element, inquiry.element) in derived
-        if name not in undecided and name not in impossible and not on_circle:
-            try:
-                more = inquiry.beyond(derived)
-            except Undecided:
-                undecided.append(name)
-                continue
-            if more:
-                conditional[name] = more
+    questions = [inquiry.beyond(derived) for inquiry in left]
+    for inquiry, more in zip(left, inquire(feasibility, questions), strict=True):
+        if more is None:
+            undecided.append(inquiry.skill.name)
+        elif more:
+            conditional[inquiry.skill.name] = more
     order = list(task.operations)
     relations = tuple(
         sorted(found.values(), key=lambda r: (order.index(r.before), order.index(r.after)))
@@ -119,3 +117,13 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
         conditional,
         tuple(undecided),
     )
+
+
+def _derive(inquiry: Inquiry) -> Questions[str]:
+    """Find the relations that follow from a skill; return why it is never feasible, or nothing."""
+    needed = yield from inquiry.feasible_set()
+    if needed is None:
+        verdict = yield from inquiry.ask(frozenset())
+        return f"{verdict.stage}: {verdict.reason}"
+    yield from inquiry.relations(needed)
+    return ""

@@ -87,6 +87,7 @@ class SkillModel:
         self.task: Task = feasibility.task
         self._overdue = overdue
         self._transitions: dict[State, tuple[Transition, ...]] = {}
+        self._timed = feasibility.tells_time
         self._unknown = 0
         self._expanded = 0
         self._masks = [
@@ -144,7 +145,10 @@ class SkillModel:
         return verdict
 
     def transition(self, state: State, skill: Skill) -> Transition:
-        """Return the predicted transition, whether feasible or not; asks no back end."""
+        """Return the predicted transition, whether feasible or not.
+
+        No back end is asked for a verdict; one that can may say how long it takes.
+        """
         return Transition(
             state,
             skill,
@@ -152,8 +156,19 @@ class SkillModel:
                 (outcome.probability, outcome.apply(state)) for outcome in skill.outcomes_in(state)
             ),
             skill.cost.at(state),
-            skill.duration_s.at(state),
+            self.duration_s(state, skill) if self._timed else skill.duration_s.at(state),
         )
+
+    def duration_s(self, state: State, skill: Skill) -> float:
+        """Return the time that `skill` takes from `state` [s]: a back end's, or else the task's.
+
+        Raises
+        ------
+        BackEndError
+            If a back end fails.
+        """
+        said_s = self.feasibility.duration_s(skill, state) if self._timed else None
+        return skill.duration_s.at(state) if said_s is None else said_s
 
     def transitions(self, state: State) -> tuple[Transition, ...]:
         """Return the transitions of all skills that are applicable and feasible in `state`.
@@ -170,10 +185,14 @@ class SkillModel:
         self._cut_off()
         found = self._transitions.get(state)
         if found is None:
+            skills = self.applicable(state)
+            asked = [(skill, state) for skill in skills]
+            verdicts = self.feasibility.rule_all(asked, self._cut_off)
+            self._unknown += sum(v.status is VerdictStatus.UNKNOWN for v in verdicts)
             found = tuple(
                 self.transition(state, skill)
-                for skill in self.applicable(state)
-                if self.verdict(state, skill).is_feasible
+                for skill, verdict in zip(skills, verdicts, strict=True)
+                if verdict.is_feasible
             )
             if len(self._transitions) >= _KEPT_STATES:
                 self._transitions.clear()

@@ -146,7 +146,13 @@ class Performer(ABC):
 
     @abstractmethod
     def picture(self, skill: Skill, state: State) -> Image:
-        """Return the moment at which `skill` fails in `state`, or its end where it does not."""
+        """Return the moment at which `skill` fails in `state`, or its end where it does not.
+
+        Raises
+        ------
+        ValueError
+            If there is nothing to be seen, in words.
+        """
 
     @abstractmethod
     def footage(self, skill: Skill, state: State, frames_per_s: float) -> Iterator[Image]:

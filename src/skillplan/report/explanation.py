@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from skillplan.errors import OptionError
 from skillplan.model.replay import replay
 from skillplan.model.skill_model import SkillModel
+from skillplan.report.evidence_text import evidence_text
 from skillplan.report.table import Column, Table
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import State
@@ -26,12 +27,19 @@ class Explanation:
         What was asked.
     stages
         One verdict a stage, cheapest first, also beyond the first that fails.
+    files
+        What was drawn of it, such as ``picture``, and where.
     """
 
     task: Task
     skill: Skill
     state: State
     stages: tuple[Verdict, ...]
+    files: Mapping[str, str] = field(default_factory=dict, hash=False)
+
+    def drawn(self, files: Mapping[str, str]) -> Explanation:
+        """Return the explanation with what was drawn of it."""
+        return replace(self, files=files)
 
     @property
     def feasible(self) -> bool:
@@ -71,6 +79,7 @@ class Explanation:
                 }
                 for verdict in self.stages
             ],
+            "files": dict(self.files),
         }
 
     def tables(self) -> list[Table]:
@@ -81,7 +90,7 @@ class Explanation:
                 verdict.status.value,
                 verdict.reason or "-",
                 _basis(verdict, self.task),
-                _figures(verdict.evidence) or "-",
+                evidence_text(verdict.evidence) or "-",
             )
             for verdict in self.stages
         ]
@@ -94,6 +103,7 @@ class Explanation:
             f"prediction    {', '.join(self._prediction.add)}"
             + "".join(f", not {fact}" for fact in gone),
         ]
+        notes += [f"{what:<13} {path}" for what, path in self.files.items()]
         outcome = "feasible" if self.feasible else "not feasible"
         title = f"{self.task.name}: {self.skill.name} is {outcome}"
         return [Table(title, columns, rows, notes)]
@@ -121,15 +131,3 @@ def explain(model: SkillModel, skill: Skill, before: Sequence[Skill]) -> Explana
 def _basis(verdict: Verdict, task: Task) -> str:
     facts = verdict.facts
     return "all facts" if len(facts) == len(task.facts) else ", ".join(facts) or "no fact"
-
-
-def _figures(evidence: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key} {_plain(value)}" for key, value in evidence.items())
-
-
-def _plain(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, list | tuple):
-        return " ".join(_plain(item) for item in value) or "none"
-    return str(value)

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from skillplan.model.feasibility import CheckCount
 from skillplan.solvers.solution import Plan
 
 # A solver that polls returns long before; one that does not is stopped by the model.
@@ -25,11 +26,14 @@ class Progress:
         The best bound so far, or None.
     nodes
         Nodes expanded or visited.
+    asked
+        What has been asked of dear back ends; None where there is none.
     """
 
     best_cost: float | None
     lower_bound: float | None
     nodes: int
+    asked: CheckCount | None = None
 
 
 def relative_gap(cost: float | None, lower_bound: float | None) -> float | None:
@@ -80,6 +84,7 @@ class Stop:
         self.best: Plan | None = None
         self.lower_bound: float | None = None
         self.nodes = 0
+        self._asked: CheckCount | None = None
 
     def __call__(self) -> bool:
         """Whether to stop now; solvers poll this once in a while."""
@@ -161,6 +166,11 @@ class Stop:
             self.lower_bound = lower_bound
         self._report()
 
+    def checked(self, asked: CheckCount) -> None:
+        """Take note of how far the asking of dear back ends has come, and show it."""
+        self._asked = asked
+        self._report()
+
     def _close_enough(self) -> bool:
         if self._gap == 0 or self.best is None:
             return False
@@ -170,4 +180,4 @@ class Stop:
     def _report(self) -> None:
         if self._on_progress is not None:
             cost = None if self.best is None else self.best.cost
-            self._on_progress(Progress(cost, self.lower_bound, self.nodes))
+            self._on_progress(Progress(cost, self.lower_bound, self.nodes, self._asked))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -12,6 +11,7 @@ from matplotlib.figure import Figure
 
 from skillplan.errors import OptionError
 from skillplan.report.figures.figure_style import house_style
+from skillplan.report.output_path import output_path
 from skillplan.task.atomic_file import write_whole
 
 SUFFIXES = (".png", ".svg")
@@ -56,21 +56,7 @@ def checked_path(out: str) -> Path:
     OptionError
         If the suffix is unknown, or the folder is missing or closed to writing.
     """
-    path = Path(out)
-    suffix = path.suffix
-    if suffix.lower() not in SUFFIXES:
-        said = f"figures are not saved as {suffix}" if suffix else "does not say which format"
-        raise OptionError(f"--out {out}: {said}; end it in {' or '.join(SUFFIXES)}.")
-    try:
-        if path.is_dir():
-            raise OptionError(f"--out {out}: is a folder. Name a file.")
-        if not path.parent.is_dir():
-            raise OptionError(f"--out {out}: there is no folder {path.parent}. Make it first.")
-    except OSError as error:
-        raise OptionError(f"--out {out}: cannot be used: {error.strerror}.") from None
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise OptionError(f"--out {out}: the folder {path.parent} cannot be written to.")
-    return path
+    return output_path("--out", out, SUFFIXES, "figures")
 
 
 def save_figure(figure: Figure, path: Path, dpi: int = 150) -> None:

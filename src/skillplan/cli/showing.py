@@ -1,0 +1,121 @@
+"""Engines that can show what they do, and whose fault it is where they cannot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from skillplan import registry
+from skillplan.errors import BackEndError, OptionError, SkillplanError
+from skillplan.physics.engine import Engine
+from skillplan.physics.performance import Performer
+from skillplan.report.output_path import output_path
+from skillplan.report.video_file import ANIMATIONS, PICTURES, save_picture, video_file
+from skillplan.task.back_end import BackEnd
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+
+# GIFs count in hundredths of a second.
+_FRAMES_PER_S = 12.5
+PICTURE, ANIMATE = "--picture", "--animate"
+NOTHING = "nothing to draw"
+
+
+def performer(back_ends: Sequence[BackEnd], to: str) -> Any:
+    """Return the engine among some back ends, which must be one that moves bodies.
+
+    Parameters
+    ----------
+    back_ends
+        With one engine.
+    to
+        What the bodies are for, as a verb: ``draw``.
+
+    Raises
+    ------
+    OptionError
+        If it is not; the message names one that is, or how to come by one.
+    """
+    engine = next(one for one in back_ends if isinstance(one, Engine))
+    if isinstance(engine, Performer):
+        return engine
+    installed = "pybullet" in registry.names("physics")
+    instead = "use --physics pybullet" if installed else "pip install skillplan-pybullet"
+    raise OptionError(f"physics {engine.name!r} has no bodies to {to}; {instead}.")
+
+
+def drawing_paths(picture: str | None, animation: str | None) -> dict[str, Path]:
+    """Return where what is drawn of a check goes, by option.
+
+    Raises
+    ------
+    OptionError
+        If it cannot go there.
+    """
+    paths = {}
+    if picture is not None:
+        paths[PICTURE] = output_path(PICTURE, picture, PICTURES, "pictures")
+    if animation is not None:
+        paths[ANIMATE] = output_path(ANIMATE, animation, ANIMATIONS, "animations")
+    return paths
+
+
+def draw(engine: Any, skill: Skill, state: State, paths: Mapping[str, Path]) -> dict[str, str]:
+    """Draw a check into files, and return them by what they show.
+
+    Parameters
+    ----------
+    engine
+        One that moves bodies.
+    skill, state
+        What is executed where; nothing is drawn of a skill that cannot begin there, nor of one
+        of which there is nothing to be seen.
+    paths
+        As `drawing_paths` has them.
+
+    Raises
+    ------
+    OptionError
+        If a file cannot be written.
+    BackEndError
+        If the engine fails.
+    """
+    drawn = {option.removeprefix("--"): NOTHING for option in paths}
+    if not skill.applicable(state) or skill.motion is None:
+        return drawn
+    with blamed(engine):
+        if PICTURE in paths:
+            try:
+                image = engine.picture(skill, state)
+            except ValueError as error:
+                drawn["picture"] = f"{NOTHING}: {error}"
+            else:
+                save_picture(image, paths[PICTURE], PICTURE)
+                drawn["picture"] = str(paths[PICTURE])
+        if ANIMATE in paths:
+            with video_file(paths[ANIMATE], _FRAMES_PER_S, ANIMATE) as video:
+                for image in engine.footage(skill, state, _FRAMES_PER_S):
+                    video.add(image)
+                    drawn["animate"] = str(paths[ANIMATE])
+    return drawn
+
+
+@contextmanager
+def blamed(engine: BackEnd) -> Iterator[None]:
+    """Name the engine in whatever is raised that is not in words already.
+
+    Raises
+    ------
+    BackEndError
+        If something else than a user's error is raised.
+    """
+    try:
+        yield
+    except SkillplanError:
+        raise
+    except Exception as error:
+        raise BackEndError(
+            f"Back end {engine.name!r} failed: {type(error).__name__}: {error}"
+        ) from error

@@ -1,0 +1,130 @@
+"""The complete feasibility of a task: every applicable skill in every state that can be reached."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from skillplan.model.feasibility import Feasibility
+from skillplan.model.skill_model import SkillModel
+from skillplan.task.state import State
+from skillplan.task.verdict import VerdictStatus
+
+
+@dataclass(frozen=True, slots=True)
+class Enumeration:
+    """What asking everything came to.
+
+    Parameters
+    ----------
+    states
+        States asked about.
+    questions
+        Pairs of such a state and an applicable skill.
+    feasible, unknown
+        Questions with these verdicts.
+    checks
+        Questions for which at least one back end had to work.
+    hits
+        Questions answered from kept verdicts alone.
+    executions
+        Questions for which a dear back end had to work; any back end where none is dear.
+    executions_by_state
+        What it would have been with verdicts kept by state and skill instead of by facts.
+    complete
+        Whether it came to its end.
+
+    Raises
+    ------
+    ValueError
+        If a count is negative.
+    """
+
+    states: int
+    questions: int
+    feasible: int
+    unknown: int
+    checks: int
+    hits: int
+    executions: int
+    executions_by_state: int
+    complete: bool
+
+    def __post_init__(self) -> None:
+        counts = [getattr(self, name) for name in self.__slots__ if name != "complete"]
+        if min(counts) < 0:
+            raise ValueError("There cannot be fewer than 0 states, questions or checks.")
+
+
+def enumerate_feasibility(
+    feasibility: Feasibility, stopped: Callable[[], bool] = lambda: False
+) -> Enumeration:
+    """Ask about every state that feasible skills lead to within the step limit.
+
+    Breadth first, all states of one distance at once. Where the task is done, nothing is asked
+    any more.
+
+    Parameters
+    ----------
+    feasibility
+        The chain of checks, fresh.
+    stopped
+        Whether to stop; asked several times a second. What is under way is given up then.
+
+    Raises
+    ------
+    BackEndError
+        If a back end fails.
+    """
+    model = SkillModel(feasibility)
+    task = feasibility.task
+    level = list(dict.fromkeys((task.initial, *task.starts)))
+    seen = set(level)
+    states = questions = feasible = unknown = 0
+    complete = True
+
+    def poll() -> None:
+        if stopped():
+            raise _Stopped
+
+    for _ in range(task.step_limit):
+        asked = [
+            (skill, state)
+            for state in level
+            if not model.is_goal(state)
+            for skill in model.applicable(state)
+        ]
+        try:
+            poll()
+            verdicts = feasibility.rule_all(asked, poll)
+        except _Stopped:
+            complete = False
+            break
+        states += len(level)
+        questions += len(asked)
+        unknown += sum(verdict.status is VerdictStatus.UNKNOWN for verdict in verdicts)
+        following: dict[State, None] = {}
+        for (skill, state), verdict in zip(asked, verdicts, strict=True):
+            if verdict.is_feasible:
+                feasible += 1
+                for outcome in skill.outcomes_in(state):
+                    following[outcome.apply(state)] = None
+        level = [state for state in following if state not in seen]
+        seen.update(level)
+        if not level:
+            break
+    return Enumeration(
+        states,
+        questions,
+        feasible,
+        unknown,
+        feasibility.checks,
+        feasibility.hits,
+        feasibility.executions,
+        feasibility.reached,
+        complete,
+    )
+
+
+class _Stopped(Exception):
+    """Raised where asking is given up."""

@@ -1,0 +1,62 @@
+"""Where an output goes, checked before anything dear is done."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from skillplan.errors import OptionError
+
+
+def output_path(option: str, out: str, suffixes: Collection[str], what: str) -> Path:
+    """Return where an output goes, having seen that it can go there.
+
+    Parameters
+    ----------
+    option
+        The option that names the file, such as ``--out``.
+    out
+        The file as the user named it.
+    suffixes
+        Of the formats there are, in lower case.
+    what
+        What is written, in the plural.
+
+    Raises
+    ------
+    OptionError
+        If the suffix is unknown, or the folder is missing or closed to writing.
+    """
+    path = Path(out)
+    suffix = path.suffix
+    if suffix.lower() not in suffixes:
+        said = f"{what} are not saved as {suffix}" if suffix else "does not say which format"
+        raise OptionError(f"{option} {out}: {said}; end it in {' or '.join(suffixes)}.")
+    try:
+        if path.is_dir():
+            raise OptionError(f"{option} {out}: is a folder. Name a file.")
+        if not path.parent.is_dir():
+            raise OptionError(f"{option} {out}: there is no folder {path.parent}. Make it first.")
+    except OSError as error:
+        raise OptionError(f"{option} {out}: cannot be used: {error.strerror}.") from None
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise OptionError(f"{option} {out}: the folder {path.parent} cannot be written to.")
+    return path
+
+
+@contextmanager
+def refusing(option: str, path: Path) -> Iterator[None]:
+    """Turn a failure to write into one clear message.
+
+    Raises
+    ------
+    OptionError
+        If anything within raises an OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or str(error).strip().splitlines()[0]
+        raise OptionError(f"{option} {path}: cannot be written: {reason}.") from None
