@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from collections import Counter
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,12 @@ import pytest
 import yaml
 
 from skillplan import Setup, SkillModel, Status, Task, load_problem, make_model, solve
+from skillplan.model.precedence_chart import derive_chart
 from skillplan.model.replay import Replay, replay
+from skillplan.physics.panda import FINGER_PROFILE_M
+from skillplan.run import make_feasibility
+from skillplan.task.motion import Point
+from skillplan.task.shape import Box, Cylinder, Mesh
 from skillplan.task.task import Literal
 from skillplan.testing import reachable_states
 
@@ -128,14 +134,33 @@ def board() -> Task:
 
 
 @pytest.fixture(scope="module")
+def stack() -> Task:
+    return load_problem(FOLDER / "sensor_stack.yaml").task
+
+
+@pytest.fixture(scope="module")
 def board_sequences(board: Task) -> dict[int, list[tuple[float, tuple[int, ...]]]]:
     return complete_sequences(make_model(board))
 
 
+def add(one: Point, other: Point) -> Point:
+    """Return the sum of two vectors."""
+    return (one[0] + other[0], one[1] + other[1], one[2] + other[2])
+
+
+def overlaps(one: Box, other: Box) -> list[float]:
+    """Return by how much two boxes overlap along each axis; negative where they are apart."""
+    return [
+        (a + b) / 2 - abs(p - q)
+        for a, b, p, q in zip(one.size, other.size, one.centre, other.centre, strict=True)
+    ]
+
+
 class TestEveryConfig:
-    def test_there_are_the_board_and_a_larger_one(self) -> None:
-        """The format of assemblies is proved by two boards at least."""
-        assert {"inverter_board", "motor_drive"} <= {path.stem for path in ASSEMBLIES}
+    def test_there_are_the_board_a_larger_one_and_one_of_another_order(self) -> None:
+        """The format of assemblies is proved by three at least."""
+        expected = {"inverter_board", "motor_drive", "sensor_stack"}
+        assert expected <= {path.stem for path in ASSEMBLIES}
 
     def test_every_kind_has_a_file(self) -> None:
         """None of another kind, either."""
@@ -381,6 +406,78 @@ class TestTheBoard:
         states = reachable_states(make_model(board, setup), 100_000)
         assert 307 == len(states)
         assert 255 == len({board.observe(state) for state in states})
+
+
+class TestTheSensorStack:
+    """The order is another one than the board's, and a hand with fingers decides a part of it."""
+
+    def finger(self, stack: Task) -> tuple[Box, list[Box]]:
+        """Return boxes about the coil and about a finger beside the connector, in the world."""
+        scene = stack.scene
+        coil, connector = scene.body("coil"), scene.body("connector")
+        grasp = connector.grasp
+        assert grasp is not None
+        assert "x" == grasp.closing_axis
+        poses = {
+            body.name: placement.pose.position
+            for body in scene.bodies
+            for placement in body.placements
+            if placement.fact == f"placed({body.name})"
+        }
+        (around,) = coil.boxes
+        tall = Box(around.size, add(around.centre, poses["coil"]))
+        tip = add(grasp.tip, poses["connector"])
+        pieces = []
+        for low, high in pairwise(FINGER_PROFILE_M):
+            face_m = tip[0] + grasp.width_m / 2 + low[2]
+            centre = (face_m + low[3] / 2, tip[1], tip[2] + (low[0] + high[0]) / 2)
+            pieces.append(Box((low[3], 2 * low[1], high[0] - low[0]), centre))
+        return tall, pieces
+
+    def test_a_finger_at_the_connector_reaches_into_the_coil(self, stack: Task) -> None:
+        """Even one that touches the connector, so that no way of opening helps."""
+        tall, pieces = self.finger(stack)
+        deepest = max(min(overlaps(tall, piece)) for piece in pieces)
+        assert 0.004 < deepest
+
+    def test_the_chart_but_for_the_finger_follows_from_boxes(self, stack: Task) -> None:
+        """Derived by `aabb`, which knows no fingers; it finds nothing beyond the chart."""
+        derived = derive_chart(make_feasibility(stack, Setup(collision=("aabb",))))
+        assert ((("connector", "coil"),), ()) == (derived.missing, derived.extra)
+
+    def test_the_finger_costs_four_centimetres(self, stack: Task) -> None:
+        """By boxes alone, the coil would come first; with the chart as well, it may not."""
+        by_boxes = solve(stack, setup=Setup(collision=("aabb",)))
+        by_both = solve(stack, setup=Setup(collision=("aabb", "precedence")))
+        by_chart = solve(stack)
+        assert "2.78515" == f"{by_boxes.cost:.5f}"
+        assert "2.82515" == f"{by_chart.cost:.5f}" == f"{by_both.cost:.5f}"
+        order = [step.skill for step in by_boxes.steps]
+        assert order.index("place(coil)") < order.index("place(connector)")
+
+    def test_its_coil_is_a_mesh_and_its_spacer_a_cylinder(self, stack: Task) -> None:
+        """A hexagonal prism, held across its flats."""
+        coil = stack.scene.body("coil")
+        (prism,) = coil.shapes
+        assert isinstance(prism, Mesh)
+        assert 12 == len(prism.corners)
+        assert coil.boxes[0].size == pytest.approx((0.024, 0.0207846, 0.036), abs=1e-7)
+        assert coil.grasp is not None
+        assert 0.0207846 == pytest.approx(coil.grasp.width_m, abs=1e-7)
+        assert isinstance(stack.scene.body("spacer").shapes[0], Cylinder)
+
+    def test_a_task_is_another_one_with_another_mesh(self, tmp_path: Path) -> None:
+        """Its hash follows the mesh's file, not only its name."""
+        (tmp_path / "meshes").mkdir()
+        mesh = tmp_path / "meshes" / "hexagonal_coil.obj"
+        task = tmp_path / "sensor_stack.yaml"
+        task.write_bytes((FOLDER / "sensor_stack.yaml").read_bytes())
+        mesh.write_bytes((FOLDER / "meshes" / mesh.name).read_bytes())
+        assert load_problem(FOLDER / "sensor_stack.yaml").sha256 == load_problem(task).sha256
+        mesh.write_text(mesh.read_text("utf-8").replace("36.0", "30.0"), "utf-8")
+        shorter = load_problem(task)
+        assert load_problem(FOLDER / "sensor_stack.yaml").sha256 != shorter.sha256
+        assert 0.03 == pytest.approx(shorter.task.scene.body("coil").height_m)
 
 
 class TestNothingOfTheBoardIsInPython:

@@ -33,18 +33,21 @@ robot: {name: arm, base_m: [0, 0, 0], home_m: [0.3, 0.0], reach_m: 0.855, safe_h
   travel_speed_m_per_s: 0.25}
 durations_s: {pick: 3.0, place: 3.0, load: 5.0, offload: 5.0, fasten: 8.0}
 tools:
-  gripper: {holder_m: [0.5, 0.3], holder_height_m: 0.05, envelope_m: [0.02, 0.02, 0.1]}
-  driver: {holder_m: [0.6, 0.3]}
+  gripper: {holder_m: [0.5, 0.3], holder_height_m: 0.05, envelope_m: [0.02, 0.02, 0.1],
+    type: gripper, opening_m: 0.08}
+  driver: {holder_m: [0.6, 0.3], type: screwdriver}
 initial_tool: gripper
 tool_change: {style: swap, reload: false}
 feeders:
   tray: {position_m: [0.3, -0.3], height_m: 0.0}
 parts:
   box: {tool: gripper, mass_kg: 0.1, size_m: [0.1, 0.1, 0.02], start_m: [0.3, 0.2],
-    start_yaw_rad: 0.0, goal_m: [0.5, 0.0], goal_yaw_rad: 0.0}
+    grasp: {type: suction, at_m: [0.0, 0.0]}, start_yaw_rad: 0.0, goal_m: [0.5, 0.0],
+    goal_yaw_rad: 0.0}
   lid: {tool: gripper, boxes: [{size_m: [0.08, 0.08, 0.01], centre_m: [0, 0, 0.005]}],
-    start_on: box, goal_m: [0.5, 0.0], goal_on: box}
-  clip: {tool: gripper, size_m: [0.01, 0.01, 0.01], feeder: tray, goal_m: [0.4, 0.2]}
+    grasp: {type: suction}, start_on: box, goal_m: [0.5, 0.0], goal_on: box}
+  clip: {tool: gripper, cylinder: {diameter_m: 0.01, height_m: 0.01}, feeder: tray,
+    grasp: {closing_axis: auto, depth_m: 0.004}, goal_m: [0.4, 0.2]}
 screws:
   bolt: {tool: driver, hole_m: [0.5, 0.0], through: lid, feeder: tray, head_diameter_m: 0.006,
     head_height_m: 0.002, mass_kg: 0.001}

@@ -10,7 +10,7 @@ from typing import Any
 from skillplan import registry
 from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError
 from skillplan.task.back_end import BackEnd
-from skillplan.task.load import Problem, load_task
+from skillplan.task.load import Problem, TaskDomain, load_task
 from skillplan.task.task import BackEndChoice, Task
 
 DEFAULT_PHYSICS = "kinematic"
@@ -89,6 +89,37 @@ def _make_back_end(
         ) from error
 
 
+def _willing(kind: str, name: str, task: Task) -> BackEnd | None:
+    """Return a back end that only the command line names, if it may have faults to tell.
+
+    One that is unknown, broken or refuses the task is told of when it is made to be asked, with
+    the options that the command line gives it.
+    """
+    try:
+        plugin = registry.load(kind, name)
+        if plugin.faults is BackEnd.faults:
+            return None
+        back_end, refusal = _make_back_end(kind, name, {}, task)
+    except SkillplanError:
+        return None
+    return back_end if refusal is None else None
+
+
+def _faults(kind: str, back_end: BackEnd, domain: TaskDomain) -> Iterator[Issue]:
+    """Yield what a back end finds wrong with single bodies or skills, by their places."""
+    try:
+        found = dict(back_end.faults())
+    except SkillplanError:
+        raise
+    except Exception as error:
+        name = f"{kind} {back_end.name!r}"
+        raise BackEndError(
+            f"{name} failed on {back_end.task.name!r}: {type(error).__name__}: {error}"
+        ) from error
+    for fact, message in found.items():
+        yield Issue(message, domain.locate(fact), at_key=True)
+
+
 def load_problem(
     path: str | os.PathLike[str],
     asked: Mapping[str, Collection[str]] | None = None,
@@ -102,7 +133,8 @@ def load_problem(
         The file.
     asked
         Names of the back ends that will be asked by kind, ``physics`` or ``collision``, where
-        that is not left to the file: what else it chooses of a kind need not be installed.
+        that is not left to the file: what else it chooses of a kind need not be installed. What
+        they find wrong with the file's bodies and skills is told, too.
     changes
         Key path to YAML value, such as ``{"base.home": "C1"}``: what the file is read as if it
         held.
@@ -110,7 +142,10 @@ def load_problem(
     Raises
     ------
     TaskError
-        With every fault of the file, also of the back ends that it chooses.
+        With every fault of the file, also of the back ends that it chooses, and those that the
+        back ends which will be asked find in it.
+    BackEndError
+        If a back end fails to start.
     """
     kinds = ("physics", "collision")
     asked = asked or {}
@@ -126,14 +161,21 @@ def load_problem(
                     for issue in registry.choice_issues(kind, name, options or {}):
                         yield issue.under(kind)
 
-    def check_task(task: Task) -> Iterator[Issue]:
+    def check_task(task: Task, domain: TaskDomain) -> Iterator[Issue]:
         chosen = {"physics": (task.physics,) if task.physics else (), "collision": task.collision}
         for kind in kinds:
             for choice in (one for one in chosen[kind] if is_asked(kind, one.name)):
-                _, refusal = _make_back_end(kind, choice.name, choice.options, task)
+                back_end, refusal = _make_back_end(kind, choice.name, choice.options, task)
                 if refusal is not None:
                     message = f"cannot serve this task: {refusal}"
                     yield Issue(message, (kind, choice.name), at_key=True)
+                else:
+                    yield from _faults(kind, back_end, domain)
+            declared = {one.name for one in chosen[kind]}
+            for name in dict.fromkeys(asked.get(kind, ())):
+                willing = None if name in declared else _willing(kind, name, task)
+                if willing is not None:
+                    yield from _faults(kind, willing, domain)
 
     return load_task(
         path,

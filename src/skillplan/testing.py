@@ -92,6 +92,7 @@ def lid_content() -> dict[str, Any]:
             "box": {
                 "tool": "gripper",
                 "size_m": [0.1, 0.1, 0.01],
+                "grasp": {"type": "suction"},
                 "start_m": [0.4, -0.2],
                 "goal_m": [0.5, 0.0],
             },
@@ -109,6 +110,7 @@ def lid_content() -> dict[str, Any]:
                     {"size_m": [0.01, 0.1, 0.03], "centre_m": [0.045, 0.0, 0.015]},
                     {"size_m": [0.01, 0.1, 0.03], "centre_m": [-0.045, 0.0, 0.015]},
                 ],
+                "grasp": {"type": "suction"},
                 "start_m": [0.5, -0.3],
                 "goal_m": [0.5, 0.0],
                 "goal_on": "box",

@@ -8,10 +8,12 @@ one and the same motion.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from skillplan.task.motion import Event, Point, Visit
 from skillplan.task.scene import Body, Grasp, GraspKind, Robot, Tool
+from skillplan.task.shape import Box
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -54,16 +56,36 @@ class Stroke:
 
 
 def grasp_of(body: Body) -> Grasp:
-    """Return how a body is held: as the task says, or else across its narrower side.
+    """Return how a body is held: as the task says, or else across its narrower side."""
+    return body.grasp or jaws_about(body.boxes)
 
-    Jaws reach half-way down what they hold, 12 mm at most.
+
+def jaws_about(
+    boxes: Sequence[Box],
+    closing_axis: str | None = None,
+    depth_m: float | None = None,
+    at_m: tuple[float, float] | None = None,
+) -> Grasp:
+    """Return how jaws hold what is made of some boxes.
+
+    Parameters
+    ----------
+    boxes
+        At least one, in the body's frame.
+    closing_axis
+        ``x`` or ``y``; None for the narrower side.
+    depth_m
+        How far below the top the fingers reach [m]; None for half-way down what they hold, 12 mm
+        at most.
+    at_m
+        Where the tip is in the body's frame [m]; None for the middle of what is held.
     """
-    if body.grasp is not None:
-        return body.grasp
-    top_m = body.height_m
-    highest = [box for box in body.boxes if box.centre[2] + box.size[2] / 2 > top_m - 1e-6]
-    depth_m = min(_DEPTH_FRACTION * min(box.size[2] for box in highest), _MOST_DEPTH_M)
-    held = [box for box in body.boxes if box.centre[2] + box.size[2] / 2 > top_m - depth_m]
+    tops_m = [box.centre[2] + box.size[2] / 2 for box in boxes]
+    top_m = max(tops_m)
+    if depth_m is None:
+        highest = [box for box, z_m in zip(boxes, tops_m, strict=True) if z_m > top_m - 1e-6]
+        depth_m = min(_DEPTH_FRACTION * min(box.size[2] for box in highest), _MOST_DEPTH_M)
+    held = [box for box, z_m in zip(boxes, tops_m, strict=True) if z_m > top_m - depth_m]
     spans = [
         (
             min(box.centre[axis] - box.size[axis] / 2 for box in held),
@@ -72,8 +94,8 @@ def grasp_of(body: Body) -> Grasp:
         for axis in (0, 1)
     ]
     widths = [high - low for low, high in spans]
-    axis = 0 if widths[0] <= widths[1] + 1e-9 else 1
-    x_m, y_m = ((low + high) / 2 for low, high in spans)
+    axis = "xy".index(closing_axis or ("x" if widths[0] <= widths[1] + 1e-9 else "y"))
+    x_m, y_m = at_m or ((low + high) / 2 for low, high in spans)
     return Grasp(GraspKind.JAWS, (x_m, y_m, top_m - depth_m), "xy"[axis], widths[axis])
 
 

@@ -137,7 +137,7 @@ def load_task(
     find_domain: Callable[[str], TaskDomain],
     known_kinds: Iterable[str] = (),
     check_content: Callable[[Mapping[str, Any]], Iterable[Issue]] = lambda _: (),
-    check_task: Callable[[Task], Iterable[Issue]] = lambda _: (),
+    check_task: Callable[[Task, TaskDomain], Iterable[Issue]] = lambda _, __: (),
     changes: Mapping[str, str] | None = None,
 ) -> Problem:
     """Load, validate and ground a task file.
@@ -153,7 +153,7 @@ def load_task(
     check_content
         Returns faults of a content that is not validated yet.
     check_task
-        Returns faults of a grounded task.
+        Returns faults of a grounded task, given its domain.
     changes
         Key path to YAML value: what the file is read as if it held.
 
@@ -182,7 +182,7 @@ def load_task(
             Issue(f"the goal {fact} is out of reach: {reason}", domain.locate(fact))
             for fact, reason in lost.items()
         ]
-        issues += check_task(task)
+        issues += check_task(task, domain)
     if issues:
         # Of tasks in a chain, what is wrong with one is often wrong with all.
         raise document.error(dict.fromkeys(issues))

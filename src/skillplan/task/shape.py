@@ -6,9 +6,13 @@ The body's frame begins at the centre of its bottom, z up.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from skillplan.task.motion import Point
+
+# A point on the rim of a shape counts to it; rounding may put it so far out [m].
+_RIM_M = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +43,19 @@ class Box:
     def box(self) -> Box:
         """The box itself, as the smallest upright box about it."""
         return self
+
+    @property
+    def core(self) -> Box:
+        """The box itself, as an upright box inside it."""
+        return self
+
+    def top_m(self, x_m: float, y_m: float) -> float | None:
+        """Return the height of its surface above a point of its plan [m]; None beside it."""
+        inside = (
+            abs(x_m - self.centre[0]) <= self.size[0] / 2 + _RIM_M
+            and abs(y_m - self.centre[1]) <= self.size[1] / 2 + _RIM_M
+        )
+        return self.centre[2] + self.size[2] / 2 if inside else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +90,18 @@ class Cylinder:
         """The smallest upright box about it."""
         return Box((self.diameter_m, self.diameter_m, self.height_m), self.centre)
 
+    @property
+    def core(self) -> Box:
+        """The largest upright box of a square base inside it."""
+        side_m = self.diameter_m / math.sqrt(2)
+        return Box((side_m, side_m, self.height_m), self.centre)
+
+    def top_m(self, x_m: float, y_m: float) -> float | None:
+        """Return the height of its surface above a point of its plan [m]; None beside it."""
+        distance_m = math.hypot(x_m - self.centre[0], y_m - self.centre[1])
+        inside = distance_m <= self.diameter_m / 2 + _RIM_M
+        return self.centre[2] + self.height_m / 2 if inside else None
+
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
@@ -82,18 +111,24 @@ class Mesh:
     ----------
     corners
         At least four points in the body's frame [m], not in one plane.
+    faces
+        Triangles of its surface, by three indices of corners each, anticlockwise from outside.
 
     Raises
     ------
     ValueError
-        If there are too few corners, a number is not finite, or an extent is zero.
+        If there are too few corners, a number is not finite, an extent is zero, or a face names
+        a corner that does not exist.
     """
 
     corners: tuple[Point, ...]
+    faces: tuple[tuple[int, int, int], ...]
 
     def __post_init__(self) -> None:
         if len(self.corners) < 4:
             raise ValueError(f"Mesh needs at least 4 corners, not {len(self.corners)}.")
+        if not all(0 <= index < len(self.corners) for face in self.faces for index in face):
+            raise ValueError(f"Mesh faces must name corners 0 to {len(self.corners) - 1}.")
         if not all(math.isfinite(value) for corner in self.corners for value in corner):
             raise ValueError("Mesh corners must be finite.")
         if not all(high > low for low, high in zip(*self._bounds(), strict=True)):
@@ -104,6 +139,52 @@ class Mesh:
         """The smallest upright box about it."""
         (x0, y0, z0), (x1, y1, z1) = self._bounds()
         return Box((x1 - x0, y1 - y0, z1 - z0), ((x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2))
+
+    @property
+    def core(self) -> Box:
+        """An upright box inside it, about the mean of its corners, of the proportions of `box`."""
+        count = len(self.corners)
+        x, y, z = (math.fsum(values) / count for values in zip(*self.corners, strict=True))
+        size = self.box.size
+        share = 1.0
+        for normal, offset in self._planes():
+            spread = sum(abs(n) * extent / 2 for n, extent in zip(normal, size, strict=True))
+            room = offset - (normal[0] * x + normal[1] * y + normal[2] * z)
+            share = min(share, room / spread)
+        # Of a mesh that is not closed or convex, there may be none; then next to nothing is.
+        share = max(share, 1e-9)
+        return Box((size[0] * share, size[1] * share, size[2] * share), (x, y, z))
+
+    def top_m(self, x_m: float, y_m: float) -> float | None:
+        """Return the height of its surface above a point of its plan [m]; None beside it."""
+        tops_m = []
+        for face in self.faces:
+            (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (self.corners[index] for index in face)
+            area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+            if area <= 0:
+                # Seen from above, a face of the underside or a wall.
+                continue
+            b = ((x_m - ax) * (cy - ay) - (cx - ax) * (y_m - ay)) / area
+            c = ((bx - ax) * (y_m - ay) - (x_m - ax) * (by - ay)) / area
+            if min(b, c, 1 - b - c) >= -1e-9:
+                tops_m.append(az + b * (bz - az) + c * (cz - az))
+        return max(tops_m, default=None)
+
+    def _planes(self) -> Iterator[tuple[Point, float]]:
+        """Yield of each face the outward normal and the distance from the origin along it."""
+        for face in self.faces:
+            a, b, c = (self.corners[index] for index in face)
+            u = [p - q for p, q in zip(b, a, strict=True)]
+            v = [p - q for p, q in zip(c, a, strict=True)]
+            normal = (
+                u[1] * v[2] - u[2] * v[1],
+                u[2] * v[0] - u[0] * v[2],
+                u[0] * v[1] - u[1] * v[0],
+            )
+            length = math.sqrt(sum(value * value for value in normal))
+            if length > 0:
+                x, y, z = (value / length for value in normal)
+                yield (x, y, z), x * a[0] + y * a[1] + z * a[2]
 
     def _bounds(self) -> tuple[Point, Point]:
         xs, ys, zs = zip(*self.corners, strict=True)

@@ -12,6 +12,9 @@ from skillplan.domains.domain import Domain
 from skillplan.errors import Issue
 from skillplan.task.task import Task
 
+# What facts are about, by their kind.
+_SECTIONS = {"at_start": "parts", "held": "parts", "placed": "parts", "fastened": "screws"}
+
 
 class AssemblyDomain(Domain):
     """Assembly by pick, place, load, offload and fasten."""
@@ -30,6 +33,5 @@ class AssemblyDomain(Domain):
     def locate(self, fact: str) -> tuple[str | int, ...]:
         """Return the path of the part or screw that a fact is about, else of the goal."""
         kind, _, rest = fact.partition("(")
-        element = rest.rstrip(")")
-        sections = {"placed": ("parts", element), "fastened": ("screws", element)}
-        return sections.get(kind, ("goal",))
+        section = _SECTIONS.get(kind)
+        return ("goal",) if section is None else (section, rest.rstrip(")"))

@@ -1,30 +1,18 @@
-"""Faults of an assembly that its schema cannot see: references, order and geometry."""
+"""Faults of an assembly that its schema cannot see: names, references, order, geometry."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
-from itertools import chain, combinations, islice
+from itertools import chain, islice
 
-from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_box
-from skillplan.domains.assembly.layout import (
-    boxes_of,
-    feeder_of,
-    goal_of,
-    height_of,
-    holder_of,
-    hole_of,
-    start_of,
-)
+from skillplan.domains.assembly.geometry_faults import geometry_issues, shape_issues
+from skillplan.domains.assembly.gripping import grasp_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.vocabulary import HOME, action_names, facts_of, literal_parts
 from skillplan.errors import Issue, name_hint
-from skillplan.task.motion import Point
 from skillplan.task.scene import WORLD
 
-_TOUCH_M = 2e-4
-_MAX_BOXES = 1024
 # More than anybody reads at once; to name the nearest of many facts takes a while for each.
 _MAX_ISSUES = 300
 
@@ -36,7 +24,7 @@ def issues(config: AssemblyConfig) -> list[Issue]:
             chain(
                 _references(config),
                 _names(config),
-                _shapes(config),
+                shape_issues(config),
                 _cycles(config),
                 _lists(config),
                 _step_limit(config),
@@ -45,7 +33,7 @@ def issues(config: AssemblyConfig) -> list[Issue]:
         )
     )
     if not any(issue.path[0] in ("parts", "screws") for issue in found):
-        found += islice(_geometry(config), _MAX_ISSUES)
+        found += islice(chain(grasp_issues(config), geometry_issues(config)), _MAX_ISSUES)
     return found
 
 
@@ -63,19 +51,6 @@ def _names(config: AssemblyConfig) -> Iterator[Issue]:
                 message = f"the name {HOME!r} is taken by the robot. Choose another."
                 yield Issue(message, (section, name), at_key=True)
             owners.setdefault(name, section)
-
-
-def _shapes(config: AssemblyConfig) -> Iterator[Issue]:
-    for name, part in config.parts.items():
-        bottom_m = min(box.centre[2] - box.size[2] / 2 for box in boxes_of(part))
-        if abs(bottom_m) > _TOUCH_M:
-            message = (
-                f"the lowest box begins at {bottom_m:.4f} m, not at the part's bottom, 0. "
-                "Shift 'centre_m'."
-            )
-            yield Issue(message, ("parts", name, "boxes"))
-    if sum(len(part.boxes or (1,)) for part in config.parts.values()) > _MAX_BOXES:
-        yield Issue(f"must have at most {_MAX_BOXES} boxes in all.", ("parts",))
 
 
 def _references(config: AssemblyConfig) -> Iterator[Issue]:
@@ -225,97 +200,3 @@ def _step_limit(config: AssemblyConfig) -> Iterator[Issue]:
             f"{steps + changes} skills.",
             ("step_limit",),
         )
-
-
-def _geometry(config: AssemblyConfig) -> Iterator[Issue]:
-    yield from _out_of_reach(config)
-    starts = {name: _start_boxes(config, name) for name in config.parts}
-    goals = {name: _goal_boxes(config, name) for name in config.parts}
-    for key, boxes in (("start_m", starts), ("goal_m", goals)):
-        lying = {
-            name: own
-            for name, own in boxes.items()
-            if key == "goal_m" or config.parts[name].feeder is None
-        }
-        hulls = {name: _hull(own) for name, own in lying.items()}
-        for one, other in combinations(lying, 2):
-            if _overlap([hulls[one]], [hulls[other]]) and _overlap(lying[one], lying[other]):
-                where = "at the start" if key == "start_m" else "at their goals"
-                message = f"{other!r} and {one!r} overlap {where}. Move one."
-                place = key if getattr(config.parts[other], key) is not None else "start_on"
-                yield Issue(message, ("parts", other, place))
-    for name, part in config.parts.items():
-        for key, beneath, boxes in (
-            ("start_on", part.start_on, starts),
-            ("goal_on", part.goal_on, goals),
-        ):
-            if beneath is not None and not _touch(boxes[name], boxes[beneath]):
-                message = f"{name!r} does not lie over {beneath!r}. Move it."
-                yield Issue(message, ("parts", name, key))
-    for name, screw in config.screws.items():
-        x_m, y_m, z_m = hole_of(config, screw)
-        head = WorldBox(
-            (x_m - 1e-6, y_m - 1e-6, z_m), (x_m + 1e-6, y_m + 1e-6, z_m + screw.head_height_m)
-        )
-        if not _touch((head,), goals[screw.through]):
-            message = f"the hole does not lie over the top of {screw.through!r}. Move it."
-            yield Issue(message, ("screws", name, "hole_m"))
-
-
-def _out_of_reach(config: AssemblyConfig) -> Iterator[Issue]:
-    robot = config.robot
-    base = (robot.base_m[0], robot.base_m[1], robot.base_m[2])
-
-    def check(target: Point, lift_m: float, *path: str | int) -> Iterator[Issue]:
-        for z_m in (target[2], max(robot.safe_height_m, target[2])):
-            distance_m = math.dist(base, (target[0], target[1], z_m + lift_m))
-            if distance_m > robot.reach_m:
-                yield Issue(
-                    f"out of reach: {distance_m:.3f} m from the base, where "
-                    f"{robot.reach_m:.3f} m is the most.",
-                    path,
-                )
-                return
-
-    home = (robot.home_m[0], robot.home_m[1], robot.safe_height_m)
-    yield from check(home, 0.0, "robot", "home_m")
-    for tool in config.tools:
-        yield from check(holder_of(config, tool), 0.0, "tools", tool, "holder_m")
-    for feeder in config.feeders:
-        yield from check(feeder_of(config, feeder), 0.0, "feeders", feeder, "position_m")
-    for name, part in config.parts.items():
-        if part.start_m is not None:
-            yield from check(start_of(config, name), height_of(part), "parts", name, "start_m")
-        elif part.start_on is not None:
-            yield from check(start_of(config, name), height_of(part), "parts", name, "start_on")
-        yield from check(goal_of(config, name), height_of(part), "parts", name, "goal_m")
-    for name, screw in config.screws.items():
-        yield from check(hole_of(config, screw), 0.0, "screws", name, "hole_m")
-
-
-def _start_boxes(config: AssemblyConfig, name: str) -> tuple[WorldBox, ...]:
-    part = config.parts[name]
-    origin = start_of(config, name)
-    return tuple(world_box(box, origin, part.start_yaw_rad) for box in boxes_of(part))
-
-
-def _goal_boxes(config: AssemblyConfig, name: str) -> tuple[WorldBox, ...]:
-    part = config.parts[name]
-    origin = goal_of(config, name)
-    return tuple(world_box(box, origin, part.goal_yaw_rad) for box in boxes_of(part))
-
-
-def _hull(boxes: Iterable[WorldBox]) -> WorldBox:
-    lows, highs = zip(*((box.low, box.high) for box in boxes), strict=True)
-    low = tuple(min(values) for values in zip(*lows, strict=True))
-    high = tuple(max(values) for values in zip(*highs, strict=True))
-    return WorldBox((low[0], low[1], low[2]), (high[0], high[1], high[2]))
-
-
-def _overlap(some: Iterable[WorldBox], others: Iterable[WorldBox]) -> bool:
-    still = (0.0, 0.0, 0.0)
-    return any(sweep_hits(a, still, b, _TOUCH_M) for a in some for b in others)
-
-
-def _touch(upper: Iterable[WorldBox], lower: Iterable[WorldBox]) -> bool:
-    return any(contact_area(a, b, _TOUCH_M) is not None for a in upper for b in lower)

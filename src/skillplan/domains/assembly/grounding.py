@@ -10,21 +10,19 @@ from collections.abc import Callable
 
 from skillplan.domains.assembly import vocabulary
 from skillplan.domains.assembly.layout import (
-    boxes_of,
     feeder_of,
     goal_of,
     holder_of,
     hole_of,
-    point,
     start_of,
 )
+from skillplan.domains.assembly.scenery import scene_of
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, HAND_FREE, HOME, NO_TOOL, at
 from skillplan.task.condition import Condition
 from skillplan.task.cost import TravelCost
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
 from skillplan.task.reward import Penalty, RewardScheme
-from skillplan.task.scene import Body, Box, Placement, Pose, Robot, Scene, Tool
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import Facts, State
 from skillplan.task.task import BackEndChoice, Literal, Metric, Precedence, Task
@@ -68,7 +66,7 @@ class _Grounding:
             goal=Condition(facts.of(*goal), facts.none),
             metric=Metric("distance", "m"),
             step_limit=config.step_limit,
-            scene=self._scene(),
+            scene=scene_of(config, {at(name): p for name, p in self.positions.items()}),
             reward=self._reward(order),
             observation=tuple(
                 Literal(*vocabulary.literal_parts(text)) for text in config.observation or ()
@@ -281,59 +279,3 @@ class _Grounding:
         return RewardScheme(
             given.infeasible, given.complete, given.per_cost, given.out_of_time, penalties
         )
-
-    def _scene(self) -> Scene:
-        config = self.config
-        robot = config.robot
-        base = point(robot.base_m)
-        return Scene(
-            bodies=(
-                *(self._part_body(name) for name in config.parts),
-                *(self._screw_body(name) for name in config.screws),
-            ),
-            robots=(
-                Robot(
-                    robot.name,
-                    base,
-                    robot.reach_m,
-                    robot.safe_height_m,
-                    {at(name): p for name, p in self.positions.items()},
-                    tuple(self._tool(name) for name in config.tools),
-                ),
-            ),
-            stations={
-                **{vocabulary.holder_place(tool): holder_of(config, tool) for tool in config.tools},
-                **{feeder: feeder_of(config, feeder) for feeder in config.feeders},
-            },
-            frames={"world": Pose((0.0, 0.0, 0.0)), robot.name: Pose(base)},
-        )
-
-    def _part_body(self, name: str) -> Body:
-        part = self.config.parts[name]
-        start = Pose.upright(start_of(self.config, name), part.start_yaw_rad)
-        goal = Pose.upright(goal_of(self.config, name), part.goal_yaw_rad)
-        in_hand = Pose((0.0, 0.0, 0.0))
-        return Body(
-            name,
-            boxes_of(part),
-            (
-                Placement(f"at_start({name})", start, solid=part.feeder is None),
-                Placement(f"held({name})", in_hand, frame=self.config.robot.name),
-                Placement(f"placed({name})", goal),
-            ),
-            part.mass_kg,
-        )
-
-    def _screw_body(self, name: str) -> Body:
-        screw = self.config.screws[name]
-        head: Point = (screw.head_diameter_m, screw.head_diameter_m, screw.head_height_m)
-        box = Box(head, (0.0, 0.0, screw.head_height_m / 2))
-        driven = Placement(f"fastened({name})", Pose(hole_of(self.config, screw)))
-        return Body(name, (box,), (driven,), screw.mass_kg)
-
-    def _tool(self, name: str) -> Tool:
-        size = self.config.tools[name].envelope_m
-        envelope = None
-        if size is not None:
-            envelope = Box(point(size), (0.0, 0.0, size[2] / 2))
-        return Tool(name, f"tool({name})", holder_of(self.config, name), envelope)

@@ -1,21 +1,32 @@
-"""Where everything stands: heights of stacks and supports, boxes of parts, positions of tools.
+"""Where everything stands: heights of stacks and supports, shapes of parts, positions of tools.
 
 Shared by the consistency checks and the grounding; needs references without cycles.
 """
 
 from __future__ import annotations
 
-from skillplan.domains.assembly.schema import AssemblyConfig, PartConfig, ScrewConfig
+from skillplan.domains.assembly.part_schema import PartConfig, ScrewConfig
+from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.task.motion import Point
-from skillplan.task.scene import Box
+from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 
 
-def boxes_of(part: PartConfig) -> tuple[Box, ...]:
-    """Return the boxes of a part in its own frame."""
+def shapes_of(part: PartConfig) -> tuple[Shape, ...]:
+    """Return what a part is made of, in its own frame."""
     if part.size_m is not None:
         x_m, y_m, z_m = part.size_m
         return (Box((x_m, y_m, z_m), (0.0, 0.0, z_m / 2)),)
+    if part.cylinder is not None:
+        height_m = part.cylinder.height_m
+        return (Cylinder(part.cylinder.diameter_m, height_m, (0.0, 0.0, height_m / 2)),)
+    if part.meshes is not None:
+        return tuple(Mesh(mesh.corners, mesh.faces) for mesh in part.meshes)
     return tuple(Box(point(box.size_m), point(box.centre_m)) for box in part.boxes or ())
+
+
+def boxes_of(part: PartConfig) -> tuple[Box, ...]:
+    """Return the smallest upright boxes about the shapes of a part, in its own frame."""
+    return tuple(shape.box for shape in shapes_of(part))
 
 
 def height_of(part: PartConfig) -> float:

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
+from skillplan.domains.assembly.part_schema import (
+    Extents,
+    PartConfig,
+    Planar,
+    ScrewConfig,
+    Spatial,
+)
 from skillplan.domains.domain import Name, Strict
-from skillplan.task.schema_errors import Located
 
-Coordinate = Annotated[float, Field(ge=-10, le=10)]
 Length = Annotated[float, Field(gt=0, le=10)]
 Duration = Annotated[float, Field(ge=0, le=86_400)]
-Planar = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
-Spatial = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
-# Thinner than a micrometre, a box has no volume worth the name.
-Extent = Annotated[float, Field(ge=1e-6, le=10)]
-Extents = Annotated[list[Extent], Field(min_length=3, max_length=3)]
-Mass = Annotated[float, Field(ge=1e-6, le=1000)]
-Angle = Annotated[float, Field(ge=-6.2832, le=6.2832)]
 Reward = Annotated[float, Field(ge=-1e6, le=1e6)]
 Fact = Annotated[str, Field(min_length=1, max_length=200)]
 ToolChange = Literal["swap", "separate"]
@@ -52,6 +50,15 @@ class DurationsConfig(Strict):
 class ToolConfig(Strict):
     """A tool of the changer."""
 
+    type: Literal["gripper", "suction", "screwdriver"] | None = Field(
+        None,
+        description="what it does; left out: screwdriver where it drives screws and holds no part, "
+        "gripper otherwise",
+    )
+    opening_m: Length | None = Field(
+        None,
+        description="greatest distance between the jaws of a gripper [m]; left out: not modelled",
+    )
     holder_m: Planar = Field(description="where it hangs, x y [m]")
     holder_height_m: Annotated[float, Field(ge=0, le=10)] = Field(
         0.0, description="height of the holder [m]"
@@ -79,52 +86,6 @@ class FeederConfig(Strict):
 
     position_m: Planar = Field(description="where it hands out, x y [m]")
     height_m: Annotated[float, Field(ge=0, le=10)] = Field(0.0, description="its height [m]")
-
-
-class BoxConfig(Strict):
-    """One box of a part that is not a simple box."""
-
-    size_m: Extents = Field(description="extents, x y z [m]")
-    centre_m: Spatial = Field(description="centre, from the centre of the part's bottom [m]")
-
-
-class PartConfig(Strict):
-    """A part: where it is, where it belongs, its shape."""
-
-    tool: Name = Field(description="the tool that grasps it")
-    mass_kg: Mass = Field(0.1, description="mass [kg]")
-    size_m: Extents | None = Field(None, description="extents of a simple box, x y z [m]")
-    boxes: Annotated[list[BoxConfig], Field(min_length=1, max_length=64)] | None = Field(
-        None, description="the boxes of a compound part, instead of size_m"
-    )
-    start_m: Planar | None = Field(None, description="where it lies at the start, x y [m]")
-    start_on: Name | None = Field(None, description="the part it lies on at the start (a stack)")
-    feeder: Name | None = Field(None, description="the feeder it comes from, instead of start_m")
-    start_yaw_rad: Angle = Field(0.0, description="how it is turned at the start [rad]")
-    goal_m: Planar = Field(description="where it belongs, x y [m]")
-    goal_on: Name | None = Field(None, description="the part it stands on; left out: the table")
-    goal_yaw_rad: Angle = Field(0.0, description="how it is turned at its goal [rad]")
-
-    @model_validator(mode="after")
-    def _one_shape_one_start(self) -> PartConfig:
-        if (self.size_m is None) == (self.boxes is None):
-            raise Located("give either 'size_m' or 'boxes'.")
-        starts = [self.start_m is not None, self.feeder is not None, self.start_on is not None]
-        if sum(starts) != 1:
-            raise Located("give one of 'start_m', 'start_on' and 'feeder'.")
-        return self
-
-
-class ScrewConfig(Strict):
-    """A screw: its hole and the part that it fastens."""
-
-    tool: Name = Field(description="the tool that drives it")
-    hole_m: Planar = Field(description="its hole, x y [m]")
-    through: Name = Field(description="the part whose top its head rests on")
-    feeder: Name | None = Field(None, description="where the tool fetches it on the way, if so")
-    head_diameter_m: Extent = Field(0.006, description="diameter of the head [m]")
-    head_height_m: Extent = Field(0.002, description="height of the head [m]")
-    mass_kg: Mass = Field(0.001, description="mass [kg]")
 
 
 class ChartLine(Strict):

@@ -8,6 +8,7 @@ import math
 import re
 from pathlib import Path
 
+from skillplan.domains.companion_file import CompanionFileError, read_companion
 from skillplan.domains.swarmitfix.path_elements import Element, Line
 from skillplan.domains.swarmitfix.plane_point import MAX_COORDINATE_M, Point2
 from skillplan.domains.swarmitfix.trajectory_path import (
@@ -134,32 +135,10 @@ def _number(path: Path, cell: str, place: str) -> float:
 
 
 def _content(path: Path) -> bytes:
-    content: bytes | None = None
     try:
-        is_folder = path.is_dir()
-        # A pipe would be waited for.
-        if path.is_file() or not path.exists():
-            with path.open("rb") as file:
-                content = file.read(MAX_BYTES + 1)
-    except FileNotFoundError:
-        message = "There is no such file; give the path of one that exists."
-        raise TrajectoryFileError(path, message) from None
-    except PermissionError:
-        message = "The file may not be read; give yourself the permission to."
-        raise TrajectoryFileError(path, message) from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", error)
-        message = f"The file cannot be read ({reason}); give another."
-        raise TrajectoryFileError(path, message) from None
-    if content is None:
-        message = "a folder; give a file in it" if is_folder else "no regular file; give one"
-        raise TrajectoryFileError(path, f"This is {message}.")
-    if len(content) > MAX_BYTES:
-        message = f"The file is larger than {MAX_BYTES // 1024**2} MiB; keep the trajectory alone."
-        raise TrajectoryFileError(path, message)
-    if not content.strip():
-        raise TrajectoryFileError(path, "The file is empty; give one with a trajectory.")
-    return content
+        return read_companion(path, MAX_BYTES, "trajectory")
+    except CompanionFileError as error:
+        raise TrajectoryFileError(path, str(error)) from None
 
 
 def _text(path: Path, content: bytes) -> str:

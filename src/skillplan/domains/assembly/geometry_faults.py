@@ -1,0 +1,161 @@
+"""Faults of an assembly's geometry: shapes off their bottom, overlaps, what is out of reach."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import combinations
+
+from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_box
+from skillplan.domains.assembly.layout import (
+    boxes_of,
+    feeder_of,
+    goal_of,
+    height_of,
+    holder_of,
+    hole_of,
+    shapes_of,
+    start_of,
+)
+from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.errors import Issue
+from skillplan.task.motion import Point
+from skillplan.task.shape import Box
+
+_Boxes = Mapping[str, tuple[Box, ...]]
+
+_TOUCH_M = 2e-4
+_MAX_SHAPES = 1024
+# More than twice that of the densest element [kg/m3].
+_MOST_DENSITY_KG_M3 = 50_000.0
+
+
+def shape_issues(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield shapes that do not begin at their part's bottom, and masses that cannot be."""
+    for name, part in config.parts.items():
+        boxes = boxes_of(part)
+        bottom_m = min(box.centre[2] - box.size[2] / 2 for box in boxes)
+        if abs(bottom_m) > _TOUCH_M:
+            lowest = "mesh" if part.meshes is not None else "box"
+            message = (
+                f"the lowest {lowest} begins at {bottom_m:.4f} m, not at the part's bottom, 0. "
+                "Shift 'centre_m'."
+            )
+            yield Issue(message, ("parts", name, part.shape_key))
+        volume_m3 = sum(math.prod(box.size) for box in boxes)
+        # What is left out is a guess, to which no shape has to answer.
+        given = "mass_kg" in part.model_fields_set
+        if given and part.mass_kg > _MOST_DENSITY_KG_M3 * volume_m3:
+            message = (
+                f"{part.mass_kg:g} kg in {volume_m3 * 1e6:.3g} cm3 at most is heavier than any "
+                "metal. Is it in grams?"
+            )
+            yield Issue(message, ("parts", name, "mass_kg"))
+    count = sum(len(part.boxes or part.meshes or (1,)) for part in config.parts.values())
+    if count > _MAX_SHAPES:
+        yield Issue(f"must have at most {_MAX_SHAPES} boxes in all.", ("parts",))
+
+
+def geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield what is out of reach, overlaps, or hangs in the air, of parts that exist."""
+    yield from _out_of_reach(config)
+    # A box about a cylinder or a mesh may overlap where they do not; a box inside them may not.
+    cores = {
+        name: tuple(shape.core for shape in shapes_of(part)) for name, part in config.parts.items()
+    }
+    for key, boxes in (("start_m", _at_start(config, cores)), ("goal_m", _at_goal(config, cores))):
+        lying = {
+            name: own
+            for name, own in boxes.items()
+            if key == "goal_m" or config.parts[name].feeder is None
+        }
+        about = {name: _hull(own) for name, own in lying.items()}
+        for one, other in combinations(lying, 2):
+            if _overlap([about[one]], [about[other]]) and _overlap(lying[one], lying[other]):
+                where = "at the start" if key == "start_m" else "at their goals"
+                message = f"{other!r} and {one!r} overlap {where}. Move one."
+                place = key if getattr(config.parts[other], key) is not None else "start_on"
+                yield Issue(message, ("parts", other, place))
+    hulls = {name: boxes_of(part) for name, part in config.parts.items()}
+    starts, goals = _at_start(config, hulls), _at_goal(config, hulls)
+    for name, part in config.parts.items():
+        for key, beneath, boxes in (
+            ("start_on", part.start_on, starts),
+            ("goal_on", part.goal_on, goals),
+        ):
+            if beneath is not None and not _touch(boxes[name], boxes[beneath]):
+                message = f"{name!r} does not lie over {beneath!r}. Move it."
+                yield Issue(message, ("parts", name, key))
+    for name, screw in config.screws.items():
+        x_m, y_m, z_m = hole_of(config, screw)
+        head = WorldBox(
+            (x_m - 1e-6, y_m - 1e-6, z_m), (x_m + 1e-6, y_m + 1e-6, z_m + screw.head_height_m)
+        )
+        if not _touch((head,), goals[screw.through]):
+            message = f"the hole does not lie over the top of {screw.through!r}. Move it."
+            yield Issue(message, ("screws", name, "hole_m"))
+
+
+def _out_of_reach(config: AssemblyConfig) -> Iterator[Issue]:
+    robot = config.robot
+    base = (robot.base_m[0], robot.base_m[1], robot.base_m[2])
+
+    def check(target: Point, lift_m: float, *path: str | int) -> Iterator[Issue]:
+        for z_m in (target[2], max(robot.safe_height_m, target[2])):
+            distance_m = math.dist(base, (target[0], target[1], z_m + lift_m))
+            if distance_m > robot.reach_m:
+                yield Issue(
+                    f"out of reach: {distance_m:.3f} m from the base, where "
+                    f"{robot.reach_m:.3f} m is the most.",
+                    path,
+                )
+                return
+
+    home = (robot.home_m[0], robot.home_m[1], robot.safe_height_m)
+    yield from check(home, 0.0, "robot", "home_m")
+    for tool in config.tools:
+        yield from check(holder_of(config, tool), 0.0, "tools", tool, "holder_m")
+    for feeder in config.feeders:
+        yield from check(feeder_of(config, feeder), 0.0, "feeders", feeder, "position_m")
+    for name, part in config.parts.items():
+        if part.start_m is not None:
+            yield from check(start_of(config, name), height_of(part), "parts", name, "start_m")
+        elif part.start_on is not None:
+            yield from check(start_of(config, name), height_of(part), "parts", name, "start_on")
+        yield from check(goal_of(config, name), height_of(part), "parts", name, "goal_m")
+    for name, screw in config.screws.items():
+        yield from check(hole_of(config, screw), 0.0, "screws", name, "hole_m")
+
+
+def _at_start(config: AssemblyConfig, boxes: _Boxes) -> dict[str, tuple[WorldBox, ...]]:
+    return {
+        name: _turned(boxes[name], start_of(config, name), part.start_yaw_rad)
+        for name, part in config.parts.items()
+    }
+
+
+def _at_goal(config: AssemblyConfig, boxes: _Boxes) -> dict[str, tuple[WorldBox, ...]]:
+    return {
+        name: _turned(boxes[name], goal_of(config, name), part.goal_yaw_rad)
+        for name, part in config.parts.items()
+    }
+
+
+def _turned(boxes: Iterable[Box], origin: Point, yaw_rad: float) -> tuple[WorldBox, ...]:
+    return tuple(world_box(box, origin, yaw_rad) for box in boxes)
+
+
+def _hull(boxes: Iterable[WorldBox]) -> WorldBox:
+    lows, highs = zip(*((box.low, box.high) for box in boxes), strict=True)
+    low = tuple(min(values) for values in zip(*lows, strict=True))
+    high = tuple(max(values) for values in zip(*highs, strict=True))
+    return WorldBox((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+
+
+def _overlap(some: Iterable[WorldBox], others: Iterable[WorldBox]) -> bool:
+    still = (0.0, 0.0, 0.0)
+    return any(sweep_hits(a, still, b, _TOUCH_M) for a in some for b in others)
+
+
+def _touch(upper: Iterable[WorldBox], lower: Iterable[WorldBox]) -> bool:
+    return any(contact_area(a, b, _TOUCH_M) is not None for a in upper for b in lower)

@@ -1,0 +1,229 @@
+"""Convex polyhedra from OBJ, STL and PLY files."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+import warnings
+from collections import Counter
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from skillplan.domains.companion_file import CompanionFileError, companion_in, read_companion
+from skillplan.task.motion import Point
+
+MAX_BYTES = 4 * 1024 * 1024
+"""Greatest size of a file."""
+
+MAX_CORNERS = 5_000
+"""Most corners of a polyhedron."""
+
+SUFFIXES = (".obj", ".stl", ".ply")
+
+_LEAST_EXTENT_M, _MOST_EXTENT_M = 1e-6, 10.0
+# How far a corner may lie outside the plane of a face, of the greatest extent: files hold seven
+# digits, of lengths far from the origin fewer.
+_FLATNESS = 1e-5
+_DECIMALS = 9
+
+_Floats = npt.NDArray[np.float64]
+_Indices = npt.NDArray[np.int64]
+
+
+class MeshFileError(Exception):
+    """A file holds no convex polyhedron that a part can be made of.
+
+    Parameters
+    ----------
+    message
+        What is wrong and what to do instead, in a sentence.
+    key
+        The key of the task file that is at fault, ``file`` or ``scale``.
+    """
+
+    def __init__(self, message: str, key: str = "file") -> None:
+        self.key = key
+        super().__init__(message)
+
+
+@dataclass(frozen=True, slots=True)
+class Polyhedron:
+    """What a file holds.
+
+    Parameters
+    ----------
+    corners
+        About the centre of the smallest upright box about them [m].
+    faces
+        Triangles by three indices of corners each, anticlockwise from outside.
+    size
+        Extents of the box [m].
+    sha256
+        Hash of the file's content, in hexadecimal.
+    """
+
+    corners: tuple[Point, ...]
+    faces: tuple[tuple[int, int, int], ...]
+    size: Point
+    sha256: str
+
+    def about(self, centre: Point) -> tuple[Point, ...]:
+        """Return the corners when the box lies about `centre` [m], to a nanometre."""
+        x_m, y_m, z_m = centre
+        return tuple(
+            (round(x + x_m, _DECIMALS), round(y + y_m, _DECIMALS), round(z + z_m, _DECIMALS))
+            for x, y, z in self.corners
+        )
+
+
+def read_mesh(folder: Path, name: str, scale: float) -> Polyhedron:
+    """Return the convex polyhedron that a file holds.
+
+    Parameters
+    ----------
+    folder
+        The task file's folder, which the file must lie in.
+    name
+        The file's name relative to `folder`; it is read by its suffix, one of `SUFFIXES`.
+    scale
+        What the lengths are multiplied by to be metres, > 0.
+
+    Raises
+    ------
+    MeshFileError
+        If the file lies elsewhere, cannot be read, is larger than `MAX_BYTES`, or holds anything
+        but one closed convex surface of `MAX_CORNERS` corners at most, 1e-6 m to 10 m long.
+    """
+    try:
+        path = companion_in(folder, name)
+        suffix = path.suffix.lower()
+        if suffix not in SUFFIXES:
+            raise MeshFileError(
+                f"The kind of file is told by its suffix; give one of {', '.join(SUFFIXES)}."
+            )
+        content = read_companion(path, MAX_BYTES, "surface")
+    except CompanionFileError as error:
+        raise MeshFileError(str(error)) from None
+    return _polyhedron(content, suffix, scale)
+
+
+# Many parts may name one file.
+@lru_cache(maxsize=16)
+def _polyhedron(content: bytes, suffix: str, scale: float) -> Polyhedron:
+    raw_corners, raw_faces = _parsed(content, suffix)
+    if not len(raw_faces):
+        raise MeshFileError("It holds no faces; save the surface as triangles or polygons.")
+    if not np.isfinite(raw_corners).all():
+        raise MeshFileError("A coordinate is not finite; save the surface anew.")
+    with np.errstate(over="ignore"):
+        corners = raw_corners * scale
+    used = corners[np.unique(raw_faces)]
+    size = used.max(axis=0) - used.min(axis=0)
+    _check_size(size, scale)
+    middle = (used.max(axis=0) + used.min(axis=0)) / 2
+    corners, faces = _merged(corners - middle, raw_faces)
+    if len(corners) > MAX_CORNERS:
+        raise MeshFileError(
+            f"It has {len(corners):,} corners, where {MAX_CORNERS:,} are the most; simplify it."
+        )
+    faces = _outward(corners, faces, float(size.max()))
+    return Polyhedron(
+        tuple((float(x), float(y), float(z)) for x, y, z in corners),
+        tuple((int(a), int(b), int(c)) for a, b, c in faces),
+        (float(size[0]), float(size[1]), float(size[2])),
+        hashlib.sha256(content).hexdigest(),
+    )
+
+
+def _parsed(content: bytes, suffix: str) -> tuple[_Floats, _Indices]:
+    """Return corners and triangles as the file has them."""
+    import trimesh
+
+    unread = f"It cannot be read as {suffix[1:].upper()}; save it anew."
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            mesh = trimesh.load_scene(
+                io.BytesIO(content), file_type=suffix[1:], skip_materials=True, process=False
+            ).to_mesh()
+            corners = np.asarray(mesh.vertices, dtype=np.float64)
+            faces = np.asarray(mesh.faces, dtype=np.int64)
+    except Exception:
+        # The library raises whatever its parsers meet, in the words of its programmers.
+        raise MeshFileError(unread) from None
+    is_table = corners.ndim == 2 and corners.shape[1:] == (3,)
+    if not is_table or (len(faces) and not 0 <= faces.min() <= faces.max() < len(corners)):
+        raise MeshFileError(unread)
+    return corners, faces.reshape(-1, 3)
+
+
+def _check_size(size: _Floats, scale: float) -> None:
+    longest_m = float(size.max())
+    if longest_m > _MOST_EXTENT_M:
+        hint = ""
+        if longest_m * 1e-3 <= _MOST_EXTENT_M:
+            hint = f" Is the file in millimetres? Then give scale: {scale * 1e-3:g}."
+        raise MeshFileError(
+            f"It is {longest_m:g} m long, where {_MOST_EXTENT_M:g} m are the most.{hint}", "scale"
+        )
+    shortest_m = float(size.min())
+    if shortest_m < _LEAST_EXTENT_M:
+        if longest_m < _LEAST_EXTENT_M:
+            message = f"It is {longest_m:g} m long, where {_LEAST_EXTENT_M:g} m are the least."
+            raise MeshFileError(message, "scale")
+        axis = "xyz"[int(size.argmin())]
+        raise MeshFileError(f"It is flat: {shortest_m:g} m along {axis}; give it a thickness.")
+
+
+def _merged(corners: _Floats, faces: _Indices) -> tuple[_Floats, _Indices]:
+    """Return corners to a nanometre, each once, and faces that still have three of them."""
+    rounded = np.round(corners, _DECIMALS) + 0.0
+    unique, index = np.unique(rounded, axis=0, return_inverse=True)
+    faces = index.reshape(-1)[faces]
+    distinct = (
+        (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    )
+    faces = faces[distinct]
+    used, compact = np.unique(faces, return_inverse=True)
+    return unique[used], compact.reshape(-1, 3)
+
+
+def _outward(corners: _Floats, faces: _Indices, longest_m: float) -> _Indices:
+    """Return the faces turned outward of a closed convex surface."""
+    edges = Counter(
+        (min(a, b), max(a, b))
+        for face in faces.tolist()
+        for a, b in zip(face, [*face[1:], face[0]], strict=True)
+    )
+    if any(count != 2 for count in edges.values()):
+        raise MeshFileError(
+            "It is not closed: an edge does not lie between two faces. Close its holes, and leave "
+            "out what lies inside."
+        )
+    a, b, c = (corners[faces[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    lengths = np.linalg.norm(normals, axis=1)
+    sound = lengths > 1e-12 * longest_m**2
+    normals[sound] /= lengths[sound, None]
+    tolerance_m = max(_FLATNESS * longest_m, 1e-8)
+    flip = np.zeros(len(faces), dtype=bool)
+    for i in np.flatnonzero(sound):
+        beyond = (corners - a[i]) @ normals[i]
+        if -beyond.min() < beyond.max():
+            flip[i], beyond = True, -beyond
+        if beyond.max() > tolerance_m:
+            raise MeshFileError(
+                f"It is not convex: a corner lies {beyond.max():.2g} m outside the plane of a "
+                "face. Split it into convex pieces, one entry of 'meshes' each."
+            )
+    faces = faces.copy()
+    faces[flip] = faces[flip][:, ::-1]
+    a, b, c = (corners[faces[:, i]] for i in range(3))
+    volume_m3 = float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6
+    if not (math.isfinite(volume_m3) and volume_m3 > 1e-6 * longest_m * _LEAST_EXTENT_M**2):
+        raise MeshFileError("It encloses no volume; give it a thickness.")
+    return faces

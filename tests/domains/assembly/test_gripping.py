@@ -1,0 +1,210 @@
+"""What tools do, how parts are held, and what an assembly makes of shapes."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from situations import assembly, config_content
+from skillplan.domains.assembly import AssemblyDomain
+from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.physics.strokes import grasp_of, jaws_about
+from skillplan.task.scene import Grasp, GraspKind, ToolKind
+from skillplan.task.shape import Box, Cylinder
+from skillplan.testing import lid_content
+
+CYLINDER = {"diameter_m": 0.03, "height_m": 0.02}
+STEPS = [
+    {"size_m": [0.06, 0.04, 0.01], "centre_m": [0.0, 0.0, 0.005]},
+    {"size_m": [0.02, 0.03, 0.02], "centre_m": [0.02, 0.0, 0.02]},
+]
+
+
+def content_of(shape=None, *, tool=None, **grasp):
+    """Return an assembly of a single part."""
+    return {
+        "kind": "assembly",
+        "name": "single",
+        "robot": {"home_m": [0.3, 0.0]},
+        "tools": {"hand": {"holder_m": [0.5, 0.3], **(tool or {})}},
+        "initial_tool": "hand",
+        "parts": {
+            "part": {
+                "tool": "hand",
+                **(shape or {"size_m": [0.02, 0.04, 0.03]}),
+                "grasp": grasp,
+                "start_m": [0.3, 0.2],
+                "goal_m": [0.5, 0.0],
+            }
+        },
+        "step_limit": 2,
+    }
+
+
+def grasp_in(*arguments, **changes):
+    """Return the grasp of the single part."""
+    return assembly(content_of(*arguments, **changes)).scene.body("part").grasp
+
+
+def issues_of(*arguments, **changes):
+    """Return path and message of what is wrong with the single part."""
+    config = AssemblyConfig.model_validate(content_of(*arguments, **changes))
+    return [(issue.path, issue.message) for issue in AssemblyDomain().issues(config)]
+
+
+def test_a_part_is_held_across_its_narrower_side():
+    """Half-way down, 12 mm at most: the tip is above the middle of the part."""
+    assert grasp_in() == Grasp(GraspKind.JAWS, (0.0, 0.0, 0.03 - 0.012), "x", 0.02)
+    low = grasp_in({"size_m": [0.05, 0.04, 0.01]})
+    assert low == Grasp(GraspKind.JAWS, (0.0, 0.0, 0.005), "y", 0.04)
+
+
+def test_what_the_file_says_of_a_grasp_goes_before():
+    """Axis, depth and place, each by itself."""
+    assert grasp_in(closing_axis="y").width_m == 0.04
+    assert grasp_in(depth_m=0.02).tip[2] == pytest.approx(0.01)
+    assert grasp_in(at_m=[0.0, 0.012]).tip == (0.0, 0.012, 0.03 - 0.012)
+    assert grasp_in(closing_axis="auto") == grasp_in()
+
+
+def test_the_width_is_that_of_what_is_between_the_jaws():
+    """What ends below the fingers does not count."""
+    by_the_step = grasp_in({"boxes": STEPS})
+    assert by_the_step.tip == pytest.approx((0.02, 0.0, 0.02))
+    assert (by_the_step.closing_axis, by_the_step.width_m) == ("x", pytest.approx(0.02))
+    deep = grasp_in({"boxes": STEPS}, depth_m=0.025)
+    assert deep.width_m == pytest.approx(0.04)
+    assert deep.closing_axis == "y"
+
+
+def test_a_cylinder_is_as_wide_as_its_diameter():
+    """Along both axes."""
+    assert grasp_in({"cylinder": CYLINDER}).width_m == 0.03
+    assert grasp_in({"cylinder": CYLINDER}, closing_axis="y").width_m == 0.03
+
+
+def test_the_hands_own_choice_is_the_file_s():
+    """What the task leaves out and what back ends make of a body without a grasp agree."""
+    for name in ("inverter_board", "motor_drive"):
+        content = config_content(name)
+        for part in content["parts"].values():
+            part.pop("grasp", None)
+        content["tools"] = {
+            tool: {"holder_m": entry["holder_m"]} for tool, entry in content["tools"].items()
+        }
+        for body in assembly(content).scene.bodies:
+            if body.grasp is not None:
+                assert body.grasp == jaws_about(body.boxes) == grasp_of(body)
+
+
+def test_suction_holds_from_above():
+    """On what is highest there."""
+    assert grasp_in(type="suction") == Grasp(GraspKind.SUCTION, (0.0, 0.0, 0.03))
+    assert grasp_in({"boxes": STEPS}, type="suction").tip == (0.0, 0.0, 0.01)
+    assert grasp_in({"boxes": STEPS}, type="suction", at_m=[0.02, 0.01]).tip == (0.02, 0.01, 0.03)
+
+
+def test_a_part_is_held_as_its_tool_holds():
+    """A cup by suction, a gripper by its jaws; a gripper may have a cup as well."""
+    assert grasp_in(tool={"type": "suction"}).kind is GraspKind.SUCTION
+    assert grasp_in(tool={"type": "gripper"}).kind is GraspKind.JAWS
+    assert grasp_in(tool={"type": "gripper"}, type="suction").kind is GraspKind.SUCTION
+
+
+def test_a_tool_is_what_it_is_used_for_where_the_file_does_not_say():
+    """One that drives screws and holds no part is a screwdriver."""
+    robot = assembly(lid_content()).scene.robots[0]
+    kinds = {tool.name: (tool.kind, tool.opening_m) for tool in robot.tools}
+    content = lid_content()
+    for part in content["parts"].values():
+        part["tool"] = "gripper"
+    for screw in content.get("screws", {}).values():
+        screw["tool"] = "gripper"
+    both = assembly(content).scene.robots[0].tools
+    assert kinds["gripper"] == (ToolKind.GRIPPER, None)
+    assert ToolKind.SCREWDRIVER in {kind for kind, _ in kinds.values()}
+    assert all(tool.kind is ToolKind.GRIPPER for tool in both)
+
+
+def test_the_board_is_held_as_a_hand_can_hold_it(board_task):
+    """The PCB is wider than the jaws open; the brace is held by its bar."""
+    tools = {tool.name: tool for tool in board_task.scene.robots[0].tools}
+    assert (tools["gripper"].kind, tools["gripper"].opening_m) == (ToolKind.GRIPPER, 0.08)
+    assert tools["screwdriver"].kind is ToolKind.SCREWDRIVER
+    grasps = {body.name: body.grasp for body in board_task.scene.bodies}
+    assert grasps["pcb"] == Grasp(GraspKind.SUCTION, (0.0, 0.0, 0.006))
+    assert grasps["brace"].width_m == 0.02
+    assert grasps["brace"].tip == pytest.approx((0.0, 0.0, 0.042))
+    closing = {name: grasp.closing_axis for name, grasp in grasps.items() if grasp}
+    assert {name for name, axis in closing.items() if axis == "y"} == {
+        "switch_1",
+        "switch_2",
+        "transformer",
+    }
+    assert grasps["screw_1"] is None
+
+
+def test_the_head_of_a_screw_is_a_cylinder(board_task):
+    """As wide and high as the file says."""
+    (head,) = board_task.scene.body("screw_1").shapes
+    assert head == Cylinder(0.006, 0.002, (0.0, 0.0, 0.001))
+    assert board_task.scene.body("screw_1").boxes == (
+        Box((0.006, 0.006, 0.002), (0.0, 0.0, 0.001)),
+    )
+
+
+@given(width_m=st.floats(0.001, 0.2), depth_m=st.floats(0.001, 0.2), opening_m=st.floats(0.01, 0.2))
+def test_a_part_fits_between_the_jaws_or_is_refused(width_m, depth_m, opening_m):
+    """By 2 mm, across its narrower side."""
+    shape = {"size_m": [width_m, depth_m, 0.02]}
+    found = issues_of(shape, tool={"opening_m": opening_m})
+    narrower_m = min(width_m, depth_m)
+    if abs(narrower_m - (opening_m - 0.002)) > 1e-8:
+        assert bool(found) == (narrower_m > opening_m - 0.002)
+    if found:
+        ((path, message),) = found
+        assert path == ("parts", "part", "size_m")
+        assert "give grasp: {type: suction}." in message
+
+
+def test_the_other_axis_is_named_only_where_it_fits():
+    """Else suction alone."""
+    tool = {"opening_m": 0.08}
+    ((path, message),) = issues_of({"size_m": [0.1, 0.04, 0.02]}, tool=tool, closing_axis="x")
+    assert path == ("parts", "part", "grasp")
+    assert message == (
+        "0.100 m wide where the jaws of 'hand' open 0.080 m; "
+        "give grasp: {closing_axis: y} or {type: suction}."
+    )
+    ((_, message),) = issues_of({"size_m": [0.1, 0.1, 0.02]}, tool=tool, closing_axis="x")
+    assert "closing_axis" not in message
+
+
+def test_jaws_that_close_on_nothing_are_refused():
+    """Between two towers, where the tip would be by itself."""
+    towers = [
+        {"size_m": [0.01, 0.02, 0.03], "centre_m": [side * 0.02, 0.0, 0.015]} for side in (-1, 1)
+    ]
+    ((path, message),) = issues_of({"boxes": towers}, closing_axis="y")
+    assert path == ("parts", "part", "boxes")
+    assert "nothing of the part is under the jaws" in message
+    assert issues_of({"boxes": towers}, closing_axis="y", at_m=[0.02, 0.0]) == []
+    assert issues_of({"boxes": towers}, closing_axis="x") == []
+
+
+def test_an_assembly_that_models_no_hand_is_not_asked_for_one():
+    """Neither opening nor grasp: wide parts and towers are as good as any."""
+    assert issues_of({"size_m": [0.5, 0.5, 0.02]}) == []
+
+
+def test_cylinders_may_stand_where_only_the_boxes_about_them_overlap():
+    """Diagonally, a little apart."""
+    content = content_of({"cylinder": CYLINDER})
+    part = content["parts"]["part"]
+    content["parts"]["other"] = {**part, "start_m": [0.323, 0.223], "goal_m": [0.523, 0.023]}
+    content["step_limit"] = 4
+    config = AssemblyConfig.model_validate(content)
+    assert [] == list(AssemblyDomain().issues(config))
+    content["parts"]["other"]["goal_m"] = [0.51, 0.01]
+    config = AssemblyConfig.model_validate(content)
+    (issue,) = AssemblyDomain().issues(config)
+    assert "overlap at their goals" in issue.message

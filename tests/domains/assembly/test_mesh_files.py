@@ -1,0 +1,259 @@
+"""Convex polyhedra from files."""
+
+import contextlib
+import io
+import os
+import random
+import struct
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skillplan.domains.assembly.mesh_files import (
+    MAX_BYTES,
+    MAX_CORNERS,
+    SUFFIXES,
+    MeshFileError,
+    read_mesh,
+)
+from skillplan.task.shape import Mesh
+
+# Corners and faces of a wedge: 2 long, 1 wide, 1 high where it is highest.
+WEDGE = [(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (0, 0, 1), (0, 1, 1)]
+WEDGE_FACES = [(3, 2, 1, 0), (0, 1, 4), (1, 2, 5, 4), (2, 3, 5), (3, 0, 4, 5)]
+
+
+def triangles(faces):
+    """Return the triangles of polygons, as fans."""
+    return [(face[0], b, c) for face in faces for b, c in pairwise(face[1:])]
+
+
+def as_obj(corners, faces):
+    """Return an OBJ file's content."""
+    lines = ["v {} {} {}".format(*corner) for corner in corners]
+    lines += ["f " + " ".join(str(index + 1) for index in face) for face in faces]
+    return "\n".join(lines).encode()
+
+
+def as_stl(corners, faces):
+    """Return a binary STL file's content, without normals."""
+    rows = triangles(faces)
+    content = bytes(80) + struct.pack("<I", len(rows))
+    for row in rows:
+        numbers = [0.0, 0.0, 0.0, *(value for index in row for value in corners[index])]
+        content += struct.pack("<12fH", *numbers, 0)
+    return content
+
+
+def as_ply(corners, faces):
+    """Return a PLY file's content, as text."""
+    head = ["ply", "format ascii 1.0", f"element vertex {len(corners)}"]
+    head += [f"property float {axis}" for axis in "xyz"]
+    head += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    rows = ["{} {} {}".format(*corner) for corner in corners]
+    rows += [" ".join(map(str, (len(face), *face))) for face in faces]
+    return "\n".join([*head, *rows, ""]).encode()
+
+
+FORMS = {".obj": as_obj, ".stl": as_stl, ".ply": as_ply}
+
+
+def wedge_in(folder, suffix=".obj", **changes):
+    """Write the wedge into a folder and return its file's name."""
+    corners, faces = changes.get("corners", WEDGE), changes.get("faces", WEDGE_FACES)
+    (folder / f"wedge{suffix}").write_bytes(FORMS[suffix](corners, faces))
+    return f"wedge{suffix}"
+
+
+def reason(folder, name="wedge.obj", scale=0.01):
+    """Return why a file is refused, and at which key."""
+    with pytest.raises(MeshFileError) as raised:
+        read_mesh(folder, name, scale)
+    return str(raised.value), raised.value.key
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_wedge_is_read_from_every_kind_of_file(tmp_path, suffix):
+    """To metres, about the middle of the box about it."""
+    read = read_mesh(tmp_path, wedge_in(tmp_path, suffix), 0.01)
+    assert read.size == pytest.approx((0.02, 0.01, 0.01))
+    corners = read.about((0.01, 0.005, 0.005))
+    expected = {tuple(round(0.01 * value, 9) for value in corner) for corner in WEDGE}
+    assert expected == set(corners)
+    assert len(read.faces) == 8
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_kind_of_file_does_not_change_the_polyhedron(tmp_path, suffix):
+    """The same corners in the same order, so that the same verdicts follow."""
+    read = read_mesh(tmp_path, wedge_in(tmp_path, suffix), 0.01)
+    assert read.corners == read_mesh(tmp_path, wedge_in(tmp_path), 0.01).corners
+
+
+def test_faces_are_turned_outward(tmp_path):
+    """However the file has them: the volume that they enclose is that of the wedge."""
+    turned = [face[::-1] if i % 2 else face for i, face in enumerate(WEDGE_FACES)]
+    read = read_mesh(tmp_path, wedge_in(tmp_path, faces=turned), 1.0)
+    volume_m3 = 0.0
+    for face in read.faces:
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (read.corners[index] for index in face)
+        volume_m3 += ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+    assert volume_m3 / 6 == pytest.approx(1.0)
+
+
+@given(order=st.permutations(range(len(WEDGE))), seed=st.integers(0, 99))
+@settings(max_examples=25, deadline=None)
+def test_the_order_of_corners_and_faces_does_not_matter(tmp_path_factory, order, seed):
+    """Corners come out sorted, and each once."""
+    folder = tmp_path_factory.mktemp("mesh")
+    corners = [WEDGE[index] for index in order]
+    faces = [tuple(order.index(index) for index in face) for face in WEDGE_FACES]
+    random.Random(seed).shuffle(faces)
+    doubled = [*corners, *corners]
+    faces = [tuple(i + len(WEDGE) * (i % 2) for i in face) for face in faces]
+    read = read_mesh(folder, wedge_in(folder, corners=doubled, faces=faces), 0.01)
+    assert read.corners == read_mesh(folder, wedge_in(folder), 0.01).corners
+    assert Mesh(read.corners, read.faces).box.size == pytest.approx((0.02, 0.01, 0.01))
+
+
+def test_corners_that_no_face_has_are_left_out(tmp_path):
+    """They bound nothing."""
+    name = wedge_in(tmp_path, corners=[*WEDGE, (50, 50, 50)])
+    assert len(read_mesh(tmp_path, name, 0.01).corners) == 6
+
+
+def test_the_hash_is_that_of_the_file(tmp_path):
+    """A comment more is another file."""
+    one = read_mesh(tmp_path, wedge_in(tmp_path), 0.01)
+    path = tmp_path / "wedge.obj"
+    path.write_bytes(b"# a comment\n" + path.read_bytes())
+    other = read_mesh(tmp_path, "wedge.obj", 0.01)
+    assert one.corners == other.corners
+    assert one.sha256 != other.sha256
+
+
+def test_a_surface_with_a_dent_is_refused(tmp_path):
+    """With how deep it is, and what to do."""
+    tip = (0.5, 0.5, 0.2)
+    faces = [*WEDGE_FACES[:4], (3, 0, 6), (0, 4, 6), (4, 5, 6), (5, 3, 6)]
+    message, key = reason(tmp_path, wedge_in(tmp_path, corners=[*WEDGE, tip], faces=faces))
+    assert key == "file"
+    assert "It is not convex: a corner lies " in message
+    assert "Split it into convex pieces, one entry of 'meshes' each." in message
+
+
+def test_two_pieces_in_one_file_are_refused(tmp_path):
+    """Each closed and convex, but not both together."""
+    moved = [(x + 5, y, z) for x, y, z in WEDGE]
+    faces = [*WEDGE_FACES, *(tuple(index + 6 for index in face) for face in WEDGE_FACES)]
+    message, _ = reason(tmp_path, wedge_in(tmp_path, corners=[*WEDGE, *moved], faces=faces))
+    assert message.startswith("It is not convex")
+
+
+def test_what_is_flat_to_within_rounding_is_convex(tmp_path):
+    """A corner a millionth of the length outside a face's plane is there by rounding."""
+    corners = [*WEDGE[:2], (2, 1, 1e-6), *WEDGE[3:]]
+    assert len(read_mesh(tmp_path, wedge_in(tmp_path, corners=corners), 0.01).corners) == 6
+
+
+def test_a_surface_with_a_hole_is_refused(tmp_path):
+    """A face is missing, or one stands twice."""
+    for faces in (WEDGE_FACES[1:], [*WEDGE_FACES, (0, 1, 4)]):
+        message, _ = reason(tmp_path, wedge_in(tmp_path, faces=faces))
+        assert message.startswith("It is not closed")
+
+
+def test_units_are_told_by_the_scale(tmp_path):
+    """What would be right in millimetres is named."""
+    wedge_in(tmp_path)
+    assert reason(tmp_path, scale=10.0) == (
+        "It is 20 m long, where 10 m are the most. Is the file in millimetres? "
+        "Then give scale: 0.01.",
+        "scale",
+    )
+    assert "millimetres" not in reason(tmp_path, scale=1e9)[0]
+    message, key = reason(tmp_path, scale=1e-7)
+    assert (message, key) == ("It is 2e-07 m long, where 1e-06 m are the least.", "scale")
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "1e999", "1e308"])
+def test_a_coordinate_without_an_end_is_refused(tmp_path, value):
+    """Before anything is computed with it."""
+    wedge_in(tmp_path, corners=[(value, 0, 0), *WEDGE[1:]])
+    message, _ = reason(tmp_path, scale=1e9)
+    assert "not finite" in message or " m long, where 10 m are the most" in message
+
+
+def test_a_surface_of_too_many_corners_is_refused(tmp_path):
+    """With how many there may be."""
+    count = MAX_CORNERS // 2 + 1
+    corners = [(i / count, (i / count) ** 2, z) for z in (0, 1) for i in range(count)]
+    ring = [(i, (i + 1) % count, count + (i + 1) % count, count + i) for i in range(count)]
+    faces = [tuple(range(count))[::-1], tuple(range(count, 2 * count)), *ring]
+    message, _ = reason(tmp_path, wedge_in(tmp_path, corners=corners, faces=faces))
+    assert message == "It has 5,002 corners, where 5,000 are the most; simplify it."
+
+
+def test_a_file_too_large_is_refused_unread(tmp_path):
+    """Four mebibytes are the most."""
+    (tmp_path / "wedge.obj").write_bytes(b"#" * (MAX_BYTES + 1))
+    message, _ = reason(tmp_path)
+    assert message == "The file is larger than 4 MiB; keep the surface alone."
+
+
+def test_a_link_that_leads_out_of_the_folder_is_refused(tmp_path):
+    """Of a file or of a folder; one that stays inside is followed."""
+    inside, outside = tmp_path / "inside", tmp_path / "outside"
+    inside.mkdir()
+    outside.mkdir()
+    wedge_in(outside)
+    wedge_in(inside)
+    (inside / "file.obj").symlink_to(outside / "wedge.obj")
+    (inside / "folder").symlink_to(outside)
+    (inside / "own.obj").symlink_to(inside / "wedge.obj")
+    for name in ("file.obj", "folder/wedge.obj", "../outside/wedge.obj", "folder/../wedge.obj"):
+        message, _ = reason(inside, name)
+        assert message == "The file lies outside the task file's folder; copy it there."
+    assert len(read_mesh(inside, "own.obj", 0.01).corners) == 6
+
+
+def test_a_link_to_itself_is_refused(tmp_path):
+    """It leads nowhere."""
+    (tmp_path / "wedge.obj").symlink_to(tmp_path / "wedge.obj")
+    assert reason(tmp_path)[0].startswith(("The file cannot be", "There is no such file"))
+
+
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
+    """Nobody may ever write to it."""
+    os.mkfifo(tmp_path / "wedge.obj")
+    assert reason(tmp_path)[0] == "This is no regular file; give one."
+
+
+@pytest.mark.parametrize("name", ["", " ", "\0", "a\nb.obj", "C:/wedge.obj", "a\\wedge.obj"])
+def test_a_name_that_is_no_relative_path_is_refused(tmp_path, name):
+    """Whatever the system would make of it."""
+    wedge_in(tmp_path)
+    message, key = reason(tmp_path, name)
+    assert key == "file"
+    assert message.startswith(("This names no file", "The path must be relative"))
+
+
+@given(
+    suffix=st.sampled_from(SUFFIXES),
+    content=st.binary(max_size=200) | st.text(max_size=200).map(lambda text: text.encode()),
+    cut=st.integers(0, 400),
+)
+@settings(max_examples=150, deadline=None, derandomize=True, database=None)
+def test_no_file_is_too_odd(tmp_path_factory, suffix, content, cut):
+    """Bytes that are no mesh, and a mesh with bytes in it: a polyhedron or a reason."""
+    folder = tmp_path_factory.getbasetemp()
+    whole = FORMS[suffix](WEDGE, WEDGE_FACES)
+    for text in (content, whole[:cut] + content + whole[cut:]):
+        (folder / f"odd{suffix}").write_bytes(text)
+        said = io.StringIO()
+        with contextlib.redirect_stderr(said), contextlib.suppress(MeshFileError):
+            read = read_mesh(folder, f"odd{suffix}", 0.01)
+            Mesh(read.about((0.0, 0.0, 0.0)), read.faces)
+        assert said.getvalue() == ""
