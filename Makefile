@@ -50,5 +50,6 @@ $(INSTALLED): pyproject.toml constraints.txt $(wildcard plugins/*/pyproject.toml
 	  { echo "skillplan needs Python 3.11 or newer; name one: make PYTHON=python3.11"; exit 1; }
 	$(PYTHON) -m venv .venv
 	PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check \
-	  --editable '.[dev]' --editable plugins/skillplan-template
+	  --editable '.[dev]' --editable plugins/skillplan-template --editable plugins/skillplan-pinocchio \
+	  $$($(BIN)/python -c 'import sys; print("--editable plugins/skillplan-pybullet" if sys.version_info < (3, 12) else "")')
 	touch $@

@@ -1,0 +1,1 @@
+"""Inverse kinematics, trajectory times and swept collision detection of a Panda."""

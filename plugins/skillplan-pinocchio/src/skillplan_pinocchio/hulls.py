@@ -1,0 +1,143 @@
+"""The outline of what is at the end of the arm: hand and fingers, suction cup, screwdriver.
+
+Every outline is made of convex pieces in the frame of the tip: x along the closing axis of the
+jaws, z up, the tip at the origin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from skillplan.physics import panda
+from skillplan.task.scene import Robot, Tool, ToolKind
+from skillplan.task.shape import Cylinder
+from skillplan_pinocchio.shapes import (
+    Array,
+    ConvexPiece,
+    box_corners,
+    cylinder_corners,
+    placed,
+)
+
+# The body of the hand from its underside upwards: depth in the frame of the hand, how far out
+# along the closing axis, and half its width there [m]. Convex between. Measured on the collision
+# mesh that the maker publishes, made symmetric, as jaws close the same way with the hand turned
+# by half a turn.
+_HAND_OUTLINE_M: Final = (
+    (panda.HAND_UNDERSIDE_M, 0.0975, 0.0173),
+    (0.0560, 0.0960, 0.0196),
+    (0.0560, 0.1006, 0.0165),
+    (0.0430, 0.0960, 0.0208),
+    (0.0430, 0.1006, 0.0170),
+    (0.0110, 0.0930, 0.0246),
+    (0.0012, 0.0020, panda.HAND_HALF_WIDTH_M),
+    (0.0012, panda.HAND_HALF_LENGTH_M, 0.0040),
+    (-0.0085, 0.0420, 0.0281),
+    (-0.0085, 0.0800, 0.0262),
+    (-0.0085, 0.0880, 0.0248),
+    (-0.0085, panda.HAND_HALF_LENGTH_M, 0.0037),
+    (-0.0180, 0.1000, 0.0040),
+    (-0.0262, 0.0885, 0.0040),
+)
+# Diameter and height above the tip of what a suction cup and a screwdriver consist of, from
+# below [m]: a pad or bit, and a shank up to the flange. Plausible, not measured.
+_CUP_M: Final = ((0.016, 0.006), (0.036, panda.TIP_M))
+_DRIVER_M: Final = ((0.005, 0.040), (0.036, panda.TIP_M))
+
+
+@dataclass(frozen=True)
+class HandPart:
+    """A rigid part of what is at the end of the arm.
+
+    Parameters
+    ----------
+    name
+        In words, as ``a finger``.
+    corners
+        Of its convex pieces in the frame of the tip [m], each of shape (corners, 3).
+    """
+
+    name: str
+    corners: tuple[Array, ...]
+
+    def at(self, tip: Sequence[float], closing_yaw_rad: float) -> tuple[ConvexPiece, ...]:
+        """Return its pieces in the world.
+
+        Parameters
+        ----------
+        tip
+            Where the tip is [m].
+        closing_yaw_rad
+            Direction in which the jaws close, from x about the vertical [rad].
+        """
+        return tuple(ConvexPiece(placed(one, tip, closing_yaw_rad)) for one in self.corners)
+
+
+def hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple[HandPart, ...]:
+    """Return what is at the end of the arm.
+
+    A gripper is the hand of the arm itself. A suction cup or screwdriver is of common size, or
+    its envelope where the task gives one. Where tools can be changed and none is attached, the
+    arm ends at its flange.
+
+    Parameters
+    ----------
+    robot
+        Whose tool it is.
+    tool
+        Attached, or None.
+    opening_m
+        How far apart the jaws are [m], >= 0; counts for a gripper only.
+    """
+    if tool is None and robot.tools:
+        return ()
+    if tool is None or tool.kind is ToolKind.GRIPPER:
+        fingers = (_finger(opening_m / 2, 1), _finger(opening_m / 2, -1))
+        return (HandPart("a finger", fingers), HandPart("the hand", (_hand(),)))
+    if tool.envelope is not None:
+        return (HandPart(tool.name, (box_corners(tool.envelope),)),)
+    levels = _CUP_M if tool.kind is ToolKind.SUCTION else _DRIVER_M
+    return (HandPart(tool.name, _turned(levels)),)
+
+
+def widest_m(tool: Tool | None) -> float:
+    """Return how far the jaws open at most [m]."""
+    if tool is None or tool.opening_m is None:
+        return panda.OPENING_M
+    return min(tool.opening_m, panda.OPENING_M)
+
+
+def _hand() -> Array:
+    corners = [
+        _rectangle((0.0, 0.0), (2 * half_length_m, 2 * half_width_m), panda.TIP_M - depth_m)
+        for depth_m, half_length_m, half_width_m in _HAND_OUTLINE_M
+    ]
+    return np.concatenate(corners)
+
+
+def _finger(face_m: float, side: int) -> Array:
+    corners = []
+    for height_m, half_width_m, begin_m, end_m in panda.FINGER_PROFILE_M:
+        centre = (side * (face_m + (begin_m + end_m) / 2), 0.0)
+        corners.append(_rectangle(centre, (end_m - begin_m, 2 * half_width_m), height_m))
+    return np.concatenate(corners)
+
+
+def _rectangle(centre: tuple[float, float], size: tuple[float, float], height_m: float) -> Array:
+    (x, y), (length, width) = centre, size
+    signs = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+    return np.array([(x + a * length / 2, y + b * width / 2, height_m) for a, b in signs])
+
+
+def _turned(levels: Sequence[tuple[float, float]]) -> tuple[Array, ...]:
+    """Return the corners of cylinders that stand on each other."""
+    pieces, below_m = [], 0.0
+    for diameter_m, top_m in levels:
+        middle = (0.0, 0.0, (below_m + top_m) / 2)
+        pieces.append(cylinder_corners(Cylinder(diameter_m, top_m - below_m, middle)))
+        below_m = top_m
+    return tuple(pieces)

@@ -1,0 +1,152 @@
+"""Convex pieces for coal: corners, their hull, and the smallest upright box about them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import coal
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.task.motion import Point
+from skillplan.task.scene import Body, Pose
+from skillplan.task.shape import Box, Cylinder, Shape
+
+Array = NDArray[np.float64]
+
+# Corners of a cylinder's circle; their distance from the axis is such that neither the corners
+# stand out nor the sides fall short by more than 0.06 % of the radius.
+_CIRCLE: Final = 64
+# A plane to keep off: thick enough that nothing reaches through it [m].
+_TABLE_HALF_WIDTH_M: Final = 5.0
+_TABLE_THICKNESS_M: Final = 1.0
+
+_STILL = coal.Transform3s()
+
+
+@dataclass(frozen=True)
+class ConvexPiece:
+    """A convex polyhedron in the world.
+
+    Parameters
+    ----------
+    corners
+        In the world [m], shape (corners, 3).
+    """
+
+    corners: Array
+
+    @cached_property
+    def low(self) -> tuple[float, float, float]:
+        """Lower corner of the box about it [m]."""
+        x, y, z = self.corners.min(axis=0).tolist()
+        return (x, y, z)
+
+    @cached_property
+    def high(self) -> tuple[float, float, float]:
+        """Upper corner of the box about it [m]."""
+        x, y, z = self.corners.max(axis=0).tolist()
+        return (x, y, z)
+
+    @cached_property
+    def hull(self) -> Any:
+        """The convex hull, for coal."""
+        points = coal.StdVec_Vec3s()
+        points.extend(list(self.corners))
+        return coal.Convex.convexHull(points, True, "Qt")
+
+    def swept(self, by: Sequence[float]) -> ConvexPiece:
+        """Return what the piece sweeps on a straight way: the hull of its ends, exactly."""
+        return ConvexPiece(np.concatenate([self.corners, self.corners + np.array(by)]))
+
+
+@dataclass(frozen=True, slots=True)
+class Nearness:
+    """How two shapes are to each other.
+
+    Parameters
+    ----------
+    distance_m
+        Between them; below 0 how deep one is in the other.
+    position
+        Midway between the two nearest, or deepest, points [m].
+    """
+
+    distance_m: float
+    position: Point
+
+
+def nearness(one: ConvexPiece, other: ConvexPiece, by: Sequence[float] | None = None) -> Nearness:
+    """Return how near two pieces are, the first displaced by a vector [m] if one is given."""
+    at = _STILL if by is None else coal.Transform3s(np.eye(3), np.array(by))
+    return geometry_nearness(one.hull, at, other.hull, _STILL)
+
+
+def geometry_nearness(one: Any, one_at: Any, other: Any, other_at: Any) -> Nearness:
+    """Return how near two geometries of coal are, each with its placement."""
+    result = coal.DistanceResult()
+    distance_m = coal.distance(one, one_at, other, other_at, coal.DistanceRequest(), result)
+    middle = (result.getNearestPoint1() + result.getNearestPoint2()) / 2
+    x, y, z = (round(float(value), 6) for value in middle)
+    return Nearness(float(distance_m), (x, y, z))
+
+
+def may_touch(one: ConvexPiece, other: ConvexPiece, tolerance_m: float) -> bool:
+    """Whether the boxes about two pieces overlap by more than the tolerance."""
+    return all(
+        one.low[axis] + tolerance_m < other.high[axis]
+        and other.low[axis] + tolerance_m < one.high[axis]
+        for axis in range(3)
+    )
+
+
+def pieces_of(body: Body, pose: Pose) -> tuple[ConvexPiece, ...]:
+    """Return the pieces of an upright body at a pose."""
+    return tuple(
+        ConvexPiece(placed(corners_of(shape), pose.position, pose.yaw_rad)) for shape in body.shapes
+    )
+
+
+def placed(corners: Array, origin: Sequence[float], yaw_rad: float) -> Array:
+    """Return corners in the world, turned about the vertical and displaced, shape (corners, 3)."""
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(corners @ turn + np.array(origin))
+
+
+def corners_of(shape: Shape) -> Array:
+    """Return the corners of a shape in the frame of its body [m], shape (corners, 3)."""
+    if isinstance(shape, Box):
+        return box_corners(shape)
+    if isinstance(shape, Cylinder):
+        return cylinder_corners(shape)
+    return np.array(shape.corners, dtype=float)
+
+
+def box_corners(box: Box) -> Array:
+    """Return the eight corners of a box [m], shape (8, 3)."""
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    return np.asarray(np.array(box.centre) + signs * np.array(box.size) / 2)
+
+
+def cylinder_corners(cylinder: Cylinder) -> Array:
+    """Return the corners of a prism that is as good as an upright cylinder [m]."""
+    half = math.pi / _CIRCLE
+    radius_m = cylinder.diameter_m / (1 + math.cos(half))
+    ring = [
+        (radius_m * math.cos(2 * half * number), radius_m * math.sin(2 * half * number))
+        for number in range(_CIRCLE)
+    ]
+    z_m = cylinder.height_m / 2
+    rings = [(x, y, z) for z in (-z_m, z_m) for x, y in ring]
+    return np.asarray(np.array(rings) + np.array(cylinder.centre))
+
+
+def table() -> ConvexPiece:
+    """Return what everything stands on."""
+    size = (2 * _TABLE_HALF_WIDTH_M, 2 * _TABLE_HALF_WIDTH_M, _TABLE_THICKNESS_M)
+    return ConvexPiece(box_corners(Box(size, (0.0, 0.0, -_TABLE_THICKNESS_M / 2))))

@@ -1,0 +1,139 @@
+"""How long skills take: travel, strokes down and up, and what the hand does there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from skillplan.physics.strokes import Stroke, strokes
+from skillplan.task.motion import Event, Point
+from skillplan.task.scene import Robot
+from skillplan.task.task import Task
+from skillplan_pinocchio.arm_model import Vector
+from skillplan_pinocchio.arm_motion import travel_path
+from skillplan_pinocchio.motion_plan import ArmStroke, MotionPlanner
+from skillplan_pinocchio.timing import JointLimits, JointPath
+
+
+@dataclass(frozen=True)
+class Stand:
+    """Where the arm stands while a fact holds.
+
+    Parameters
+    ----------
+    above
+        Where the tip is [m].
+    joints_rad
+        How the arm stands there, shape (7,); None where it cannot.
+    """
+
+    above: Point
+    joints_rad: Vector | None
+
+
+class SkillTimes:
+    """Times of strokes and of the ways between them.
+
+    Parameters
+    ----------
+    task
+        The task.
+    robot
+        Its arm.
+    planner
+        Finds the ways of the arm.
+    limits
+        Of the joints.
+    dwells_s
+        How long the hand stays at a target [s], by what it does there.
+    drop_height_m
+        From how high above its goal a part is let go [m], >= 0.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        robot: Robot,
+        planner: MotionPlanner,
+        limits: JointLimits,
+        dwells_s: Mapping[Event, float],
+        drop_height_m: float,
+    ) -> None:
+        self.task = task
+        self.robot = robot
+        self.planner = planner
+        self.limits = limits
+        self.dwells_s = dwells_s
+        self.drop_height_m = drop_height_m
+        self._stands: dict[str, Stand] = {}
+        self._travels: dict[tuple[bytes, bytes], JointPath] = {}
+        self._strokes_s: dict[Stroke, float] = {}
+        self._last = self._last_strokes()
+
+    def duration_s(self, planned: tuple[ArmStroke, ...], stand: Stand) -> float | None:
+        """Return how long some strokes take in turn [s]; None where the arm cannot make them.
+
+        Parameters
+        ----------
+        planned
+            One at least.
+        stand
+            Where the arm stands before.
+        """
+        here = stand.joints_rad
+        total_s = 0.0
+        for one in planned:
+            if not one.elbows or here is None:
+                return None
+            path = one.elbows[0].path
+            total_s += self.travel(here, path.nodes[0]).timed(self.limits).duration_s
+            if one.stroke not in self._strokes_s:
+                self._strokes_s[one.stroke] = path.timed(self.limits).duration_s
+            # Up as down.
+            total_s += 2 * self._strokes_s[one.stroke] + self.dwells_s[one.stroke.visit.event]
+            here = path.nodes[0]
+        # A nanosecond is beyond what the limits mean, and the same on every machine.
+        return round(total_s, 9)
+
+    def travel(self, start: Vector, end: Vector) -> JointPath:
+        """Return the way between two postures above targets."""
+        key = (start.tobytes(), end.tobytes())
+        if key not in self._travels:
+            self._travels[key] = travel_path(self.planner.arm, start, end)
+        return self._travels[key]
+
+    def stand(self, fact: str, position: Point) -> Stand:
+        """Return how the arm stands at a place: as it ended the skill that leads there.
+
+        Parameters
+        ----------
+        fact
+            Says that it stands there.
+        position
+            Of the lowest point of tool and load [m]; counts where no skill leads.
+        """
+        if fact not in self._stands:
+            self._stands[fact] = self._found(fact, position)
+        return self._stands[fact]
+
+    def _found(self, fact: str, position: Point) -> Stand:
+        stroke = self._last.get(fact)
+        if stroke is not None:
+            position = stroke.above
+            elbows = self.planner.plan(stroke).elbows
+        else:
+            elbows = self.planner.ways(position, position, 0.0, frozenset()).elbows
+        return Stand(position, elbows[0].path.nodes[0] if elbows else None)
+
+    def _last_strokes(self) -> dict[str, Stroke]:
+        """Return the last stroke of the first skill that ends at every place."""
+        found: dict[str, Stroke] = {}
+        for skill in self.task.skills:
+            if skill.motion is None or skill.motion.robot != self.robot.name:
+                continue
+            for fact in skill.prediction.add:
+                if fact in self.robot.places and fact not in found:
+                    # A state in which the first route is the one that fits.
+                    state = skill.motion.routes[0].when | skill.precondition.requires
+                    found[fact] = strokes(self.task, skill, state, self.drop_height_m)[-1]
+        return found

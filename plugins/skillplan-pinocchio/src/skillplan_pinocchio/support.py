@@ -1,0 +1,196 @@
+"""Whether what is left somewhere stays there: what bears it, and whether it tips."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from skillplan_pinocchio.obstacles import Obstacle
+from skillplan_pinocchio.shapes import ConvexPiece
+
+Planar = tuple[float, float]
+Polygon = tuple[Planar, ...]
+
+# A contact of less area bears nothing [m^2].
+_LEAST_AREA_M2 = 1e-10
+_ROUNDING_M = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Where something bears a body.
+
+    Parameters
+    ----------
+    body
+        What bears it.
+    fact
+        Holds while that is there; None for what is always there.
+    polygons
+        Where they touch, seen from above [m].
+    """
+
+    body: str
+    fact: str | None
+    polygons: tuple[Polygon, ...]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Everything that could bear a body at a place.
+
+    Parameters
+    ----------
+    body
+        Its name.
+    centre
+        Of its mass, seen from above [m].
+    contacts
+        What could bear it.
+    """
+
+    body: str
+    centre: Planar
+    contacts: tuple[Contact, ...]
+    _known: dict[tuple[bool, ...], bool] = field(default_factory=dict, compare=False, repr=False)
+
+    def bears(self, there: Sequence[bool]) -> bool:
+        """Whether the centre of mass is above the hull of the contacts that are there.
+
+        Parameters
+        ----------
+        there
+            By contact, in order.
+        """
+        key = tuple(there)
+        if key not in self._known:
+            corners = [
+                corner
+                for contact, holds in zip(self.contacts, key, strict=True)
+                if holds
+                for polygon in contact.polygons
+                for corner in polygon
+            ]
+            self._known[key] = bool(corners) and _within(self.centre, planar_hull(corners))
+        return self._known[key]
+
+
+def ground_of(
+    body: str,
+    pieces: tuple[ConvexPiece, ...],
+    obstacles: Iterable[Obstacle],
+    tolerance_m: float,
+) -> Ground:
+    """Return what could bear a body whose pieces are where it is left.
+
+    Parameters
+    ----------
+    body
+        Its name; it does not bear itself.
+    pieces
+        In the world.
+    obstacles
+        Everything that may be there.
+    tolerance_m
+        Gap or overlap that still counts as contact [m], >= 0.
+    """
+    floor_m = min(piece.low[2] for piece in pieces)
+    feet = [
+        face
+        for piece in pieces
+        if piece.low[2] - floor_m <= tolerance_m
+        and len(face := _face(piece, piece.low[2], tolerance_m)) > 2
+    ]
+    contacts = []
+    for obstacle in obstacles:
+        if obstacle.body == body:
+            continue
+        polygons = tuple(
+            common
+            for piece in obstacle.pieces
+            if abs(piece.high[2] - floor_m) <= tolerance_m
+            for foot in feet
+            if (common := intersection(foot, _face(piece, piece.high[2], tolerance_m)))
+        )
+        if polygons:
+            contacts.append(Contact(obstacle.body, obstacle.fact, polygons))
+    return Ground(body, _centre(pieces), tuple(contacts))
+
+
+def planar_hull(points: Iterable[Planar]) -> Polygon:
+    """Return the convex hull of points, counter-clockwise (Andrew's monotone chain)."""
+    ordered = sorted(set(points))
+    if len(ordered) < 3:
+        return tuple(ordered)
+    halves: list[list[Planar]] = []
+    for way in (ordered, ordered[::-1]):
+        half: list[Planar] = []
+        for point in way:
+            while len(half) > 1 and _turn(half[-2], half[-1], point) <= 0:
+                half.pop()
+            half.append(point)
+        halves.append(half[:-1])
+    return tuple(halves[0] + halves[1])
+
+
+def intersection(one: Polygon, other: Polygon) -> Polygon:
+    """Return what two convex polygons have in common (Sutherland and Hodgman); or nothing."""
+    if len(one) < 3 or len(other) < 3:
+        return ()
+    left = list(one)
+    for begin, end in zip(other, (*other[1:], other[0]), strict=True):
+        clipped: list[Planar] = []
+        for here, there in zip(left, (*left[1:], *left[:1]), strict=True):
+            inside, follows = _turn(begin, end, here), _turn(begin, end, there)
+            if inside >= 0:
+                clipped.append(here)
+            if inside * follows < 0:
+                share = inside / (inside - follows)
+                clipped.append(
+                    (
+                        here[0] + share * (there[0] - here[0]),
+                        here[1] + share * (there[1] - here[1]),
+                    )
+                )
+        left = clipped
+    return tuple(left) if len(left) > 2 and _area_m2(left) > _LEAST_AREA_M2 else ()
+
+
+def _face(piece: ConvexPiece, height_m: float, tolerance_m: float) -> Polygon:
+    return planar_hull(
+        (float(x), float(y))
+        for x, y, z in piece.corners.tolist()
+        if abs(z - height_m) <= tolerance_m
+    )
+
+
+def _centre(pieces: Iterable[ConvexPiece]) -> Planar:
+    total = x = y = 0.0
+    for piece in pieces:
+        volume = float(piece.hull.computeVolume())
+        middle = piece.hull.computeCOM()
+        total += volume
+        x += volume * float(middle[0])
+        y += volume * float(middle[1])
+    return (x / total, y / total)
+
+
+def _within(point: Planar, polygon: Polygon) -> bool:
+    if len(polygon) < 3:
+        return False
+    for begin, end in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
+        length_m = ((end[0] - begin[0]) ** 2 + (end[1] - begin[1]) ** 2) ** 0.5
+        if _turn(begin, end, point) < -_ROUNDING_M * length_m:
+            return False
+    return True
+
+
+def _area_m2(polygon: Sequence[Planar]) -> float:
+    return sum(
+        (a[0] * b[1] - b[0] * a[1]) / 2
+        for a, b in zip(polygon, (*polygon[1:], polygon[0]), strict=True)
+    )
+
+
+def _turn(origin: Planar, a: Planar, b: Planar) -> float:
+    return (a[0] - origin[0]) * (b[1] - origin[1]) - (a[1] - origin[1]) * (b[0] - origin[0])

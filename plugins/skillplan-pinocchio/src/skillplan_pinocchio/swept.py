@@ -1,0 +1,231 @@
+"""The detector ``swept``: convex hulls of hand, load and links along a skill's motion.
+
+The motion is that of the shared stroke planner: a travel at safe height, then at every via
+point straight down and up again (Moller et al., section 4.4). A skill is infeasible where the
+arm cannot follow, where something of it runs into a body, or where nothing bears what it
+leaves behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+
+from pydantic import Field
+
+from skillplan.collision.detector import Detector
+from skillplan.physics.strokes import strokes
+from skillplan.task import back_end
+from skillplan.task.motion import Event
+from skillplan.task.scene import Robot
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+from skillplan_pinocchio.arm_model import ArmModel
+from skillplan_pinocchio.course import Course, CourseMaker, Hit, Travels
+from skillplan_pinocchio.hand_sweeps import HandSweeps
+from skillplan_pinocchio.jaw_width import handled, too_wide
+from skillplan_pinocchio.motion_plan import ArmStroke, MotionPlanner
+from skillplan_pinocchio.obstacles import obstacles_of
+from skillplan_pinocchio.ruling import Ruling
+from skillplan_pinocchio.skill_times import SkillTimes
+from skillplan_pinocchio.timing import JointLimits, JointPath
+
+
+class SweptDetector(Detector):
+    """Rule on swept convex hulls of hand, load and links, on reach, and on supports."""
+
+    name = "swept"
+    expected_s = 0.005
+
+    class Options(back_end.Options):
+        """Options of the hulls and of the arm's speed."""
+
+        samples: int = Field(
+            default=40,
+            ge=4,
+            le=1_000,
+            description="places along a stroke at which links, and first touches, are looked "
+            "for; hand and load are swept without gaps [-]",
+        )
+        tolerance_m: float = Field(
+            default=2e-4,
+            ge=0,
+            le=0.01,
+            description="overlap and gap that still count as touching [m]",
+        )
+        clearance_m: float = Field(
+            default=0.004,
+            ge=0,
+            le=0.04,
+            description="how far open jaws keep from the part, on either side [m]",
+        )
+        drop_height_m: float = Field(
+            default=0.001,
+            ge=0,
+            le=0.05,
+            description="height above its goal at which a part is let go [m]",
+        )
+        check_support: bool = Field(
+            default=True,
+            description="require something beneath what is placed or fastened [-]",
+        )
+        check_arm: bool = Field(
+            default=True,
+            description="look at the links of the arm, not only at the hand [-]",
+        )
+        speed_fraction: float = Field(
+            default=0.5,
+            gt=0,
+            le=1,
+            description="share of the joints' speed and acceleration limits that is used [-]",
+        )
+        grasp_s: float = Field(
+            default=0.5, ge=0, le=600, description="time to take hold of a part [s]"
+        )
+        release_s: float = Field(
+            default=0.5, ge=0, le=600, description="time to let go of a part [s]"
+        )
+        load_s: float = Field(default=2.0, ge=0, le=600, description="time to take a tool [s]")
+        offload_s: float = Field(
+            default=2.0, ge=0, le=600, description="time to put a tool back [s]"
+        )
+        fetch_s: float = Field(default=1.0, ge=0, le=600, description="time to take a screw [s]")
+        drive_s: float = Field(default=5.0, ge=0, le=600, description="time to drive a screw [s]")
+
+    options: Options
+
+    def __init__(self, task: Task, options: Options | None = None) -> None:
+        super().__init__(task, options)
+        self._courses: dict[tuple[str, int], Course] = {}
+        self._durations_s: dict[tuple[str, int, str], float | None] = {}
+
+    def refuses(self) -> str | None:
+        """Return in words why it cannot serve: it models one arm, which stands still."""
+        robots = len(self.task.scene.robots)
+        if robots != 1:
+            return f"it models one arm, and the task {self.task.name!r} has {robots}"
+        return None
+
+    def faults(self) -> Mapping[str, str]:
+        """Return which parts are too wide for the jaws, by the fact that they are placed."""
+        found: dict[str, str] = {}
+        if self.refuses() is not None:
+            return found
+        for skill in self.task.skills:
+            words = too_wide(self.task.scene, self._robot, skill)
+            if words is not None:
+                for visit in handled(skill):
+                    placed = f"placed({visit.subject})"
+                    if placed in self.task.facts:
+                        found.setdefault(placed, words)
+        return found
+
+    def check(self, skill: Skill, state: State) -> Verdict:
+        """Rule on the motion of `skill`; see :meth:`BackEnd.check`."""
+        facts = self.task.facts
+        if skill.motion is None:
+            return Verdict.feasible(facts.none, facts.none)
+        present, absent = self._circumstances(skill, state)
+        key = (skill.name, present)
+        if key not in self._courses:
+            self._courses[key] = self._course(skill, state)
+        return Ruling(state, present, absent).verdict(self._courses[key])
+
+    def duration_s(self, skill: Skill, state: State) -> float | None:
+        """Return how long the arm takes within its limits; see :meth:`BackEnd.duration_s`.
+
+        None for a skill without motion, and where the arm cannot follow.
+        """
+        if skill.motion is None:
+            return None
+        fact, position = self._robot.place(state)
+        present, _ = self._circumstances(skill, state)
+        key = (skill.name, present, fact)
+        if key not in self._durations_s:
+            stand = self._times.stand(fact, position)
+            self._durations_s[key] = self._times.duration_s(self._plan(skill, state), stand)
+        return self._durations_s[key]
+
+    @cached_property
+    def _robot(self) -> Robot:
+        return self.task.scene.robots[0]
+
+    @cached_property
+    def _planner(self) -> MotionPlanner:
+        return MotionPlanner(
+            ArmModel(self._robot.base),
+            obstacles_of(self.task.scene),
+            tolerance_m=self.options.tolerance_m,
+            samples=self.options.samples,
+            check_arm=self.options.check_arm,
+        )
+
+    @cached_property
+    def _maker(self) -> CourseMaker:
+        return CourseMaker(
+            self.task.scene,
+            self._planner,
+            HandSweeps(self.task.scene, self._robot, self.options.clearance_m),
+            check_support=self.options.check_support,
+        )
+
+    @cached_property
+    def _times(self) -> SkillTimes:
+        options = self.options
+        dwells_s = {event: getattr(options, f"{event.value}_s") for event in Event}
+        limits = JointLimits().scaled(options.speed_fraction)
+        drop_m = options.drop_height_m
+        return SkillTimes(self.task, self._robot, self._planner, limits, dwells_s, drop_m)
+
+    @cached_property
+    def _travel_matters(self) -> bool:
+        """Whether anything is tall enough to be met at the height of the travel."""
+        height_m = self._robot.safe_height_m + self.options.tolerance_m
+        return any(obstacle.top_m > height_m for obstacle in self._planner.obstacles)
+
+    def _circumstances(self, skill: Skill, state: State) -> tuple[int, int]:
+        """Return the facts that decide which way the arm goes and what it holds, as bits.
+
+        Those that hold, and those that do not.
+        """
+        assert skill.motion is not None
+        facts, robot = self.task.facts, self._robot
+        present = absent = 0
+        tool = robot.tool(state)
+        if tool is not None:
+            present |= facts.bit(tool.fact)
+        else:
+            for item in robot.tools:
+                absent |= facts.bit(item.fact)
+        if len(skill.motion.routes) > 1:
+            present |= next(
+                route.when.bits
+                for route in skill.motion.routes
+                if state.bits & route.when.bits == route.when.bits
+            )
+        if self._travel_matters:
+            present |= facts.bit(robot.place(state)[0])
+        return present, absent
+
+    def _plan(self, skill: Skill, state: State) -> tuple[ArmStroke, ...]:
+        """Return the strokes as the arm makes them; they do not depend on where it stands."""
+        planned = strokes(self.task, skill, state, self.options.drop_height_m)
+        return tuple(self._planner.plan(stroke) for stroke in planned)
+
+    def _course(self, skill: Skill, state: State) -> Course:
+        words = too_wide(self.task.scene, self._robot, skill)
+        if words is not None:
+            return Course((Hit(None, words, {}),), ())
+        planned = self._plan(skill, state)
+        if not self._travel_matters:
+            return self._maker.course(planned)
+        stand = self._times.stand(*self._robot.place(state))
+        here = stand.joints_rad
+        ways: list[JointPath | None] = []
+        for one in planned:
+            there = one.elbows[0].path.nodes[0] if one.elbows else None
+            ways.append(None if here is None or there is None else self._times.travel(here, there))
+            here = there
+        return self._maker.course(planned, Travels(stand.above, tuple(ways)))

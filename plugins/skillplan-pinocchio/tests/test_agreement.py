@@ -1,0 +1,206 @@
+"""How far the detectors agree: over everything that can be put in place, in any order.
+
+For every set of elements that can have been put in place, and every other element: may it come
+next? Where the hand-made chart says no and geometry says yes, the way on has to be a dead end.
+"""
+
+import sys
+from itertools import combinations
+
+import pytest
+
+from situations import assembly, config_content
+from skillplan import registry
+from skillplan.collision.aabb import AabbDetector
+from skillplan.collision.precedence import PrecedenceDetector
+from skillplan.model.feasibility import Feasibility
+from skillplan.model.precedence_chart import derive_chart
+from skillplan_pinocchio.swept import SweptDetector
+
+NOTHING = frozenset()
+
+
+class Order:
+    """What back ends say of elements and orders of a task."""
+
+    def __init__(self, task, *back_ends):
+        self.task = task
+        self.feasibility = Feasibility(task, back_ends)
+        self._known = {}
+
+    def may_follow(self, done, element):
+        """Return the first verdict on the skills of an element that is not feasible, or None."""
+        if (done, element) not in self._known:
+            verdicts = (
+                self.feasibility.rule(skill, state_of(self.task, done, skill))
+                for skill in skills_of(self.task, element)
+            )
+            self._known[done, element] = next((v for v in verdicts if not v.is_feasible), None)
+        return self._known[done, element]
+
+    def allows(self, done, element):
+        """Whether an element may come next."""
+        return self.may_follow(done, element) is None
+
+    def reachable(self):
+        """Return every set of elements that can have been put in place."""
+        found, queue = {NOTHING}, [NOTHING]
+        for done in queue:
+            for element in self.task.operations:
+                after = done | {element}
+                if element not in done and after not in found and self.allows(done, element):
+                    found.add(after)
+                    queue.append(after)
+        return found
+
+    def pairs(self):
+        """Return every reachable set with every element that it lacks."""
+        return {
+            (done, element)
+            for done in self.reachable()
+            for element in self.task.operations
+            if element not in done
+        }
+
+    def leads_on(self):
+        """Return the reachable sets from which everything can still be put in place."""
+        everything = frozenset(self.task.operations)
+        good = {everything} & self.reachable()
+        for done in sorted(self.reachable(), key=len, reverse=True):
+            if any(
+                done | {element} in good and self.allows(done, element)
+                for element in everything - done
+            ):
+                good.add(done)
+        return good
+
+
+def skills_of(task, element):
+    """Return the skills that put an element in place, in order."""
+    own = [skill for skill in task.skills if element in skill.parameters.values()]
+    return [
+        skill
+        for kind in ("pick", "place", "fasten")
+        for skill in own
+        if skill.name == f"{kind}({element})"
+    ]
+
+
+def state_of(task, done, skill):
+    """Return the state in which these elements are in place and a skill is applicable."""
+    facts = {"at(home)", *skill.precondition.requires}
+    for element, fact in task.operations.items():
+        if element in done:
+            facts.add(fact)
+        elif fact.startswith("placed(") and f"held({element})" not in facts:
+            facts.add(f"at_start({element})")
+    state = task.facts.of(*facts)
+    assert skill.applicable(state)
+    return state
+
+
+@pytest.fixture(scope="module")
+def swept(board):
+    """Return what the detector under test says."""
+    return Order(board, SweptDetector(board))
+
+
+def test_it_agrees_with_boxes_on_every_pair(board, swept):
+    """Fingers, hand and arm add nothing on this board: it was laid out with room for them."""
+    boxes = Order(board, AabbDetector(board))
+    assert swept.reachable() == boxes.reachable()
+    differing = {pair for pair in swept.pairs() if swept.allows(*pair) != boxes.allows(*pair)}
+    assert differing == set()
+
+
+def test_it_agrees_with_the_chart_but_for_dead_ends(board, swept):
+    """Over all 25 sets of parts: a brace on its own posts shuts the transformer out."""
+    chart = Order(board, PrecedenceDetector(board))
+    pairs = chart.pairs()
+    parts = {
+        (done, element)
+        for done, element in pairs
+        if not any("screw" in one for one in (*done, element))
+    }
+    assert len({done for done, _ in pairs if not any("screw" in one for one in done)}) == 25
+    assert len(parts) == 66
+    forbidden = {pair for pair in pairs if chart.allows(*pair) and not swept.allows(*pair)}
+    assert forbidden == set()
+    bold = {pair for pair in pairs if swept.allows(*pair) and not chart.allows(*pair)}
+    good = swept.leads_on()
+    assert {element for _, element in bold} == {"brace"}
+    assert all("transformer" not in done for done, _ in bold)
+    assert not any(done | {element} in good for done, element in bold)
+    assert NOTHING in good
+
+
+@pytest.mark.parametrize("product", ["inverter_board", "sensor_stack"])
+def test_the_derived_chart_is_the_hand_made_one(product, product_task):
+    """Nothing missing, nothing extra, nothing left open; of products of different orders."""
+    task = product_task(product)
+    chart = derive_chart(Feasibility(task, [SweptDetector(task)]))
+    assert chart.hand_made
+    assert chart.missing == ()
+    assert chart.extra == ()
+    assert chart.impossible == {}
+    assert chart.conditional == {}
+    assert chart.undecided == ()
+
+
+def test_a_tall_part_next_to_a_finger_changes_the_chart():
+    """The clock as a tower beside a switch: the switch has to come before it."""
+    content = config_content("inverter_board")
+    content["parts"]["clock"] |= {"goal_m": [0.476, 0.040], "size_m": [0.020, 0.020, 0.060]}
+    task = assembly(content)
+    chart = derive_chart(Feasibility(task, [SweptDetector(task)]))
+    assert chart.missing == ()
+    (relation,) = chart.extra
+    assert (relation.before, relation.after) == ("switch_2", "clock")
+    assert relation.reason.startswith("a finger runs into clock on the ")
+
+
+def test_a_part_taken_away_takes_its_relations_along():
+    """Without the transformer the brace may come any time after the board."""
+    content = config_content("inverter_board")
+    del content["parts"]["transformer"]
+    for key in ("actions", "observation", "expect", "chart"):
+        del content[key]
+    content["collision"] = {"swept": {}}
+    task = assembly(content)
+    chart = derive_chart(Feasibility(task, [SweptDetector(task)]))
+    pairs = {(relation.before, relation.after) for relation in chart.relations}
+    assert ("pcb", "brace") in pairs
+    assert not any(after == "brace" and before != "pcb" for before, after in pairs)
+
+
+def test_every_pair_of_parts_says_why_not(board, swept):
+    """A reason, and the bodies it blames."""
+    for first, second in combinations(("switch_1", "clock", "transformer"), 2):
+        verdict = swept.may_follow(NOTHING, second)
+        assert verdict.reason == f"{second} has nothing beneath it"
+        assert first not in verdict.evidence["possible_supports"]
+        assert verdict.evidence["possible_supports"] == ["pcb"]
+    verdict = swept.may_follow(frozenset({"pcb", "brace"}), "transformer")
+    assert verdict.reason == "transformer runs into brace on the approach"
+    verdict = swept.may_follow(frozenset({"pcb", "transformer"}), "screw_1")
+    assert verdict.reason == "screw_1 has nothing beneath it"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("product", ["inverter_board", "sensor_stack"])
+def test_it_agrees_with_simulated_execution_on_every_pair(product, product_task):
+    """Every reachable set with every part and screw that it lacks, executed in pybullet."""
+    if sys.version_info >= (3, 12):
+        pytest.importorskip("pybullet", reason="pybullet has no wheels for this Python")
+    task = product_task(product)
+    swept = Order(task, SweptDetector(task))
+    engine = registry.load("physics", "pybullet")(task)
+    contacts = registry.load("collision", "contact-pairs")(task)
+    executed = Order(task, engine, contacts)
+    differing = {
+        (tuple(sorted(done)), element): executed.may_follow(done, element)
+        for done, element in swept.pairs()
+        if swept.allows(done, element) != executed.allows(done, element)
+    }
+    assert len(swept.pairs()) > 200
+    assert differing == {}

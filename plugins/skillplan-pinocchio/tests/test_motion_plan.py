@@ -1,0 +1,111 @@
+"""Which elbow is preferred, and what the links of the arm may meet."""
+
+import numpy as np
+import pytest
+
+from skillplan.physics.strokes import Stroke
+from skillplan.task.motion import Event, Visit
+from skillplan.task.shape import Box
+from skillplan_pinocchio.arm_clearance import LinkSweep
+from skillplan_pinocchio.arm_model import ArmModel
+from skillplan_pinocchio.motion_plan import MotionPlanner
+from skillplan_pinocchio.obstacles import TABLE, Obstacle
+from skillplan_pinocchio.shapes import ConvexPiece, box_corners, table
+
+ARM = ArmModel()
+TIP, ABOVE = (0.5, 0.0, 0.02), (0.5, 0.0, 0.17)
+
+
+def stroke(tip=TIP, above=ABOVE):
+    """Return a stroke that takes a part."""
+    return Stroke(Visit(tip, Event.GRASP, "part"), tip, above, 0.0, None, None, "part")
+
+
+def box(name, size, centre, fact=""):
+    """Return an obstacle; always there without a fact."""
+    return Obstacle(name, fact or None, (ConvexPiece(box_corners(Box(size, centre))),))
+
+
+def planner(*obstacles, **changes):
+    """Return a planner among obstacles."""
+    settings = {"tolerance_m": 2e-4, "samples": 40, "check_arm": True, **changes}
+    return MotionPlanner(ARM, obstacles, **settings)
+
+
+def first_path():
+    """Return the way of the joints that is nearest to the ready pose."""
+    return planner().plan(stroke()).elbows[0].path
+
+
+MAST = box("mast", (0.02, 0.02, 0.8), (0.25, 0.0, 0.4), "placed(mast)")
+WALL = box("wall", (0.04, 1.2, 0.8), (0.25, 0.0, 0.4), "placed(wall)")
+
+
+def test_where_nothing_is_met_one_elbow_is_enough():
+    """The one nearest to the ready pose, over a table."""
+    planned = planner(Obstacle(TABLE, None, (table(),))).plan(stroke())
+    assert len(planned.elbows) == 1
+    assert planned.elbows[0].meets == ()
+    assert np.array_equal(planned.elbows[0].path.nodes, first_path().nodes)
+
+
+def test_an_elbow_that_is_free_is_preferred_to_the_nearest():
+    """Past a mast that the nearest would run into."""
+    touch = LinkSweep(ARM, first_path()).touch(MAST, 2e-4, 40)
+    assert touch is not None
+    assert touch.link in range(2, 8)
+    (elbow,) = planner(MAST).plan(stroke()).elbows
+    assert elbow.meets == ()
+    assert not np.allclose(elbow.path.nodes, first_path().nodes)
+    assert LinkSweep(ARM, elbow.path).touch(MAST, 2e-4, 40) is None
+
+
+def test_where_every_elbow_meets_something_all_are_kept():
+    """Those that meet the least first: it depends on the state which of them is free."""
+    planned = planner(WALL, MAST).plan(stroke())
+    counts = [len(elbow.meets) for elbow in planned.elbows]
+    assert len(counts) > 3
+    assert counts == sorted(counts)
+    assert counts[0] >= 1
+    assert not any(elbow.blocked for elbow in planned.elbows)
+
+
+def test_what_is_always_there_comes_last():
+    """An elbow that runs into the table helps in no state."""
+    planned = planner(WALL, box("rock", (0.02, 0.02, 0.8), (0.25, 0.0, 0.4))).plan(stroke())
+    blocked = [elbow.blocked for elbow in planned.elbows]
+    assert blocked == sorted(blocked)
+    assert blocked[-1]
+    assert not blocked[0]
+
+
+def test_touches_come_in_the_order_of_the_motion():
+    """The higher obstacle first on the way down."""
+    low = box("low", (0.3, 0.3, 0.02), (0.5, 0.0, 0.14), "placed(low)")
+    high = box("high", (0.3, 0.3, 0.02), (0.5, 0.0, 0.23), "placed(high)")
+    (one, other) = planner(low, high).met(first_path(), frozenset())
+    assert (one[0].body, other[0].body) == ("high", "low")
+    assert one[1].touch.fraction < other[1].touch.fraction
+    assert one[1].touch.penetration_m > 0
+    assert planner(low, high).met(first_path(), frozenset({"low", "high"})) == ()
+
+
+def test_links_are_not_looked_at_if_not_wanted():
+    """Then any elbow will do."""
+    planned = planner(WALL, check_arm=False).plan(stroke())
+    assert len(planned.elbows) == 1
+    assert planned.elbows[0].meets == ()
+
+
+def test_what_is_out_of_reach_has_no_elbow():
+    """And says where the nearest one ends."""
+    planned = planner().plan(stroke((0.9, 0.0, 0.0), (0.9, 0.0, 0.15)))
+    assert planned.elbows == ()
+    assert planned.unreachable is not None
+    assert planned.unreachable.distance_m == pytest.approx(0.1, abs=0.02)
+
+
+def test_a_stroke_is_planned_once():
+    """The same ways the second time."""
+    here = planner()
+    assert here.plan(stroke()).elbows is here.plan(stroke()).elbows

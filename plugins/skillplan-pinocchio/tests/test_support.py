@@ -1,0 +1,136 @@
+"""What bears a body that is left somewhere."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from skillplan.task.scene import Body, Box, Cylinder, Mesh, Pose
+from skillplan_pinocchio.obstacles import Obstacle
+from skillplan_pinocchio.shapes import pieces_of, table
+from skillplan_pinocchio.support import ground_of, intersection, planar_hull
+
+POINTS = st.lists(st.tuples(st.floats(-1, 1, width=16), st.floats(-1, 1, width=16)), max_size=12)
+# Triangles of a prism on a triangle, three corners, then three opposite; and of a tetrahedron.
+PRISM = ((0, 1, 2), (3, 5, 4), (0, 3, 4), (0, 4, 1), (1, 4, 5), (1, 5, 2), (2, 5, 3), (2, 3, 0))
+CONE = ((0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2))
+SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+
+
+def block(size, x=0.0, y=0.0, z=0.0, yaw_rad=0.0):
+    """Return the pieces of a block that stands at a place."""
+    body = Body("it", (Box(size, (0.0, 0.0, size[2] / 2)),), (), 1.0)
+    return pieces_of(body, Pose.upright((x, y, z), yaw_rad))
+
+
+def ground(pieces, *under, tolerance_m=2e-4):
+    """Return what could bear a body: blocks below it, in order."""
+    obstacles = [Obstacle(f"block {n}", f"placed({n})", one) for n, one in enumerate(under)]
+    return ground_of("it", pieces, obstacles, tolerance_m)
+
+
+@pytest.mark.parametrize(("overhang_m", "stays"), [(0.0, True), (0.049, True), (0.051, False)])
+def test_a_block_stays_while_its_centre_is_above_what_bears_it(overhang_m, stays):
+    """The one below ends 50 mm from its centre."""
+    found = ground(block((0.04, 0.04, 0.02), overhang_m, z=0.02), block((0.1, 0.1, 0.02)))
+    assert found.bears([True]) is stays
+    assert found.bears([False]) is False
+
+
+def test_two_supports_bear_what_lies_between_them():
+    """Neither alone does."""
+    sides = [block((0.02, 0.02, 0.02), x) for x in (-0.05, 0.05)]
+    found = ground(block((0.12, 0.04, 0.02), z=0.02), *sides)
+    assert found.bears([True, True])
+    assert not found.bears([True, False])
+    assert not found.bears([False, True])
+
+
+@pytest.mark.parametrize("gap_m", [-0.0003, 0.0003])
+def test_what_is_higher_or_lower_than_the_body_bears_nothing(gap_m):
+    """Beyond the tolerance."""
+    found = ground(block((0.04, 0.04, 0.02), z=0.02 + gap_m), block((0.1, 0.1, 0.02)))
+    assert found.contacts == ()
+
+
+def test_blocks_side_by_side_do_not_bear_each_other():
+    """They touch in a line, which has no area."""
+    found = ground(block((0.04, 0.04, 0.02), z=0.02), block((0.04, 0.04, 0.02), 0.04))
+    assert found.contacts == ()
+
+
+def test_the_table_bears_what_stands_on_it_but_not_what_leans_over():
+    """A body whose centre is beside its foot tips on the table, too."""
+    shapes = (
+        Box((0.02, 0.02, 0.02), (0.0, 0.0, 0.01)),
+        Box((0.2, 0.02, 0.02), (0.08, 0.0, 0.03)),
+    )
+    obstacles = [Obstacle("the table", None, (table(),))]
+    for body, stays in (
+        (Body("it", shapes[:1], (), 1.0), True),
+        (Body("it", shapes, (), 1.0), False),
+    ):
+        found = ground_of("it", pieces_of(body, Pose((0.4, 0.0, 0.0))), obstacles, 2e-4)
+        assert found.bears([True]) is stays
+
+
+def test_a_turned_block_bears_where_it_is():
+    """Under a corner that only the turned one has."""
+    foot = block((0.01, 0.01, 0.02), 0.06, z=0.02)
+    square = (0.1, 0.1, 0.02)
+    assert ground(foot, block(square)).contacts == ()
+    assert ground(foot, block(square, yaw_rad=math.pi / 4)).bears([True])
+
+
+def test_a_cylinder_stands_on_its_circle():
+    """Half of it beyond an edge is the limit."""
+    drum = Body("it", (Cylinder(0.04, 0.04, (0.0, 0.0, 0.02)),), (), 1.0)
+    for x_m, stays in ((0.049, True), (0.051, False)):
+        pieces = pieces_of(drum, Pose((x_m, 0.0, 0.02)))
+        assert ground(pieces, block((0.1, 0.1, 0.02))).bears([True]) is stays
+
+
+def test_the_centre_of_mass_is_that_of_the_volume():
+    """Of a wedge: a third of the way from its upright face."""
+    wedge = Mesh(
+        tuple((x, y, z) for y in (-0.05, 0.05) for x, z in ((0.0, 0.0), (0.09, 0.0), (0.0, 0.1))),
+        PRISM,
+    )
+    pieces = pieces_of(Body("it", (wedge,), (), 1.0), Pose((0.0, 0.0, 0.0)))
+    assert ground(pieces).centre == pytest.approx((0.03, 0.0), abs=1e-9)
+
+
+def test_a_body_on_a_point_is_borne_by_nothing():
+    """A cone that stands on its head falls over."""
+    cone = Mesh(((0.0, 0.0, 0.0), (0.05, 0.05, 0.1), (-0.05, 0.05, 0.1), (0.0, -0.05, 0.1)), CONE)
+    pieces = pieces_of(Body("it", (cone,), (), 1.0), Pose((0.0, 0.0, 0.02)))
+    assert not ground(pieces, block((0.2, 0.2, 0.02))).bears([])
+
+
+@given(POINTS)
+def test_a_hull_encloses_its_points_and_turns_left(points):
+    """Every corner is one of them."""
+    hull = planar_hull(points)
+    assert set(hull) <= set(points)
+    if len(hull) > 2:
+        for begin, end in zip(hull, hull[1:] + hull[:1], strict=True):
+            for point in points:
+                cross = (end[0] - begin[0]) * (point[1] - begin[1])
+                cross -= (end[1] - begin[1]) * (point[0] - begin[0])
+                assert cross >= -1e-9
+
+
+@given(POINTS)
+def test_what_a_polygon_has_in_common_with_a_square_is_within_both(points):
+    """Whichever is clipped by the other, it is the same."""
+    hull = planar_hull(points)
+    common = intersection(hull, SQUARE)
+    assert all(-1e-9 <= value <= 1 + 1e-9 for corner in common for value in corner)
+    again = intersection(SQUARE, hull)
+    assert bool(common) == bool(again)
+    if common:
+        for axis in (0, 1):
+            spans = [[corner[axis] for corner in one] for one in (common, again)]
+            assert min(spans[0]) == pytest.approx(min(spans[1]), abs=1e-6)
+            assert max(spans[0]) == pytest.approx(max(spans[1]), abs=1e-6)

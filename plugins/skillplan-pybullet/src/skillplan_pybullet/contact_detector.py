@@ -1,0 +1,152 @@
+"""What both detectors that read contacts share: whose simulation they read, and frame means."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from skillplan.collision.detector import Detector
+from skillplan.task import back_end
+from skillplan.task.back_end import BackEnd
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+from skillplan_pybullet.engine import PybulletEngine
+from skillplan_pybullet.record import Record
+
+
+class WindowOptions(back_end.Options):
+    """Options of a detector that averages over the last frames."""
+
+    frames: int = Field(
+        default=6,
+        ge=1,
+        le=60,
+        description="frames of 1/60 s that a force is averaged over [-]",
+    )
+
+
+class ContactDetector(Detector):
+    """Reads the simulation of a pybullet engine: the one beside it, or one of its own.
+
+    An engine and detectors that are asked the same question share one execution. What the
+    engine rules on itself, it is left to: a motion that the arm cannot follow, a world that
+    does not stand. Where no engine is beside it, the detector rules on that, too.
+    """
+
+    # A little less than the engine: a collision is named before the disorder that it causes.
+    expected_s = 0.5
+    dear = True
+
+    Options: ClassVar[type[back_end.Options]] = WindowOptions
+
+    def __init__(self, task: Task, options: back_end.Options | None = None) -> None:
+        super().__init__(task, options)
+        self._engine: PybulletEngine | None = None
+        self._is_alone = True
+        # Of several detectors without an engine beside them, all read that of one.
+        self._lender: ContactDetector = self
+
+    def refuses(self) -> str | None:
+        """Refuse what the engine refuses."""
+        return self.engine.refuses()
+
+    def faults(self) -> Mapping[str, str]:
+        """Return the faults that the engine finds."""
+        return self.engine.faults()
+
+    def beside(self, others: Sequence[BackEnd]) -> None:
+        """Read the simulation of the engine beside this detector from now on."""
+        engine = next((one for one in others if isinstance(one, PybulletEngine)), None)
+        self._is_alone = engine is None
+        lenders = [self, *(one for one in others if isinstance(one, ContactDetector))]
+        self._lender = min(lenders, key=lambda one: one.name)
+        if engine is not None:
+            self._engine, self._lender = engine, self
+
+    @property
+    def engine(self) -> PybulletEngine:
+        """Whose simulation it reads; with default options where it is the detector's own."""
+        if self._lender is not self:
+            return self._lender.engine
+        if self._engine is None:
+            self._engine = PybulletEngine(self.task)
+        return self._engine
+
+    @property
+    def basis(self) -> Mapping[str, Any]:
+        """The engine's version and options, and whether the engine is asked, too."""
+        engine = self.engine
+        return {
+            "engine": engine.name,
+            "version": engine.version,
+            "options": engine.options.model_dump(mode="json"),
+            "basis": dict(engine.basis),
+            "alone": self._is_alone,
+        }
+
+    def check(self, skill: Skill, state: State) -> Verdict:
+        """Rule on the contacts of an execution; see :meth:`BackEnd.check`."""
+        if skill.motion is None:
+            return Verdict.feasible(self.task.facts.none, self.task.facts.none)
+        return self.rule(self.engine.record(skill, state))
+
+    def rule(self, record: Record) -> Verdict:
+        """Rule on what an execution left behind.
+
+        Parameters
+        ----------
+        record
+            Of a skill of the detector's task.
+        """
+        present, absent = record.present, record.absent
+        if record.upset is None and record.unreachable is None and record.unsettled is None:
+            return self.rule_on_contacts(record)
+        if not self._is_alone:
+            return Verdict.feasible(present, absent)
+        if record.upset is not None:
+            return Verdict.unknown(record.upset)
+        reason = record.unreachable or record.unsettled or ""
+        return Verdict.infeasible(reason, present, absent)
+
+    @abstractmethod
+    def rule_on_contacts(self, record: Record) -> Verdict:
+        """Rule on an execution that came to pass."""
+
+    def in_words(self, name: str) -> str:
+        """Return a thing's name with an article, but for parts, which go by their names."""
+        return name if any(body.name == name for body in self.task.scene.bodies) else f"the {name}"
+
+
+def frame_means(values: NDArray[np.float64], frames: int) -> NDArray[np.float64]:
+    """Return, at every frame, the mean over it and those before it.
+
+    Parameters
+    ----------
+    values
+        Shape (n, ...).
+    frames
+        How many are averaged, >= 1; before the first nothing touched.
+
+    Returns
+    -------
+    numpy.ndarray
+        Of the same shape.
+    """
+    padding = np.zeros((frames - 1, *values.shape[1:]))
+    padded = np.concatenate([padding, values])
+    total = np.zeros(values.shape)
+    for shift in range(frames):
+        total += padded[shift : shift + len(values)]
+    return total / frames
+
+
+def rounded(value: float) -> float:
+    """Return a reading as it goes into evidence: to a millionth, and never minus zero."""
+    return round(float(value), 6) + 0.0

@@ -1,0 +1,100 @@
+"""Collisions by the net contact force on every part: Moller et al., section 4.3."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from skillplan.task.verdict import Verdict
+from skillplan_pybullet.contact_detector import (
+    ContactDetector,
+    WindowOptions,
+    frame_means,
+    rounded,
+)
+from skillplan_pybullet.record import FRAMES_PER_S, Record
+
+_AXES = "xyz"
+
+
+class ContactForceDetector(ContactDetector):
+    """Rule on the mean of the absolute net contact force on every part, axis by axis.
+
+    As Moller et al. have it (section 4.3): forces are averaged over the last 6 frames and held
+    against a threshold of 1. To the letter (``weight_compensated=false``) it fires on whatever
+    rests and weighs more than 102 g, for a resting part's net contact force is its weight. With
+    compensation, an upward force up to the weight is left out: all of it where a part rests,
+    none of it where something else than a contact carries it, as suction does. Even so it reads
+    accelerations only: forces that cancel, as on a part held fast and jammed, are not seen, and
+    a rough landing may read more than a jam; and a screw, which the bit holds without touching
+    it, reads the force that it is pressed with. Contacts of the robot with the table are not
+    seen at all. It stands here to be compared: on the inverter board it raises 2 false alarms
+    on 63 right executions and misses 34 of 41 collisions, to the letter 41 and 4.
+    """
+
+    name = "contact-force"
+
+    class Options(WindowOptions):
+        """Options of the net force."""
+
+        threshold_n: float = Field(
+            default=1.0,
+            gt=0,
+            le=1000,
+            description="mean absolute net contact force along an axis that is a collision [N]",
+        )
+        weight_compensated: bool = Field(
+            default=True,
+            description="leave out the upward force that a part's weight explains [-]",
+        )
+
+    options: Options
+
+    def rule_on_contacts(self, record: Record) -> Verdict:
+        """Rule on the net forces; the part whose mean exceeds the threshold first is named."""
+        threshold_n = self.options.threshold_n
+        parts = {body.name for body in self.task.scene.bodies}
+        means = {
+            name: frame_means(np.abs(self._unexplained(record, name)), self.options.frames)
+            for name in sorted(parts & set(record.forces_n))
+        }
+        means = {name: mean for name, mean in means.items() if len(mean)}
+        most_n = max((float(mean.max()) for mean in means.values()), default=0.0)
+        readings = {
+            "readings": {"force_n": rounded(most_n)},
+            "limits": {"force_n": threshold_n},
+        }
+        above = {name: mean for name, mean in means.items() if mean.max() > threshold_n}
+        if not above:
+            return Verdict.feasible(record.present, record.absent, readings)
+        first = {
+            name: int(np.argmax((mean > threshold_n).any(axis=1))) for name, mean in above.items()
+        }
+        name = min(first, key=lambda one: (first[one], one))
+        frame, greatest_n = first[name], float(above[name].max())
+        axis = int(np.argmax(above[name].max(axis=0)))
+        phase = record.phase(frame)
+        reason = (
+            f"the net contact force on {name} averaged {greatest_n:.3g} N along {_AXES[axis]} "
+            f"over {self.options.frames} frames"
+        )
+        evidence = {
+            "bodies": [name],
+            "axis": _AXES[axis],
+            "force_n": rounded(greatest_n),
+            "during": phase,
+            "at_s": rounded(frame / FRAMES_PER_S),
+            **readings,
+        }
+        reason = f"{reason} on {phase}" if phase else reason
+        return Verdict.infeasible(reason, record.present, record.absent, evidence)
+
+    def _unexplained(self, record: Record, name: str) -> NDArray[np.float64]:
+        """Return the net force on a part that its weight does not explain [N], (frames, 3)."""
+        force_n = record.forces_n[name]
+        if not self.options.weight_compensated:
+            return force_n
+        explained_n = np.zeros_like(force_n)
+        explained_n[:, 2] = np.clip(force_n[:, 2], 0.0, record.weights_n[name])
+        return force_n - explained_n

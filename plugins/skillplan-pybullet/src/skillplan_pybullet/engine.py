@@ -1,0 +1,179 @@
+"""The engine: a skill is feasible if a simulated Panda executes it and senses what was promised."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+from pydantic import Field
+
+from skillplan.physics import panda
+from skillplan.physics.engine import Engine
+from skillplan.physics.performance import Image, Performance, Performer, Sample
+from skillplan.physics.strokes import grasp_of
+from skillplan.task import back_end
+from skillplan.task.scene import GraspKind, ToolKind
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+from skillplan_pybullet.execution import Stage
+from skillplan_pybullet.execution_settings import ExecutionSettings
+from skillplan_pybullet.footage import footage, picture
+from skillplan_pybullet.performing import perform
+from skillplan_pybullet.postconditions import Tolerances, rule
+from skillplan_pybullet.record import Record
+
+# Engine and detectors ask about one question after the other.
+_KEPT_RECORDS = 8
+# Jaws need this much to close on something [m].
+_SPARE_M = 0.002
+
+
+class PybulletEngine(Engine, Performer):
+    """Execute the skill with a Panda in pybullet and sense its postcondition.
+
+    The robot is the one that pybullet ships (its inertias are placeholders, not measured).
+    Every check has a world of its own, with the bodies near the motion and what bears them; the
+    verdict rests on the facts that put them there. Ruled on are sensed postconditions: where
+    parts come to rest, what is in the hand, which tool is attached, the force a screw is
+    driven with. Collisions are for the detectors that read the same execution.
+    """
+
+    name = "pybullet"
+    version = "1"
+    expected_s = 0.6
+    dear = True
+
+    class Options(ExecutionSettings):
+        """Options of motion and of what counts as done."""
+
+        position_tolerance_m: float = Field(
+            default=0.0005,
+            gt=0,
+            le=0.05,
+            description="how far from its goal a part may come to rest [m]",
+        )
+        tilt_tolerance_rad: float = Field(
+            default=math.radians(1.5),
+            gt=0,
+            le=1.0,
+            description="how far a part may be turned from its goal [rad]",
+        )
+        held_tolerance_m: float = Field(
+            default=0.003,
+            gt=0,
+            le=0.05,
+            description="how far a part may slip in the hand [m]",
+        )
+        min_fastening_force_n: float = Field(
+            default=3.0,
+            gt=0,
+            le=60.0,
+            description="least force with which a screw counts as driven [N]",
+        )
+
+    options: Options
+
+    def __init__(self, task: Task, options: back_end.Options | None = None) -> None:
+        super().__init__(task, options)
+        self._stage: Stage | None = None
+        self._records: OrderedDict[tuple[str, int], Record] = OrderedDict()
+
+    @property
+    def stage(self) -> Stage:
+        """Where skills are executed; set up when it is first needed."""
+        if self._stage is None:
+            settings = ExecutionSettings.model_validate(
+                self.options.model_dump(include=set(ExecutionSettings.model_fields))
+            )
+            self._stage = Stage(self.task, settings)
+        return self._stage
+
+    @property
+    def tolerances(self) -> Tolerances:
+        """How exactly predictions have to come true."""
+        options = self.options
+        return Tolerances(
+            options.position_tolerance_m,
+            options.tilt_tolerance_rad,
+            options.held_tolerance_m,
+            options.min_fastening_force_n,
+        )
+
+    def refuses(self) -> str | None:
+        """Refuse tasks without bodies, or with another number of robots than one."""
+        scene = self.task.scene
+        if len(scene.robots) != 1:
+            return f"it simulates one arm, and the task has {len(scene.robots)} robots"
+        if not scene.bodies:
+            return "the task has no bodies to simulate"
+        return None
+
+    def faults(self) -> Mapping[str, str]:
+        """Return the parts that the hand cannot hold."""
+        found = {}
+        grippers = {
+            tool.name
+            for robot in self.task.scene.robots
+            for tool in robot.tools
+            if tool.kind is ToolKind.GRIPPER
+        }
+        for skill in self.task.skills:
+            part = skill.parameters.get("part")
+            if skill.kind != "pick" or part is None:
+                continue
+            grasp = grasp_of(self.task.scene.body(part))
+            widest_m = panda.OPENING_M - _SPARE_M
+            if (
+                grasp.kind is GraspKind.JAWS
+                and skill.parameters.get("tool") in grippers
+                and grasp.width_m > widest_m
+            ):
+                fact = next(iter(self.task.scene.body(part).placements)).fact
+                found[fact] = (
+                    f"{part!r} is {grasp.width_m:.3f} m wide between the jaws of a Panda, which "
+                    f"hold {widest_m:.3f} m at most. Give it another closing axis, or "
+                    "grasp: {type: suction}."
+                )
+        return found
+
+    def record(self, skill: Skill, state: State) -> Record:
+        """Return the execution of a skill, shared by all who ask about it at one time."""
+        key = (skill.name, state.bits)
+        known = self._records.get(key)
+        if known is None:
+            known = self._records[key] = self.stage.execute(skill, state)
+            if len(self._records) > _KEPT_RECORDS:
+                self._records.popitem(last=False)
+        return known
+
+    def check(self, skill: Skill, state: State) -> Verdict:
+        """Rule on the sensed postcondition of `skill`; see :meth:`BackEnd.check`."""
+        if skill.motion is None:
+            return Verdict.feasible(self.task.facts.none, self.task.facts.none)
+        return rule(skill, self.record(skill, state), self.tolerances)
+
+    def picture(self, skill: Skill, state: State) -> Image:
+        """Return the moment of failure, or the end; see :class:`Performer`."""
+        failed = not self.check(skill, state).is_feasible
+        return picture(self.stage, skill, state, blamed=failed)
+
+    def footage(self, skill: Skill, state: State, frames_per_s: float) -> Iterator[Image]:
+        """Yield pictures of the whole skill; see :class:`Performer`."""
+        return footage(self.stage, skill, state, frames_per_s)
+
+    def perform(
+        self,
+        skills: Sequence[Skill],
+        *,
+        frames_per_s: float | None = None,
+        show: Callable[[Image], None] | None = None,
+        note: Callable[[Sample], None] | None = None,
+        stopped: Callable[[], bool] = lambda: False,
+    ) -> Performance:
+        """Execute a plan in one continuous world; see :meth:`Performer.perform`."""
+        return perform(
+            self, skills, frames_per_s=frames_per_s, show=show, note=note, stopped=stopped
+        )

@@ -1,0 +1,227 @@
+"""One skill executed in a fresh world that holds what can matter to it, and the record of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from skillplan.physics.strokes import Stroke, grasp_of, strokes
+from skillplan.task.motion import Event
+from skillplan.task.scene import GraspKind, Pose, Robot
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan_pybullet.execution_settings import ExecutionSettings
+from skillplan_pybullet.hand_shapes import jaw_opening_m
+from skillplan_pybullet.panda_kinematics import UnreachableError
+from skillplan_pybullet.record import Record
+from skillplan_pybullet.simulated_arm import SimulatedArm
+from skillplan_pybullet.skill_runner import SkillRunner, StuckError
+from skillplan_pybullet.support_trial import SupportTrials
+from skillplan_pybullet.surroundings import Neighbourhood, Surroundings
+from skillplan_pybullet.world import GRAVITY_M_PER_S2, World
+
+_SETTLE_S = 0.1
+
+
+class Stage:
+    """Executes skills of a task, each in a world of its own.
+
+    Parameters
+    ----------
+    task
+        With one robot.
+    settings
+        How the robot moves.
+    """
+
+    def __init__(self, task: Task, settings: ExecutionSettings) -> None:
+        self.task, self.settings = task, settings
+        self.robot: Robot = task.scene.robots[0]
+        self.surroundings = Surroundings(task, settings.clearance_m, settings.drop_height_m)
+        self._supports = SupportTrials(task, self.surroundings, settings.friction)
+
+    def execute(
+        self,
+        skill: Skill,
+        state: State,
+        watch: Callable[[SkillRunner], None] | None = None,
+    ) -> Record:
+        """Execute a skill in a state in which it is applicable.
+
+        Parameters
+        ----------
+        skill
+            With a motion.
+        state
+            Where it starts.
+        watch
+            Called after every simulation step with the robot at work.
+        """
+        way = strokes(self.task, skill, state, self.settings.drop_height_m)
+        around = self.surroundings.around(skill, way, state)
+        fallen = self._supports.fallen(around, state)
+        if fallen is not None and watch is None:
+            return self._blank(skill, fallen.present, fallen.absent, unsettled=fallen.reason)
+        with World(self.settings.friction) as world:
+            arm = SimulatedArm(
+                world,
+                self.robot.base,
+                control=self.settings.control,
+                stiffness_per_s2=self.settings.stiffness_per_s2,
+                grip_force_n=self.settings.grip_force_n,
+                dynamics=self.settings.dynamics,
+            )
+            try:
+                yaws = [self._try_reach(arm, stroke) for stroke in reversed(way)][::-1]
+            except UnreachableError as error:
+                none = self.task.facts.none
+                return self._blank(skill, none, none, unreachable=str(error))
+            return self._run(skill, state, way, yaws, around, world, arm, watch)
+
+    def _run(
+        self,
+        skill: Skill,
+        state: State,
+        way: Sequence[Stroke],
+        yaws: Sequence[float],
+        around: Neighbourhood,
+        world: World,
+        arm: SimulatedArm,
+        watch: Callable[[SkillRunner], None] | None,
+    ) -> Record:
+        scene = self.task.scene
+        colours = {body.name: index for index, body in enumerate(scene.bodies)}
+        for one in around.bodies:
+            world.add(one.body, one.placement.pose, colours[one.body.name])
+        runner = SkillRunner(world, arm, scene, self.settings, way[0].tool)
+        if watch is not None:
+            runner.every_step = lambda: watch(runner)
+        handled = {stroke.visit.subject for stroke in way}
+        self._hand_over(runner, way[0], state)
+        runner.wait(_SETTLE_S)
+        runner.watch(handled)
+        stopped = None
+        try:
+            for index, (stroke, yaw_rad) in enumerate(zip(way, yaws, strict=True)):
+                if index:
+                    runner.log.phase(f"the travel to {stroke.visit.subject}")
+                    runner.move(stroke.above, yaw_rad)
+                runner.run(stroke, yaw_rad)
+        except StuckError:
+            stopped = runner.log.phase_now
+        upset = None if world.is_sane() else "the simulation blew up"
+        self._sense(runner, way[-1], stopped)
+        return self._record(skill, state, way, (around.present, around.absent), runner, upset)
+
+    def _try_reach(self, arm: SimulatedArm, stroke: Stroke) -> float:
+        """Return how the hand is turned at a stroke, which both its ends can be reached with."""
+        arm.stand(stroke.tip, stroke.closing_yaw_rad, 0.0)
+        return arm.stand(stroke.above, stroke.closing_yaw_rad, self._first_opening(stroke))
+
+    def _first_opening(self, stroke: Stroke) -> float:
+        event = stroke.visit.event
+        if event not in (Event.GRASP, Event.RELEASE):
+            return 0.04
+        grasp = grasp_of(self.task.scene.body(stroke.visit.subject))
+        if event is Event.RELEASE:
+            return grasp.width_m
+        return jaw_opening_m(grasp, self.settings.clearance_m)
+
+    def _hand_over(self, runner: SkillRunner, first: Stroke, state: State) -> None:
+        """Give the robot what it holds, and feeders what they hand out, at the start."""
+        body = None
+        if first.visit.event in (Event.GRASP, Event.RELEASE):
+            body = self.task.scene.body(first.visit.subject)
+        if body is None:
+            return
+        if first.visit.event is Event.RELEASE:
+            runner.take(body, first.visit.yaw_rad)
+            return
+        placement = body.placement(state)
+        if placement is not None and not placement.solid:
+            runner.keep(body, placement.pose)
+
+    def _sense(self, runner: SkillRunner, last: Stroke, stopped: str | None) -> None:
+        sensed = runner.sensed
+        if stopped is not None:
+            sensed["stuck_on"] = stopped
+        event = last.visit.event
+        if event in (Event.GRASP, Event.RELEASE):
+            grasp = grasp_of(self.task.scene.body(last.visit.subject))
+            if grasp.kind is GraspKind.JAWS:
+                sensed["jaw_width_m"] = runner.arm.jaw_width_m()
+
+    def record_of(
+        self, skill: Skill, state: State, way: Sequence[Stroke], runner: SkillRunner
+    ) -> Record:
+        """Return the record of a skill that a robot has just executed in a larger world."""
+        self._sense(runner, way[-1], None)
+        upset = None if runner.world.is_sane() else "the simulation blew up"
+        none = self.task.facts.none
+        return self._record(skill, state, way, (none, none), runner, upset)
+
+    def _record(
+        self,
+        skill: Skill,
+        state: State,
+        way: Sequence[Stroke],
+        basis: tuple[State, State],
+        runner: SkillRunner,
+        upset: str | None,
+    ) -> Record:
+        world, log = runner.world, runner.log
+        scene = self.task.scene
+        known = [name for name in world.bodies if any(b.name == name for b in scene.bodies)]
+        return Record(
+            skill.name,
+            *basis,
+            tuple(log.phases),
+            {name: np.array(log.forces[name]) for name in known},
+            {name: world.mass_kg(name) * GRAVITY_M_PER_S2 for name in known},
+            {pair: np.array(values) for pair, values in sorted(log.pairs.items())},
+            {name: np.array(values) for name, values in log.moved.items() if name in known},
+            {name: world.pose(name) for name in known},
+            self._expected(skill, state, way[-1], known),
+            runner.sensed,
+            upset=upset,
+            steps=world.steps,
+        )
+
+    def _expected(
+        self, skill: Skill, state: State, last: Stroke, names: Sequence[str]
+    ) -> dict[str, Pose]:
+        """Return where the prediction has bodies; what is held, above where it was picked up."""
+        after = skill.prediction_in(state).apply(state)
+        poses = self.task.scene.at(after)
+        if last.visit.event is Event.GRASP:
+            body = self.task.scene.body(last.visit.subject)
+            x_m, y_m, _ = last.visit.position
+            bottom_m = last.above[2] - grasp_of(body).tip[2]
+            poses[body.name] = Pose.upright((x_m, y_m, bottom_m), last.visit.yaw_rad)
+        return {name: poses[name] for name in names if name in poses}
+
+    def _blank(
+        self,
+        skill: Skill,
+        present: State,
+        absent: State,
+        *,
+        unreachable: str | None = None,
+        unsettled: str | None = None,
+    ) -> Record:
+        return Record(
+            skill.name,
+            present,
+            absent,
+            (),
+            {},
+            {},
+            {},
+            {},
+            {},
+            {},
+            unreachable=unreachable,
+            unsettled=unsettled,
+        )

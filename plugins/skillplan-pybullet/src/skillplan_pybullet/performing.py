@@ -1,0 +1,209 @@
+"""A whole plan executed in one continuous world, as on the real workplace."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skillplan.physics.performance import (
+    Arrival,
+    Image,
+    Performance,
+    PerformedSkill,
+    Sample,
+)
+from skillplan.physics.strokes import Stroke, strokes
+from skillplan.task.scene import Pose
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.verdict import Verdict
+from skillplan_pybullet.camera import Camera
+from skillplan_pybullet.contact_log import STEPS_PER_FRAME
+from skillplan_pybullet.panda_kinematics import UnreachableError, inverse
+from skillplan_pybullet.postconditions import offset_m, rule, tilt_rad
+from skillplan_pybullet.simulated_arm import SimulatedArm
+from skillplan_pybullet.skill_runner import SkillRunner, StuckError
+from skillplan_pybullet.world import STEPS_PER_S, World
+
+if TYPE_CHECKING:
+    from skillplan_pybullet.engine import PybulletEngine
+
+_SETTLE_S = 0.1
+_OVERVIEW_M = 0.95
+# A contact of so much between bodies that are not to touch ends the plan [N].
+_COLLISION_N = 2.0
+_COLLISION_FRAMES = 6
+
+
+def perform(
+    engine: PybulletEngine,
+    skills: Sequence[Skill],
+    *,
+    frames_per_s: float | None,
+    show: Callable[[Image], None] | None,
+    note: Callable[[Sample], None] | None,
+    stopped: Callable[[], bool],
+) -> Performance:
+    """Execute a plan without a break; see :meth:`skillplan.physics.performance.Performer`."""
+    with World(engine.options.friction) as world:
+        return _Stage(engine, world, frames_per_s, show, note).play(skills, stopped)
+
+
+class _Stage:
+    def __init__(
+        self,
+        engine: PybulletEngine,
+        world: World,
+        frames_per_s: float | None,
+        show: Callable[[Image], None] | None,
+        note: Callable[[Sample], None] | None,
+    ) -> None:
+        self.engine, self.world, self.show, self.note = engine, world, show, note
+        self.task = engine.task
+        self.robot = self.task.scene.robots[0]
+        options = engine.options
+        self.arm = SimulatedArm(
+            world,
+            self.robot.base,
+            control=options.control,
+            stiffness_per_s2=options.stiffness_per_s2,
+            grip_force_n=options.grip_force_n,
+            dynamics=options.dynamics,
+        )
+        self.every = STEPS_PER_S / frames_per_s if frames_per_s and show else None
+        self.shown = 0
+        self.skill = ""
+        self.camera = Camera(self._middle(), _OVERVIEW_M)
+
+    def play(self, skills: Sequence[Skill], stopped: Callable[[], bool]) -> Performance:
+        state = self.task.initial
+        _, home = self.robot.place(state)
+        self.arm.stand(home, np.pi / 2, 0.04)
+        for index, body in enumerate(self.task.scene.bodies):
+            placement = body.placement(state)
+            if placement is not None and placement.solid:
+                self.world.add(body, placement.pose, index)
+        runner = SkillRunner(
+            self.world,
+            self.arm,
+            self.task.scene,
+            self.engine.stage.settings,
+            self.robot.tool(state),
+            self._every_step,
+        )
+        self.runner = runner
+        runner.wait(_SETTLE_S)
+        done: list[PerformedSkill] = []
+        for skill in skills:
+            if done and stopped():
+                break
+            self.skill = skill.name
+            begin_s = self.world.steps / STEPS_PER_S
+            verdict = self._execute(skill, state)
+            state = skill.prediction_in(state).apply(state)
+            end_s = self.world.steps / STEPS_PER_S
+            done.append(PerformedSkill(skill.name, verdict, begin_s, end_s))
+            if not verdict.is_feasible:
+                break
+        return Performance(
+            tuple(done),
+            tuple(self._arrivals(state)),
+            self.world.steps / STEPS_PER_S,
+            self.world.steps,
+        )
+
+    def _execute(self, skill: Skill, state: State) -> Verdict:
+        facts = self.task.facts
+        if not skill.applicable(state):
+            missing = skill.why_not(state)
+            return Verdict.infeasible(
+                f"needs {', '.join(missing.requires)}", facts.none, facts.none
+            )
+        if skill.motion is None:
+            return Verdict.feasible(facts.none, facts.none)
+        way = strokes(self.task, skill, state, self.engine.options.drop_height_m)
+        runner = self.runner
+        runner.watch({stroke.visit.subject for stroke in way})
+        try:
+            for stroke in way:
+                self._bring_out(stroke, state)
+                runner.log.phase(f"the travel to {stroke.visit.subject}")
+                yaw_rad = self._yaw(stroke)
+                runner.move(stroke.above, yaw_rad)
+                runner.run(stroke, yaw_rad)
+        except UnreachableError as error:
+            return Verdict.infeasible(str(error), facts.none, facts.none)
+        except StuckError:
+            runner.sensed["stuck_on"] = runner.log.phase_now
+        return self._sensed(skill, state, way)
+
+    def _sensed(self, skill: Skill, state: State, way: Sequence[Stroke]) -> Verdict:
+        stage = self.engine.stage
+        record = stage.record_of(skill, state, way, self.runner)
+        verdict = rule(skill, record, self.engine.tolerances)
+        if not verdict.is_feasible:
+            return verdict
+        for pair, forces in record.pairs_n.items():
+            window = np.full(_COLLISION_FRAMES, 1 / _COLLISION_FRAMES)
+            if forces.size and np.convolve(forces, window).max() > _COLLISION_N:
+                reason = f"{pair[0]} and {pair[1]} collided"
+                return Verdict.infeasible(reason, evidence=dict(verdict.evidence))
+        return verdict
+
+    def _yaw(self, stroke: Stroke) -> float:
+        """Return how the hand is turned at a stroke: as near as may be to how it is now."""
+        seed = np.array(self.arm.joints_rad())
+        _, yaw_rad = inverse(stroke.tip, stroke.closing_yaw_rad, self.robot.base, seed)
+        assert self.arm.wanted is not None
+        turns = round((self.arm.wanted.yaw_rad - yaw_rad) / (2 * np.pi))
+        return float(yaw_rad + 2 * np.pi * turns)
+
+    def _bring_out(self, stroke: Stroke, state: State) -> None:
+        """Have a feeder hand out what is about to be picked up there."""
+        name = stroke.visit.subject
+        body = next((one for one in self.task.scene.bodies if one.name == name), None)
+        placement = None if body is None else body.placement(state)
+        if body is not None and placement is not None and not placement.solid:
+            self.runner.keep(body, placement.pose)
+
+    def _every_step(self) -> None:
+        steps = self.world.steps
+        if self.every is not None and self.show is not None and steps >= self.shown * self.every:
+            self.show(self.camera.take(self.world))
+            self.shown += 1
+        if self.note is not None and steps % STEPS_PER_FRAME == 0:
+            self.note(self._sample())
+
+    def _sample(self) -> Sample:
+        assert self.arm.wanted is not None
+        x, y, z = self.arm.tip().position.tolist()
+        a, b, c = self.arm.wanted.position.tolist()
+        known = {body.name for body in self.task.scene.bodies}
+        return Sample(
+            self.world.steps / STEPS_PER_S,
+            self.skill,
+            (x, y, z),
+            (a, b, c),
+            self.arm.joints_rad(),
+            self.arm.jaw_width_m(),
+            self.runner.log.unexpected_n(),
+            {name: self.world.pose(name) for name in self.world.bodies if name in known},
+        )
+
+    def _arrivals(self, state: State) -> list[Arrival]:
+        held = self.runner.carried
+        found = []
+        for name, goal in self.task.scene.at(state).items():
+            if name in self.world.numbers and name != held:
+                final: Pose = self.world.pose(name)
+                found.append(
+                    Arrival(name, goal, final, offset_m(final, goal), tilt_rad(final, goal))
+                )
+        return found
+
+    def _middle(self) -> tuple[float, float, float]:
+        points = list(self.robot.places.values())
+        xs, ys = [point[0] for point in points], [point[1] for point in points]
+        return ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2, 0.08)

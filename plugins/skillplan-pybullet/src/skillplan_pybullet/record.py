@@ -1,0 +1,95 @@
+"""What one simulated execution of a skill left behind, for engine and detectors to rule on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.task.scene import Pose
+from skillplan.task.state import State
+
+# Contacts are logged so many times a simulated second, as in the paper (section 4.3).
+FRAMES_PER_S = 60
+
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Record:
+    """One execution, sampled 60 times a simulated second.
+
+    Parameters
+    ----------
+    skill
+        Its name.
+    present, absent
+        The facts that decide what is in the simulated world, by their truth: the execution is
+        the same, bit for bit, in every state that agrees on them.
+    phases
+        What the robot was at, and the frame at which it began, in order, such as
+        ``(12, "the approach to switch_1")``.
+    forces_n
+        Net contact force on every body in the world [N], shape (frames, 3), as the simulator
+        gives it: a part at rest shows its weight upwards.
+    weights_n
+        Weight of every such body [N].
+    pairs_n
+        Normal force of every pair that touched without being expected to [N], shape (frames,).
+        Expected are: pairs that touch when the skill begins, the hand and what it handles, what
+        was released and anything, and the tool and what it fastens while it presses.
+    moved_m
+        How far every body that the skill does not handle is from where it stood [m], shape
+        (frames,).
+    final
+        Where every body came to rest.
+    expected
+        Where the prediction has it.
+    sensed
+        What the robot's sensors say in the end, as JSON values: ``tool_attached``,
+        ``fastening_force_n``, ``jaw_width_m``, ``held``, ``tip_error_m``, as far as the skill
+        has to do with it.
+    unreachable
+        Why the arm cannot follow the motion, in words; None where it can.
+    upset
+        Why the execution says nothing: the simulation blew up or took too long; None
+        where it does.
+    unsettled
+        Why the world itself could not be, before the robot moved, such as a part that nothing
+        bears; None where it stood.
+    steps
+        Simulation steps.
+    """
+
+    skill: str
+    present: State
+    absent: State
+    phases: tuple[tuple[int, str], ...]
+    forces_n: Mapping[str, NDArray[np.float64]]
+    weights_n: Mapping[str, float]
+    pairs_n: Mapping[Pair, NDArray[np.float64]]
+    moved_m: Mapping[str, NDArray[np.float64]]
+    final: Mapping[str, Pose]
+    expected: Mapping[str, Pose]
+    sensed: Mapping[str, Any] = field(default_factory=dict)
+    unreachable: str | None = None
+    upset: str | None = None
+    unsettled: str | None = None
+    steps: int = 0
+
+    @property
+    def frames(self) -> int:
+        """How many frames were logged."""
+        return max((len(moved) for moved in self.forces_n.values()), default=0)
+
+    def phase(self, frame: int) -> str:
+        """Return what the robot was at in a frame; empty before it began."""
+        label = ""
+        for begin, name in self.phases:
+            if begin > frame:
+                break
+            label = name
+        return label

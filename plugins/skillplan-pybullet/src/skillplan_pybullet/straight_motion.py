@@ -1,0 +1,87 @@
+"""Straight moves of the tip with bounded speed and acceleration, at rest at both ends."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+# Of the profile of least jerk: its highest speed and acceleration, by mean speed and duration.
+_PEAK_SPEED = 1.875
+_PEAK_ACCELERATION = 10 / math.sqrt(3)
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """Where the tip is to be, how fast, and how the hand is to be turned.
+
+    Parameters
+    ----------
+    position, velocity
+        [m], [m/s], shape (3,).
+    yaw_rad, yaw_rate_rad_per_s
+        Direction in which the jaws close, and its rate.
+    """
+
+    position: Vector
+    velocity: Vector
+    yaw_rad: float
+    yaw_rate_rad_per_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class StraightMotion:
+    """A straight move along the profile of least jerk.
+
+    Parameters
+    ----------
+    start, end
+        Positions [m], shape (3,).
+    start_yaw_rad, end_yaw_rad
+        How the hand is turned [rad].
+    duration_s
+        How long it takes [s], > 0.
+    """
+
+    start: Vector
+    end: Vector
+    start_yaw_rad: float
+    end_yaw_rad: float
+    duration_s: float
+
+    @classmethod
+    def between(
+        cls,
+        start: Vector,
+        end: Vector,
+        start_yaw_rad: float,
+        end_yaw_rad: float,
+        *,
+        speed_m_per_s: float,
+        acceleration_m_per_s2: float,
+        speed_rad_per_s: float = 1.0,
+    ) -> StraightMotion:
+        """Return the fastest move within limits of speed and acceleration."""
+        way_m = float(np.linalg.norm(end - start))
+        turn_rad = abs(end_yaw_rad - start_yaw_rad)
+        duration_s = max(
+            _PEAK_SPEED * way_m / speed_m_per_s,
+            math.sqrt(_PEAK_ACCELERATION * way_m / acceleration_m_per_s2),
+            _PEAK_SPEED * turn_rad / speed_rad_per_s,
+            1e-3,
+        )
+        return cls(start, end, start_yaw_rad, end_yaw_rad, duration_s)
+
+    def at(self, time_s: float) -> Setpoint:
+        """Return the setpoint after some time; the end from the duration on."""
+        fraction = min(max(time_s / self.duration_s, 0.0), 1.0)
+        share = fraction**3 * (10 - 15 * fraction + 6 * fraction**2)
+        rate = 30 * fraction**2 * (1 - fraction) ** 2 / self.duration_s
+        way, turn = self.end - self.start, self.end_yaw_rad - self.start_yaw_rad
+        return Setpoint(
+            self.start + share * way, rate * way, self.start_yaw_rad + share * turn, rate * turn
+        )

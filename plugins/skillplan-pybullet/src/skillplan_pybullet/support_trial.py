@@ -1,0 +1,98 @@
+"""Whether bodies stay where a state has them, before the robot moves: each with what bears it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan_pybullet.surroundings import Located, Neighbourhood, Surroundings
+from skillplan_pybullet.world import World
+
+# Bodies that move by more than this in so many steps do not stay [m].
+_FALLEN_M = 0.001
+_STEPS = 48
+
+
+@dataclass(frozen=True, slots=True)
+class Fallen:
+    """A body that did not stay.
+
+    Parameters
+    ----------
+    body
+        Its name.
+    reason
+        In words.
+    present, absent
+        The facts that this rests on.
+    """
+
+    body: str
+    reason: str
+    present: State
+    absent: State
+
+
+class SupportTrials:
+    """Lets bodies go in small worlds of their own; remembers what came of it.
+
+    Parameters
+    ----------
+    task
+        Whose bodies they are.
+    surroundings
+        Knows what bears what.
+    friction
+        Of bodies and table [-].
+    """
+
+    def __init__(self, task: Task, surroundings: Surroundings, friction: float) -> None:
+        self.task, self.surroundings, self.friction = task, surroundings, friction
+        self._known: dict[tuple[str, int], float] = {}
+
+    def fallen(self, around: Neighbourhood, state: State) -> Fallen | None:
+        """Return the first body of a neighbourhood that does not stay, or None.
+
+        What that rests on is what bears it, and the bodies that were looked at before it.
+        """
+        facts = self.task.facts
+        present = absent = facts.none
+        there = {one.body.name: one for one in around.bodies}
+        for body in self.task.scene.bodies:
+            one = there.get(body.name)
+            nearby = facts.of(*(place.fact for place in body.placements))
+            if one is None:
+                absent |= around.absent & nearby
+                continue
+            beneath = self.surroundings.support(one, state)
+            present |= beneath.present
+            absent |= beneath.absent | (around.absent & nearby)
+            moved_m = self._moved_m(one, beneath)
+            if moved_m > _FALLEN_M:
+                borne = [other.body.name for other in beneath.bodies if other is not one]
+                on = f"does not stay on {', '.join(borne)}" if borne else "has nothing beneath it"
+                return Fallen(
+                    body.name,
+                    f"{body.name} {on}: it falls before the robot has moved",
+                    present,
+                    absent,
+                )
+        return None
+
+    def _moved_m(self, one: Located, beneath: Neighbourhood) -> float:
+        if self.surroundings.stands_on_table(one) and len(beneath.bodies) == 1:
+            return 0.0
+        key = (one.body.name, beneath.present.bits)
+        if key not in self._known:
+            with World(self.friction) as world:
+                for other in beneath.bodies:
+                    world.add(other.body, other.placement.pose)
+                for _ in range(_STEPS):
+                    world.step()
+                now = np.array(world.pose(one.body.name).position)
+                away = now - np.array(one.placement.pose.position)
+                self._known[key] = float(np.linalg.norm(away))
+        return self._known[key]

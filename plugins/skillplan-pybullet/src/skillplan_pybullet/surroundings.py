@@ -1,0 +1,188 @@
+"""Which bodies can matter to a skill, and the facts that say whether they are there.
+
+A body matters where a box about it comes near a box about what moves, or where it bears one
+that does. Nothing else is put into the simulated world, so that an execution is a function of
+the skill and of those facts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_box, world_boxes
+from skillplan.physics.strokes import Stroke, grasp_of
+from skillplan.task.motion import Event, Point
+from skillplan.task.scene import WORLD, Body, Grasp, Placement, Pose
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan_pybullet.hand_shapes import hand_boxes, jaw_opening_m, tool_boxes
+
+# Two bodies that are this close may touch when the hand is off its path [m].
+MARGIN_M = 0.003
+_TOUCH_M = 2e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Located:
+    """A body at one of its places, and the boxes about it."""
+
+    body: Body
+    placement: Placement
+    boxes: tuple[WorldBox, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Neighbourhood:
+    """What may be in the world of an execution.
+
+    Parameters
+    ----------
+    bodies
+        Those that are, with the poses they have, in the order of the task.
+    present, absent
+        The facts that decide it.
+    """
+
+    bodies: tuple[Located, ...]
+    present: State
+    absent: State
+
+
+class Surroundings:
+    """Knows what is near the motions of a task.
+
+    Parameters
+    ----------
+    task
+        With one robot.
+    clearance_m
+        How far open jaws stand off a part on either side [m].
+    drop_height_m
+        From how high parts are let go [m].
+    """
+
+    def __init__(self, task: Task, clearance_m: float, drop_height_m: float) -> None:
+        self.task, self.clearance_m, self.drop_height_m = task, clearance_m, drop_height_m
+        self._located = tuple(
+            Located(body, placement, world_boxes(body, placement.pose))
+            for body in task.scene.bodies
+            for placement in body.placements
+            if placement.solid and placement.frame == WORLD
+        )
+        self._bearers = {
+            (one.body.name, one.placement.fact): tuple(self._beneath(one)) for one in self._located
+        }
+        self._near: dict[tuple[str, tuple[Stroke, ...]], tuple[Located, ...]] = {}
+
+    def around(self, skill: Skill, way: Sequence[Stroke], state: State) -> Neighbourhood:
+        """Return what may matter to a skill in a state."""
+        key = (skill.name, tuple(way))
+        if key not in self._near:
+            self._near[key] = tuple(self._close_to(way))
+        handled = {stroke.visit.subject for stroke in way}
+        own = {
+            one for one in self._located if one.body.name in handled and one.placement.fact in state
+        }
+        looked_at: list[Located] = []
+        todo = [*own, *self._near[key]]
+        todo.sort(key=self._located.index)
+        while todo:
+            one = todo.pop(0)
+            if one in looked_at:
+                continue
+            looked_at.append(one)
+            if one.placement.fact in state:
+                todo += self._bearers[one.body.name, one.placement.fact]
+        looked_at.sort(key=self._located.index)
+        there = tuple(one for one in looked_at if one.placement.fact in state)
+        facts = self.task.facts
+        return Neighbourhood(
+            there,
+            facts.of(*(one.placement.fact for one in there)),
+            facts.of(*(one.placement.fact for one in looked_at if one.placement.fact not in state)),
+        )
+
+    def support(self, body: Located, state: State) -> Neighbourhood:
+        """Return a body and what bears it, directly or not."""
+        looked_at: list[Located] = []
+        todo = [body]
+        while todo:
+            one = todo.pop(0)
+            if one not in looked_at:
+                looked_at.append(one)
+                if one.placement.fact in state:
+                    todo += self._bearers[one.body.name, one.placement.fact]
+        looked_at.sort(key=self._located.index)
+        there = tuple(one for one in looked_at if one.placement.fact in state)
+        facts = self.task.facts
+        return Neighbourhood(
+            there,
+            facts.of(*(one.placement.fact for one in there)),
+            facts.of(*(one.placement.fact for one in looked_at if one.placement.fact not in state)),
+        )
+
+    def stands_on_table(self, body: Located) -> bool:
+        """Whether a body's bottom is on the table."""
+        return min(box.low[2] for box in body.boxes) <= _TOUCH_M
+
+    def _beneath(self, one: Located) -> Iterator[Located]:
+        floor_m = min(box.low[2] for box in one.boxes)
+        feet = [box for box in one.boxes if box.low[2] - floor_m <= _TOUCH_M]
+        for other in self._located:
+            if other.body.name != one.body.name and any(
+                contact_area(foot, top, _TOUCH_M) is not None
+                for foot in feet
+                for top in other.boxes
+            ):
+                yield other
+
+    def _close_to(self, way: Sequence[Stroke]) -> Iterator[Located]:
+        moving = [item for stroke in way for item in self._moving(stroke)]
+        spared = {stroke.visit.subject for stroke in way if stroke.visit.event is not Event.DRIVE}
+        for one in self._located:
+            if one.body.name in spared:
+                continue
+            if any(
+                sweep_hits(box, by, obstacle, -MARGIN_M)
+                for box, by in moving
+                for obstacle in one.boxes
+            ):
+                yield one
+
+    def _moving(self, stroke: Stroke) -> Iterator[tuple[WorldBox, Point]]:
+        """Yield what moves on a stroke, at its lowest, and the way up from there."""
+        low_m = stroke.tip[2]
+        by: Point = (0.0, 0.0, stroke.above[2] - low_m)
+        tip: Point = stroke.tip
+        if stroke.visit.event in (Event.GRASP, Event.RELEASE):
+            body = self.task.scene.body(stroke.visit.subject)
+            grasp = grasp_of(body)
+            yield from ((box, by) for box in self._hand(stroke, grasp))
+            # Down to its goal, also where it is let go from above.
+            held = Pose.upright(stroke.visit.position, stroke.visit.yaw_rad)
+            yield from ((box, by) for box in world_boxes(body, held))
+            return
+        tool = stroke.tool
+        for box in tool_boxes(tool):
+            yield world_box(box, tip, stroke.closing_yaw_rad), by
+        if stroke.visit.event is Event.LOAD:
+            loaded = next(
+                item
+                for robot in self.task.scene.robots
+                for item in robot.tools
+                if item.name == stroke.visit.subject
+            )
+            for box in tool_boxes(loaded):
+                yield world_box(box, tip, stroke.closing_yaw_rad), by
+        if stroke.visit.event is Event.DRIVE:
+            screw = self.task.scene.body(stroke.visit.subject)
+            mouth = stroke.visit.position
+            for box in screw.boxes:
+                yield world_box(box, mouth), by
+
+    def _hand(self, stroke: Stroke, grasp: Grasp) -> Iterator[WorldBox]:
+        opening_m = jaw_opening_m(grasp, self.clearance_m)
+        for box in hand_boxes(opening_m):
+            yield world_box(box, stroke.tip, stroke.closing_yaw_rad)

@@ -1,0 +1,17 @@
+"""What every detector owes the model, asked of those that read contacts; takes minutes."""
+
+from __future__ import annotations
+
+import pytest
+
+from skillplan.testing import DetectorSuite
+
+pytestmark = pytest.mark.slow
+
+
+class TestContactPairs(DetectorSuite):
+    detector = "contact-pairs"
+
+
+class TestContactForce(DetectorSuite):
+    detector = "contact-force"

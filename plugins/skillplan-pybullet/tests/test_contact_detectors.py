@@ -1,0 +1,238 @@
+"""What both contact detectors make of records: whose they read, what they leave to the engine."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from situations import assembly, config_content
+from skillplan.model.single_check import introduce
+from skillplan_pybullet.contact_detector import frame_means
+from skillplan_pybullet.contact_force import ContactForceDetector
+from skillplan_pybullet.contact_pairs import ContactPairsDetector
+from skillplan_pybullet.engine import PybulletEngine
+from skillplan_pybullet.record import Record
+
+DETECTORS = [ContactForceDetector, ContactPairsDetector]
+
+
+@pytest.fixture(scope="module")
+def task():
+    """The paper's board."""
+    return assembly(config_content("inverter_board"))
+
+
+def a_record(task, **changes):
+    """Return the record of half a second in which nothing touches."""
+    facts = task.facts
+    record = Record(
+        skill="place(switch_2)",
+        present=facts.of("placed(pcb)"),
+        absent=facts.of("placed(brace)"),
+        phases=((0, "the approach to switch_2"), (20, "the retreat from switch_2")),
+        forces_n={name: np.zeros((30, 3)) for name in ("pcb", "switch_2", "transformer")},
+        weights_n={"pcb": 1.1772, "switch_2": 0.2943, "transformer": 2.4525},
+        pairs_n={},
+        moved_m={name: np.zeros(30) for name in ("pcb", "transformer")},
+        final={},
+        expected={},
+    )
+    return replace(record, **changes)
+
+
+def bump(frames, value, begin=10, length=30):
+    """Return a signal that is a value for some frames, else zero."""
+    signal = np.zeros(length)
+    signal[begin : begin + frames] = value
+    return signal
+
+
+class TestBoth:
+    @pytest.mark.parametrize("detector", DETECTORS)
+    def test_a_verdict_rests_on_what_decides_the_simulated_world(self, task, detector) -> None:
+        """Present and absent are those of the record; the evidence is JSON."""
+        record = a_record(task)
+        verdict = detector(task).rule(record)
+        assert verdict.is_feasible
+        assert (record.present, record.absent) == (verdict.present, verdict.absent)
+        assert json.dumps(verdict.evidence)
+
+    @pytest.mark.parametrize("detector", DETECTORS)
+    @pytest.mark.parametrize("fault", ["unreachable", "unsettled", "upset"])
+    def test_what_the_engine_beside_it_rules_on_is_left_to_it(self, task, detector, fault) -> None:
+        """Alone it rules itself: what says nothing about the skill is unknown."""
+        record = a_record(task, **{fault: "it came to nothing"})
+        alone, beside, engine = detector(task), detector(task), PybulletEngine(task)
+        introduce([alone])
+        introduce([beside, engine])
+        assert beside.rule(record).is_feasible
+        verdict = alone.rule(record)
+        assert verdict.reason == "it came to nothing"
+        assert (fault != "upset") == verdict.is_infeasible
+        assert not verdict.is_feasible
+
+    def test_detectors_read_the_simulation_of_the_engine_beside_them(self, task) -> None:
+        """One and the same engine, whose options belong to what their answers depend on."""
+        engine = PybulletEngine(task, PybulletEngine.Options(drop_height_m=0.002))
+        detectors = [detector(task) for detector in DETECTORS]
+        introduce([engine, *detectors])
+        for detector in detectors:
+            assert engine is detector.engine
+            assert detector.basis["options"]["drop_height_m"] == 0.002
+            assert not detector.basis["alone"]
+
+    def test_detectors_without_an_engine_share_one(self, task) -> None:
+        """With default options; so that one execution serves both."""
+        pairs, force = ContactPairsDetector(task), ContactForceDetector(task)
+        introduce([pairs, force])
+        assert pairs.engine is force.engine
+        assert pairs.basis["alone"]
+        assert PybulletEngine.Options().model_dump(mode="json") == pairs.basis["options"]
+
+    def test_a_collision_is_named_before_the_disorder_it_causes(self) -> None:
+        """Detectors are asked before the engine."""
+        assert all(one.expected_s < PybulletEngine.expected_s for one in DETECTORS)
+        assert all(one.dear for one in DETECTORS)
+
+
+class TestFrameMeans:
+    @given(arrays(float, st.integers(0, 20), elements=st.floats(0, 100)), st.integers(1, 8))
+    def test_each_is_the_mean_of_the_frames_up_to_it(self, values, frames) -> None:
+        """Before the first frame nothing touched."""
+        means = frame_means(values, frames)
+        padded = [0.0] * frames + list(values)
+        for index, mean in enumerate(means):
+            window = padded[index + 1 : index + 1 + frames]
+            assert mean == pytest.approx(sum(window) / frames)
+
+    def test_axes_are_averaged_apart(self) -> None:
+        """Shape in is shape out."""
+        values = np.arange(12.0).reshape(4, 3)
+        assert frame_means(values, 2).shape == (4, 3)
+        assert frame_means(values, 2)[1].tolist() == [1.5, 2.5, 3.5]
+
+
+class TestContactPairs:
+    def test_an_unexpected_pair_that_presses_is_a_collision(self, task) -> None:
+        """Phase, bodies and figure in words, the mover first."""
+        pressing = {("transformer", "left finger"): bump(8, 12.0)}
+        verdict = ContactPairsDetector(task).rule(a_record(task, pairs_n=pressing))
+        expected = "the left finger pressed on transformer with 12 N on the approach to switch_2"
+        assert expected == verdict.reason
+        evidence = verdict.evidence
+        assert evidence["bodies"] == ["left finger", "transformer"]
+        assert evidence["force_n"] == 12.0
+        assert (evidence["during"], evidence["at_s"]) == ("the approach to switch_2", 0.166667)
+        assert evidence["limits"] == {"force_n": 0.05, "moved_mm": 1.0}
+
+    def test_a_touch_of_one_frame_is_none(self, task) -> None:
+        """Averaged over six frames it stays below the threshold; the figure is told."""
+        touch = {("left finger", "transformer"): bump(1, 0.29)}
+        verdict = ContactPairsDetector(task).rule(a_record(task, pairs_n=touch))
+        assert verdict.is_feasible
+        assert verdict.evidence["readings"]["force_n"] == 0.048333
+        assert verdict.evidence["peak_n"] == 0.29
+
+    @given(st.integers(1, 12), st.floats(0.01, 1.0))
+    def test_the_mean_of_six_frames_decides(self, frames, force_n) -> None:
+        """Frames beyond the sixth add nothing."""
+        board = assembly(config_content("inverter_board"))
+        record = a_record(board, pairs_n={("left finger", "pcb"): bump(frames, force_n)})
+        verdict = ContactPairsDetector(board).rule(record)
+        mean_n = force_n * min(frames, 6) / 6
+        if abs(mean_n - 0.05) > 1e-9:
+            assert verdict.is_infeasible == (mean_n > 0.05)
+
+    def test_what_is_pushed_aside_without_a_force_is_a_collision(self, task) -> None:
+        """At any moment, also where it comes back."""
+        moved = {"pcb": np.zeros(30), "transformer": bump(1, 0.0021, begin=25)}
+        verdict = ContactPairsDetector(task).rule(a_record(task, moved_m=moved))
+        expected = "transformer was pushed 2.1 mm aside on the retreat from switch_2"
+        assert expected == verdict.reason
+        assert verdict.evidence["moved_mm"] == {"transformer": 2.1}
+
+    def test_what_came_first_is_the_reason(self, task) -> None:
+        """The rest stands in the evidence."""
+        pairs = {
+            ("left finger", "transformer"): bump(10, 3.0, begin=15),
+            ("switch_2", "pcb"): bump(10, 80.0, begin=18),
+        }
+        moved = {"pcb": np.zeros(30), "transformer": bump(5, 0.004, begin=12)}
+        detector = ContactPairsDetector(task)
+        pushed = detector.rule(a_record(task, pairs_n=pairs, moved_m=moved))
+        assert pushed.reason.startswith("transformer was pushed 4.0 mm aside")
+        pressed = detector.rule(a_record(task, pairs_n=pairs))
+        assert pressed.reason.startswith("the left finger pressed on transformer with 3 N")
+        assert pressed.evidence["readings"]["force_n"] == 80.0
+
+    def test_limits_are_options(self, task) -> None:
+        """Threshold, frames and displacement."""
+        pairs = {("left finger", "transformer"): bump(2, 6.0)}
+        moved = {"pcb": np.full(30, 0.0005), "transformer": np.zeros(30)}
+        record = a_record(task, pairs_n=pairs, moved_m=moved)
+        options = ContactPairsDetector.Options
+        lenient = options(threshold_n=2.5)
+        assert ContactPairsDetector(task, lenient).rule(record).is_feasible
+        brief = options(threshold_n=2.5, frames=2)
+        assert ContactPairsDetector(task, brief).rule(record).is_infeasible
+        strict = options(threshold_n=2.5, displacement_m=0.0004)
+        assert ContactPairsDetector(task, strict).rule(record).is_infeasible
+
+    def test_a_record_that_broke_off_at_once_is_read_as_far_as_it_goes(self, task) -> None:
+        """No frames, no contact."""
+        record = a_record(
+            task,
+            forces_n={"pcb": np.zeros((0, 3))},
+            pairs_n={("left finger", "pcb"): np.zeros(0)},
+            moved_m={"pcb": np.zeros(0)},
+        )
+        assert ContactPairsDetector(task).rule(record).is_feasible
+        assert ContactForceDetector(task).rule(record).is_feasible
+
+
+class TestContactForce:
+    def test_a_resting_part_fires_only_to_the_letter(self, task) -> None:
+        """The paper's detector takes the weight of 250 g for a collision."""
+        forces = {"transformer": np.tile([0.0, 0.0, 2.4525], (30, 1))}
+        record = a_record(task, forces_n=forces)
+        assert ContactForceDetector(task).rule(record).is_feasible
+        literal = ContactForceDetector.Options(weight_compensated=False)
+        verdict = ContactForceDetector(task, literal).rule(record)
+        assert verdict.reason.startswith(
+            "the net contact force on transformer averaged 2.45 N along z over 6 frames on "
+        )
+        assert verdict.evidence["readings"]["force_n"] == 2.4525
+
+    def test_what_something_else_than_a_contact_carries_reads_nothing(self, task) -> None:
+        """Under suction no contact carries the pcb, and none is missed."""
+        record = a_record(task, forces_n={"pcb": np.zeros((30, 3))})
+        verdict = ContactForceDetector(task).rule(record)
+        assert verdict.evidence["readings"]["force_n"] == 0.0
+
+    @pytest.mark.parametrize(("axis", "name"), [(0, "x"), (1, "y"), (2, "z")])
+    @pytest.mark.parametrize("sign", [1, -1])
+    def test_a_force_along_any_axis_counts_either_way(self, task, axis, name, sign) -> None:
+        """Its absolute value, apart from the other axes."""
+        force = np.zeros((30, 3))
+        force[10:20, axis] = sign * 5.0
+        verdict = ContactForceDetector(task).rule(a_record(task, forces_n={"switch_2": force}))
+        assert name == verdict.evidence["axis"]
+        expected_n = 5.0 - (0.2943 if (name, sign) == ("z", 1) else 0.0)
+        assert expected_n == pytest.approx(verdict.evidence["force_n"], abs=1e-6)
+
+    def test_forces_that_cancel_are_not_seen(self, task) -> None:
+        """The net force of a jammed part may be nothing: what the pairs show."""
+        record = a_record(task, pairs_n={("switch_2", "transformer"): bump(20, 30.0)})
+        assert ContactForceDetector(task).rule(record).is_feasible
+        assert ContactPairsDetector(task).rule(record).is_infeasible
+
+    def test_only_parts_of_the_product_are_watched(self, task) -> None:
+        """Not the tools, nor the robot."""
+        record = a_record(task, forces_n={"screwdriver": np.full((30, 3), 50.0)})
+        assert ContactForceDetector(task).rule(record).is_feasible

@@ -1,0 +1,135 @@
+"""The contact detectors on real simulations of the board: right orders, wrong ones, intruders."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from situations import assembly, config_content
+from skillplan.model.collision_staging import staged_collisions
+from skillplan.model.detector_trial import Truth
+from skillplan.model.detector_trials import try_detectors
+from skillplan.model.single_check import check, introduce
+from skillplan.report.detector_tables import decisive
+from skillplan.task.verdict import VerdictStatus
+from skillplan_pybullet.contact_force import ContactForceDetector
+from skillplan_pybullet.contact_pairs import ContactPairsDetector
+from skillplan_pybullet.engine import PybulletEngine
+
+OPTIMUM = (0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14, 15)
+
+
+@pytest.fixture(scope="module")
+def task():
+    """The paper's board."""
+    return assembly(config_content("inverter_board"))
+
+
+@pytest.fixture(scope="module")
+def detectors(task):
+    """Both detectors and the engine whose simulation they read."""
+    made = [PybulletEngine(task), ContactPairsDetector(task), ContactForceDetector(task)]
+    introduce(made)
+    return made
+
+
+def after(task, *actions):
+    """Return the state that skills lead to, feasible or not."""
+    state = task.initial
+    for action in actions:
+        state = task.skills[action].prediction_in(state).apply(state)
+    return state
+
+
+def test_no_skill_of_the_best_plan_is_taken_for_a_collision(task, detectors) -> None:
+    """Not a thousandth of a newton between bodies that should not touch."""
+    _, pairs, _ = detectors
+    for done, action in enumerate(OPTIMUM):
+        verdict = pairs.check(task.skills[action], after(task, *OPTIMUM[:done]))
+        assert verdict.is_feasible, (task.skills[action].name, verdict.reason)
+        assert verdict.evidence["readings"]["force_n"] < 0.001
+
+
+def test_a_part_put_through_another_is_a_collision(task, detectors) -> None:
+    """The first touch is named, with the facts that it rests on."""
+    _, pairs, _ = detectors
+    verdict = pairs.check(task.skill("place(transformer)"), after(task, 0, 1, 10, 11, 8))
+    assert verdict.reason.startswith("transformer pressed on brace with ")
+    assert verdict.reason.endswith(" N on the approach to transformer")
+    assert "placed(brace)" in verdict.present
+    assert verdict.evidence["force_n"] > 1.0
+
+
+def test_what_only_ends_elsewhere_is_the_engines_business(task, detectors) -> None:
+    """A switch that falls past the missing board touches nothing that it should not."""
+    engine, pairs, _ = detectors
+    question = (task.skill("place(switch_1)"), after(task, 2))
+    assert pairs.check(*question).is_feasible
+    assert engine.check(*question).is_infeasible
+
+
+def test_one_question_is_simulated_once(task, monkeypatch) -> None:
+    """Engine and detectors share the execution."""
+    made = [PybulletEngine(task), ContactPairsDetector(task), ContactForceDetector(task)]
+    introduce(made)
+    executed = []
+    stage = made[0].stage
+    execute = type(stage).execute
+
+    def counted(self, skill, state, watch=None):
+        executed.append(skill.name)
+        return execute(self, skill, state, watch)
+
+    monkeypatch.setattr(type(stage), "execute", counted)
+    for back_end in made:
+        check(back_end, task.skill("pick(clock)"), task.initial)
+    assert executed == ["pick(clock)"]
+
+
+def test_a_verdict_is_the_same_bit_for_bit_wherever_it_applies(task, detectors) -> None:
+    """In another state that agrees on the facts, from detectors that were asked nothing yet."""
+    skill = task.skill("place(switch_1)")
+    here, there = after(task, 0, 1, 2), after(task, 0, 1, 10, 11, 2)
+    _, pairs, _ = detectors
+    known = check(pairs, skill, here).verdict
+    assert known.applies_in(there)
+    other = ContactPairsDetector(task)
+    introduce([other])
+    fresh = check(other, skill, there).verdict
+    assert known == fresh
+    assert json.dumps(dict(known.evidence)) == json.dumps(dict(fresh.evidence))
+
+
+@pytest.mark.parametrize("kind", ["beside", "light, beside", "tall", "too deep"])
+def test_a_hand_that_hits_something_is_caught(task, kind) -> None:
+    """A finger, the palm, a light block, the table."""
+    trials = staged_collisions(task, task.skill("pick(switch_1)"), task.initial)
+    trial = next(one for one in trials if one.kind == kind)
+    pairs = ContactPairsDetector(trial.task)
+    introduce([pairs])
+    verdict = pairs.check(trial.skill, trial.state)
+    assert verdict.is_infeasible
+    assert " on the approach to switch_1" in verdict.reason
+    hit = "the table" if kind == "too deep" else "intruder"
+    assert hit in verdict.reason
+
+
+@pytest.mark.slow
+def test_pairs_tell_right_from_wrong_on_the_whole_board(task) -> None:
+    """No false alarm on 60 right executions, no miss on 30 wrong ones; the paper's has many."""
+
+    def make(scene):
+        return [PybulletEngine(scene), ContactPairsDetector(scene), ContactForceDetector(scene)]
+
+    trials = try_detectors(task, make, 40)
+    right, wrong = Truth.LEGITIMATE, Truth.COLLISION
+    assert len(trials.of(right)) >= 60
+    assert len(trials.of(wrong)) >= 30
+    assert trials.count(right, "contact-pairs", VerdictStatus.INFEASIBLE) == 0
+    assert trials.count(wrong, "contact-pairs", VerdictStatus.FEASIBLE) == 0
+    assert trials.count(wrong, "contact-force", VerdictStatus.FEASIBLE) >= 30
+    assert len(trials.of(right)) == trials.count(right, "pybullet", VerdictStatus.FEASIBLE)
+    gap = decisive(trials, "contact-pairs", right), decisive(trials, "contact-pairs", wrong)
+    assert gap[0]["readings"]["force_n"] < 0.001
+    assert gap[1]["readings"]["force_n"] > 1.0

@@ -1,0 +1,103 @@
+"""Whole plans in one continuous world, and pictures of it."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from board_situations import BOARD, OPTIMAL, state_after
+from skillplan.setup import load_problem
+from skillplan_pybullet.camera import HEIGHT, WIDTH
+from skillplan_pybullet.engine import PybulletEngine
+
+
+@pytest.fixture(scope="module")
+def task():
+    return load_problem(BOARD).task
+
+
+@pytest.fixture(scope="module")
+def performance(task):
+    samples = []
+    found = PybulletEngine(task).perform([task.skills[a] for a in OPTIMAL], note=samples.append)
+    return found, samples
+
+
+def test_the_optimum_is_executed_without_a_break(task, performance):
+    found, _ = performance
+    assert found.failed is None
+    assert [one.skill for one in found.skills] == [task.skills[a].name for a in OPTIMAL]
+
+
+def test_every_part_arrives_within_half_a_millimetre_and_one_and_a_half_degrees(performance):
+    found, _ = performance
+    assert {one.body for one in found.arrivals} == {
+        *("pcb", "switch_1", "switch_2", "clock", "transformer", "brace", "screw_1", "screw_2")
+    }
+    for arrival in found.arrivals:
+        assert arrival.offset_m < 0.0005, arrival
+        assert arrival.tilt_rad < math.radians(1.5), arrival
+
+
+def test_both_screws_are_pressed_with_three_newtons_at_least(performance):
+    found, _ = performance
+    forces = [
+        one.verdict.evidence["sensed"]["fastening_force_n"]
+        for one in found.skills
+        if one.skill.startswith("fasten")
+    ]
+    assert len(forces) == 2
+    assert min(forces) >= 3.0
+
+
+def test_the_trace_has_sixty_rows_a_second_and_touches_nothing_unexpected(performance):
+    found, samples = performance
+    assert len(samples) == pytest.approx(60 * found.simulated_s, abs=2)
+    assert max(sample.contact_n for sample in samples) < 0.05
+    times = [sample.time_s for sample in samples]
+    assert times == sorted(times)
+
+
+def test_a_plan_ends_at_the_first_skill_that_fails(task):
+    wrong = [task.skills[action] for action in (2, 3, 4)]
+    found = PybulletEngine(task).perform(wrong)
+    assert [one.skill for one in found.skills] == ["pick(switch_1)", "place(switch_1)"]
+    assert found.failed is not None
+    assert "6.0 mm below its goal" in found.failed.verdict.reason
+
+
+def test_a_plan_that_collides_ends_there(task):
+    wrong = [task.skills[action] for action in (0, 1, 10, 11, 8, 9)]
+    found = PybulletEngine(task).perform(wrong)
+    assert found.failed is not None
+    assert found.failed.skill == "place(transformer)"
+
+
+def test_it_stops_after_the_skill_under_way(task):
+    found = PybulletEngine(task).perform([task.skills[a] for a in OPTIMAL], stopped=lambda: True)
+    assert [one.skill for one in found.skills] == ["pick(pcb)"]
+
+
+def test_the_moment_of_a_collision_shows_the_culprits_in_red(task):
+    engine = PybulletEngine(task)
+    image = engine.picture(task.skill("place(transformer)"), state_after(task, (0, 1, 10, 11, 8)))
+    assert (image.width, image.height) == (WIDTH, HEIGHT)
+    assert red_pixels(image) > 2000
+
+
+def test_the_end_of_a_feasible_skill_shows_nothing_in_red(task):
+    image = PybulletEngine(task).picture(task.skill("pick(brace)"), task.initial)
+    assert red_pixels(image) == 0
+
+
+def test_footage_shows_the_whole_skill(task):
+    images = list(PybulletEngine(task).footage(task.skill("pick(clock)"), task.initial, 2.0))
+    assert 4 <= len(images) <= 8
+    assert len({image.rgb for image in images}) == len(images)
+
+
+def red_pixels(image) -> int:
+    """Return how many pixels are of the colour of alarm."""
+    pixels = zip(image.rgb[0::3], image.rgb[1::3], image.rgb[2::3], strict=True)
+    return sum(red > 130 and green < 50 and blue < 50 for red, green, blue in pixels)

@@ -1,0 +1,87 @@
+"""Bodies at rest, in a world of their own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skillplan.task.scene import Body, Pose
+from skillplan.task.shape import Box, Cylinder, Mesh
+from skillplan_pybullet.mass_properties import mass_properties
+from skillplan_pybullet.world import STEPS_PER_S, World
+
+PYRAMID = Mesh(
+    ((0.0, 0.0, 0.0), (0.04, 0.0, 0.0), (0.0, 0.04, 0.0), (0.04, 0.04, 0.0), (0.02, 0.02, 0.03)),
+    ((0, 1, 3), (0, 3, 2), (0, 4, 1), (1, 4, 3), (3, 4, 2), (2, 4, 0)),
+)
+BODIES = {
+    "box": Body("box", (Box((0.04, 0.06, 0.02), (0.0, 0.0, 0.01)),), (), 0.1),
+    "cylinder": Body("cylinder", (Cylinder(0.03, 0.05, (0.0, 0.0, 0.025)),), (), 0.05),
+    "mesh": Body("mesh", (PYRAMID,), (), 0.05),
+    "compound": Body(
+        "compound",
+        (
+            Box((0.02, 0.096, 0.006), (0.0, 0.0, 0.043)),
+            Box((0.02, 0.016, 0.04), (0.0, -0.04, 0.02)),
+            Cylinder(0.016, 0.04, (0.0, 0.04, 0.02)),
+        ),
+        (),
+        0.045,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_a_body_at_rest_stays_within_a_fiftieth_of_a_millimetre(name):
+    with World(0.6) as world:
+        world.add(BODIES[name], Pose.upright((0.4, 0.1, 0.0), 0.3))
+        for _ in range(2 * STEPS_PER_S):
+            world.step()
+        pose = world.pose(name)
+    assert np.allclose(pose.position, (0.4, 0.1, 0.0), atol=2e-5)
+    assert pose.yaw_rad == pytest.approx(0.3, abs=1e-3)
+
+
+def test_a_body_that_nothing_bears_falls_as_physics_has_it():
+    with World(0.6) as world:
+        world.add(BODIES["box"], Pose((0.4, 0.1, 0.5)))
+        for _ in range(STEPS_PER_S // 10):
+            world.step()
+        fallen_m = 0.5 - world.pose("box").position[2]
+    assert fallen_m == pytest.approx(0.5 * 9.81 * 0.1**2, rel=0.06)
+
+
+def test_mass_is_where_the_shapes_are():
+    found = mass_properties(
+        Body(
+            "l", (Box((0.1, 0.1, 0.1), (0, 0, 0.05)), Box((0.1, 0.1, 0.1), (0.1, 0, 0.05))), (), 2.0
+        )
+    )
+    assert np.allclose(found.centre, (0.05, 0.0, 0.05))
+    # Two cubes side by side are one box.
+    assert np.allclose(found.inertia_kg_m2, np.array([0.02, 0.05, 0.05]) * 2 / 12)
+
+
+def test_a_cylinder_has_the_inertia_of_a_cylinder():
+    found = mass_properties(BODIES["cylinder"])
+    along = 0.05 * 0.015**2 / 2
+    across = 0.05 * (3 * 0.015**2 + 0.05**2) / 12
+    assert np.allclose(found.inertia_kg_m2, (across, across, along))
+
+
+def test_a_world_that_blows_up_is_noticed():
+    with World(0.6) as world:
+        world.add(BODIES["box"], Pose((0.4, 0.1, 0.5)))
+        assert world.is_sane()
+        world.put("box", Pose((1000.0, 0.0, 0.0)))
+        assert not world.is_sane()
+
+
+def test_nothing_is_printed(capfd):
+    with World(0.6) as world:
+        for name, body in BODIES.items():
+            world.add(body, Pose((0.4, {"box": 0.1}.get(name, 0.3), 0.0)))
+        world.step()
+    captured = capfd.readouterr()
+    assert captured.out == ""
+    assert captured.err == ""
