@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from skillplan.physics import panda
 from skillplan.physics.strokes import Stroke, grasp_of, strokes
 from skillplan.task.motion import Event
 from skillplan.task.scene import GraspKind, Pose, Robot
@@ -121,12 +122,9 @@ class Stage:
         return arm.stand(stroke.above, stroke.closing_yaw_rad, self._first_opening(stroke))
 
     def _first_opening(self, stroke: Stroke) -> float:
-        event = stroke.visit.event
-        if event not in (Event.GRASP, Event.RELEASE):
-            return 0.04
+        if stroke.visit.event not in (Event.GRASP, Event.RELEASE):
+            return panda.OPENING_M / 2
         grasp = grasp_of(self.task.scene.body(stroke.visit.subject))
-        if event is Event.RELEASE:
-            return grasp.width_m
         return jaw_opening_m(grasp, self.settings.clearance_m)
 
     def _hand_over(self, runner: SkillRunner, first: Stroke, state: State) -> None:

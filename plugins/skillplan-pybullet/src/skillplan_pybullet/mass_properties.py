@@ -27,6 +27,10 @@ class MassProperties:
     centre: NDArray[np.float64]
     inertia_kg_m2: NDArray[np.float64]
 
+    def at_least(self, inertia_kg_m2: float) -> MassProperties:
+        """Return them with no moment of inertia below a limit."""
+        return MassProperties(self.centre, np.maximum(self.inertia_kg_m2, inertia_kg_m2))
+
 
 def mass_properties(body: Body) -> MassProperties:
     """Return where the mass of a body is; meshes count as the boxes about them."""

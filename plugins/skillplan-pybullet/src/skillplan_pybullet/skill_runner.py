@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from skillplan_pybullet.contact_log import STEPS_PER_FRAME, ContactLog
 from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.hand_shapes import jaw_opening_m, tool_body
 from skillplan_pybullet.simulated_arm import HAND, LINK_NAMES, ROBOT, SimulatedArm
-from skillplan_pybullet.straight_motion import Setpoint, StraightMotion
+from skillplan_pybullet.straight_motion import StraightMotion
 from skillplan_pybullet.world import STEP_S, TABLE, World
 
 # A tip that lags so far behind is stuck, and what comes after that is chaos [m].
@@ -334,14 +335,17 @@ class SkillRunner:
         lowest = contact_m - self.settings.press_travel_m
         while z > lowest and self.log.pressing_n({subject}, through) < _FELT_N:
             z -= _FEEL_SPEED_M_PER_S * STEP_S
-            self.arm.wanted = Setpoint(
-                np.array([x, y, z]), np.zeros(3), self.arm.wanted.yaw_rad, 0.0
+            self.arm.wanted = replace(
+                self.arm.wanted, position=np.array([x, y, z]), velocity=np.zeros(3)
             )
             self._step()
         self.arm.press_n = self.settings.press_force_n
         readings = []
         steps = round(_PRESS_S / STEP_S)
         for step in range(steps):
+            # Not held in height by position as well: what presses is the force alone.
+            z = float(self.arm.tip().position[2])
+            self.arm.wanted = replace(self.arm.wanted, position=np.array([x, y, z]))
             self._step()
             if step >= steps // 2 and step % STEPS_PER_FRAME == 0:
                 readings.append(self.log.pressing_n({subject}, through))

@@ -23,6 +23,9 @@ from skillplan_pybullet.quiet_output import quiet_output
 STEPS_PER_S = 240
 STEP_S = 1 / STEPS_PER_S
 GRAVITY_M_PER_S2 = 9.81
+# Below this, parts between two jaws flicker about the vertical at 240 steps a second until they
+# fall out: light parts turn as if they had this moment of inertia.
+LEAST_INERTIA_KG_M2 = 2e-5
 TABLE = "table"
 
 _TABLE_HALF_M = (1.5, 1.5, 0.05)
@@ -106,7 +109,7 @@ class World:
 
     def add(self, body: Body, pose: Pose, colour: int = 0) -> int:
         """Put a body at a pose, its origin at the centre of its bottom."""
-        properties = mass_properties(body)
+        properties = mass_properties(body).at_least(LEAST_INERTIA_KG_M2)
         number = self._create(
             body.shapes, body.mass_kg, properties, _PALETTE[colour % len(_PALETTE)]
         )
