@@ -13,6 +13,7 @@ from typing import Any
 from skillplan import registry
 from skillplan.errors import SearchStopped, SkillplanError
 from skillplan.model.feasibility import CheckCount, Feasibility
+from skillplan.model.obstruction import obstruction
 from skillplan.model.precedence_chart import derive_chart
 from skillplan.model.skill_model import SkillModel
 from skillplan.model.verdict_cache import DiskVerdictCache, VerdictCache
@@ -213,8 +214,8 @@ def grade(task: Task, made: Attempt, setup: Setup, cache: VerdictCache, *, jobs:
         )
     if result.cost is not None:
         result = replace(result, policy=made.solution.policy)
-    if result.status is Status.INFEASIBLE and not dear:
-        result = replace(result, reason=_why_infeasible(fresh))
+    if result.status is Status.INFEASIBLE:
+        result = replace(result, reason=_why_infeasible(fresh, charted=not dear))
     said = made.solution.trace.get("reason")
     if result.status is Status.UNSOLVED and isinstance(said, str):
         result = replace(result, reason=said)
@@ -224,10 +225,16 @@ def grade(task: Task, made: Attempt, setup: Setup, cache: VerdictCache, *, jobs:
     return result
 
 
-def _why_infeasible(model: SkillModel) -> str:
-    """Return what stands against every plan, as far as a precedence chart can tell."""
+def _why_infeasible(model: SkillModel, *, charted: bool) -> str:
+    """Return what stands against every plan: what fails in every state, or a circle of orders.
+
+    A chart asks about states that the search did not meet; dear back ends are not asked that.
+    """
     task = model.task
-    if task.deterministic and len(task.operations) <= _MOST_CHARTED:
+    blamed = obstruction(model)
+    if blamed is not None:
+        return blamed
+    if charted and task.deterministic and len(task.operations) <= _MOST_CHARTED:
         obstacle = derive_chart(model.feasibility).obstacle()
         if obstacle is not None:
             return obstacle

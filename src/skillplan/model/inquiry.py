@@ -139,21 +139,66 @@ class Inquiry:
         """Return the facts that matter to the skill beyond a relation, closed under transitivity.
 
         Where exactly what must precede the element is done, the skill has to be feasible, and
-        to stay so whatever else is done in an order that respects the relation.
+        to stay so whatever else is done in an order that respects the relation. What a verdict
+        rests on need not change it: every element that it names is tried both ways.
         """
         before = frozenset(one for one, other in derived if other == self.element)
         after = {other for one, other in derived if one == self.element}
         verdict = yield from self.ask(before)
-        settled = self.imagination.settled(self.skill, before, after)
         if not verdict.is_feasible:
             return tuple(sorted(verdict.facts))
+        settled = self.imagination.settled(self.skill, before, after)
+        matter: dict[str, None] = {}
+        yield from self._vary(before, frozenset(), verdict, settled, derived, matter)
+        return (
+            *(fact for fact in matter if not fact.startswith("not ")),
+            *(fact for fact in matter if fact.startswith("not ")),
+        )
+
+    def _vary(
+        self,
+        done: frozenset[str],
+        tried: frozenset[str],
+        verdict: Verdict,
+        settled: set[str],
+        derived: set[tuple[str, str]],
+        matter: dict[str, None],
+    ) -> Questions[None]:
+        """Try each element that a feasible verdict names the other way; note what changes it."""
+        open_facts = self._open_facts(verdict, settled)
+        for fact in open_facts:
+            if self.imagination.owner(fact.removeprefix("not ")) is None:
+                matter.setdefault(fact)
+        for other in sorted(
+            self.imagination.elements(verdict) - tried - done - {self.element},
+            key=self.order.index,
+        ):
+            named = [
+                fact
+                for fact in open_facts
+                if self.imagination.owner(fact.removeprefix("not ")) == other
+            ]
+            if not named:
+                continue
+            tried |= {other}
+            first = {one for one, another in derived if another == other}
+            changed = yield from self.ask(done | {other} | first)
+            if not changed.is_feasible:
+                matter.update(dict.fromkeys(named))
+            else:
+                yield from self._vary(
+                    done | {other} | first, tried, changed, settled, derived, matter
+                )
+
+    def _open_facts(self, verdict: Verdict, settled: set[str]) -> list[str]:
+        """Return what a verdict rests on and an order leaves open."""
         present = [fact for fact in verdict.present or () if fact not in settled]
         absent = [
             fact
             for fact in verdict.absent or ()
             if fact not in settled and not self._excluded(fact)
         ]
-        return (*present, *(f"not {fact}" for fact in absent))
+        return [*present, *(f"not {fact}" for fact in absent)]
 
     def _excluded(self, fact: str) -> bool:
         """Whether the precondition leaves no room for a fact."""
