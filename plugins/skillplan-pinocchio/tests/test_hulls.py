@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from skillplan.physics import panda
+from skillplan.physics.jaws import widest_m
 from skillplan.task.scene import Box, Robot, Tool, ToolKind
-from skillplan_pinocchio.hulls import hand_parts, widest_m
+from skillplan_pinocchio.hulls import hand_parts
 from skillplan_pinocchio.shapes import ConvexPiece
 
 AT = (0.0, 0.0, 0.3)

@@ -138,8 +138,11 @@ class TestHand:
         content = shelf()
         content["parts"]["base"]["size_m"] = [0.09, 0.1, 0.02]
         task = assembly(content)
-        words = "base is 0.090 m wide between the jaws, and they open 0.080 m"
-        assert SweptDetector(task).faults() == {"placed(base)": words}
+        words = (
+            "base is 0.090 m wide between the jaws, and they open 0.080 m; "
+            "give it another closing axis, or grasp: {type: suction}"
+        )
+        assert SweptDetector(task).faults() == {"placed(base)": f"{words}."}
         verdict = verdict_in(task, "pick(base)", "at_start(base)", "hand_free")
         assert verdict.is_infeasible
         assert verdict.reason == words

@@ -212,8 +212,8 @@ class TestFaults:
         )
         wide = task.replace(scene=dataclasses.replace(task.scene, bodies=bodies))
         faults = PybulletEngine(wide).faults()
-        assert list(faults) == ["at_start(clock)"]
-        assert "0.100 m wide" in faults["at_start(clock)"]
+        assert list(faults) == ["placed(clock)"]
+        assert "0.100 m wide" in faults["placed(clock)"]
         assert PybulletEngine(task).faults() == {}
 
     def test_a_goal_beyond_the_arm_is_unreachable_in_words(self, task):

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from skillplan.physics.jaws import jaw_opening_m
 from skillplan.physics.strokes import Stroke, grasp_of, tool_after
 from skillplan.task.motion import Event, Point
-from skillplan.task.scene import GraspKind, Pose, Robot, Scene
-from skillplan_pinocchio.hulls import HandPart, hand_parts, widest_m
+from skillplan.task.scene import Pose, Robot, Scene
+from skillplan_pinocchio.hulls import HandPart, hand_parts
 from skillplan_pinocchio.motion_plan import spared
 from skillplan_pinocchio.obstacles import Obstacle
 from skillplan_pinocchio.shapes import ConvexPiece, pieces_of
@@ -125,8 +126,6 @@ class HandSweeps:
         opening_m = 0.0
         if stroke.visit.event in _HANDLING:
             grasp = grasp_of(self.scene.body(stroke.visit.subject))
-            if grasp.kind is GraspKind.JAWS:
-                opening_m = grasp.width_m
-                if before is (stroke.visit.event is Event.GRASP):
-                    opening_m = min(opening_m + 2 * self.clearance_m, widest_m(tool))
+            is_open = before is (stroke.visit.event is Event.GRASP)
+            opening_m = jaw_opening_m(grasp, self.clearance_m if is_open else 0.0, tool)
         return hand_parts(self.robot, tool, opening_m)

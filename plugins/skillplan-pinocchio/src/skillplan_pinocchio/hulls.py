@@ -13,8 +13,9 @@ from typing import Final
 import numpy as np
 
 from skillplan.physics import panda
+from skillplan.physics.tool_shapes import tool_shapes
 from skillplan.task.scene import Robot, Tool, ToolKind
-from skillplan.task.shape import Cylinder
+from skillplan.task.shape import Cylinder, Shape
 from skillplan_pinocchio.shapes import (
     Array,
     ConvexPiece,
@@ -43,10 +44,6 @@ _HAND_OUTLINE_M: Final = (
     (-0.0180, 0.1000, 0.0040),
     (-0.0262, 0.0885, 0.0040),
 )
-# Diameter and height above the tip of what a suction cup and a screwdriver consist of, from
-# below [m]: a pad or bit, and a shank up to the flange. Plausible, not measured.
-_CUP_M: Final = ((0.016, 0.006), (0.036, panda.TIP_M))
-_DRIVER_M: Final = ((0.005, 0.040), (0.036, panda.TIP_M))
 
 
 @dataclass(frozen=True)
@@ -98,17 +95,7 @@ def hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple[HandP
     if tool is None or tool.kind is ToolKind.GRIPPER:
         fingers = (_finger(opening_m / 2, 1), _finger(opening_m / 2, -1))
         return (HandPart("a finger", fingers), HandPart("the hand", (_hand(),)))
-    if tool.envelope is not None:
-        return (HandPart(tool.name, (box_corners(tool.envelope),)),)
-    levels = _CUP_M if tool.kind is ToolKind.SUCTION else _DRIVER_M
-    return (HandPart(tool.name, _turned(levels)),)
-
-
-def widest_m(tool: Tool | None) -> float:
-    """Return how far the jaws open at most [m]."""
-    if tool is None or tool.opening_m is None:
-        return panda.OPENING_M
-    return min(tool.opening_m, panda.OPENING_M)
+    return (HandPart(tool.name, tuple(_corners(shape) for shape in tool_shapes(tool))),)
 
 
 def _hand() -> Array:
@@ -133,11 +120,5 @@ def _rectangle(centre: tuple[float, float], size: tuple[float, float], height_m:
     return np.array([(x + a * length / 2, y + b * width / 2, height_m) for a, b in signs])
 
 
-def _turned(levels: Sequence[tuple[float, float]]) -> tuple[Array, ...]:
-    """Return the corners of cylinders that stand on each other."""
-    pieces, below_m = [], 0.0
-    for diameter_m, top_m in levels:
-        middle = (0.0, 0.0, (below_m + top_m) / 2)
-        pieces.append(cylinder_corners(Cylinder(diameter_m, top_m - below_m, middle)))
-        below_m = top_m
-    return tuple(pieces)
+def _corners(shape: Shape) -> Array:
+    return cylinder_corners(shape) if isinstance(shape, Cylinder) else box_corners(shape.box)

@@ -14,6 +14,7 @@ from functools import cached_property
 from pydantic import Field
 
 from skillplan.collision.detector import Detector
+from skillplan.physics.jaws import jaw_faults, too_wide
 from skillplan.physics.strokes import strokes
 from skillplan.task import back_end
 from skillplan.task.motion import Event
@@ -25,7 +26,6 @@ from skillplan.task.verdict import Verdict
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.course import Course, CourseMaker, Hit, Travels
 from skillplan_pinocchio.hand_sweeps import HandSweeps
-from skillplan_pinocchio.jaw_width import handled, too_wide
 from skillplan_pinocchio.motion_plan import ArmStroke, MotionPlanner
 from skillplan_pinocchio.obstacles import obstacles_of
 from skillplan_pinocchio.ruling import Ruling
@@ -110,17 +110,7 @@ class SweptDetector(Detector):
 
     def faults(self) -> Mapping[str, str]:
         """Return which parts are too wide for the jaws, by the fact that they are placed."""
-        found: dict[str, str] = {}
-        if self.refuses() is not None:
-            return found
-        for skill in self.task.skills:
-            words = too_wide(self.task.scene, self._robot, skill)
-            if words is not None:
-                for visit in handled(skill):
-                    placed = f"placed({visit.subject})"
-                    if placed in self.task.facts:
-                        found.setdefault(placed, words)
-        return found
+        return {} if self.refuses() is not None else jaw_faults(self.task)
 
     def check(self, skill: Skill, state: State) -> Verdict:
         """Rule on the motion of `skill`; see :meth:`BackEnd.check`."""

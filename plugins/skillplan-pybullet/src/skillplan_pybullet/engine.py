@@ -8,12 +8,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from pydantic import Field
 
-from skillplan.physics import panda
 from skillplan.physics.engine import Engine
+from skillplan.physics.jaws import jaw_faults
 from skillplan.physics.performance import Image, Performance, Performer, Sample
-from skillplan.physics.strokes import grasp_of
 from skillplan.task import back_end
-from skillplan.task.scene import GraspKind, ToolKind
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -27,8 +25,6 @@ from skillplan_pybullet.record import Record
 
 # Engine and detectors ask about one question after the other.
 _KEPT_RECORDS = 8
-# Jaws need this much to close on something [m].
-_SPARE_M = 0.002
 
 
 class PybulletEngine(Engine, Performer):
@@ -113,31 +109,7 @@ class PybulletEngine(Engine, Performer):
 
     def faults(self) -> Mapping[str, str]:
         """Return the parts that the hand cannot hold."""
-        found = {}
-        grippers = {
-            tool.name
-            for robot in self.task.scene.robots
-            for tool in robot.tools
-            if tool.kind is ToolKind.GRIPPER
-        }
-        for skill in self.task.skills:
-            part = skill.parameters.get("part")
-            if skill.kind != "pick" or part is None:
-                continue
-            grasp = grasp_of(self.task.scene.body(part))
-            widest_m = panda.OPENING_M - _SPARE_M
-            if (
-                grasp.kind is GraspKind.JAWS
-                and skill.parameters.get("tool") in grippers
-                and grasp.width_m > widest_m
-            ):
-                fact = next(iter(self.task.scene.body(part).placements)).fact
-                found[fact] = (
-                    f"{part!r} is {grasp.width_m:.3f} m wide between the jaws of a Panda, which "
-                    f"hold {widest_m:.3f} m at most. Give it another closing axis, or "
-                    "grasp: {type: suction}."
-                )
-        return found
+        return {} if self.refuses() is not None else jaw_faults(self.task)
 
     def record(self, skill: Skill, state: State) -> Record:
         """Return the execution of a skill, shared by all who ask about it at one time."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from skillplan.physics import panda
+from skillplan.physics.jaws import jaw_opening_m
 from skillplan.physics.strokes import Stroke, grasp_of, strokes
 from skillplan.task.motion import Event
 from skillplan.task.scene import GraspKind, Pose, Robot
@@ -14,7 +15,6 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.hand_shapes import jaw_opening_m
 from skillplan_pybullet.panda_kinematics import UnreachableError
 from skillplan_pybullet.record import Record
 from skillplan_pybullet.simulated_arm import SimulatedArm
@@ -125,7 +125,7 @@ class Stage:
         if stroke.visit.event not in (Event.GRASP, Event.RELEASE):
             return panda.OPENING_M / 2
         grasp = grasp_of(self.task.scene.body(stroke.visit.subject))
-        return jaw_opening_m(grasp, self.settings.clearance_m)
+        return jaw_opening_m(grasp, self.settings.clearance_m, stroke.tool)
 
     def _hand_over(self, runner: SkillRunner, first: Stroke, state: State) -> None:
         """Give the robot what it holds, and feeders what they hand out, at the start."""

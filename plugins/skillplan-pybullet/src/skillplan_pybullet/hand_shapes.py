@@ -1,29 +1,19 @@
-"""What hand and tools look like: every tool ends where the fingers of the hand do.
-
-The paper gives no measures of its tools; these are plausible, not measured.
-"""
+"""What is at the end of the arm, in the frame of the tip: hand, fingers, and tools as bodies."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
 from skillplan.physics import panda
-from skillplan.task.scene import Body, Box, Grasp, GraspKind, Tool, ToolKind
-from skillplan.task.shape import Cylinder, Shape
+from skillplan.physics.tool_shapes import tool_shapes
+from skillplan.task.scene import Body, Box, Tool
 
-# A screwdriver: a shank below the flange, and a bit [m].
-_SHANK_DIAMETER_M = 0.036
-_BIT_DIAMETER_M = 0.005
-_BIT_LENGTH_M = 0.040
-# A suction cup: a pad at the end of a tube [m].
-_PAD_DIAMETER_M = 0.016
-_PAD_HEIGHT_M = 0.006
 _TOOL_KG = 0.3
 
 
 def tool_body(tool: Tool) -> Body | None:
     """Return a tool as a body whose origin is its tip; None for the hand itself."""
-    shapes = _shapes(tool)
+    shapes = tool_shapes(tool)
     return Body(tool.name, shapes, (), _TOOL_KG) if shapes else None
 
 
@@ -31,17 +21,10 @@ def tool_boxes(tool: Tool | None) -> Sequence[Box]:
     """Return boxes about a tool, from its tip; of the gripper those of the closed hand."""
     if tool is None:
         return ()
-    shapes = _shapes(tool)
+    shapes = tool_shapes(tool)
     if shapes:
         return [shape.box for shape in shapes]
     return list(hand_boxes(panda.OPENING_M))
-
-
-def jaw_opening_m(grasp: Grasp, clearance_m: float) -> float:
-    """Return how far the jaws open about a part [m]: closed for suction."""
-    if grasp.kind is GraspKind.SUCTION:
-        return 0.0
-    return min(grasp.width_m + 2 * clearance_m, panda.OPENING_M)
 
 
 def hand_boxes(opening_m: float) -> Iterable[Box]:
@@ -59,18 +42,3 @@ def hand_boxes(opening_m: float) -> Iterable[Box]:
     size = (2 * panda.HAND_HALF_LENGTH_M, 2 * panda.HAND_HALF_WIDTH_M, high_m - low_m)
     found.append(Box(size, (0.0, 0.0, (low_m + high_m) / 2)))
     return found
-
-
-def _shapes(tool: Tool) -> tuple[Shape, ...]:
-    if tool.kind is ToolKind.GRIPPER:
-        return ()
-    pad, height = (
-        (_BIT_DIAMETER_M, _BIT_LENGTH_M)
-        if tool.kind is ToolKind.SCREWDRIVER
-        else (_PAD_DIAMETER_M, _PAD_HEIGHT_M)
-    )
-    shank = panda.TIP_M - height
-    return (
-        Cylinder(pad, height, (0.0, 0.0, height / 2)),
-        Cylinder(_SHANK_DIAMETER_M, shank, (0.0, 0.0, height + shank / 2)),
-    )

@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from skillplan.physics import panda
+from skillplan.physics.jaws import jaw_opening_m
 from skillplan.physics.strokes import Stroke, grasp_of
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Body, GraspKind, Pose, Scene, Tool, ToolKind
 from skillplan_pybullet.contact_log import STEPS_PER_FRAME, ContactLog
 from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.hand_shapes import jaw_opening_m, tool_body
+from skillplan_pybullet.hand_shapes import tool_body
 from skillplan_pybullet.simulated_arm import HAND, LINK_NAMES, ROBOT, SimulatedArm
 from skillplan_pybullet.straight_motion import StraightMotion
 from skillplan_pybullet.world import STEP_S, TABLE, World
@@ -225,7 +226,8 @@ class SkillRunner:
         return [other for other in (TABLE, *self.world.bodies) if other != name]
 
     def _opening_for(self, subject: str) -> float:
-        return jaw_opening_m(grasp_of(self.scene.body(subject)), self.settings.clearance_m)
+        grasp = grasp_of(self.scene.body(subject))
+        return jaw_opening_m(grasp, self.settings.clearance_m, self.tool)
 
     def _grasp(self, subject: str) -> None:
         body = self.scene.body(subject)

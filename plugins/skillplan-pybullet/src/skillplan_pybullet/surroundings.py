@@ -11,13 +11,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_box, world_boxes
+from skillplan.physics.jaws import jaw_opening_m
 from skillplan.physics.strokes import Stroke, grasp_of
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import WORLD, Body, Grasp, Placement, Pose
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pybullet.hand_shapes import hand_boxes, jaw_opening_m, tool_boxes
+from skillplan_pybullet.hand_shapes import hand_boxes, tool_boxes
 
 # Two bodies that are this close may touch when the hand is off its path [m].
 MARGIN_M = 0.003
@@ -183,6 +184,6 @@ class Surroundings:
                 yield world_box(box, mouth), by
 
     def _hand(self, stroke: Stroke, grasp: Grasp) -> Iterator[WorldBox]:
-        opening_m = jaw_opening_m(grasp, self.clearance_m)
+        opening_m = jaw_opening_m(grasp, self.clearance_m, stroke.tool)
         for box in hand_boxes(opening_m):
             yield world_box(box, stroke.tip, stroke.closing_yaw_rad)
