@@ -5,15 +5,21 @@ INSTALLED := .venv/.installed
 SKILLPLAN := $(BIN)/skillplan
 BOARD := configs/inverter_board.yaml
 BENCH := configs/swarmitfix_polygonal.yaml
+OPTIMUM := 0,1,2,3,4,5,8,9,10,11,6,7,13,14,15
+# pybullet has wheels up to CPython 3.11; everything else works without it.
+HAS_PYBULLET = $(BIN)/python -c 'import sys; sys.exit(sys.version_info >= (3, 12))'
+PHYSICS := --physics pybullet --collision contact-pairs
 SOURCES := src tests benchmarks examples plugins
 
 .PHONY: demo test test-all check format bench schema clean
 
-demo: $(INSTALLED)  ## the board to its proven optimum, and the bench by three solvers
-	$(SKILLPLAN) chart $(BOARD)
+demo: $(INSTALLED)  ## the board to its proven optimum, also by physics; the bench by three solvers
+	$(SKILLPLAN) chart $(BOARD) --collision swept
 	$(SKILLPLAN) compare $(BOARD) --solvers exhaustive,exact
 	$(SKILLPLAN) compare $(BENCH) --solvers csp,sarsa,monte-carlo,policy-iteration
 	$(SKILLPLAN) search-optimal $(BOARD)
+	if $(HAS_PYBULLET); then $(SKILLPLAN) search-optimal $(BOARD) $(PHYSICS) --no-cache && \
+	  $(SKILLPLAN) simulate $(BOARD) --sequence $(OPTIMUM); fi
 
 test: $(INSTALLED)  ## the suite, without what takes minutes
 	$(BIN)/pytest -n auto -q tests plugins
@@ -50,6 +56,7 @@ $(INSTALLED): pyproject.toml constraints.txt $(wildcard plugins/*/pyproject.toml
 	  { echo "skillplan needs Python 3.11 or newer; name one: make PYTHON=python3.11"; exit 1; }
 	$(PYTHON) -m venv .venv
 	PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check \
-	  --editable '.[dev]' --editable plugins/skillplan-template --editable plugins/skillplan-pinocchio \
-	  $$($(BIN)/python -c 'import sys; print("--editable plugins/skillplan-pybullet" if sys.version_info < (3, 12) else "")')
+	  --editable '.[dev]' --editable plugins/skillplan-template \
+	  --editable plugins/skillplan-pinocchio \
+	  $$($(HAS_PYBULLET) && echo --editable plugins/skillplan-pybullet)
 	touch $@

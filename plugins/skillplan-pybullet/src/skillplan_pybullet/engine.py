@@ -16,7 +16,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan_pybullet.execution import Stage
+from skillplan_pybullet.execution import Workcell
 from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.footage import footage, picture
 from skillplan_pybullet.performing import perform
@@ -74,18 +74,18 @@ class PybulletEngine(Engine, Performer):
 
     def __init__(self, task: Task, options: back_end.Options | None = None) -> None:
         super().__init__(task, options)
-        self._stage: Stage | None = None
+        self._workcell: Workcell | None = None
         self._records: OrderedDict[tuple[str, int], Record] = OrderedDict()
 
     @property
-    def stage(self) -> Stage:
+    def workcell(self) -> Workcell:
         """Where skills are executed; set up when it is first needed."""
-        if self._stage is None:
+        if self._workcell is None:
             settings = ExecutionSettings.model_validate(
                 self.options.model_dump(include=set(ExecutionSettings.model_fields))
             )
-            self._stage = Stage(self.task, settings)
-        return self._stage
+            self._workcell = Workcell(self.task, settings)
+        return self._workcell
 
     @property
     def tolerances(self) -> Tolerances:
@@ -116,7 +116,7 @@ class PybulletEngine(Engine, Performer):
         key = (skill.name, state.bits)
         known = self._records.get(key)
         if known is None:
-            known = self._records[key] = self.stage.execute(skill, state)
+            known = self._records[key] = self.workcell.execute(skill, state)
             if len(self._records) > _KEPT_RECORDS:
                 self._records.popitem(last=False)
         return known
@@ -130,11 +130,11 @@ class PybulletEngine(Engine, Performer):
     def picture(self, skill: Skill, state: State) -> Image:
         """Return the moment of failure, or the end; see :class:`Performer`."""
         failed = not self.check(skill, state).is_feasible
-        return picture(self.stage, skill, state, blamed=failed)
+        return picture(self.workcell, skill, state, blamed=failed)
 
     def footage(self, skill: Skill, state: State, frames_per_s: float) -> Iterator[Image]:
         """Yield pictures of the whole skill; see :class:`Performer`."""
-        return footage(self.stage, skill, state, frames_per_s)
+        return footage(self.workcell, skill, state, frames_per_s)
 
     def perform(
         self,

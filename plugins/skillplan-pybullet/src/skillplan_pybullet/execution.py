@@ -18,7 +18,7 @@ from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.panda_kinematics import UnreachableError
 from skillplan_pybullet.record import Record
 from skillplan_pybullet.simulated_arm import SimulatedArm
-from skillplan_pybullet.skill_runner import SkillRunner, StuckError
+from skillplan_pybullet.skill_runner import SkillRunner, StuckError, UpsetError
 from skillplan_pybullet.support_trial import SupportTrials
 from skillplan_pybullet.surroundings import Neighbourhood, Surroundings
 from skillplan_pybullet.world import GRAVITY_M_PER_S2, World
@@ -26,7 +26,7 @@ from skillplan_pybullet.world import GRAVITY_M_PER_S2, World
 _SETTLE_S = 0.1
 
 
-class Stage:
+class Workcell:
     """Executes skills of a task, each in a world of its own.
 
     Parameters
@@ -79,7 +79,10 @@ class Stage:
             except UnreachableError as error:
                 none = self.task.facts.none
                 return self._blank(skill, none, none, unreachable=str(error))
-            return self._run(skill, state, way, yaws, around, world, arm, watch)
+            try:
+                return self._run(skill, state, way, yaws, around, world, arm, watch)
+            except (UpsetError, np.linalg.LinAlgError) as error:
+                return self._blank(skill, around.present, around.absent, upset=str(error))
 
     def _run(
         self,
@@ -112,9 +115,8 @@ class Stage:
                 runner.run(stroke, yaw_rad)
         except StuckError:
             stopped = runner.log.phase_now
-        upset = None if world.is_sane() else "the simulation blew up"
         self._sense(runner, way[-1], stopped)
-        return self._record(skill, state, way, (around.present, around.absent), runner, upset)
+        return self._record(skill, state, way, (around.present, around.absent), runner)
 
     def _try_reach(self, arm: SimulatedArm, stroke: Stroke) -> float:
         """Return how the hand is turned at a stroke, which both its ends can be reached with."""
@@ -156,9 +158,8 @@ class Stage:
     ) -> Record:
         """Return the record of a skill that a robot has just executed in a larger world."""
         self._sense(runner, way[-1], None)
-        upset = None if runner.world.is_sane() else "the simulation blew up"
         none = self.task.facts.none
-        return self._record(skill, state, way, (none, none), runner, upset)
+        return self._record(skill, state, way, (none, none), runner)
 
     def _record(
         self,
@@ -167,7 +168,6 @@ class Stage:
         way: Sequence[Stroke],
         basis: tuple[State, State],
         runner: SkillRunner,
-        upset: str | None,
     ) -> Record:
         world, log = runner.world, runner.log
         scene = self.task.scene
@@ -183,7 +183,6 @@ class Stage:
             {name: world.pose(name) for name in known},
             self._expected(skill, state, way[-1], known),
             runner.sensed,
-            upset=upset,
             steps=world.steps,
         )
 
@@ -208,6 +207,7 @@ class Stage:
         *,
         unreachable: str | None = None,
         unsettled: str | None = None,
+        upset: str | None = None,
     ) -> Record:
         return Record(
             skill.name,
@@ -222,4 +222,5 @@ class Stage:
             {},
             unreachable=unreachable,
             unsettled=unsettled,
+            upset=upset,
         )

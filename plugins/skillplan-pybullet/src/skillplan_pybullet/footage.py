@@ -12,7 +12,7 @@ from skillplan.physics.strokes import strokes
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan_pybullet.camera import Camera, alarm
-from skillplan_pybullet.execution import Stage
+from skillplan_pybullet.execution import Workcell
 from skillplan_pybullet.record import FRAMES_PER_S, Record
 from skillplan_pybullet.skill_runner import SkillRunner
 from skillplan_pybullet.world import STEPS_PER_S
@@ -64,7 +64,7 @@ def moment_of_failure(record: Record) -> Moment:
     return Moment(frame, bodies)
 
 
-def picture(stage: Stage, skill: Skill, state: State, *, blamed: bool = False) -> Image:
+def picture(workcell: Workcell, skill: Skill, state: State, *, blamed: bool = False) -> Image:
     """Return the moment at which a skill fails in a state, or its end.
 
     Bodies that collide are painted red; where none do and the skill is to be blamed all the
@@ -75,13 +75,13 @@ def picture(stage: Stage, skill: Skill, state: State, *, blamed: bool = False) -
     ValueError
         If there is nothing to be seen, in words: the arm cannot follow the motion.
     """
-    record = stage.execute(skill, state)
+    record = workcell.execute(skill, state)
     moment = moment_of_failure(record)
     culprits = moment.bodies
     if blamed and not culprits and skill.motion is not None:
         culprits = tuple(visit.subject for visit in skill.motion.visits(state))
     frame = _FALLING_FRAMES if record.unsettled is not None else moment.frame
-    camera = _camera(stage, skill, state)
+    camera = _camera(workcell, skill, state)
     taken: list[Image] = []
 
     def watch(runner: SkillRunner) -> None:
@@ -94,7 +94,7 @@ def picture(stage: Stage, skill: Skill, state: State, *, blamed: bool = False) -
             taken.append(camera.take(runner.world))
 
     try:
-        stage.execute(skill, state, watch)
+        workcell.execute(skill, state, watch)
     except _Taken:
         return taken[0]
     if not taken:
@@ -102,7 +102,7 @@ def picture(stage: Stage, skill: Skill, state: State, *, blamed: bool = False) -
     return taken[0]
 
 
-def footage(stage: Stage, skill: Skill, state: State, frames_per_s: float) -> Iterator[Image]:
+def footage(workcell: Workcell, skill: Skill, state: State, frames_per_s: float) -> Iterator[Image]:
     """Yield pictures of a skill in a state, so many a simulated second.
 
     Raises
@@ -112,7 +112,7 @@ def footage(stage: Stage, skill: Skill, state: State, frames_per_s: float) -> It
     """
     if not 0 < frames_per_s <= FRAMES_PER_S:
         raise ValueError(f"There are 0 to {FRAMES_PER_S} pictures a second, not {frames_per_s}.")
-    camera = _camera(stage, skill, state)
+    camera = _camera(workcell, skill, state)
     every = STEPS_PER_S / frames_per_s
     taken: list[Image] = []
 
@@ -120,11 +120,11 @@ def footage(stage: Stage, skill: Skill, state: State, frames_per_s: float) -> It
         if runner.world.steps >= len(taken) * every:
             taken.append(camera.take(runner.world))
 
-    stage.execute(skill, state, watch)
+    workcell.execute(skill, state, watch)
     yield from taken
 
 
-def _camera(stage: Stage, skill: Skill, state: State) -> Camera:
-    way = strokes(stage.task, skill, state, stage.settings.drop_height_m)
+def _camera(workcell: Workcell, skill: Skill, state: State) -> Camera:
+    way = strokes(workcell.task, skill, state, workcell.settings.drop_height_m)
     x_m, y_m, z_m = way[-1].tip
     return Camera((x_m, y_m, z_m + 0.05))

@@ -24,7 +24,7 @@ from skillplan_pybullet.contact_log import STEPS_PER_FRAME
 from skillplan_pybullet.panda_kinematics import UnreachableError, inverse
 from skillplan_pybullet.postconditions import offset_m, rule, tilt_rad
 from skillplan_pybullet.simulated_arm import SimulatedArm
-from skillplan_pybullet.skill_runner import SkillRunner, StuckError
+from skillplan_pybullet.skill_runner import SkillRunner, StuckError, UpsetError
 from skillplan_pybullet.world import STEPS_PER_S, World
 
 if TYPE_CHECKING:
@@ -48,10 +48,10 @@ def perform(
 ) -> Performance:
     """Execute a plan without a break; see :meth:`skillplan.physics.performance.Performer`."""
     with World(engine.options.friction) as world:
-        return _Stage(engine, world, frames_per_s, show, note).play(skills, stopped)
+        return _Play(engine, world, frames_per_s, show, note).play(skills, stopped)
 
 
-class _Stage:
+class _Play:
     def __init__(
         self,
         engine: PybulletEngine,
@@ -89,7 +89,7 @@ class _Stage:
             self.world,
             self.arm,
             self.task.scene,
-            self.engine.stage.settings,
+            self.engine.workcell.settings,
             self.robot.tool(state),
             self._every_step,
         )
@@ -133,6 +133,8 @@ class _Stage:
                 yaw_rad = self._yaw(stroke)
                 runner.move(stroke.above, yaw_rad)
                 runner.run(stroke, yaw_rad)
+        except UpsetError as error:
+            return Verdict.unknown(str(error))
         except UnreachableError as error:
             return Verdict.infeasible(str(error), facts.none, facts.none)
         except StuckError:
@@ -140,8 +142,8 @@ class _Stage:
         return self._sensed(skill, state, way)
 
     def _sensed(self, skill: Skill, state: State, way: Sequence[Stroke]) -> Verdict:
-        stage = self.engine.stage
-        record = stage.record_of(skill, state, way, self.runner)
+        workcell = self.engine.workcell
+        record = workcell.record_of(skill, state, way, self.runner)
         verdict = rule(skill, record, self.engine.tolerances)
         if not verdict.is_feasible:
             return verdict

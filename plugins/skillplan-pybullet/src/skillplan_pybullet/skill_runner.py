@@ -11,12 +11,12 @@ from skillplan.physics import panda
 from skillplan.physics.jaws import jaw_opening_m
 from skillplan.physics.strokes import Stroke, grasp_of
 from skillplan.task.motion import Event, Point
-from skillplan.task.scene import Body, GraspKind, Pose, Scene, Tool, ToolKind
+from skillplan.task.scene import Body, GraspKind, Pose, Scene, Tool
 from skillplan_pybullet.contact_log import STEPS_PER_FRAME, ContactLog
 from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.hand_shapes import tool_body
 from skillplan_pybullet.simulated_arm import HAND, LINK_NAMES, ROBOT, SimulatedArm
 from skillplan_pybullet.straight_motion import StraightMotion
+from skillplan_pybullet.tool_changer import ToolChanger
 from skillplan_pybullet.world import STEP_S, TABLE, World
 
 # A tip that lags so far behind is stuck, and what comes after that is chaos [m].
@@ -33,14 +33,21 @@ _FEEL_SPEED_M_PER_S = 0.01
 _FELT_N = 0.2
 # A screw is brought so far above where it touches, and then felt for [m].
 _FEEL_FROM_M = 0.001
-_JOIN_MISALIGNED_M = 0.002
 # A screw of a gram between arm and workpiece would take more iterations to be pressed than
 # there are: while the bit has it, it is as heavy as the bit's holder [kg].
 _HELD_SCREW_KG = 0.1
 
 
+# No skill takes so many simulation steps.
+_MOST_STEPS = 200_000
+
+
 class StuckError(Exception):
     """Raised where the arm cannot go on: something is in its way."""
+
+
+class UpsetError(Exception):
+    """Raised, in words, where the simulation cannot be trusted any more."""
 
 
 class SkillRunner:
@@ -72,13 +79,13 @@ class SkillRunner:
         self.world, self.arm, self.scene, self.settings = world, arm, scene, settings
         self.every_step = every_step
         self.log = ContactLog(world, arm, ())
-        self.tool: Tool | None = None
         self.sensed: dict[str, float | bool | str] = {}
         self.carried: str | None = None
-        self._tool_bond: int | None = None
         self._bond: int | None = None
         self._kept: dict[str, int] = {}
-        self._attach_at_start(tool)
+        self._last_step = _MOST_STEPS
+        self.tools = ToolChanger(world, arm, scene, tool)
+        self._feel_load()
 
     @property
     def opening_m(self) -> float:
@@ -95,13 +102,14 @@ class SkillRunner:
             self.log.cups[self.carried] = self._bond
         self.log.begin()
         self.sensed = {}
+        self._last_step = self.world.steps + _MOST_STEPS
 
     def keep(self, body: Body, pose: Pose) -> None:
         """Put a body where only the hand can touch it, as into a feeder."""
         if body.name not in self.world.numbers:
             self.world.add(body, pose, len(self.world.bodies))
         self.world.put(body.name, pose)
-        self.world.part(body.name, self._others(body.name))
+        self.world.part(body.name, self.world.others(body.name))
         self._kept[body.name] = self.world.hold(body.name)
 
     def take(self, body: Body, stroke_yaw_rad: float) -> None:
@@ -118,9 +126,9 @@ class SkillRunner:
         if body.name not in self.world.numbers:
             self.world.add(body, Pose.upright(origin, stroke_yaw_rad), len(self.world.bodies))
         self.carried = body.name
-        self.arm.payload_kg = body.mass_kg
-        if grasp.kind is GraspKind.SUCTION or not self._has_jaws:
-            self.world.part(body.name, self._robot_parts)
+        self._feel_load()
+        if grasp.kind is GraspKind.SUCTION or not self.tools.has_jaws:
+            self.world.part(body.name, self.tools.robot_parts)
             self._bond = self.arm.grip(body.name)
             return
         helping = self.arm.grip(body.name)
@@ -182,7 +190,7 @@ class SkillRunner:
         self.log.phase(f"the retreat from {subject}")
         self.move(stroke.above, yaw_rad)
         if event is Event.RELEASE:
-            self.world.join(subject, self._robot_parts)
+            self.world.join(subject, self.tools.robot_parts)
 
     def _act(self, stroke: Stroke) -> None:
         subject, event = stroke.visit.subject, stroke.visit.event
@@ -194,10 +202,19 @@ class SkillRunner:
             self._release(subject)
         elif event is Event.OFFLOAD:
             self.log.phase(f"the return of {subject}")
-            self._detach()
+            self.tools.detach()
+            self._feel_load()
+            self.wait(_SUCTION_S)
+            self.sensed["tool_attached"] = "none"
         elif event is Event.LOAD:
             self.log.phase(f"the coupling of {subject}")
-            self._couple(subject, stroke)
+            x_m, y_m, z_m = stroke.tip
+            dock = (x_m, y_m, z_m + _DOCK_GAP_M)
+            self.sensed["coupling_error_m"] = self.tools.couple(subject, dock)
+            self._feel_load()
+            self.wait(_SUCTION_S)
+            attached = self.tools.tool
+            self.sensed["tool_attached"] = "none" if attached is None else attached.name
         elif event is Event.FETCH:
             self.log.phase(f"the fetching of {subject}")
             self._screw_at_bit(subject)
@@ -206,33 +223,24 @@ class SkillRunner:
             self.log.phase(f"the driving of {subject}")
             self._drive(subject, stroke.tip[2])
 
+    def _feel_load(self) -> None:
+        """Have the arm bear the tool and what it carries."""
+        carried_kg = 0.0 if self.carried is None else self.world.mass_kg(self.carried)
+        self.arm.payload_kg = self.tools.load_kg + carried_kg
+
     def _gap_m(self, subject: str) -> float:
         """Return how far above a part the rim of a cup stops [m]."""
         is_cup = grasp_of(self.scene.body(subject)).kind is GraspKind.SUCTION
         return _CUP_GAP_M if is_cup else 0.0
 
-    @property
-    def _has_jaws(self) -> bool:
-        return self.tool is not None and self.tool.kind is ToolKind.GRIPPER
-
-    @property
-    def _robot_parts(self) -> list[str]:
-        names = [ROBOT]
-        if self.tool is not None and self.tool.name in self.world.numbers:
-            names.append(self.tool.name)
-        return names
-
-    def _others(self, name: str) -> list[str]:
-        return [other for other in (TABLE, *self.world.bodies) if other != name]
-
     def _opening_for(self, subject: str) -> float:
         grasp = grasp_of(self.scene.body(subject))
-        return jaw_opening_m(grasp, self.settings.clearance_m, self.tool)
+        return jaw_opening_m(grasp, self.settings.clearance_m, self.tools.tool)
 
     def _grasp(self, subject: str) -> None:
         body = self.scene.body(subject)
-        if grasp_of(body).kind is GraspKind.SUCTION or not self._has_jaws:
-            self.world.part(subject, self._robot_parts)
+        if grasp_of(body).kind is GraspKind.SUCTION or not self.tools.has_jaws:
+            self.world.part(subject, self.tools.robot_parts)
             self._bond = self.arm.grip(subject)
             self.log.cups[subject] = self._bond
             self.wait(_SUCTION_S)
@@ -241,14 +249,14 @@ class SkillRunner:
             self.wait(_GRIP_S)
         if subject in self._kept:
             self.world.release(self._kept.pop(subject))
-            self.world.join(subject, self._others(subject))
+            self.world.join(subject, self.world.others(subject))
         self.carried = subject
-        self.arm.payload_kg = body.mass_kg
+        self._feel_load()
 
     def _release(self, subject: str) -> None:
         self.log.free.add(subject)
-        self.arm.payload_kg = 0.0
         self.carried = None
+        self._feel_load()
         if self._bond is not None:
             self.log.cups.pop(subject, None)
             self.world.release(self._bond)
@@ -257,80 +265,23 @@ class SkillRunner:
             self.arm.open(self._opening_for(subject))
         self.wait(_LET_GO_S)
 
-    def _attach_at_start(self, tool: Tool | None) -> None:
-        self.tool = tool
-        self.arm.show_hand(self._has_jaws)
-        body = None if tool is None else tool_body(tool)
-        if body is None:
-            return
-        self.world.add(body, self._upright_tip(), len(self.world.bodies))
-        self._bond_tool(body.name)
-
-    def _bond_tool(self, name: str) -> None:
-        self.world.part(name, [ROBOT])
-        self._tool_bond = self.arm.grip(name)
-        self.arm.payload_kg = self.world.mass_kg(name)
-
-    def _upright_tip(self) -> Pose:
-        pose = self.arm.tip()
-        x, y, z = pose.position.tolist()
-        yaw_rad = float(np.arctan2(pose.rotation[1, 1], pose.rotation[0, 1]))
-        return Pose.upright((x, y, z), yaw_rad)
-
-    def _detach(self) -> None:
-        assert self.tool is not None
-        if self._tool_bond is not None:
-            self.world.release(self._tool_bond)
-            self._tool_bond = None
-            self.world.part(self.tool.name, self._others(self.tool.name))
-            self._kept[self.tool.name] = self.world.hold(self.tool.name)
-        self.arm.payload_kg = 0.0
-        self.tool = None
-        self.arm.show_hand(False)
-        self.wait(_SUCTION_S)
-        self.sensed["tool_attached"] = "none"
-
-    def _couple(self, subject: str, stroke: Stroke) -> None:
-        tool = next(
-            item for robot in self.scene.robots for item in robot.tools if item.name == subject
-        )
-        x_m, y_m, z_m = stroke.tip
-        dock = (x_m, y_m, z_m + _DOCK_GAP_M)
-        apart_m = float(np.linalg.norm(self.arm.tip().position - np.array(dock)))
-        self.sensed["coupling_error_m"] = apart_m
-        if apart_m > _JOIN_MISALIGNED_M:
-            self.sensed["tool_attached"] = "none"
-            return
-        body = tool_body(tool)
-        self.tool = tool
-        if body is None:
-            self.arm.show_hand(True)
-        else:
-            if tool.name in self._kept:
-                self.world.release(self._kept.pop(tool.name))
-            else:
-                self.world.add(body, self._upright_tip(), len(self.world.bodies))
-            self._bond_tool(tool.name)
-            self.world.join(tool.name, self._others(tool.name))
-        self.wait(_SUCTION_S)
-        self.sensed["tool_attached"] = tool.name
-
     def _screw_at_bit(self, subject: str) -> None:
         if self.carried == subject:
             return
         body = self.scene.body(subject)
-        tip = self._upright_tip()
+        tip = self.tools.upright_tip()
         x, y, z = tip.position
         self.world.add(body, Pose((x, y, z - body.height_m)), len(self.world.bodies))
-        self.world.part(subject, self._robot_parts)
+        self.world.part(subject, self.tools.robot_parts)
         self.world.weigh(subject, _HELD_SCREW_KG)
         self._bond = self.arm.grip(subject)
         self.carried = subject
+        self._feel_load()
 
     def _drive(self, subject: str, contact_m: float) -> None:
         """Feel for the hole's mouth and press, the force measured over the last half."""
         assert self.arm.wanted is not None
-        drivers = {subject, *self._robot_parts}
+        drivers = {subject, *self.tools.robot_parts}
         through = {name for name in (*self.world.bodies, TABLE) if name not in drivers}
         self.log.free |= drivers
         x, y, z = self.arm.wanted.position.tolist()
@@ -357,14 +308,22 @@ class SkillRunner:
         self.world.release(self._bond)
         self._bond, self.carried = None, None
         self.world.weigh(subject, self.scene.body(subject).mass_kg)
+        self._feel_load()
         self.wait(_SUCTION_S)
-        self.log.free -= set(self._robot_parts)
+        self.log.free -= set(self.tools.robot_parts)
+
+    def _check_sanity(self) -> None:
+        if not self.world.is_sane():
+            raise UpsetError("the simulation blew up")
+        if self.world.steps > self._last_step:
+            raise UpsetError(f"the skill took more than {_MOST_STEPS:,} simulation steps")
 
     def _step(self) -> None:
         self.arm.actuate()
         self.world.step()
         if self.world.steps % STEPS_PER_FRAME == 0:
             self.log.frame()
+            self._check_sanity()
             if self.arm.tip_error_m() > _STUCK_M:
                 raise StuckError
         self.every_step()

@@ -7,6 +7,7 @@ micrometres afterwards, and only a fresh one gives the same digits in any order,
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
@@ -178,11 +179,19 @@ class World:
             localInertiaDiagonal=(factor * properties.inertia_kg_m2).tolist(),
             physicsClientId=self.client,
         )
+        self._masses[name] = mass_kg
+        self._properties[name] = replace(
+            properties, inertia_kg_m2=factor * properties.inertia_kg_m2
+        )
 
     @property
     def bodies(self) -> tuple[str, ...]:
         """Names of the bodies of the scene, in the order in which they were put."""
         return tuple(self._properties)
+
+    def others(self, name: str) -> list[str]:
+        """Return the names of the table and all bodies but one."""
+        return [other for other in (TABLE, *self.bodies) if other != name]
 
     def part(self, one: str, others: Iterable[str]) -> None:
         """Let a body pass through others."""

@@ -1,0 +1,223 @@
+"""The order of a product comes from executing its skills: change the product, and it changes.
+
+Nothing here is told a chart. What back ends derive is held against the chart of the file where
+there is one, and what the search finds against brute force under the derived relation.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import pytest
+
+from board_situations import BOARD, OPTIMAL, changed_product
+from situations import config_content
+from skillplan.model.partial_order import closure, reduction
+from skillplan.model.precedence_chart import DerivedChart, derive_chart
+from skillplan.model.verdict_cache import VerdictCache
+from skillplan.report.result import Result, Status
+from skillplan.run import make_feasibility, solve
+from skillplan.setup import Setup, load_problem
+from skillplan.task.task import Precedence, Task
+
+SETUPS = {
+    "swept": Setup(collision=("swept",)),
+    "physics": Setup(physics="pybullet", collision=("contact-pairs",)),
+}
+ALL = list(SETUPS)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What back ends make of a product that comes without a chart."""
+
+    task: Task
+    optimum: Result
+    chart: DerivedChart
+
+    @property
+    def pairs(self) -> set[tuple[str, str]]:
+        """The derived relation, with all that follows from it."""
+        return closure((relation.before, relation.after) for relation in self.chart.relations)
+
+    @property
+    def order(self) -> list[str]:
+        """The elements in the order in which the best plan puts them in place."""
+        of = {fact: element for element, fact in self.task.operations.items()}
+        skills = [self.task.skill(step.skill) for step in self.optimum.steps]
+        return [of[fact] for skill in skills for fact in skill.prediction.add if fact in of]
+
+    def reason(self, before: str, after: str) -> str:
+        """Return why one element has to come before another."""
+        (found,) = [
+            relation.reason
+            for relation in self.chart.relations
+            if (relation.before, relation.after) == (before, after)
+        ]
+        return found
+
+
+def answer(task: Task, back_end: str) -> Answer:
+    """Search and chart a product without the chart of its file; the search comes first, cold."""
+    if back_end == "swept":
+        pytest.importorskip("pinocchio", reason="pinocchio is optional here")
+    bare = task.replace(chart=(), collision=())
+    cache = VerdictCache()
+    setup = SETUPS[back_end]
+    optimum = solve(bare, "exact", setup, cache=cache)
+    return Answer(bare, optimum, derive_chart(make_feasibility(bare, setup, cache)))
+
+
+def least_cost_under(found: Answer) -> float | None:
+    """Return what the best plan costs by brute force, where only the derived relation counts."""
+    lines = tuple(Precedence(one.before, one.after) for one in found.chart.relations)
+    charted = found.task.replace(chart=lines)
+    return solve(charted, "exhaustive", Setup(collision=("precedence",))).cost
+
+
+def assert_settled(found: Answer) -> None:
+    """Assert that the relation says all there is to say, and that the search agrees with it."""
+    assert found.chart.impossible == {}
+    assert found.chart.circle == ()
+    assert found.chart.conditional == {}
+    assert found.chart.undecided == ()
+    assert found.optimum.status is Status.OPTIMAL
+    assert found.optimum.cost == pytest.approx(least_cost_under(found), abs=1e-9)
+
+
+def assert_equals_the_chart_of(task: Task, found: Answer) -> None:
+    """Assert that nothing of the hand-made chart is missing, and that there is nothing extra."""
+    by_hand = closure((line.before, line.after) for line in task.chart)
+    assert by_hand
+    assert by_hand - found.pairs == set()
+    assert found.pairs - by_hand == set()
+
+
+@functools.cache
+def board(back_end: str) -> Answer:
+    """Return what a back end makes of the paper's board."""
+    return answer(load_problem(BOARD).task, back_end)
+
+
+class TestThePapersBoard:
+    @pytest.mark.parametrize("back_end", ALL)
+    def test_the_derived_relation_is_the_hand_made_chart(self, back_end):
+        found = board(back_end)
+        assert_settled(found)
+        assert_equals_the_chart_of(load_problem(BOARD).task, found)
+
+    @pytest.mark.parametrize("back_end", ALL)
+    def test_the_optimum_needs_no_chart(self, back_end):
+        optimum = board(back_end).optimum
+        assert optimum.cost == pytest.approx(1.86709, abs=5e-6)
+        assert tuple(step.action for step in optimum.steps) == OPTIMAL
+        assert optimum.checks <= 60
+
+
+class TestTheSensorStack:
+    @pytest.mark.parametrize("back_end", ["swept", pytest.param("physics", marks=pytest.mark.slow)])
+    def test_a_product_of_another_order_has_another_relation(self, back_end):
+        task = load_problem(BOARD.parent / "sensor_stack.yaml").task
+        found = answer(task, back_end)
+        assert_settled(found)
+        assert_equals_the_chart_of(task, found)
+        assert found.optimum.cost == pytest.approx(2.82515, abs=5e-6)
+
+
+@pytest.mark.parametrize("back_end", ALL)
+class TestAPartTakenAway:
+    def test_its_relations_go_with_it_and_the_rest_stays(self, tmp_path, back_end):
+        content = config_content("inverter_board")
+        del content["parts"]["transformer"]
+        found = answer(changed_product(tmp_path, content), back_end)
+        assert_settled(found)
+        assert reduction(found.pairs) == {
+            ("pcb", "switch_1"),
+            ("pcb", "switch_2"),
+            ("pcb", "clock"),
+            ("pcb", "brace"),
+            ("brace", "screw_1"),
+            ("brace", "screw_2"),
+        }
+        # Now that nothing has to go under the brace, the clock is better put before it.
+        assert found.order == [
+            *("pcb", "switch_1", "switch_2", "clock", "brace", "screw_1", "screw_2")
+        ]
+        assert found.optimum.cost == pytest.approx(1.494696, abs=1e-6)
+
+
+@pytest.mark.parametrize("back_end", ALL)
+class TestAStackSwapped:
+    """A column of the sensor stack: spacer and sensor on a base, under a cover."""
+
+    def column(self, folder, back_end, below, above):
+        content = config_content("sensor_stack")
+        content["parts"][below]["goal_on"] = "base"
+        content["parts"][above]["goal_on"] = below
+        found = answer(
+            changed_product(folder, content, "base", "spacer", "sensor", "cover"), back_end
+        )
+        assert_settled(found)
+        return found
+
+    @pytest.mark.parametrize(
+        ("below", "above", "cost"), [("spacer", "sensor", 1.611661), ("sensor", "spacer", 1.596377)]
+    )
+    def test_what_lies_below_comes_first(self, tmp_path, back_end, below, above, cost):
+        found = self.column(tmp_path, back_end, below, above)
+        assert reduction(found.pairs) == {("base", below), (below, above), (above, "cover")}
+        assert found.order == ["base", below, above, "cover"]
+        assert found.optimum.cost == pytest.approx(cost, abs=1e-6)
+
+
+@pytest.mark.parametrize("back_end", ALL)
+class TestAPartNextToAFinger:
+    def beside_a_switch(self, folder, back_end, height_m):
+        """Put the clock 37 mm beside a switch, on the side where a finger goes down."""
+        content = config_content("inverter_board")
+        content["parts"]["clock"] |= {"goal_m": [0.476, 0.040], "size_m": [0.02, 0.02, height_m]}
+        content["parts"]["switch_2"]["start_m"] = [0.504, 0.134]
+        found = answer(changed_product(folder, content, "pcb", "switch_2", "clock"), back_end)
+        assert_settled(found)
+        return found
+
+    def test_a_low_one_may_come_before_or_after(self, tmp_path, back_end):
+        found = self.beside_a_switch(tmp_path, back_end, 0.015)
+        assert found.pairs == {("pcb", "switch_2"), ("pcb", "clock")}
+        assert found.order == ["pcb", "clock", "switch_2"]
+        assert found.optimum.cost == pytest.approx(0.755367, abs=1e-6)
+
+    def test_a_tall_one_has_to_come_after_at_a_cost(self, tmp_path, back_end):
+        found = self.beside_a_switch(tmp_path, back_end, 0.060)
+        assert found.pairs == {("pcb", "switch_2"), ("pcb", "clock"), ("switch_2", "clock")}
+        reason = found.reason("switch_2", "clock")
+        assert "finger" in reason
+        assert "clock" in reason
+        assert found.order == ["pcb", "switch_2", "clock"]
+        assert found.optimum.cost == pytest.approx(0.800953, abs=1e-6)
+
+
+@pytest.mark.parametrize("back_end", ALL)
+class TestFingersOnOtherSides:
+    def gripped(self, folder, back_end, closing_axis):
+        content = config_content("inverter_board")
+        content["parts"]["transformer"]["grasp"] = {"closing_axis": closing_axis}
+        found = answer(changed_product(folder, content, "pcb", "switch_2", "transformer"), back_end)
+        assert_settled(found)
+        return found
+
+    def test_where_they_meet_nothing_the_way_decides(self, tmp_path, back_end):
+        found = self.gripped(tmp_path, back_end, "y")
+        assert found.pairs == {("pcb", "switch_2"), ("pcb", "transformer")}
+        assert found.order == ["pcb", "switch_2", "transformer"]
+
+    def test_where_they_meet_a_switch_it_has_to_come_after(self, tmp_path, back_end):
+        found = self.gripped(tmp_path, back_end, "x")
+        assert found.pairs == {
+            *(("pcb", "switch_2"), ("pcb", "transformer"), ("transformer", "switch_2"))
+        }
+        reason = found.reason("transformer", "switch_2")
+        assert "finger" in reason
+        assert "switch_2" in reason
+        assert found.order == ["pcb", "transformer", "switch_2"]

@@ -1,0 +1,81 @@
+"""What is left out of a simulated world changes no verdict: held against worlds with everything."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+
+import pytest
+
+from board_situations import BOARD
+from skillplan.model.single_check import introduce
+from skillplan.model.skill_model import SkillModel
+from skillplan.physics.strokes import Stroke
+from skillplan.run import make_model
+from skillplan.setup import Setup, load_problem
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+from skillplan_pybullet.contact_pairs import ContactPairsDetector
+from skillplan_pybullet.engine import PybulletEngine
+from skillplan_pybullet.surroundings import Neighbourhood, Surroundings
+
+PRODUCTS = ("inverter_board", "sensor_stack", "motor_drive")
+# Of every product, so many questions with and as many without an obstacle in sight.
+SAMPLE = 20
+
+
+def everything(
+    self: Surroundings, skill: Skill, way: Sequence[Stroke], state: State
+) -> Neighbourhood:
+    """Return all bodies that a state has on the table, however far off."""
+    there = tuple(one for one in self._located if one.placement.fact in state)
+    present = self.task.facts.of(*(one.placement.fact for one in there))
+    return Neighbourhood(there, present, self.task.facts.none)
+
+
+def questions(task: Task, seed: int) -> list[tuple[Skill, State]]:
+    """Draw reachable states with an applicable skill, half of them feasible, by random walks."""
+    rng = random.Random(seed)
+    model: SkillModel = make_model(task, Setup(physics="kinematic", collision=("swept",)))
+    drawn: dict[bool, dict[tuple[str, int], tuple[Skill, State]]] = {True: {}, False: {}}
+    while min(map(len, drawn.values())) < SAMPLE:
+        state = model.initial
+        while not model.is_goal(state):
+            asked = model.applicable(state)
+            feasible = [skill for skill in asked if model.verdict(state, skill).is_feasible]
+            for skill in rng.sample(asked, min(3, len(asked))):
+                drawn[skill in feasible].setdefault((skill.name, state.bits), (skill, state))
+            if not feasible:
+                break
+            state = rng.choice(feasible).prediction.apply(state)
+    return [
+        question
+        for found in drawn.values()
+        for question in rng.sample(list(found.values()), SAMPLE)
+    ]
+
+
+def verdicts(task: Task, asked: Sequence[tuple[Skill, State]]) -> list[tuple[Verdict, Verdict]]:
+    """Return what engine and detector say, each question of a fresh simulation."""
+    engine, pairs = PybulletEngine(task), ContactPairsDetector(task)
+    introduce([engine, pairs])
+    return [(engine.check(*one), pairs.check(*one)) for one in asked]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("product", PRODUCTS)
+def test_a_world_with_everything_gives_the_same_answer(product, monkeypatch):
+    pytest.importorskip("pinocchio", reason="the sample is drawn by swept hulls")
+    task = load_problem(BOARD.parent / f"{product}.yaml").task
+    asked = questions(task, seed=4)
+    reduced = verdicts(task, asked)
+    monkeypatch.setattr(Surroundings, "around", everything)
+    whole = verdicts(task, asked)
+    differing = [
+        (skill.name, list(state), [one.reason for one in (*here, *there)])
+        for (skill, state), here, there in zip(asked, reduced, whole, strict=True)
+        if [one.is_feasible for one in here] != [one.is_feasible for one in there]
+    ]
+    assert differing == []
