@@ -1,10 +1,14 @@
-"""Situations on the paper's board that several tests of physics start from."""
+"""Situations on the paper's board and its like that several tests of physics start from."""
 
 from __future__ import annotations
 
+import json
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
+from skillplan.setup import load_problem
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -32,3 +36,27 @@ def imagined(task: Task, skill: str, *done: str) -> tuple[Skill, State]:
         if start in task.facts and element not in done and f"held({element})" not in names:
             names.add(start)
     return chosen, task.facts.of(*names)
+
+
+def changed_product(folder: Path, content: dict[str, Any], *kept: str) -> Task:
+    """Return the task of a product file written to a folder, without its chart and its figures.
+
+    Parameters
+    ----------
+    folder
+        Where the file goes, and the meshes with it.
+    content
+        Of a file in `configs`, as it was changed.
+    kept
+        Parts and screws that the product is to consist of; all where none is named.
+    """
+    silent = ("chart", "collision", "actions", "observation", "expect")
+    written = {key: value for key, value in content.items() if key not in silent}
+    for section in ("parts", "screws"):
+        elements = written[section].items()
+        written[section] = {name: it for name, it in elements if name in kept or not kept}
+    shutil.copytree(BOARD.parent / "meshes", folder / "meshes")
+    path = folder / "changed.yaml"
+    # JSON is YAML.
+    path.write_text(json.dumps(written), "utf-8")
+    return load_problem(path).task

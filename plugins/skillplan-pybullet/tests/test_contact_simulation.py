@@ -74,7 +74,7 @@ def test_one_question_is_simulated_once(task, monkeypatch) -> None:
     made = [PybulletEngine(task), ContactPairsDetector(task), ContactForceDetector(task)]
     introduce(made)
     executed = []
-    stage = made[0].stage
+    workcell = made[0].workcell
     execute = type(stage).execute
 
     def counted(self, skill, state, watch=None):
