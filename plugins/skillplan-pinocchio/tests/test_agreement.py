@@ -19,6 +19,14 @@ from skillplan_pinocchio.swept import SweptDetector
 
 NOTHING = frozenset()
 
+# Where geometry lets something follow that the hand-made chart does not: the brace on its own
+# posts before the transformer, which can then no longer go under it.
+EARLY_BRACES = {
+    (frozenset({"pcb", *others}), "brace")
+    for count in range(4)
+    for others in combinations(("switch_1", "switch_2", "clock"), count)
+}
+
 
 class Order:
     """What back ends say of elements and orders of a task."""
@@ -99,6 +107,15 @@ def state_of(task, done, skill):
     return state
 
 
+def assert_more_is_allowed_in_dead_ends_only(geometry, chart):
+    """Assert that geometry differs from the board's chart by early braces, and is right to."""
+    pairs = chart.pairs()
+    assert {pair for pair in pairs if chart.allows(*pair) != geometry.allows(*pair)} == EARLY_BRACES
+    assert all(geometry.allows(*pair) for pair in EARLY_BRACES)
+    good = geometry.leads_on()
+    assert not any(done | {element} in good for done, element in EARLY_BRACES)
+
+
 @pytest.fixture(scope="module")
 def swept(board):
     """Return what the detector under test says."""
@@ -114,7 +131,7 @@ def test_it_agrees_with_boxes_on_every_pair(board, swept):
 
 
 def test_it_agrees_with_the_chart_but_for_dead_ends(board, swept):
-    """Over all 25 sets of parts: a brace on its own posts shuts the transformer out."""
+    """Over all 25 sets of parts; of 66 pairs 8 differ, and each shuts the transformer out."""
     chart = Order(board, PrecedenceDetector(board))
     pairs = chart.pairs()
     parts = {
@@ -124,14 +141,8 @@ def test_it_agrees_with_the_chart_but_for_dead_ends(board, swept):
     }
     assert len({done for done, _ in pairs if not any("screw" in one for one in done)}) == 25
     assert len(parts) == 66
-    forbidden = {pair for pair in pairs if chart.allows(*pair) and not swept.allows(*pair)}
-    assert forbidden == set()
-    bold = {pair for pair in pairs if swept.allows(*pair) and not chart.allows(*pair)}
-    good = swept.leads_on()
-    assert {element for _, element in bold} == {"brace"}
-    assert all("transformer" not in done for done, _ in bold)
-    assert not any(done | {element} in good for done, element in bold)
-    assert NOTHING in good
+    assert_more_is_allowed_in_dead_ends_only(swept, chart)
+    assert NOTHING in swept.leads_on()
 
 
 @pytest.mark.parametrize("product", ["inverter_board", "sensor_stack"])
@@ -204,3 +215,6 @@ def test_it_agrees_with_simulated_execution_on_every_pair(product, product_task)
     }
     assert len(swept.pairs()) > 200
     assert differing == {}
+    if product == "inverter_board":
+        chart = Order(task, PrecedenceDetector(task))
+        assert_more_is_allowed_in_dead_ends_only(executed, chart)

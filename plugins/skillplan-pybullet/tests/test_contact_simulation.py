@@ -75,13 +75,13 @@ def test_one_question_is_simulated_once(task, monkeypatch) -> None:
     introduce(made)
     executed = []
     workcell = made[0].workcell
-    execute = type(stage).execute
+    execute = type(workcell).execute
 
     def counted(self, skill, state, watch=None):
         executed.append(skill.name)
         return execute(self, skill, state, watch)
 
-    monkeypatch.setattr(type(stage), "execute", counted)
+    monkeypatch.setattr(type(workcell), "execute", counted)
     for back_end in made:
         check(back_end, task.skill("pick(clock)"), task.initial)
     assert executed == ["pick(clock)"]

@@ -9,7 +9,7 @@ import numpy as np
 from skillplan.physics import panda
 from skillplan.physics.jaws import jaw_opening_m
 from skillplan.physics.strokes import Stroke, grasp_of, strokes
-from skillplan.task.motion import Event
+from skillplan.task.motion import Event, Point
 from skillplan.task.scene import GraspKind, Pose, Robot
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -18,10 +18,10 @@ from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.panda_kinematics import UnreachableError
 from skillplan_pybullet.record import Record
 from skillplan_pybullet.simulated_arm import SimulatedArm
-from skillplan_pybullet.skill_runner import SkillRunner, StuckError, UpsetError
+from skillplan_pybullet.skill_runner import SkillRunner, StuckError
 from skillplan_pybullet.support_trial import SupportTrials
 from skillplan_pybullet.surroundings import Neighbourhood, Surroundings
-from skillplan_pybullet.world import GRAVITY_M_PER_S2, World
+from skillplan_pybullet.world import GRAVITY_M_PER_S2, UpsetError, World
 
 _SETTLE_S = 0.1
 
@@ -61,10 +61,9 @@ class Workcell:
             Called after every simulation step with the robot at work.
         """
         way = strokes(self.task, skill, state, self.settings.drop_height_m)
-        around = self.surroundings.around(skill, way, state)
-        fallen = self._supports.fallen(around, state)
-        if fallen is not None and watch is None:
-            return self._blank(skill, fallen.present, fallen.absent, unsettled=fallen.reason)
+        course = self._course(skill, state)
+        here = self._here(way[0], state)
+        around = self.surroundings.around(skill, way, state, here).resting_on(course)
         with World(self.settings.friction) as world:
             arm = SimulatedArm(
                 world,
@@ -76,13 +75,40 @@ class Workcell:
             )
             try:
                 yaws = [self._try_reach(arm, stroke) for stroke in reversed(way)][::-1]
+                if here is not None:
+                    arm.stand_turned(here, yaws[0], self._first_opening(way[0]))
             except UnreachableError as error:
                 none = self.task.facts.none
-                return self._blank(skill, none, none, unreachable=str(error))
+                return self._blank(skill, course, none, unreachable=str(error))
+            # After what the arm can reach, which does not depend on any body.
+            fallen = self._supports.fallen(around, state)
+            if fallen is not None and watch is None:
+                present = fallen.present | course
+                return self._blank(skill, present, fallen.absent, unsettled=fallen.reason)
             try:
                 return self._run(skill, state, way, yaws, around, world, arm, watch)
+            except UnreachableError as error:
+                basis = around.present, around.absent
+                return self._blank(skill, *basis, unreachable=str(error))
             except (UpsetError, np.linalg.LinAlgError) as error:
                 return self._blank(skill, around.present, around.absent, upset=str(error))
+
+    def _course(self, skill: Skill, state: State) -> State:
+        """Return the facts on which the way rests: the route, and where a travel begins."""
+        assert skill.motion is not None
+        facts, routes = self.task.facts.none, skill.motion.routes
+        if len(routes) > 1:
+            facts |= next(r.when for r in routes if state.bits & r.when.bits == r.when.bits)
+        if self.surroundings.travel_matters:
+            facts |= self.task.facts.of(self.robot.place(state)[0])
+        return facts
+
+    def _here(self, first: Stroke, state: State) -> Point | None:
+        """Return where the arm travels from, if anything may be in the way of that."""
+        if not self.surroundings.travel_matters:
+            return None
+        x_m, y_m, _ = self.robot.place(state)[1]
+        return x_m, y_m, first.above[2]
 
     def _run(
         self,
@@ -109,7 +135,7 @@ class Workcell:
         stopped = None
         try:
             for index, (stroke, yaw_rad) in enumerate(zip(way, yaws, strict=True)):
-                if index:
+                if index or self.surroundings.travel_matters:
                     runner.log.phase(f"the travel to {stroke.visit.subject}")
                     runner.move(stroke.above, yaw_rad)
                 runner.run(stroke, yaw_rad)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.task.scene import Body
-from skillplan.task.shape import Box, Cylinder, Shape
+from skillplan.task.shape import Cylinder, Mesh, Shape
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,29 +33,48 @@ class MassProperties:
 
 
 def mass_properties(body: Body) -> MassProperties:
-    """Return where the mass of a body is; meshes count as the boxes about them."""
-    volumes = np.array([_volume_m3(shape) for shape in body.shapes])
+    """Return where the mass of a body is."""
+    solids = [_solid(shape) for shape in body.shapes]
+    volumes = np.array([solid.volume_m3 for solid in solids])
     masses = body.mass_kg * volumes / volumes.sum()
-    centres = np.array([shape.box.centre for shape in body.shapes])
-    centre = masses @ centres / body.mass_kg
+    centre = masses @ np.array([solid.centre for solid in solids]) / body.mass_kg
     inertia = np.zeros(3)
-    for mass, shape, own in zip(masses, body.shapes, centres, strict=True):
-        apart = own - centre
-        inertia += mass * (_unit_inertia_m2(shape) + apart @ apart - apart**2)
+    for mass, solid in zip(masses, solids, strict=True):
+        apart = solid.centre - centre
+        spread = solid.spread_m2 + apart**2
+        inertia += mass * (spread.sum() - spread)
     return MassProperties(centre, inertia)
 
 
-def _volume_m3(shape: Shape) -> float:
-    if isinstance(shape, Cylinder):
-        return math.pi / 4 * shape.diameter_m**2 * shape.height_m
-    return math.prod(shape.box.size)
+@dataclass(frozen=True, slots=True)
+class _Solid:
+    """Volume, centre, and mean square distance from it along x, y and z [m2], shape (3,) each."""
+
+    volume_m3: float
+    centre: NDArray[np.float64]
+    spread_m2: NDArray[np.float64]
 
 
-def _unit_inertia_m2(shape: Shape) -> NDArray[np.float64]:
-    """Return the moments of inertia about the shape's own centre, by its mass."""
+def _solid(shape: Shape) -> _Solid:
+    if isinstance(shape, Mesh):
+        return _polyhedron(shape)
+    size = np.array(shape.box.size)
+    centre = np.array(shape.box.centre)
     if isinstance(shape, Cylinder):
-        across = (3 * (shape.diameter_m / 2) ** 2 + shape.height_m**2) / 12
-        return np.array([across, across, shape.diameter_m**2 / 8])
-    box: Box = shape.box
-    x_m, y_m, z_m = box.size
-    return np.array([y_m**2 + z_m**2, x_m**2 + z_m**2, x_m**2 + y_m**2]) / 12
+        across_m2 = shape.diameter_m**2 / 16
+        spread = np.array([across_m2, across_m2, shape.height_m**2 / 12])
+        return _Solid(math.pi / 4 * shape.diameter_m**2 * shape.height_m, centre, spread)
+    return _Solid(float(size.prod()), centre, size**2 / 12)
+
+
+def _polyhedron(mesh: Mesh) -> _Solid:
+    """Add up the tetrahedra between the faces and a point; what lies outside cancels."""
+    corners = np.array(mesh.corners)
+    origin = corners.mean(axis=0)
+    faces = corners[np.array(mesh.faces)] - origin
+    volumes = np.linalg.det(faces) / 6
+    volume = float(volumes.sum())
+    sums = faces.sum(axis=1)
+    centre = volumes @ sums / (4 * volume)
+    squares = volumes @ (sums**2 + (faces**2).sum(axis=1)) / (20 * volume)
+    return _Solid(volume, origin + centre, squares - centre**2)

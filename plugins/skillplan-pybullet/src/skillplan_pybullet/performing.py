@@ -24,8 +24,8 @@ from skillplan_pybullet.contact_log import STEPS_PER_FRAME
 from skillplan_pybullet.panda_kinematics import UnreachableError, inverse
 from skillplan_pybullet.postconditions import offset_m, rule, tilt_rad
 from skillplan_pybullet.simulated_arm import SimulatedArm
-from skillplan_pybullet.skill_runner import SkillRunner, StuckError, UpsetError
-from skillplan_pybullet.world import STEPS_PER_S, World
+from skillplan_pybullet.skill_runner import SkillRunner, StuckError
+from skillplan_pybullet.world import STEPS_PER_S, UpsetError, World
 
 if TYPE_CHECKING:
     from skillplan_pybullet.engine import PybulletEngine
@@ -196,7 +196,9 @@ class _Play:
 
     def _arrivals(self, state: State) -> list[Arrival]:
         held = self.runner.carried
-        found = []
+        found: list[Arrival] = []
+        if not self.world.is_sane():
+            return found
         for name, goal in self.task.scene.at(state).items():
             if name in self.world.numbers and name != held:
                 final: Pose = self.world.pose(name)

@@ -139,7 +139,22 @@ class SimulatedArm:
         UnreachableError
             If no posture brings it there.
         """
-        self._joints, yaw_rad = inverse(tip, closing_yaw_rad, self.base, self._joints)
+        joints, yaw_rad = inverse(tip, closing_yaw_rad, self.base, self._joints)
+        self._rest(joints, tip, yaw_rad, opening_m)
+        return yaw_rad
+
+    def stand_turned(self, tip: Point, yaw_rad: float, opening_m: float) -> None:
+        """Put the arm at rest with its tip at a point, the hand turned just so.
+
+        Raises
+        ------
+        UnreachableError
+            If no posture brings it there.
+        """
+        self._rest(follow(tip, yaw_rad, self.base, self._joints), tip, yaw_rad, opening_m)
+
+    def _rest(self, joints: Vector, tip: Point, yaw_rad: float, opening_m: float) -> None:
+        self._joints = joints
         client = self.world.client
         for joint, angle in zip(ARM_JOINTS, self._joints.tolist(), strict=True):
             pybullet.resetJointState(self.number, joint, angle, 0.0, physicsClientId=client)
@@ -147,7 +162,6 @@ class SimulatedArm:
             pybullet.resetJointState(self.number, joint, opening_m / 2, 0.0, physicsClientId=client)
         self._jaw_target_m = self._jaw_wanted_m = opening_m / 2
         self.wanted = Setpoint(np.array(tip), np.zeros(3), yaw_rad, 0.0)
-        return yaw_rad
 
     def tip(self) -> TipPose:
         """Return where the tip is."""

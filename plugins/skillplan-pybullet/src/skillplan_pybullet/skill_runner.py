@@ -17,7 +17,7 @@ from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.simulated_arm import HAND, LINK_NAMES, ROBOT, SimulatedArm
 from skillplan_pybullet.straight_motion import StraightMotion
 from skillplan_pybullet.tool_changer import ToolChanger
-from skillplan_pybullet.world import STEP_S, TABLE, World
+from skillplan_pybullet.world import STEP_S, TABLE, UpsetError, World
 
 # A tip that lags so far behind is stuck, and what comes after that is chaos [m].
 _STUCK_M = 0.012
@@ -44,10 +44,6 @@ _MOST_STEPS = 200_000
 
 class StuckError(Exception):
     """Raised where the arm cannot go on: something is in its way."""
-
-
-class UpsetError(Exception):
-    """Raised, in words, where the simulation cannot be trusted any more."""
 
 
 class SkillRunner:
@@ -313,7 +309,7 @@ class SkillRunner:
         self.log.free -= set(self.tools.robot_parts)
 
     def _check_sanity(self) -> None:
-        if not self.world.is_sane():
+        if not (self.world.is_sane() and np.isfinite(self.arm.tip_error_m())):
             raise UpsetError("the simulation blew up")
         if self.world.steps > self._last_step:
             raise UpsetError(f"the skill took more than {_MOST_STEPS:,} simulation steps")
@@ -322,8 +318,8 @@ class SkillRunner:
         self.arm.actuate()
         self.world.step()
         if self.world.steps % STEPS_PER_FRAME == 0:
-            self.log.frame()
             self._check_sanity()
+            self.log.frame()
             if self.arm.tip_error_m() > _STUCK_M:
                 raise StuckError
         self.every_step()

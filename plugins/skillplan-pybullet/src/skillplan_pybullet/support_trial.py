@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,6 +93,9 @@ class SupportTrials:
                     world.add(other.body, other.placement.pose)
                 for _ in range(_STEPS):
                     world.step()
+                if not world.is_sane():
+                    self._known[key] = math.inf
+                    return math.inf
                 now = np.array(world.pose(one.body.name).position)
                 away = now - np.array(one.placement.pose.position)
                 self._known[key] = float(np.linalg.norm(away))

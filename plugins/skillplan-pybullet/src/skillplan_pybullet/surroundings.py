@@ -7,8 +7,9 @@ the skill and of those facts.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_box, world_boxes
 from skillplan.physics.jaws import jaw_opening_m
@@ -50,6 +51,10 @@ class Neighbourhood:
     present: State
     absent: State
 
+    def resting_on(self, facts: State) -> Neighbourhood:
+        """Return the same, resting on facts that hold besides."""
+        return replace(self, present=self.present | facts)
+
 
 class Surroundings:
     """Knows what is near the motions of a task.
@@ -75,13 +80,32 @@ class Surroundings:
         self._bearers = {
             (one.body.name, one.placement.fact): tuple(self._beneath(one)) for one in self._located
         }
-        self._near: dict[tuple[str, tuple[Stroke, ...]], tuple[Located, ...]] = {}
+        self._near: dict[tuple[str, tuple[Stroke, ...], Point | None], tuple[Located, ...]] = {}
+        lowest_m = min(robot.safe_height_m for robot in task.scene.robots) - MARGIN_M
+        # Nothing that the arm moves hangs below the safe height between two places.
+        self.travel_matters = any(
+            box.high[2] > lowest_m for one in self._located for box in one.boxes
+        )
 
-    def around(self, skill: Skill, way: Sequence[Stroke], state: State) -> Neighbourhood:
-        """Return what may matter to a skill in a state."""
-        key = (skill.name, tuple(way))
+    def around(
+        self, skill: Skill, way: Sequence[Stroke], state: State, here: Point | None = None
+    ) -> Neighbourhood:
+        """Return what may matter to a skill in a state.
+
+        Parameters
+        ----------
+        skill
+            With a motion.
+        way
+            Its strokes.
+        state
+            Where it starts.
+        here
+            Where the arm travels from [m]; None where nothing can be in the way of a travel.
+        """
+        key = (skill.name, tuple(way), here)
         if key not in self._near:
-            self._near[key] = tuple(self._close_to(way))
+            self._near[key] = tuple(self._close_to(way, here))
         handled = {stroke.visit.subject for stroke in way}
         own = {
             one for one in self._located if one.body.name in handled and one.placement.fact in state
@@ -139,8 +163,11 @@ class Surroundings:
             ):
                 yield other
 
-    def _close_to(self, way: Sequence[Stroke]) -> Iterator[Located]:
+    def _close_to(self, way: Sequence[Stroke], here: Point | None) -> Iterator[Located]:
         moving = [item for stroke in way for item in self._moving(stroke)]
+        if here is not None:
+            for begin, stroke in zip([here, *(one.above for one in way)], way, strict=False):
+                moving += self._travelling(begin, stroke)
         spared = {stroke.visit.subject for stroke in way if stroke.visit.event is not Event.DRIVE}
         for one in self._located:
             if one.body.name in spared:
@@ -182,6 +209,22 @@ class Surroundings:
             mouth = stroke.visit.position
             for box in screw.boxes:
                 yield world_box(box, mouth), by
+
+    def _travelling(self, begin: Point, stroke: Stroke) -> Iterator[tuple[WorldBox, Point]]:
+        """Yield what moves on the travel to a stroke, however it is turned, and the way."""
+        x, y, z = stroke.tip
+        by: Point = (stroke.above[0] - begin[0], stroke.above[1] - begin[1], 0.0)
+        lift_m = min(begin[2], stroke.above[2]) - z
+        rise_m = abs(begin[2] - stroke.above[2])
+        for box, _ in self._moving(stroke):
+            radius_m = max(
+                math.hypot(corner_x - x, corner_y - y)
+                for corner_x in (box.low[0], box.high[0])
+                for corner_y in (box.low[1], box.high[1])
+            )
+            low = (begin[0] - radius_m, begin[1] - radius_m, box.low[2] + lift_m)
+            high = (begin[0] + radius_m, begin[1] + radius_m, box.high[2] + lift_m + rise_m)
+            yield WorldBox(low, high), by
 
     def _hand(self, stroke: Stroke, grasp: Grasp) -> Iterator[WorldBox]:
         opening_m = jaw_opening_m(grasp, self.clearance_m, stroke.tool)

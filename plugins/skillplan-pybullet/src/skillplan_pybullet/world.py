@@ -31,6 +31,9 @@ TABLE = "table"
 
 _TABLE_HALF_M = (1.5, 1.5, 0.05)
 _SOLVER_ITERATIONS = 100
+# Nothing gets so far, or so fast, in a simulation that has not blown up [m], [m/s].
+_FAR_M = 10.0
+_FAST_M_PER_S = 50.0
 # Colours of bodies in pictures, in turn.
 _PALETTE = (
     (0.16, 0.45, 0.24, 1.0),
@@ -42,6 +45,10 @@ _PALETTE = (
     (0.45, 0.45, 0.48, 1.0),
 )
 _TABLE_COLOUR = (0.88, 0.87, 0.84, 1.0)
+
+
+class UpsetError(Exception):
+    """Raised, in words, where the simulation blew up and says nothing any more."""
 
 
 class World:
@@ -160,7 +167,9 @@ class World:
             )
             linear, _ = pybullet.getBaseVelocity(self.numbers[name], physicsClientId=self.client)
             values = np.array([*position, *linear])
-            if not np.isfinite(values).all() or np.abs(values).max() > 50:
+            if not np.isfinite(values).all() or np.abs(values[:3]).max() > _FAR_M:
+                return False
+            if np.abs(values[3:]).max() > _FAST_M_PER_S:
                 return False
         return True
 

@@ -1,0 +1,164 @@
+"""Executions that have to be right for any task: what they rest on, and how they go wrong."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import numpy as np
+import pybullet
+import pytest
+
+from situations import assembly, config_content
+from skillplan.task.scene import Body, Box
+from skillplan.task.shape import Cylinder, Mesh
+from skillplan.task.verdict import VerdictStatus
+from skillplan_pybullet.contact_pairs import ContactPairsDetector
+from skillplan_pybullet.engine import PybulletEngine
+from skillplan_pybullet.mass_properties import mass_properties
+from skillplan_pybullet.world import World
+
+
+def content(name, **changes):
+    """Return what a file says, without a chart, to be ruled on by physics alone."""
+    found = copy.deepcopy(config_content(name))
+    for key in ("chart", "collision", "expect"):
+        found.pop(key, None)
+    return found | changes
+
+
+def after(task, *skills):
+    """Return the state after some skills."""
+    state = task.initial
+    for name in skills:
+        state = task.skill(name).prediction_in(state).apply(state)
+    return state
+
+
+@pytest.fixture(scope="module")
+def board():
+    """Return the paper's board."""
+    return assembly(content("inverter_board"))
+
+
+class TestWhatAVerdictRestsOn:
+    @pytest.mark.parametrize("holder_m", [[0.62, 0.30], [0.25, 1.20]])
+    def test_a_way_that_depends_on_the_tool_rests_on_the_tool(self, holder_m) -> None:
+        found = content("motor_drive", tool_change={"style": "swap"})
+        found["tools"]["suction_cup"]["holder_m"] = holder_m
+        task = assembly(found)
+        skill, engine = task.skill("load(screwdriver)"), PybulletEngine(task)
+        from_gripper, from_cup = task.initial, after(task, "load(suction_cup)")
+        one, other = (engine.check(skill, state) for state in (from_gripper, from_cup))
+        assert one.is_feasible
+        assert other.is_feasible == (holder_m[1] < 1.0)
+        assert one.applies_in(from_gripper)
+        assert not one.applies_in(from_cup)
+        assert other.applies_in(from_cup)
+        assert not other.applies_in(from_gripper)
+
+    def test_what_stands_above_the_safe_height_is_met_on_the_travel(self) -> None:
+        found = content("inverter_board")
+        found["parts"]["switch_1"]["start_m"] = [0.30, -0.40]
+        found["parts"]["mast"] = {
+            "tool": "gripper",
+            "size_m": [0.03, 0.03, 0.20],
+            "start_m": [0.39, -0.23],
+            "goal_m": [0.62, 0.16],
+        }
+        task = assembly(found)
+        engine, detector = PybulletEngine(task), ContactPairsDetector(task)
+        detector.beside([engine])
+        state = after(task, "pick(pcb)", "place(pcb)", "pick(switch_1)")
+        verdict = detector.check(task.skill("place(switch_1)"), state)
+        assert verdict.is_infeasible
+        assert "mast" in verdict.evidence["bodies"]
+        assert verdict.evidence["during"] == "the travel to switch_1"
+        assert {"at_start(mast)", "at(switch_1.start)"} <= set(verdict.facts)
+
+
+class TestSimulationsThatSayNothing:
+    @pytest.mark.parametrize("speed_m_per_s", [math.nan, 60.0, 1e200])
+    def test_a_blow_up_is_unknown_with_a_reason(self, board, monkeypatch, speed_m_per_s) -> None:
+        step = World.step
+
+        def upset(world):
+            if world.steps == 150:
+                pybullet.resetBaseVelocity(
+                    world.numbers["switch_1"],
+                    (speed_m_per_s, 0, 0),
+                    (0, 0, 0),
+                    physicsClientId=world.client,
+                )
+            step(world)
+
+        monkeypatch.setattr(World, "step", upset)
+        engine = PybulletEngine(board)
+        verdict = engine.check(
+            board.skill("pick(switch_1)"), after(board, "pick(pcb)", "place(pcb)")
+        )
+        assert verdict.status is VerdictStatus.UNKNOWN
+        assert "blew up" in verdict.reason
+        plan = [board.skill(name) for name in ("pick(pcb)", "place(pcb)", "pick(switch_1)")]
+        performance = engine.perform(plan)
+        assert performance.failed is not None
+        assert performance.failed.verdict.status is VerdictStatus.UNKNOWN
+
+
+class TestHands:
+    def test_light_parts_stay_between_the_jaws_that_take_them_over(self) -> None:
+        task = assembly(content("motor_drive"))
+        engine = PybulletEngine(task)
+        for part in ("capacitor_1", "capacitor_2"):
+            held = task.facts.of(
+                "placed(housing)",
+                "placed(power_board)",
+                f"held({part})",
+                "tool(gripper)",
+                f"at({part}.start)",
+            )
+            verdict = engine.check(task.skill(f"place({part})"), held)
+            assert verdict.is_feasible, verdict.reason
+
+    @pytest.mark.parametrize("height_m", [0.0, 0.003, 0.02])
+    def test_from_how_high_a_part_is_let_go_takes_nothing_out_of_the_world(
+        self, board, height_m
+    ) -> None:
+        engine = PybulletEngine(board, PybulletEngine.Options(drop_height_m=height_m))
+        state = after(board, "pick(pcb)", "place(pcb)", "pick(switch_1)")
+        verdict = engine.check(board.skill("place(switch_1)"), state)
+        assert verdict.is_feasible, verdict.reason
+        assert "placed(pcb)" in verdict.facts
+
+
+class TestMassProperties:
+    def test_a_wedge_is_heavy_where_it_is_thick(self) -> None:
+        corners = ((0, 0, 0), (6, 0, 0), (0, 2, 0), (6, 2, 0), (0, 0, 3), (0, 2, 3))
+        faces = ((0, 2, 1), (1, 2, 3), (0, 1, 4), (2, 5, 3), (0, 4, 2), (2, 4, 5), (1, 3, 4))
+        found = mass_properties(Body("wedge", (Mesh(corners, (*faces, (3, 5, 4))),), (), 1.0))
+        assert found.centre == pytest.approx([2.0, 1.0, 1.0])
+        # Of a triangle, by its side: a^2 / 18 along each; of the width, w^2 / 12.
+        spread = np.array([36 / 18, 4 / 12, 9 / 18])
+        assert found.inertia_kg_m2 == pytest.approx(spread.sum() - spread)
+
+    def test_a_box_weighs_the_same_as_a_mesh(self) -> None:
+        box = Box((0.02, 0.03, 0.05), (0.01, 0.0, 0.025))
+        corners = tuple(
+            (0.01 + x * 0.01, y * 0.015, 0.025 + z * 0.025)
+            for x in (-1, 1)
+            for y in (-1, 1)
+            for z in (-1, 1)
+        )
+        sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+        faces = tuple(face for a, b, c, d in sides for face in ((a, b, c), (a, c, d)))
+        one, other = (
+            mass_properties(Body("box", shapes, (), 0.2))
+            for shapes in ((box,), (Mesh(corners, faces),))
+        )
+        assert one.centre == pytest.approx(other.centre)
+        assert one.inertia_kg_m2 == pytest.approx(other.inertia_kg_m2)
+
+    def test_a_cylinder_turns_as_the_textbook_says(self) -> None:
+        found = mass_properties(Body("pin", (Cylinder(0.04, 0.1, (0.0, 0.0, 0.05)),), (), 2.0))
+        across = 2.0 * (3 * 0.02**2 + 0.1**2) / 12
+        assert found.inertia_kg_m2 == pytest.approx([across, across, 2.0 * 0.02**2 / 2])
