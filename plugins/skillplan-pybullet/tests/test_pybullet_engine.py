@@ -178,6 +178,13 @@ class TestOptions:
         engine = self.made(task, drop_height_m=0.02)
         assert engine.check(*imagined(task, "place(clock)", "pcb")).is_feasible
 
+    @pytest.mark.parametrize("control", ["osc", "position"])
+    def test_either_control_drives_a_screw_with_the_force_asked_for(self, task, control):
+        engine = self.made(task, control=control, press_force_n=8.0)
+        verdict = engine.check(*imagined(task, "fasten(screw_1)", "pcb", "transformer", "brace"))
+        assert verdict.is_feasible, verdict
+        assert 6.0 <= verdict.evidence["sensed"]["fastening_force_n"] <= 9.5
+
     def test_a_screw_that_has_to_be_pressed_harder_is_not_driven(self, task):
         engine = self.made(task, min_fastening_force_n=20.0)
         verdict = engine.check(*imagined(task, "fasten(screw_1)", "pcb", "transformer", "brace"))

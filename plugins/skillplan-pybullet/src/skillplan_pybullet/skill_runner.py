@@ -30,6 +30,7 @@ _LET_GO_S = 0.35
 _SUCTION_S = 0.05
 _PRESS_S = 0.4
 _FEEL_SPEED_M_PER_S = 0.01
+_PRESS_SPEED_M_PER_S = 0.004
 _FELT_N = 0.2
 # A screw is brought so far above where it touches, and then felt for [m].
 _FEEL_FROM_M = 0.001
@@ -292,8 +293,7 @@ class SkillRunner:
         readings = []
         steps = round(_PRESS_S / STEP_S)
         for step in range(steps):
-            # Not held in height by position as well: what presses is the force alone.
-            z = float(self.arm.tip().position[2])
+            z = self._pressing_height_m(z, self.log.pressing_n({subject}, through))
             self.arm.wanted = replace(self.arm.wanted, position=np.array([x, y, z]))
             self._step()
             if step >= steps // 2 and step % STEPS_PER_FRAME == 0:
@@ -307,6 +307,17 @@ class SkillRunner:
         self._feel_load()
         self.wait(_SUCTION_S)
         self.log.free -= set(self.tools.robot_parts)
+
+    def _pressing_height_m(self, height_m: float, felt_n: float) -> float:
+        """Return at what height the tip is to be while it presses [m].
+
+        Under operational-space control a force is asked for, and the height gives way to it;
+        position control is lowered until as much is felt.
+        """
+        if self.settings.control == "osc":
+            return float(self.arm.tip().position[2])
+        short = felt_n < self.settings.press_force_n
+        return height_m - _PRESS_SPEED_M_PER_S * STEP_S if short else height_m
 
     def _check_sanity(self) -> None:
         if not (self.world.is_sane() and np.isfinite(self.arm.tip_error_m())):
