@@ -40,7 +40,7 @@ class Workcell:
     def __init__(self, task: Task, settings: ExecutionSettings) -> None:
         self.task, self.settings = task, settings
         self.robot: Robot = task.scene.robots[0]
-        self.surroundings = Surroundings(task, settings.clearance_m, settings.drop_height_m)
+        self.surroundings = Surroundings(task, settings.clearance_m, settings.press_travel_m)
         self._supports = SupportTrials(task, self.surroundings, settings.friction)
 
     def execute(

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_box, world_boxes
 from skillplan.physics.jaws import jaw_opening_m
 from skillplan.physics.strokes import Stroke, grasp_of
+from skillplan.physics.tool_shapes import tool_shapes
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import WORLD, Body, Grasp, Placement, Pose
 from skillplan.task.skill import Skill
@@ -65,12 +66,13 @@ class Surroundings:
         With one robot.
     clearance_m
         How far open jaws stand off a part on either side [m].
-    drop_height_m
-        From how high parts are let go [m].
+    press_travel_m
+        How far beyond its mouth a hole is felt for [m].
     """
 
-    def __init__(self, task: Task, clearance_m: float, drop_height_m: float) -> None:
-        self.task, self.clearance_m, self.drop_height_m = task, clearance_m, drop_height_m
+    def __init__(self, task: Task, clearance_m: float, press_travel_m: float) -> None:
+        self.task = task
+        self.clearance_m, self.press_travel_m = clearance_m, press_travel_m
         self._located = tuple(
             Located(body, placement, world_boxes(body, placement.pose))
             for body in task.scene.bodies
@@ -206,9 +208,11 @@ class Surroundings:
                 yield world_box(box, tip, stroke.closing_yaw_rad), by
         if stroke.visit.event is Event.DRIVE:
             screw = self.task.scene.body(stroke.visit.subject)
-            mouth = stroke.visit.position
+            # A hole is felt for beyond its mouth.
+            x_m, y_m, z_m = stroke.visit.position
+            deepest: Point = (x_m, y_m, z_m - self.press_travel_m)
             for box in screw.boxes:
-                yield world_box(box, mouth), by
+                yield world_box(box, deepest), (0.0, 0.0, by[2] + self.press_travel_m)
 
     def _travelling(self, begin: Point, stroke: Stroke) -> Iterator[tuple[WorldBox, Point]]:
         """Yield what moves on the travel to a stroke, however it is turned, and the way."""
@@ -227,6 +231,11 @@ class Surroundings:
             yield WorldBox(low, high), by
 
     def _hand(self, stroke: Stroke, grasp: Grasp) -> Iterator[WorldBox]:
+        """Yield what takes or leaves a part: the hand, or the tool that is there instead."""
+        if stroke.tool is not None and tool_shapes(stroke.tool):
+            for box in tool_boxes(stroke.tool):
+                yield world_box(box, stroke.tip, stroke.closing_yaw_rad)
+            return
         opening_m = jaw_opening_m(grasp, self.clearance_m, stroke.tool)
         for box in hand_boxes(opening_m):
             yield world_box(box, stroke.tip, stroke.closing_yaw_rad)
