@@ -112,29 +112,20 @@ class Surroundings:
         own = {
             one for one in self._located if one.body.name in handled and one.placement.fact in state
         }
-        looked_at: list[Located] = []
-        todo = [*own, *self._near[key]]
-        todo.sort(key=self._located.index)
-        while todo:
-            one = todo.pop(0)
-            if one in looked_at:
-                continue
-            looked_at.append(one)
-            if one.placement.fact in state:
-                todo += self._bearers[one.body.name, one.placement.fact]
-        looked_at.sort(key=self._located.index)
-        there = tuple(one for one in looked_at if one.placement.fact in state)
-        facts = self.task.facts
-        return Neighbourhood(
-            there,
-            facts.of(*(one.placement.fact for one in there)),
-            facts.of(*(one.placement.fact for one in looked_at if one.placement.fact not in state)),
-        )
+        return self._reaching_down([*own, *self._near[key]], state)
 
     def support(self, body: Located, state: State) -> Neighbourhood:
         """Return a body and what bears it, directly or not."""
+        return self._reaching_down([body], state)
+
+    def stands_on_table(self, body: Located) -> bool:
+        """Whether a body's bottom is on the table."""
+        return min(box.low[2] for box in body.boxes) <= _TOUCH_M
+
+    def _reaching_down(self, above: Sequence[Located], state: State) -> Neighbourhood:
+        """Return bodies and what bears those that are there, directly or not."""
+        todo = sorted(above, key=self._located.index)
         looked_at: list[Located] = []
-        todo = [body]
         while todo:
             one = todo.pop(0)
             if one not in looked_at:
@@ -143,16 +134,10 @@ class Surroundings:
                     todo += self._bearers[one.body.name, one.placement.fact]
         looked_at.sort(key=self._located.index)
         there = tuple(one for one in looked_at if one.placement.fact in state)
+        missing = [one.placement.fact for one in looked_at if one not in there]
         facts = self.task.facts
-        return Neighbourhood(
-            there,
-            facts.of(*(one.placement.fact for one in there)),
-            facts.of(*(one.placement.fact for one in looked_at if one.placement.fact not in state)),
-        )
-
-    def stands_on_table(self, body: Located) -> bool:
-        """Whether a body's bottom is on the table."""
-        return min(box.low[2] for box in body.boxes) <= _TOUCH_M
+        present = facts.of(*(one.placement.fact for one in there))
+        return Neighbourhood(there, present, facts.of(*missing))
 
     def _beneath(self, one: Located) -> Iterator[Located]:
         floor_m = min(box.low[2] for box in one.boxes)
