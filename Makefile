@@ -42,6 +42,8 @@ bench: $(INSTALLED)  ## ratios against a baseline of the same run
 	$(BIN)/python benchmarks/search.py
 	$(BIN)/python benchmarks/tabular.py
 	$(BIN)/python benchmarks/fleet.py 10
+	$(BIN)/python benchmarks/swept.py
+	if $(HAS_PYBULLET); then $(BIN)/python benchmarks/physics.py; fi
 
 schema: $(INSTALLED)  ## the JSON Schema that editors read
 	$(SKILLPLAN) schema assembly > configs/assembly.schema.json

@@ -197,7 +197,6 @@ def test_every_pair_of_parts_says_why_not(board, swept):
     assert verdict.reason == "screw_1 has nothing beneath it"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("product", ["inverter_board", "sensor_stack"])
 def test_it_agrees_with_simulated_execution_on_every_pair(product, product_task):
     """Every reachable set with every part and screw that it lacks, executed in pybullet."""

@@ -21,6 +21,9 @@ from skillplan.task.task import Task
 # Of a part's height so much is between the jaws, and never more than so much [m].
 _DEPTH_FRACTION = 0.5
 _MOST_DEPTH_M = 0.012
+# Where nothing else is asked for, the hand is turned as the wrist has most room: closing along
+# the y of what it handles [rad].
+_NATURAL_YAW_RAD = math.pi / 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +154,7 @@ def _stroke(
 ) -> Stroke:
     x_m, y_m, z_m = visit.position
     safe_m = max(robot.safe_height_m, z_m)
-    yaw_rad = visit.yaw_rad
+    yaw_rad = visit.yaw_rad + _NATURAL_YAW_RAD
     lift_m = drop_m = 0.0
     leaves_with = carries
     if visit.event in (Event.GRASP, Event.RELEASE):
@@ -159,8 +162,8 @@ def _stroke(
         tip_x, tip_y, lift_m = grasp.tip
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         x_m, y_m = x_m + cos * tip_x - sin * tip_y, y_m + sin * tip_x + cos * tip_y
-        if grasp.closing_axis == "y":
-            yaw_rad += math.pi / 2
+        if grasp.closing_axis == "x" and grasp.kind is GraspKind.JAWS:
+            yaw_rad -= _NATURAL_YAW_RAD
         if visit.event is Event.RELEASE:
             drop_m, leaves_with = drop_height_m, None
         else:

@@ -18,7 +18,9 @@ _YAW_DEG, _PITCH_DEG = 52.0, -28.0
 _FIELD_OF_VIEW_DEG = 45.0
 _NEAR_M, _FAR_M = 0.02, 5.0
 _LIGHT = (0.4, -0.5, 1.2)
+# The first culprit is red, the others are orange, so that they can be told apart.
 _ALARM = (0.90, 0.10, 0.10, 1.0)
+_SECOND_ALARM = (1.0, 0.55, 0.05, 1.0)
 
 
 class Camera:
@@ -57,9 +59,11 @@ class Camera:
 
 
 def alarm(world: World, names: Iterable[str]) -> None:
-    """Paint bodies red."""
+    """Paint bodies in the colours of alarm."""
+    colour = _ALARM
     for name in names:
-        if name in world.numbers:
+        if name in world.bodies:
             pybullet.changeVisualShape(
-                world.numbers[name], -1, rgbaColor=_ALARM, physicsClientId=world.client
+                world.numbers[name], -1, rgbaColor=colour, physicsClientId=world.client
             )
+            colour = _SECOND_ALARM

@@ -15,7 +15,8 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.panda_kinematics import UnreachableError
+from skillplan_pybullet.hand_turns import HandTurns, unwound
+from skillplan_pybullet.panda_kinematics import UnreachableError, Vector, reach
 from skillplan_pybullet.record import Record
 from skillplan_pybullet.simulated_arm import SimulatedArm
 from skillplan_pybullet.skill_runner import SkillRunner, StuckError
@@ -41,6 +42,7 @@ class Workcell:
         self.task, self.settings = task, settings
         self.robot: Robot = task.scene.robots[0]
         self.surroundings = Surroundings(task, settings.clearance_m, settings.press_travel_m)
+        self.turns = HandTurns(task, settings.drop_height_m)
         self._supports = SupportTrials(task, self.surroundings, settings.friction)
 
     def execute(
@@ -74,9 +76,7 @@ class Workcell:
                 dynamics=self.settings.dynamics,
             )
             try:
-                yaws = [self._try_reach(arm, stroke) for stroke in reversed(way)][::-1]
-                if here is not None:
-                    arm.stand_turned(here, yaws[0], self._first_opening(way[0]))
+                yaws = self._yaws(arm, way, here)
             except UnreachableError as error:
                 none = self.task.facts.none
                 return self._blank(skill, course, none, unreachable=str(error))
@@ -108,7 +108,8 @@ class Workcell:
         if not self.surroundings.travel_matters:
             return None
         x_m, y_m, _ = self.robot.place(state)[1]
-        return x_m, y_m, first.above[2]
+        height_m = self.turns.height_m(self.robot.place(state)[0], self.robot.safe_height_m)
+        return x_m, y_m, max(height_m, first.above[2])
 
     def _run(
         self,
@@ -129,25 +130,40 @@ class Workcell:
         if watch is not None:
             runner.every_step = lambda: watch(runner)
         handled = {stroke.visit.subject for stroke in way}
-        self._hand_over(runner, way[0], state)
-        runner.wait(_SETTLE_S)
-        runner.watch(handled)
         stopped = None
         try:
+            self._hand_over(runner, way[0], state)
+            runner.wait(_SETTLE_S)
+            runner.watch(handled)
             for index, (stroke, yaw_rad) in enumerate(zip(way, yaws, strict=True)):
                 if index or self.surroundings.travel_matters:
                     runner.log.phase(f"the travel to {stroke.visit.subject}")
-                    runner.move(stroke.above, yaw_rad)
+                    runner.travel(stroke.above, yaw_rad)
                 runner.run(stroke, yaw_rad)
         except StuckError:
-            stopped = runner.log.phase_now
+            stopped = runner.log.phase_now or "its way before anything was done"
         self._sense(runner, way[-1], stopped)
         return self._record(skill, state, way, (around.present, around.absent), runner)
 
-    def _try_reach(self, arm: SimulatedArm, stroke: Stroke) -> float:
-        """Return how the hand is turned at a stroke, which both its ends can be reached with."""
-        arm.stand(stroke.tip, stroke.closing_yaw_rad, 0.0)
-        return arm.stand(stroke.above, stroke.closing_yaw_rad, self._first_opening(stroke))
+    def _yaws(self, arm: SimulatedArm, way: Sequence[Stroke], here: Point | None) -> list[float]:
+        """Put the arm where it begins; return how its hand is turned at every stroke.
+
+        Raises
+        ------
+        UnreachableError
+            If either end of a stroke, or where it begins, is out of reach.
+        """
+        yaws = [self.turns.yaw_rad(stroke) for stroke in way]
+        begins: list[tuple[Vector, float]] = []
+        for stroke, yaw_rad in zip(way, yaws, strict=True):
+            reach(stroke.tip, yaw_rad, self.robot.base)
+            joints = reach(stroke.above, yaw_rad, self.robot.base)
+            if begins:
+                before, now_rad = begins[-1]
+                yaw_rad = unwound(yaw_rad, joints, now_rad, before)
+            begins.append((joints, yaw_rad))
+        arm.stand(here or way[0].above, yaws[0], self._first_opening(way[0]))
+        return [yaw_rad for _, yaw_rad in begins]
 
     def _first_opening(self, stroke: Stroke) -> float:
         if stroke.visit.event not in (Event.GRASP, Event.RELEASE):
@@ -202,7 +218,7 @@ class Workcell:
             skill.name,
             *basis,
             tuple(log.phases),
-            {name: np.array(log.forces[name]) for name in known},
+            {name: np.array(log.forces.get(name, [])).reshape(-1, 3) for name in known},
             {name: world.mass_kg(name) * GRAVITY_M_PER_S2 for name in known},
             {pair: np.array(values) for pair, values in sorted(log.pairs.items())},
             {name: np.array(values) for name, values in log.moved.items() if name in known},

@@ -85,7 +85,7 @@ def picture(workcell: Workcell, skill: Skill, state: State, *, blamed: bool = Fa
     taken: list[Image] = []
 
     def watch(runner: SkillRunner) -> None:
-        if runner.log.moved and frame is not None and runner.log.frames > frame:
+        if runner.log.phases and frame is not None and runner.log.frames > frame:
             alarm(runner.world, culprits)
             taken.append(camera.take(runner.world))
             raise _Taken

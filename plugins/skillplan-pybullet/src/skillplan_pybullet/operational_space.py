@@ -62,6 +62,7 @@ def torques(
         ]
     )
     acceleration = stiffness_per_s2 * error + damping * (wanted_velocity - velocity)
+    acceleration[:3] += wanted.acceleration
     mass_inverse = np.linalg.inv(terms.mass)
     inertia = np.linalg.inv(jacobian @ mass_inverse @ jacobian.T)
     wrench = inertia @ acceleration

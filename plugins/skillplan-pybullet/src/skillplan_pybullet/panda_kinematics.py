@@ -103,21 +103,17 @@ def rotation_error(rotation: Vector, wanted: Vector) -> Vector:
     return error
 
 
-def inverse(
-    tip: Point, closing_yaw_rad: float, base: Point, seed: Vector | None = None
-) -> tuple[Vector, float]:
+def reach(tip: Point, yaw_rad: float, base: Point, seed: Vector | None = None) -> Vector:
     """Return joint angles that bring the tip to a point, the hand pointing straight down.
 
-    Jaws close the same way when the hand is turned by half a turn: of the two, the angles
-    nearer to `seed` are taken. Damped least squares from the seed, with the posture of most
-    room in the null space.
+    Damped least squares from the seed, with the posture of most room in the null space.
 
     Parameters
     ----------
     tip
         Position [m].
-    closing_yaw_rad
-        Direction in which the jaws close [rad].
+    yaw_rad
+        How the hand is turned about the vertical [rad].
     base
         Position of the arm's base [m].
     seed
@@ -125,30 +121,23 @@ def inverse(
 
     Returns
     -------
-    tuple
-        Joint angles of shape (7,) [rad], and the yaw that the hand has there [rad].
+    numpy.ndarray
+        Joint angles of shape (7,) [rad].
 
     Raises
     ------
     UnreachableError
         If there are none within the joint limits.
     """
-    start = _READY if seed is None else seed
-    found: list[tuple[float, Vector, float]] = []
-    for turn in (0.0, math.pi):
-        yaw = closing_yaw_rad + turn
-        for guess in (start, _READY, _READY * np.array([-1, 1, -1, 1, -1, 1, 1])):
-            joints = _solve(np.array(tip), pointing_down(yaw), base, guess.copy())
-            if joints is not None:
-                found.append((float(np.abs(joints - start).sum()), joints, yaw))
-                break
-    if not found:
-        raise UnreachableError(
-            f"no posture of the arm within its joint limits brings the hand, pointing straight "
-            f"down, to ({tip[0]:.3f}, {tip[1]:.3f}, {tip[2]:.3f}) m"
-        )
-    _, joints, yaw = min(found, key=lambda one: one[0])
-    return joints, yaw
+    guesses = [_READY, _READY * np.array([-1, 1, -1, 1, -1, 1, 1])]
+    for guess in guesses if seed is None else [seed, *guesses]:
+        joints = _solve(np.array(tip), pointing_down(yaw_rad), base, guess.copy())
+        if joints is not None:
+            return joints
+    raise UnreachableError(
+        f"no posture of the arm within its joint limits brings the hand, pointing straight "
+        f"down, to ({tip[0]:.3f}, {tip[1]:.3f}, {tip[2]:.3f}) m"
+    )
 
 
 def follow(tip: Point, yaw_rad: float, base: Point, joints: Vector) -> Vector:

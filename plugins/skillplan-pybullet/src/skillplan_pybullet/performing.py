@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skillplan.physics import panda
 from skillplan.physics.performance import (
     Arrival,
     Image,
@@ -21,7 +23,8 @@ from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
 from skillplan_pybullet.camera import Camera
 from skillplan_pybullet.contact_log import STEPS_PER_FRAME
-from skillplan_pybullet.panda_kinematics import UnreachableError, inverse
+from skillplan_pybullet.hand_turns import unwound
+from skillplan_pybullet.panda_kinematics import UnreachableError, reach
 from skillplan_pybullet.postconditions import offset_m, rule, tilt_rad
 from skillplan_pybullet.simulated_arm import SimulatedArm
 from skillplan_pybullet.skill_runner import SkillRunner, StuckError
@@ -31,6 +34,8 @@ if TYPE_CHECKING:
     from skillplan_pybullet.engine import PybulletEngine
 
 _SETTLE_S = 0.1
+# How the hand is turned in the ready posture [rad].
+_HOME_YAW_RAD = -np.pi / 2
 _OVERVIEW_M = 0.95
 # A contact of so much between bodies that are not to touch ends the plan [N].
 _COLLISION_N = 2.0
@@ -80,7 +85,7 @@ class _Play:
     def play(self, skills: Sequence[Skill], stopped: Callable[[], bool]) -> Performance:
         state = self.task.initial
         _, home = self.robot.place(state)
-        self.arm.stand(home, np.pi / 2, 0.04)
+        self.arm.stand(home, _HOME_YAW_RAD, panda.OPENING_M / 2)
         for index, body in enumerate(self.task.scene.bodies):
             placement = body.placement(state)
             if placement is not None and placement.solid:
@@ -94,7 +99,9 @@ class _Play:
             self._every_step,
         )
         self.runner = runner
-        runner.wait(_SETTLE_S)
+        with suppress(StuckError):
+            # What is in the arm's way from the start, the first skill will say.
+            runner.wait(_SETTLE_S)
         done: list[PerformedSkill] = []
         for skill in skills:
             if done and stopped():
@@ -131,7 +138,7 @@ class _Play:
                 self._bring_out(stroke, state)
                 runner.log.phase(f"the travel to {stroke.visit.subject}")
                 yaw_rad = self._yaw(stroke)
-                runner.move(stroke.above, yaw_rad)
+                runner.travel(stroke.above, yaw_rad)
                 runner.run(stroke, yaw_rad)
         except UpsetError as error:
             return Verdict.unknown(str(error))
@@ -155,12 +162,13 @@ class _Play:
         return verdict
 
     def _yaw(self, stroke: Stroke) -> float:
-        """Return how the hand is turned at a stroke: as near as may be to how it is now."""
-        seed = np.array(self.arm.joints_rad())
-        _, yaw_rad = inverse(stroke.tip, stroke.closing_yaw_rad, self.robot.base, seed)
+        """Return how the hand is turned at a stroke, the way the wrist can get there."""
         assert self.arm.wanted is not None
-        turns = round((self.arm.wanted.yaw_rad - yaw_rad) / (2 * np.pi))
-        return float(yaw_rad + 2 * np.pi * turns)
+        now = np.array(self.arm.joints_rad())
+        yaw_rad = self.engine.workcell.turns.yaw_rad(stroke)
+        reach(stroke.tip, yaw_rad, self.robot.base)
+        joints = reach(stroke.above, yaw_rad, self.robot.base)
+        return unwound(yaw_rad, joints, self.arm.wanted.yaw_rad, now)
 
     def _bring_out(self, stroke: Stroke, state: State) -> None:
         """Have a feeder hand out what is about to be picked up there."""

@@ -115,6 +115,8 @@ def _elsewhere(final: Pose, expected: Pose, place: str) -> str:
         parts.append(f"{1000 * abs(z_m):.1f} mm {'above' if z_m > 0 else 'below'}")
     if aside_m >= _LEAST_SHOWN_M:
         parts.append(f"{1000 * aside_m:.1f} mm beside")
+    if not parts:
+        return f"came to rest {1e6 * offset_m(final, expected):.1f} um off {place}"
     return f"came to rest {' and '.join(parts)} {place}"
 
 

@@ -18,7 +18,7 @@ from skillplan_pybullet.dynamics import (
     PybulletDynamics,
 )
 from skillplan_pybullet.operational_space import torques
-from skillplan_pybullet.panda_kinematics import TipPose, follow, inverse
+from skillplan_pybullet.panda_kinematics import TipPose, follow, reach
 from skillplan_pybullet.quiet_output import quiet_output
 from skillplan_pybullet.straight_motion import Setpoint
 from skillplan_pybullet.world import GRAVITY_M_PER_S2, STEP_S, World
@@ -30,7 +30,7 @@ HAND = "hand"
 LINK_NAMES = {HAND_LINK: HAND, FINGER_LINKS[0]: "left finger", FINGER_LINKS[1]: "right finger"}
 
 # How fast the jaws move [m/s], and with what force they are held open [N].
-_JAW_SPEED_M_PER_S = 0.05
+JAW_SPEED_M_PER_S = 0.05
 _OPENING_FORCE_N = 40.0
 _FINGER_FRICTION = 1.0
 # The joint that couples the fingers: the simulator ignores the description's own.
@@ -131,19 +131,7 @@ class SimulatedArm:
                 physicsClientId=client,
             )
 
-    def stand(self, tip: Point, closing_yaw_rad: float, opening_m: float) -> float:
-        """Put the arm at rest with its tip at a point; return the yaw of the hand [rad].
-
-        Raises
-        ------
-        UnreachableError
-            If no posture brings it there.
-        """
-        joints, yaw_rad = inverse(tip, closing_yaw_rad, self.base, self._joints)
-        self._rest(joints, tip, yaw_rad, opening_m)
-        return yaw_rad
-
-    def stand_turned(self, tip: Point, yaw_rad: float, opening_m: float) -> None:
+    def stand(self, tip: Point, yaw_rad: float, opening_m: float) -> None:
         """Put the arm at rest with its tip at a point, the hand turned just so.
 
         Raises
@@ -151,7 +139,7 @@ class SimulatedArm:
         UnreachableError
             If no posture brings it there.
         """
-        self._rest(follow(tip, yaw_rad, self.base, self._joints), tip, yaw_rad, opening_m)
+        self._rest(reach(tip, yaw_rad, self.base, self._joints), tip, yaw_rad, opening_m)
 
     def _rest(self, joints: Vector, tip: Point, yaw_rad: float, opening_m: float) -> None:
         self._joints = joints
@@ -161,7 +149,7 @@ class SimulatedArm:
         for joint in FINGER_LINKS:
             pybullet.resetJointState(self.number, joint, opening_m / 2, 0.0, physicsClientId=client)
         self._jaw_target_m = self._jaw_wanted_m = opening_m / 2
-        self.wanted = Setpoint(np.array(tip), np.zeros(3), yaw_rad, 0.0)
+        self.wanted = Setpoint.at_rest(np.array(tip), yaw_rad)
 
     def tip(self) -> TipPose:
         """Return where the tip is."""
@@ -270,7 +258,7 @@ class SimulatedArm:
         )
 
     def _move_jaws(self) -> None:
-        step_m = _JAW_SPEED_M_PER_S * STEP_S
+        step_m = JAW_SPEED_M_PER_S * STEP_S
         left_m = self._jaw_wanted_m - self._jaw_target_m
         self._jaw_target_m += max(-step_m, min(step_m, left_m))
         pybullet.setJointMotorControlArray(

@@ -14,7 +14,13 @@ from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Body, GraspKind, Pose, Scene, Tool
 from skillplan_pybullet.contact_log import STEPS_PER_FRAME, ContactLog
 from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.simulated_arm import HAND, LINK_NAMES, ROBOT, SimulatedArm
+from skillplan_pybullet.simulated_arm import (
+    HAND,
+    JAW_SPEED_M_PER_S,
+    LINK_NAMES,
+    ROBOT,
+    SimulatedArm,
+)
 from skillplan_pybullet.straight_motion import StraightMotion
 from skillplan_pybullet.tool_changer import ToolChanger
 from skillplan_pybullet.world import STEP_S, TABLE, UpsetError, World
@@ -25,6 +31,8 @@ _STUCK_M = 0.012
 _DOCK_GAP_M = 0.002
 # And so far above what a suction cup lifts: its lip [m].
 _CUP_GAP_M = 0.0015
+# Two heights that differ by less are one [m].
+_LEVEL_M = 1e-6
 _GRIP_S = 0.35
 _LET_GO_S = 0.35
 _SUCTION_S = 0.05
@@ -130,7 +138,7 @@ class SkillRunner:
             return
         helping = self.arm.grip(body.name)
         self.arm.close()
-        self.wait(_GRIP_S)
+        self.wait(self._jaws_s + _GRIP_S)
         self.world.release(helping)
 
     def wait(self, duration_s: float) -> None:
@@ -159,6 +167,23 @@ class SkillRunner:
         for step in range(1, int(motion.duration_s / STEP_S) + 2):
             self.arm.wanted = motion.at(step * STEP_S)
             self._step()
+
+    def travel(self, end: Point, yaw_rad: float) -> None:
+        """Move the tip to a point above something else, no lower than the higher of the two.
+
+        Raises
+        ------
+        StuckError
+            If something is in its way.
+        """
+        here = self.arm.wanted
+        assert here is not None
+        x_m, y_m, z_m = here.position.tolist()
+        if z_m < end[2] - _LEVEL_M:
+            self.move((x_m, y_m, end[2]), here.yaw_rad)
+        elif z_m > end[2] + _LEVEL_M:
+            self.move((end[0], end[1], z_m), yaw_rad)
+        self.move(end, yaw_rad)
 
     def run(self, stroke: Stroke, yaw_rad: float) -> None:
         """Execute a stroke from above its target, the hand turned as it is to be.
@@ -225,6 +250,11 @@ class SkillRunner:
         carried_kg = 0.0 if self.carried is None else self.world.mass_kg(self.carried)
         self.arm.payload_kg = self.tools.load_kg + carried_kg
 
+    @property
+    def _jaws_s(self) -> float:
+        """How long the jaws take across their clearance [s]."""
+        return self.settings.clearance_m / JAW_SPEED_M_PER_S
+
     def _gap_m(self, subject: str) -> float:
         """Return how far above a part the rim of a cup stops [m]."""
         is_cup = grasp_of(self.scene.body(subject)).kind is GraspKind.SUCTION
@@ -243,7 +273,7 @@ class SkillRunner:
             self.wait(_SUCTION_S)
         else:
             self.arm.close()
-            self.wait(_GRIP_S)
+            self.wait(self._jaws_s + _GRIP_S)
         if subject in self._kept:
             self.world.release(self._kept.pop(subject))
             self.world.join(subject, self.world.others(subject))
@@ -260,7 +290,7 @@ class SkillRunner:
             self._bond = None
         else:
             self.arm.open(self._opening_for(subject))
-        self.wait(_LET_GO_S)
+        self.wait(self._jaws_s + _LET_GO_S)
 
     def _screw_at_bit(self, subject: str) -> None:
         if self.carried == subject:

@@ -25,12 +25,20 @@ class Setpoint:
         [m], [m/s], shape (3,).
     yaw_rad, yaw_rate_rad_per_s
         Direction in which the jaws close, and its rate.
+    acceleration
+        [m/s2], shape (3,).
     """
 
     position: Vector
     velocity: Vector
     yaw_rad: float
     yaw_rate_rad_per_s: float
+    acceleration: Vector
+
+    @classmethod
+    def at_rest(cls, position: Vector, yaw_rad: float) -> Setpoint:
+        """Return a setpoint that does not move."""
+        return cls(position, np.zeros(3), yaw_rad, 0.0, np.zeros(3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +89,12 @@ class StraightMotion:
         fraction = min(max(time_s / self.duration_s, 0.0), 1.0)
         share = fraction**3 * (10 - 15 * fraction + 6 * fraction**2)
         rate = 30 * fraction**2 * (1 - fraction) ** 2 / self.duration_s
+        change = 60 * fraction * (1 - fraction) * (1 - 2 * fraction) / self.duration_s**2
         way, turn = self.end - self.start, self.end_yaw_rad - self.start_yaw_rad
         return Setpoint(
-            self.start + share * way, rate * way, self.start_yaw_rad + share * turn, rate * turn
+            self.start + share * way,
+            rate * way,
+            self.start_yaw_rad + share * turn,
+            rate * turn,
+            change * way,
         )

@@ -69,6 +69,8 @@ class World:
         self.names: dict[int, str] = {}
         self._properties: dict[str, MassProperties] = {}
         self._masses: dict[str, float] = {}
+        # Links that nothing touches for the time being, by body.
+        self._withdrawn: dict[str, tuple[int, ...]] = {}
         with quiet_output():
             self.client = pybullet.connect(pybullet.DIRECT)
             pybullet.setTimeStep(STEP_S, physicsClientId=self.client)
@@ -212,6 +214,24 @@ class World:
         for other in others:
             self._pass(one, other, 1)
 
+    def withdraw(self, name: str, links: tuple[int, ...]) -> None:
+        """Let some links of a body touch nothing, and its others what they did before.
+
+        What two bodies were told about each other goes before the groups they belong to, so
+        that it has to be told for every body anew.
+        """
+        before, self._withdrawn[name] = self._withdrawn.get(name, ()), links
+        for other in self.others(name):
+            for link in {*before, *links}:
+                pybullet.setCollisionFilterPair(
+                    self.numbers[name],
+                    self.numbers[other],
+                    link,
+                    -1,
+                    int(link not in links),
+                    physicsClientId=self.client,
+                )
+
     def hold(self, name: str) -> int:
         """Fix a body where it is; return the constraint, to be given to `release`."""
         number = self.numbers[name]
@@ -252,10 +272,12 @@ class World:
 
     def _pass(self, one: str, other: str, touching: int) -> None:
         first, second = self.numbers[one], self.numbers[other]
+        ones, others = self._withdrawn.get(one, ()), self._withdrawn.get(other, ())
         for link in range(-1, pybullet.getNumJoints(first, physicsClientId=self.client)):
             for other_link in range(-1, pybullet.getNumJoints(second, physicsClientId=self.client)):
+                allowed = touching and link not in ones and other_link not in others
                 pybullet.setCollisionFilterPair(
-                    first, second, link, other_link, touching, physicsClientId=self.client
+                    first, second, link, other_link, int(allowed), physicsClientId=self.client
                 )
 
     def _create(

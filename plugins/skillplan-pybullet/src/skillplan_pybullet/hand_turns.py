@@ -1,0 +1,90 @@
+"""How the hand is turned at every target: jaws close the same way when it is turned by half.
+
+A part keeps the turn that it was picked up with, so that one turn is chosen for all that is done
+with it, as near as can be to the posture in which the wrist has most room. It depends on the
+task alone: a check of one skill and a whole plan agree on it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from skillplan.physics import panda
+from skillplan.physics.strokes import Stroke, strokes
+from skillplan.task.scene import Robot
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan_pybullet.panda_kinematics import UnreachableError, Vector, reach
+
+_READY = np.array(panda.READY_RAD)
+
+
+class HandTurns:
+    """Knows the turns of a task's targets.
+
+    Parameters
+    ----------
+    task
+        With one robot.
+    drop_height_m
+        From how high parts are let go [m].
+    """
+
+    def __init__(self, task: Task, drop_height_m: float) -> None:
+        self.robot: Robot = task.scene.robots[0]
+        self._strokes: dict[str, list[Stroke]] = {}
+        self._heights: dict[str, float] = {}
+        for skill in task.skills:
+            for route in skill.motion.routes if skill.motion is not None else ():
+                state: State = skill.precondition.requires | route.when
+                way = strokes(task, skill, state, drop_height_m)
+                for stroke in way:
+                    self._strokes.setdefault(stroke.visit.subject, []).append(stroke)
+                for fact in skill.prediction.add:
+                    if fact in self.robot.places:
+                        height_m = max(self._heights.get(fact, 0.0), way[-1].above[2])
+                        self._heights[fact] = height_m
+        self._turns: dict[str, float] = {}
+
+    def yaw_rad(self, stroke: Stroke) -> float:
+        """Return how the hand is turned at a stroke [rad]."""
+        subject = stroke.visit.subject
+        if subject not in self._turns:
+            self._turns[subject] = min((0.0, math.pi), key=lambda turn: self._effort(subject, turn))
+        return stroke.closing_yaw_rad + self._turns[subject]
+
+    def height_m(self, place_fact: str, least_m: float) -> float:
+        """Return how high the tip is above a place after what ends there [m]."""
+        return max(self._heights.get(place_fact, 0.0), least_m)
+
+    def _effort(self, subject: str, turn_rad: float) -> float:
+        """Return how far a turn takes the wrist from its middle at worst; infinite if too far."""
+        worst = 0.0
+        for stroke in self._strokes[subject]:
+            yaw_rad = stroke.closing_yaw_rad + turn_rad
+            try:
+                joints: Vector = reach(stroke.tip, yaw_rad, self.robot.base)
+                reach(stroke.above, yaw_rad, self.robot.base, joints)
+            except UnreachableError:
+                return math.inf
+            worst = max(worst, float(np.abs(joints - _READY).max()))
+        return worst
+
+
+def unwound(yaw_rad: float, joints: Vector, now_rad: float, now_joints: Vector) -> float:
+    """Return the same turn of the hand, counted so that the wrist gets there the way it can.
+
+    A hand that points down turns with its first joint and against its last.
+
+    Parameters
+    ----------
+    yaw_rad, joints
+        The turn that is to be reached, and the joint angles there [rad].
+    now_rad, now_joints
+        The turn and the joint angles at present [rad].
+    """
+    wrist = (joints[0] - joints[6]) - (now_joints[0] - now_joints[6])
+    turns = round((now_rad + float(wrist) - yaw_rad) / (2 * math.pi))
+    return yaw_rad + 2 * math.pi * turns
