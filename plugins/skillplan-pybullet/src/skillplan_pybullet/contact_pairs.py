@@ -17,8 +17,7 @@ from skillplan_pybullet.contact_detector import (
     rounded,
 )
 from skillplan_pybullet.record import FRAMES_PER_S, Pair, Record
-
-_TABLE = "table"
+from skillplan_pybullet.world import TABLE
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +121,7 @@ class ContactPairsDetector(ContactDetector):
         def rank(name: str) -> int:
             if name in record.moved_m:
                 return 3
-            if name == _TABLE:
+            if name == TABLE:
                 return 2
             return 1 if name in parts else 0
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib.metadata import version
 
 from pydantic import Field
 
@@ -16,6 +17,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
+from skillplan_pybullet.dynamics import has_pinocchio
 from skillplan_pybullet.execution import Workcell
 from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.footage import footage, picture
@@ -38,7 +40,7 @@ class PybulletEngine(Engine, Performer):
     """
 
     name = "pybullet"
-    version = "1"
+    version = "2"
     expected_s = 0.6
     dear = True
 
@@ -98,9 +100,19 @@ class PybulletEngine(Engine, Performer):
             options.min_fastening_force_n,
         )
 
+    @property
+    def basis(self) -> Mapping[str, str]:
+        """The versions of what decides a simulation beside this plugin."""
+        others = ["numpy", "pybullet", "skillplan"]
+        if self.options.dynamics == "pinocchio":
+            others.append("pin")
+        return {name: version(name) for name in others}
+
     def refuses(self) -> str | None:
-        """Refuse tasks without bodies, or with another number of robots than one."""
+        """Refuse tasks without bodies, several robots, and dynamics that are not installed."""
         scene = self.task.scene
+        if self.options.dynamics == "pinocchio" and not has_pinocchio():
+            return "dynamics=pinocchio needs pinocchio: pip install 'skillplan-pybullet[dynamics]'"
         if len(scene.robots) != 1:
             return f"it simulates one arm, and the task has {len(scene.robots)} robots"
         if not scene.bodies:

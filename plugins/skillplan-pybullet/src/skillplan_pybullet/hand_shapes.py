@@ -9,6 +9,10 @@ from skillplan.physics.tool_shapes import tool_shapes
 from skillplan.task.scene import Body, Box, Tool
 
 _TOOL_KG = 0.3
+# How far the wrist and what of the forearm is near it reach from the axis of the hand, and up
+# from its flange [m].
+_WRIST_REACH_M = 0.20
+_WRIST_HEIGHT_M = 0.60
 
 
 def tool_body(tool: Tool) -> Body | None:
@@ -42,3 +46,10 @@ def hand_boxes(opening_m: float) -> Iterable[Box]:
     size = (2 * panda.HAND_HALF_LENGTH_M, 2 * panda.HAND_HALF_WIDTH_M, high_m - low_m)
     found.append(Box(size, (0.0, 0.0, (low_m + high_m) / 2)))
     return found
+
+
+def wrist_box() -> Box:
+    """Return a box about the last links of the arm above the hand, whichever way they lead."""
+    low_m, high_m = panda.TIP_M, panda.TIP_M + _WRIST_HEIGHT_M
+    size = (2 * _WRIST_REACH_M, 2 * _WRIST_REACH_M, high_m - low_m)
+    return Box(size, (0.0, 0.0, (low_m + high_m) / 2))

@@ -38,7 +38,7 @@ _SETTLE_S = 0.1
 _HOME_YAW_RAD = -np.pi / 2
 _OVERVIEW_M = 0.95
 # A contact of so much between bodies that are not to touch ends the plan [N].
-_COLLISION_N = 2.0
+_COLLISION_N = 0.05
 _COLLISION_FRAMES = 6
 
 
@@ -85,7 +85,13 @@ class _Play:
     def play(self, skills: Sequence[Skill], stopped: Callable[[], bool]) -> Performance:
         state = self.task.initial
         _, home = self.robot.place(state)
-        self.arm.stand(home, _HOME_YAW_RAD, panda.OPENING_M / 2)
+        try:
+            self.arm.stand(home, _HOME_YAW_RAD, panda.OPENING_M / 2)
+        except UnreachableError as error:
+            none = self.task.facts.none
+            verdict = Verdict.infeasible(f"before it begins: {error}", none, none)
+            begun = tuple(PerformedSkill(skill.name, verdict, 0.0, 0.0) for skill in skills[:1])
+            return Performance(begun, (), 0.0, 0)
         for index, body in enumerate(self.task.scene.bodies):
             placement = body.placement(state)
             if placement is not None and placement.solid:
@@ -99,7 +105,7 @@ class _Play:
             self._every_step,
         )
         self.runner = runner
-        with suppress(StuckError):
+        with suppress(StuckError, UpsetError):
             # What is in the arm's way from the start, the first skill will say.
             runner.wait(_SETTLE_S)
         done: list[PerformedSkill] = []
@@ -140,7 +146,7 @@ class _Play:
                 yaw_rad = self._yaw(stroke)
                 runner.travel(stroke.above, yaw_rad)
                 runner.run(stroke, yaw_rad)
-        except UpsetError as error:
+        except (UpsetError, np.linalg.LinAlgError) as error:
             return Verdict.unknown(str(error))
         except UnreachableError as error:
             return Verdict.infeasible(str(error), facts.none, facts.none)

@@ -98,6 +98,9 @@ def _fault(skill: Skill, record: Record, visit: Visit, tolerances: Tolerances) -
         elif visit.event is Event.GRASP:
             if offset_m(final, expected) > tolerances.held_m:
                 return f"{name} is not in the hand: it {_elsewhere(final, expected, 'there')}"
+            if tilt_rad(final, expected) > tolerances.tilt_rad:
+                degrees = math.degrees(tilt_rad(final, expected))
+                return f"{name} is turned by {degrees:.1f} degrees in the hand"
         elif offset_m(final, expected) > tolerances.position_m:
             return f"{name} {_elsewhere(final, expected, 'its goal')}"
         elif tilt_rad(final, expected) > tolerances.tilt_rad:

@@ -25,8 +25,9 @@ from skillplan_pybullet.world import GRAVITY_M_PER_S2, STEP_S, World
 
 Vector = NDArray[np.float64]
 
-ROBOT = "arm"
-HAND = "hand"
+# Names with a blank, which no part of a task can have.
+ROBOT = "robot arm"
+HAND = "robot hand"
 LINK_NAMES = {HAND_LINK: HAND, FINGER_LINKS[0]: "left finger", FINGER_LINKS[1]: "right finger"}
 
 # How fast the jaws move [m/s], and with what force they are held open [N].

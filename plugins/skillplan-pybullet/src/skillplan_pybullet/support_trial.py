@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skillplan.task.shape import Mesh
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan_pybullet.surroundings import Located, Neighbourhood, Surroundings
@@ -61,30 +62,29 @@ class SupportTrials:
         """
         facts = self.task.facts
         present = absent = facts.none
-        there = {one.body.name: one for one in around.bodies}
-        for body in self.task.scene.bodies:
-            one = there.get(body.name)
-            nearby = facts.of(*(place.fact for place in body.placements))
-            if one is None:
-                absent |= around.absent & nearby
+        for one in around.near:
+            if one.placement.fact not in state:
+                absent |= facts.of(one.placement.fact)
                 continue
+            name = one.body.name
             beneath = self.surroundings.support(one, state)
             present |= beneath.present
-            absent |= beneath.absent | (around.absent & nearby)
+            absent |= beneath.absent
             moved_m = self._moved_m(one, beneath)
             if moved_m > _FALLEN_M:
                 borne = [other.body.name for other in beneath.bodies if other is not one]
                 on = f"does not stay on {', '.join(borne)}" if borne else "has nothing beneath it"
                 return Fallen(
-                    body.name,
-                    f"{body.name} {on}: it falls before the robot has moved",
+                    name,
+                    f"{name} {on}: it falls before the robot has moved",
                     present,
                     absent,
                 )
         return None
 
     def _moved_m(self, one: Located, beneath: Neighbourhood) -> float:
-        if self.surroundings.stands_on_table(one) and len(beneath.bodies) == 1:
+        is_simple = len(one.body.shapes) == 1 and not isinstance(one.body.shapes[0], Mesh)
+        if is_simple and self.surroundings.stands_on_table(one) and len(beneath.bodies) == 1:
             return 0.0
         key = (one.body.name, beneath.present.bits)
         if key not in self._known:

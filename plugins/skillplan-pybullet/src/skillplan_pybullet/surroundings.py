@@ -20,7 +20,7 @@ from skillplan.task.scene import WORLD, Body, Grasp, Placement, Pose
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pybullet.hand_shapes import hand_boxes, tool_boxes
+from skillplan_pybullet.hand_shapes import hand_boxes, tool_boxes, wrist_box
 
 # Two bodies that are this close may touch when the hand is off its path [m].
 MARGIN_M = 0.003
@@ -46,11 +46,15 @@ class Neighbourhood:
         Those that are, with the poses they have, in the order of the task.
     present, absent
         The facts that decide it.
+    near
+        The places near what moves, whether anything is there or not; what bears a body is
+        there because of that body.
     """
 
     bodies: tuple[Located, ...]
     present: State
     absent: State
+    near: tuple[Located, ...]
 
     def resting_on(self, facts: State) -> Neighbourhood:
         """Return the same, resting on facts that hold besides."""
@@ -109,9 +113,9 @@ class Surroundings:
         if key not in self._near:
             self._near[key] = tuple(self._close_to(way, here))
         handled = {stroke.visit.subject for stroke in way}
-        own = {
+        own = [
             one for one in self._located if one.body.name in handled and one.placement.fact in state
-        }
+        ]
         return self._reaching_down([*own, *self._near[key]], state)
 
     def support(self, body: Located, state: State) -> Neighbourhood:
@@ -137,7 +141,7 @@ class Surroundings:
         missing = [one.placement.fact for one in looked_at if one not in there]
         facts = self.task.facts
         present = facts.of(*(one.placement.fact for one in there))
-        return Neighbourhood(there, present, facts.of(*missing))
+        return Neighbourhood(there, present, facts.of(*missing), tuple(above))
 
     def _beneath(self, one: Located) -> Iterator[Located]:
         floor_m = min(box.low[2] for box in one.boxes)
@@ -150,7 +154,8 @@ class Surroundings:
             ):
                 yield other
 
-    def _close_to(self, way: Sequence[Stroke], here: Point | None) -> Iterator[Located]:
+    def _close_to(self, way: Sequence[Stroke], here: Point | None) -> list[Located]:
+        near: list[Located] = []
         moving = [item for stroke in way for item in self._moving(stroke)]
         if here is not None:
             for begin, stroke in zip([here, *(one.above for one in way)], way, strict=False):
@@ -164,13 +169,26 @@ class Surroundings:
                 for box, by in moving
                 for obstacle in one.boxes
             ):
-                yield one
+                near.append(one)
+        if any(stroke.visit.event is Event.DRIVE for stroke in way):
+            # What is pressed may tip, and what stands on it then counts.
+            pressed = list(near)
+            near += [
+                one
+                for one in self._located
+                if one not in near
+                and any(
+                    bearer in pressed for bearer in self._bearers[one.body.name, one.placement.fact]
+                )
+            ]
+        return near
 
     def _moving(self, stroke: Stroke) -> Iterator[tuple[WorldBox, Point]]:
         """Yield what moves on a stroke, at its lowest, and the way up from there."""
         low_m = stroke.tip[2]
         by: Point = (0.0, 0.0, stroke.above[2] - low_m)
         tip: Point = stroke.tip
+        yield world_box(wrist_box(), tip), by
         if stroke.visit.event in (Event.GRASP, Event.RELEASE):
             body = self.task.scene.body(stroke.visit.subject)
             grasp = grasp_of(body)

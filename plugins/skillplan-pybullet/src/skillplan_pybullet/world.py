@@ -27,7 +27,8 @@ GRAVITY_M_PER_S2 = 9.81
 # Below this, parts between two jaws flicker about the vertical at 240 steps a second until they
 # fall out: light parts turn as if they had this moment of inertia.
 LEAST_INERTIA_KG_M2 = 2e-5
-TABLE = "table"
+# A name with a blank, which no part of a task can have.
+TABLE = "work table"
 
 _TABLE_HALF_M = (1.5, 1.5, 0.05)
 _SOLVER_ITERATIONS = 100
