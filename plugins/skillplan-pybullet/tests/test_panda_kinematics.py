@@ -101,7 +101,7 @@ def test_a_point_out_of_reach_is_said_to_be():
 
 
 def test_following_a_line_stays_on_the_same_branch():
-    yaw = math.pi / 2
+    yaw = -math.pi / 2
     joints = reach((0.5, 0.0, 0.2), yaw, BASE)
     for step in range(1, 11):
         following = follow((0.5, 0.0, 0.2 - 0.01 * step), yaw, BASE, joints)

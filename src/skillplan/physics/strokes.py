@@ -162,7 +162,7 @@ def _stroke(
         tip_x, tip_y, lift_m = grasp.tip
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         x_m, y_m = x_m + cos * tip_x - sin * tip_y, y_m + sin * tip_x + cos * tip_y
-        if grasp.closing_axis == "x" and grasp.kind is GraspKind.JAWS:
+        if grasp.closing_axis == "x":
             yaw_rad -= _NATURAL_YAW_RAD
         if visit.event is Event.RELEASE:
             drop_m, leaves_with = drop_height_m, None

@@ -98,7 +98,7 @@ def test_the_hands_own_choice_is_the_file_s():
 
 def test_suction_holds_from_above():
     """On what is highest there."""
-    assert grasp_in(type="suction") == Grasp(GraspKind.SUCTION, (0.0, 0.0, 0.03))
+    assert grasp_in(type="suction") == Grasp(GraspKind.SUCTION, (0.0, 0.0, 0.03), "y")
     assert grasp_in({"boxes": STEPS}, type="suction").tip == (0.0, 0.0, 0.01)
     assert grasp_in({"boxes": STEPS}, type="suction", at_m=[0.02, 0.01]).tip == (0.02, 0.01, 0.03)
 
@@ -131,11 +131,12 @@ def test_the_board_is_held_as_a_hand_can_hold_it(board_task):
     assert (tools["gripper"].kind, tools["gripper"].opening_m) == (ToolKind.GRIPPER, 0.08)
     assert tools["screwdriver"].kind is ToolKind.SCREWDRIVER
     grasps = {body.name: body.grasp for body in board_task.scene.bodies}
-    assert grasps["pcb"] == Grasp(GraspKind.SUCTION, (0.0, 0.0, 0.006))
+    assert grasps["pcb"] == Grasp(GraspKind.SUCTION, (0.0, 0.0, 0.006), "y")
     assert grasps["brace"].width_m == 0.02
     assert grasps["brace"].tip == pytest.approx((0.0, 0.0, 0.042))
     closing = {name: grasp.closing_axis for name, grasp in grasps.items() if grasp}
     assert {name for name, axis in closing.items() if axis == "y"} == {
+        "pcb",
         "switch_1",
         "switch_2",
         "transformer",

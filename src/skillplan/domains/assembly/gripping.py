@@ -37,7 +37,9 @@ def grasp_of_part(config: AssemblyConfig, name: str) -> Grasp:
     if _kind(config, part) is GraspKind.SUCTION:
         x_m, y_m = at_m or (0.0, 0.0)
         top_m = _top_under(part, x_m, y_m)
-        return Grasp(GraspKind.SUCTION, (x_m, y_m, height_of(part) if top_m is None else top_m))
+        top_m = height_of(part) if top_m is None else top_m
+        # The closed hand is turned the way in which the wrist has most room.
+        return Grasp(GraspKind.SUCTION, (x_m, y_m, top_m), "y")
     axis = None if grasp.closing_axis == "auto" else grasp.closing_axis
     return jaws_about(boxes_of(part), axis, grasp.depth_m, at_m)
 
