@@ -9,14 +9,22 @@ import numpy as np
 import pybullet
 import pytest
 
+from board_situations import imagined
 from situations import assembly, config_content
+from skillplan.physics.strokes import strokes
 from skillplan.task.scene import Body, Box
 from skillplan.task.shape import Cylinder, Mesh
 from skillplan.task.verdict import VerdictStatus
 from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
+from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.mass_properties import mass_properties
+from skillplan_pybullet.simulated_arm import SimulatedArm
+from skillplan_pybullet.skill_runner import SkillRunner
 from skillplan_pybullet.world import World
+
+# A screw's head, and how far above the end of the bit the thicker shank begins.
+SCREW_M, BIT_M = 0.002, 0.040
 
 
 def content(name, **changes):
@@ -75,6 +83,57 @@ class TestWhatAVerdictRestsOn:
         assert "mast" in verdict.evidence["bodies"]
         assert verdict.evidence["during"] == "the travel to switch_1"
         assert {"at_start(mast)", "at(switch_1.start)"} <= set(verdict.facts)
+
+
+class TestScrews:
+    @pytest.fixture
+    def beside_a_post(self):
+        """Return a maker of boards with a post beside a screw, this far below the shank at last."""
+
+        def make(below_m):
+            found = content("inverter_board")
+            height_m = 0.046 + SCREW_M + BIT_M - below_m
+            found["parts"]["post"] = {
+                "tool": "gripper",
+                "mass_kg": 0.1,
+                "size_m": [0.02, 0.006, height_m],
+                "start_m": [0.60, 0.20],
+                "goal_m": [0.520, -0.056],
+                "goal_on": "pcb",
+            }
+            task = assembly(found)
+            engine, detector = PybulletEngine(task), ContactPairsDetector(task)
+            detector.beside([engine])
+            question = imagined(task, "fasten(screw_1)", "pcb", "transformer", "brace", "post")
+            return engine.check(*question), detector.check(*question)
+
+        return make
+
+    def test_what_the_screwdriver_hits_while_it_presses_is_a_collision(self, beside_a_post) -> None:
+        _, hit = beside_a_post(-0.0005)
+        assert hit.is_infeasible
+        assert set(hit.evidence["bodies"]) == {"screwdriver", "post"}
+        assert hit.evidence["during"] == "the driving of screw_1"
+
+    def test_a_driven_screw_is_solid_for_the_robot_again(self, board) -> None:
+        skill, state = imagined(board, "fasten(screw_1)")
+        (stroke,) = strokes(board, skill, state)
+        settings = ExecutionSettings()
+        with World(settings.friction) as world:
+            arm = SimulatedArm(world, board.scene.robots[0].base, settings)
+            arm.stand(stroke.above, stroke.closing_yaw_rad, 0.04)
+            runner = SkillRunner(world, arm, board.scene, settings, stroke.tool)
+            runner.watch({"screw_1"})
+            runner.run(stroke, stroke.closing_yaw_rad)
+            world.put("screw_1", runner.tools.upright_tip())
+            world.step()
+            numbers = world.numbers["screwdriver"], world.numbers["screw_1"]
+            assert pybullet.getContactPoints(*numbers, physicsClientId=world.client)
+
+    def test_what_it_passes_by_is_none(self, beside_a_post) -> None:
+        driven, passed = beside_a_post(0.003)
+        assert driven.is_feasible, driven.reason
+        assert passed.is_feasible, passed.reason
 
 
 class TestSimulationsThatSayNothing:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from skillplan.physics import panda
 from skillplan_pybullet.dynamics import HAND_LINK, PinocchioDynamics, PybulletDynamics
+from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.panda_kinematics import (
     UnreachableError,
     follow,
@@ -37,14 +38,7 @@ rates = st.tuples(*[st.floats(-2.0, 2.0)] * 7)
 def arm():
     """An arm in an empty world."""
     with World(0.6) as world:
-        yield SimulatedArm(
-            world,
-            BASE,
-            control="osc",
-            stiffness_per_s2=2500,
-            grip_force_n=5,
-            dynamics="pybullet",
-        )
+        yield SimulatedArm(world, BASE, ExecutionSettings())
 
 
 @settings(max_examples=50, deadline=None)

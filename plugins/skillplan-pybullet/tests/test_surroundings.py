@@ -44,7 +44,7 @@ def everything(
         if placement.solid and placement.frame == WORLD and placement.fact in state
     )
     present = self.task.facts.of(*(one.placement.fact for one in there))
-    return Neighbourhood(there, present, self.task.facts.none)
+    return Neighbourhood(there, present, self.task.facts.none, there)
 
 
 def questions(task: Task, seed: int) -> list[tuple[Skill, State]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tempfile
+
 import numpy as np
 import pytest
 
@@ -75,6 +77,16 @@ def test_a_world_that_blows_up_is_noticed():
         assert world.is_sane()
         world.put("box", Pose((1000.0, 0.0, 0.0)))
         assert not world.is_sane()
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_files_are_written_for_meshes_only(name, monkeypatch):
+    folders = []
+    make = tempfile.mkdtemp
+    monkeypatch.setattr(tempfile, "mkdtemp", lambda *args: folders.append(name) or make(*args))
+    with World(0.6) as world:
+        world.add(BODIES[name], Pose((0.4, 0.1, 0.0)))
+    assert folders == ["mesh"] * (name == "mesh")
 
 
 def test_nothing_is_printed(capfd):

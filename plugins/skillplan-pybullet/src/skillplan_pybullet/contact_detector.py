@@ -1,4 +1,4 @@
-"""What both detectors that read contacts share: whose simulation they read, and frame means."""
+"""What both detectors that read contacts share: whose simulation they read."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from skillplan.collision.detector import Detector
@@ -17,6 +15,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
+from skillplan_pybullet.collision_signs import FRAMES
 from skillplan_pybullet.engine import PybulletEngine
 from skillplan_pybullet.record import Record
 
@@ -25,7 +24,7 @@ class WindowOptions(back_end.Options):
     """Options of a detector that averages over the last frames."""
 
     frames: int = Field(
-        default=6,
+        default=FRAMES,
         ge=1,
         le=60,
         description="frames of 1/60 s that a force is averaged over [-]",
@@ -122,29 +121,6 @@ class ContactDetector(Detector):
     def in_words(self, name: str) -> str:
         """Return a thing's name with an article, but for parts, which go by their names."""
         return name if any(body.name == name for body in self.task.scene.bodies) else f"the {name}"
-
-
-def frame_means(values: NDArray[np.float64], frames: int) -> NDArray[np.float64]:
-    """Return, at every frame, the mean over it and those before it.
-
-    Parameters
-    ----------
-    values
-        Shape (n, ...).
-    frames
-        How many are averaged, >= 1; before the first nothing touched.
-
-    Returns
-    -------
-    numpy.ndarray
-        Of the same shape.
-    """
-    padding = np.zeros((frames - 1, *values.shape[1:]))
-    padded = np.concatenate([padding, values])
-    total = np.zeros(values.shape)
-    for shift in range(frames):
-        total += padded[shift : shift + len(values)]
-    return total / frames
 
 
 def rounded(value: float) -> float:

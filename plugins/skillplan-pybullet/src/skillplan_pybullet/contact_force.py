@@ -7,12 +7,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from skillplan.task.verdict import Verdict
-from skillplan_pybullet.contact_detector import (
-    ContactDetector,
-    WindowOptions,
-    frame_means,
-    rounded,
-)
+from skillplan_pybullet.collision_signs import frame_means
+from skillplan_pybullet.contact_detector import ContactDetector, WindowOptions, rounded
 from skillplan_pybullet.record import FRAMES_PER_S, Record
 
 _AXES = "xyz"

@@ -46,7 +46,7 @@ class ContactLog:
         self.pairs: dict[Pair, list[float]] = {}
         self.moved: dict[str, list[float]] = {}
         self.expected: set[Pair] = set()
-        # Bodies that may touch anything, such as a part that was let go.
+        # Bodies that may touch anything: what was let go, or is being driven.
         self.free: set[str] = set()
         # Constraints whose force on a body is a contact's as well, such as a suction cup's.
         self.cups: dict[str, int] = {}

@@ -40,7 +40,7 @@ class PybulletEngine(Engine, Performer):
     """
 
     name = "pybullet"
-    version = "2"
+    version = "3"
     expected_s = 0.6
     dear = True
 

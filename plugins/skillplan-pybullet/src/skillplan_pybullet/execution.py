@@ -15,8 +15,8 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.hand_turns import HandTurns, unwound
-from skillplan_pybullet.panda_kinematics import UnreachableError, Vector, reach
+from skillplan_pybullet.hand_turns import HandTurns, Posture
+from skillplan_pybullet.panda_kinematics import UnreachableError
 from skillplan_pybullet.record import Record
 from skillplan_pybullet.simulated_arm import SimulatedArm
 from skillplan_pybullet.skill_runner import SkillRunner, StuckError
@@ -24,7 +24,8 @@ from skillplan_pybullet.support_trial import SupportTrials
 from skillplan_pybullet.surroundings import Neighbourhood, Surroundings
 from skillplan_pybullet.world import GRAVITY_M_PER_S2, UpsetError, World
 
-_SETTLE_S = 0.1
+# The world comes to rest for so long before anything is done [s].
+SETTLE_S = 0.1
 
 
 class Workcell:
@@ -43,7 +44,7 @@ class Workcell:
         self.robot: Robot = task.scene.robots[0]
         self.surroundings = Surroundings(task, settings.clearance_m, settings.press_travel_m)
         self.turns = HandTurns(task, settings.drop_height_m)
-        self._supports = SupportTrials(task, self.surroundings, settings.friction)
+        self.supports = SupportTrials(task, self.surroundings, settings.friction)
 
     def execute(
         self,
@@ -63,25 +64,17 @@ class Workcell:
             Called after every simulation step with the robot at work.
         """
         way = strokes(self.task, skill, state, self.settings.drop_height_m)
-        course = self._course(skill, state)
-        here = self._here(way[0], state)
-        around = self.surroundings.around(skill, way, state, here).resting_on(course)
+        course, here = self._course(skill, state), self._here(way[0], state)
+        around = self.around(skill, state)
         with World(self.settings.friction) as world:
-            arm = SimulatedArm(
-                world,
-                self.robot.base,
-                control=self.settings.control,
-                stiffness_per_s2=self.settings.stiffness_per_s2,
-                grip_force_n=self.settings.grip_force_n,
-                dynamics=self.settings.dynamics,
-            )
+            arm = SimulatedArm(world, self.robot.base, self.settings)
             try:
                 yaws = self._yaws(arm, way, here)
             except UnreachableError as error:
                 none = self.task.facts.none
                 return self._blank(skill, course, none, unreachable=str(error))
             # After what the arm can reach, which does not depend on any body.
-            fallen = self._supports.fallen(around, state)
+            fallen = self.supports.fallen(around, state)
             if fallen is not None and watch is None:
                 present = fallen.present | course
                 return self._blank(skill, present, fallen.absent, unsettled=fallen.reason)
@@ -92,6 +85,12 @@ class Workcell:
                 return self._blank(skill, *basis, unreachable=str(error))
             except (UpsetError, np.linalg.LinAlgError) as error:
                 return self._blank(skill, around.present, around.absent, upset=str(error))
+
+    def around(self, skill: Skill, state: State) -> Neighbourhood:
+        """Return what an execution has in its world, and the facts that all of it rests on."""
+        way = strokes(self.task, skill, state, self.settings.drop_height_m)
+        found = self.surroundings.around(skill, way, state, self._here(way[0], state))
+        return found.resting_on(self._course(skill, state))
 
     def _course(self, skill: Skill, state: State) -> State:
         """Return the facts on which the way rests: the route, and where a travel begins."""
@@ -132,8 +131,12 @@ class Workcell:
         handled = {stroke.visit.subject for stroke in way}
         stopped = None
         try:
-            self._hand_over(runner, way[0], state)
-            runner.wait(_SETTLE_S)
+            first = way[0].visit
+            if first.event is Event.RELEASE:
+                runner.take(scene.body(first.subject), first.yaw_rad)
+            else:
+                runner.bring_out(first.subject, state)
+            runner.wait(SETTLE_S)
             runner.watch(handled)
             for index, (stroke, yaw_rad) in enumerate(zip(way, yaws, strict=True)):
                 if index or self.surroundings.travel_matters:
@@ -153,37 +156,17 @@ class Workcell:
         UnreachableError
             If either end of a stroke, or where it begins, is out of reach.
         """
-        yaws = [self.turns.yaw_rad(stroke) for stroke in way]
-        begins: list[tuple[Vector, float]] = []
-        for stroke, yaw_rad in zip(way, yaws, strict=True):
-            reach(stroke.tip, yaw_rad, self.robot.base)
-            joints = reach(stroke.above, yaw_rad, self.robot.base)
-            if begins:
-                before, now_rad = begins[-1]
-                yaw_rad = unwound(yaw_rad, joints, now_rad, before)
-            begins.append((joints, yaw_rad))
-        arm.stand(here or way[0].above, yaws[0], self._first_opening(way[0]))
-        return [yaw_rad for _, yaw_rad in begins]
+        begins: list[Posture] = []
+        for stroke in way:
+            begins.append(self.turns.towards(stroke, begins[-1] if begins else None))
+        arm.stand(here or way[0].above, begins[0].yaw_rad, self._first_opening(way[0]))
+        return [posture.yaw_rad for posture in begins]
 
     def _first_opening(self, stroke: Stroke) -> float:
         if stroke.visit.event not in (Event.GRASP, Event.RELEASE):
             return panda.OPENING_M / 2
         grasp = grasp_of(self.task.scene.body(stroke.visit.subject))
         return jaw_opening_m(grasp, self.settings.clearance_m, stroke.tool)
-
-    def _hand_over(self, runner: SkillRunner, first: Stroke, state: State) -> None:
-        """Give the robot what it holds, and feeders what they hand out, at the start."""
-        body = None
-        if first.visit.event in (Event.GRASP, Event.RELEASE):
-            body = self.task.scene.body(first.visit.subject)
-        if body is None:
-            return
-        if first.visit.event is Event.RELEASE:
-            runner.take(body, first.visit.yaw_rad)
-            return
-        placement = body.placement(state)
-        if placement is not None and not placement.solid:
-            runner.keep(body, placement.pose)
 
     def _sense(self, runner: SkillRunner, last: Stroke, stopped: str | None) -> None:
         sensed = runner.sensed

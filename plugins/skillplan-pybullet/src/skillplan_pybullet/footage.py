@@ -5,22 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
 from skillplan.physics.performance import Image
 from skillplan.physics.strokes import strokes
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan_pybullet.camera import Camera, alarm
+from skillplan_pybullet.collision_signs import presses, pushes
 from skillplan_pybullet.execution import Workcell
 from skillplan_pybullet.record import FRAMES_PER_S, Record
 from skillplan_pybullet.skill_runner import SkillRunner
 from skillplan_pybullet.world import STEPS_PER_S
 
-# Contact of so much, averaged over so many frames, or a displacement of so much, is the moment.
-_CONTACT_N = 0.05
-_WINDOW = 6
-_MOVED_M = 0.001
 # Bodies that nothing bears are shown after so many frames, on their way down.
 _FALLING_FRAMES = 4
 
@@ -47,17 +42,10 @@ class _Taken(Exception):
 
 def moment_of_failure(record: Record) -> Moment:
     """Return when an execution went wrong: the first contact or displacement, else the end."""
-    found: list[tuple[int, tuple[str, ...]]] = []
-    for pair, forces in record.pairs_n.items():
-        padded = np.concatenate([np.zeros(_WINDOW - 1), forces])
-        means = np.convolve(padded, np.full(_WINDOW, 1 / _WINDOW), "valid")
-        above = np.flatnonzero(means > _CONTACT_N)
-        if above.size:
-            found.append((int(above[0]), pair))
-    for name, moved in record.moved_m.items():
-        above = np.flatnonzero(moved > _MOVED_M)
-        if above.size:
-            found.append((int(above[0]), (name,)))
+    found: list[tuple[int, tuple[str, ...]]] = [
+        *((press.frame, press.pair) for press in presses(record)),
+        *((frame, (name,)) for name, frame in pushes(record).items()),
+    ]
     if not found:
         return Moment(None, ())
     frame, bodies = min(found)

@@ -8,6 +8,7 @@ task alone: a check of one skill and a whole plan agree on it.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,6 +20,17 @@ from skillplan.task.task import Task
 from skillplan_pybullet.panda_kinematics import UnreachableError, Vector, reach
 
 _READY = np.array(panda.READY_RAD)
+
+
+@dataclass(frozen=True, slots=True)
+class Posture:
+    """How the arm is: its joint angles, shape (7,), and how the hand is turned [rad].
+
+    Turns are counted beyond half a circle, as the wrist does.
+    """
+
+    joints: Vector
+    yaw_rad: float
 
 
 class HandTurns:
@@ -55,6 +67,26 @@ class HandTurns:
             self._turns[subject] = min((0.0, math.pi), key=lambda turn: self._effort(subject, turn))
         return stroke.closing_yaw_rad + self._turns[subject]
 
+    def towards(self, stroke: Stroke, now: Posture | None = None) -> Posture:
+        """Return the posture above a stroke, its turn counted the way the wrist can get there.
+
+        Parameters
+        ----------
+        stroke
+            One of the task.
+        now
+            The posture that it is reached from; None where the arm begins there.
+
+        Raises
+        ------
+        UnreachableError
+            If either end of the stroke is out of reach.
+        """
+        yaw_rad = self.yaw_rad(stroke)
+        reach(stroke.tip, yaw_rad, self.robot.base)
+        joints = reach(stroke.above, yaw_rad, self.robot.base)
+        return Posture(joints, yaw_rad if now is None else unwound(yaw_rad, joints, now))
+
     def height_m(self, place_fact: str, least_m: float) -> float:
         """Return how high the tip is above a place after what ends there [m]."""
         return max(self._heights.get(place_fact, 0.0), least_m)
@@ -73,7 +105,7 @@ class HandTurns:
         return worst
 
 
-def unwound(yaw_rad: float, joints: Vector, now_rad: float, now_joints: Vector) -> float:
+def unwound(yaw_rad: float, joints: Vector, now: Posture) -> float:
     """Return the same turn of the hand, counted so that the wrist gets there the way it can.
 
     A hand that points down turns with its first joint and against its last.
@@ -82,9 +114,9 @@ def unwound(yaw_rad: float, joints: Vector, now_rad: float, now_joints: Vector) 
     ----------
     yaw_rad, joints
         The turn that is to be reached, and the joint angles there [rad].
-    now_rad, now_joints
-        The turn and the joint angles at present [rad].
+    now
+        The posture at present.
     """
-    wrist = (joints[0] - joints[6]) - (now_joints[0] - now_joints[6])
-    turns = round((now_rad + float(wrist) - yaw_rad) / (2 * math.pi))
+    wrist = (joints[0] - joints[6]) - (now.joints[0] - now.joints[6])
+    turns = round((now.yaw_rad + float(wrist) - yaw_rad) / (2 * math.pi))
     return yaw_rad + 2 * math.pi * turns

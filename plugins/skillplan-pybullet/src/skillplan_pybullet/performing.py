@@ -22,9 +22,11 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
 from skillplan_pybullet.camera import Camera
+from skillplan_pybullet.collision_signs import presses
 from skillplan_pybullet.contact_log import STEPS_PER_FRAME
-from skillplan_pybullet.hand_turns import unwound
-from skillplan_pybullet.panda_kinematics import UnreachableError, reach
+from skillplan_pybullet.execution import SETTLE_S
+from skillplan_pybullet.hand_turns import Posture
+from skillplan_pybullet.panda_kinematics import UnreachableError
 from skillplan_pybullet.postconditions import offset_m, rule, tilt_rad
 from skillplan_pybullet.simulated_arm import SimulatedArm
 from skillplan_pybullet.skill_runner import SkillRunner, StuckError
@@ -33,13 +35,9 @@ from skillplan_pybullet.world import STEPS_PER_S, UpsetError, World
 if TYPE_CHECKING:
     from skillplan_pybullet.engine import PybulletEngine
 
-_SETTLE_S = 0.1
 # How the hand is turned in the ready posture [rad].
 _HOME_YAW_RAD = -np.pi / 2
 _OVERVIEW_M = 0.95
-# A contact of so much between bodies that are not to touch ends the plan [N].
-_COLLISION_N = 0.05
-_COLLISION_FRAMES = 6
 
 
 def perform(
@@ -68,15 +66,7 @@ class _Play:
         self.engine, self.world, self.show, self.note = engine, world, show, note
         self.task = engine.task
         self.robot = self.task.scene.robots[0]
-        options = engine.options
-        self.arm = SimulatedArm(
-            world,
-            self.robot.base,
-            control=options.control,
-            stiffness_per_s2=options.stiffness_per_s2,
-            grip_force_n=options.grip_force_n,
-            dynamics=options.dynamics,
-        )
+        self.arm = SimulatedArm(world, self.robot.base, engine.options)
         self.every = STEPS_PER_S / frames_per_s if frames_per_s and show else None
         self.shown = 0
         self.skill = ""
@@ -107,7 +97,7 @@ class _Play:
         self.runner = runner
         with suppress(StuckError, UpsetError):
             # What is in the arm's way from the start, the first skill will say.
-            runner.wait(_SETTLE_S)
+            runner.wait(SETTLE_S)
         done: list[PerformedSkill] = []
         for skill in skills:
             if done and stopped():
@@ -141,9 +131,9 @@ class _Play:
         runner.watch({stroke.visit.subject for stroke in way})
         try:
             for stroke in way:
-                self._bring_out(stroke, state)
+                runner.bring_out(stroke.visit.subject, state)
                 runner.log.phase(f"the travel to {stroke.visit.subject}")
-                yaw_rad = self._yaw(stroke)
+                yaw_rad = self.engine.workcell.turns.towards(stroke, self._posture()).yaw_rad
                 runner.travel(stroke.above, yaw_rad)
                 runner.run(stroke, yaw_rad)
         except (UpsetError, np.linalg.LinAlgError) as error:
@@ -160,29 +150,15 @@ class _Play:
         verdict = rule(skill, record, self.engine.tolerances)
         if not verdict.is_feasible:
             return verdict
-        for pair, forces in record.pairs_n.items():
-            window = np.full(_COLLISION_FRAMES, 1 / _COLLISION_FRAMES)
-            if forces.size and np.convolve(forces, window).max() > _COLLISION_N:
-                reason = f"{pair[0]} and {pair[1]} collided"
-                return Verdict.infeasible(reason, evidence=dict(verdict.evidence))
+        pressing = presses(record)
+        if pressing:
+            reason = " and ".join(pressing[0].pair) + " collided"
+            return Verdict.infeasible(reason, evidence=dict(verdict.evidence))
         return verdict
 
-    def _yaw(self, stroke: Stroke) -> float:
-        """Return how the hand is turned at a stroke, the way the wrist can get there."""
+    def _posture(self) -> Posture:
         assert self.arm.wanted is not None
-        now = np.array(self.arm.joints_rad())
-        yaw_rad = self.engine.workcell.turns.yaw_rad(stroke)
-        reach(stroke.tip, yaw_rad, self.robot.base)
-        joints = reach(stroke.above, yaw_rad, self.robot.base)
-        return unwound(yaw_rad, joints, self.arm.wanted.yaw_rad, now)
-
-    def _bring_out(self, stroke: Stroke, state: State) -> None:
-        """Have a feeder hand out what is about to be picked up there."""
-        name = stroke.visit.subject
-        body = next((one for one in self.task.scene.bodies if one.name == name), None)
-        placement = None if body is None else body.placement(state)
-        if body is not None and placement is not None and not placement.solid:
-            self.runner.keep(body, placement.pose)
+        return Posture(np.array(self.arm.joints_rad()), self.arm.wanted.yaw_rad)
 
     def _every_step(self) -> None:
         steps = self.world.steps

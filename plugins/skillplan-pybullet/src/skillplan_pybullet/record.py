@@ -39,8 +39,8 @@ class Record:
         Weight of every such body [N].
     pairs_n
         Normal force of every pair that touched without being expected to [N], shape (frames,).
-        Expected are: pairs that touch when the skill begins, the hand and what it handles, what
-        was released and anything, and the tool and what it fastens while it presses.
+        Expected are: pairs that touch when the skill begins, the hand and what it handles, and
+        what was released or is driven and anything.
     moved_m
         How far every body that the skill does not handle is from where it stood [m], shape
         (frames,).
@@ -50,8 +50,8 @@ class Record:
         Where the prediction has it.
     sensed
         What the robot's sensors say in the end, as JSON values: ``tool_attached``,
-        ``fastening_force_n``, ``jaw_width_m``, ``held``, ``tip_error_m``, as far as the skill
-        has to do with it.
+        ``coupling_error_m``, ``fastening_force_n``, ``jaw_width_m``, ``tip_error_m``, as far as
+        the skill has to do with it, and ``stuck_on`` where the arm was stopped.
     unreachable
         Why the arm cannot follow the motion, in words; None where it can.
     upset
@@ -79,11 +79,6 @@ class Record:
     upset: str | None = None
     unsettled: str | None = None
     steps: int = 0
-
-    @property
-    def frames(self) -> int:
-        """How many frames were logged."""
-        return max((len(moved) for moved in self.forces_n.values()), default=0)
 
     def phase(self, frame: int) -> str:
         """Return what the robot was at in a frame; empty before it began."""

@@ -17,6 +17,7 @@ from skillplan_pybullet.dynamics import (
     PinocchioDynamics,
     PybulletDynamics,
 )
+from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.operational_space import torques
 from skillplan_pybullet.panda_kinematics import TipPose, follow, reach
 from skillplan_pybullet.quiet_output import quiet_output
@@ -39,7 +40,7 @@ _GEAR_ERP = 0.1
 _GEAR_FORCE_N = 50.0
 # Proportional gain and torque limits of position control.
 _POSITION_GAIN = 0.3
-_HIDDEN = (0.0, 0.0, 0.0, 0.0)
+_SHOWN, _HIDDEN = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.0)
 
 
 class SimulatedArm:
@@ -51,28 +52,12 @@ class SimulatedArm:
         Where it stands.
     base
         Position of its base [m].
-    control
-        ``osc`` for operational-space control, ``position`` for the joints' own controllers.
-    stiffness_per_s2
-        Stiffness of operational-space control by unit of mass.
-    grip_force_n
-        With what force jaws close [N].
-    dynamics
-        ``pybullet`` or ``pinocchio``.
+    settings
+        How it is controlled, and with what force its jaws close.
     """
 
-    def __init__(
-        self,
-        world: World,
-        base: Point,
-        *,
-        control: str,
-        stiffness_per_s2: float,
-        grip_force_n: float,
-        dynamics: str,
-    ) -> None:
-        self.world, self.base, self.control = world, base, control
-        self.stiffness_per_s2, self.grip_force_n = stiffness_per_s2, grip_force_n
+    def __init__(self, world: World, base: Point, settings: ExecutionSettings) -> None:
+        self.world, self.base, self.settings = world, base, settings
         client = world.client
         with quiet_output():
             self.number = int(
@@ -87,7 +72,7 @@ class SimulatedArm:
         world.name(self.number, ROBOT)
         self.dynamics: Dynamics = (
             PinocchioDynamics()
-            if dynamics == "pinocchio"
+            if settings.dynamics == "pinocchio"
             else PybulletDynamics(client, self.number)
         )
         # What the hand lifts beside itself [kg], and presses with [N].
@@ -185,13 +170,13 @@ class SimulatedArm:
     def close(self) -> None:
         """Begin to close the jaws until they grip."""
         self._jaw_target_m = self.jaw_width_m() / 2
-        self._jaw_wanted_m, self._jaw_force_n = 0.0, self.grip_force_n
+        self._jaw_wanted_m, self._jaw_force_n = 0.0, self.settings.grip_force_n
 
     def actuate(self) -> None:
         """Set motors for the step to come."""
         self._move_jaws()
         assert self.wanted is not None
-        if self.control == "position":
+        if self.settings.control == "position":
             self._follow_by_position()
             return
         client = self.world.client
@@ -207,7 +192,7 @@ class SimulatedArm:
             rates[:7],
             self.tip(),
             self.wanted,
-            stiffness_per_s2=self.stiffness_per_s2,
+            stiffness_per_s2=self.settings.stiffness_per_s2,
             force_n=np.array([0.0, 0.0, upwards_n]),
         )
         pybullet.setJointMotorControlArray(
@@ -220,14 +205,15 @@ class SimulatedArm:
 
     def show_hand(self, visible: bool) -> None:
         """Take the hand and its fingers out of collision and sight, or put them back."""
-        client = self.world.client
-        mask = 1 if visible else 0
-        for link in (HAND_LINK, *FINGER_LINKS):
-            pybullet.setCollisionFilterGroupMask(
-                self.number, link, mask, -mask, physicsClientId=client
+        links = (HAND_LINK, *FINGER_LINKS)
+        self.world.withdraw(ROBOT, () if visible else links)
+        for link in links:
+            pybullet.changeVisualShape(
+                self.number,
+                link,
+                rgbaColor=_SHOWN if visible else _HIDDEN,
+                physicsClientId=self.world.client,
             )
-            colour = (1.0, 1.0, 1.0, 1.0) if visible else _HIDDEN
-            pybullet.changeVisualShape(self.number, link, rgbaColor=colour, physicsClientId=client)
 
     def grip(self, name: str) -> int:
         """Fix a body to the hand as it is; return the constraint."""

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
-from skillplan.physics import panda
 from skillplan.physics.jaws import jaw_opening_m
 from skillplan.physics.strokes import Stroke, grasp_of
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Body, GraspKind, Pose, Scene, Tool
+from skillplan.task.state import State
 from skillplan_pybullet.contact_log import STEPS_PER_FRAME, ContactLog
 from skillplan_pybullet.execution_settings import ExecutionSettings
+from skillplan_pybullet.screw_driving import FEEL_FROM_M, drive, put_at_bit
 from skillplan_pybullet.simulated_arm import (
     HAND,
     JAW_SPEED_M_PER_S,
@@ -23,7 +23,7 @@ from skillplan_pybullet.simulated_arm import (
 )
 from skillplan_pybullet.straight_motion import StraightMotion
 from skillplan_pybullet.tool_changer import ToolChanger
-from skillplan_pybullet.world import STEP_S, TABLE, UpsetError, World
+from skillplan_pybullet.world import STEP_S, UpsetError, World
 
 # A tip that lags so far behind is stuck, and what comes after that is chaos [m].
 _STUCK_M = 0.012
@@ -36,17 +36,6 @@ _LEVEL_M = 1e-6
 _GRIP_S = 0.35
 _LET_GO_S = 0.35
 _SUCTION_S = 0.05
-_PRESS_S = 0.4
-_FEEL_SPEED_M_PER_S = 0.01
-_PRESS_SPEED_M_PER_S = 0.004
-_FELT_N = 0.2
-# A screw is brought so far above where it touches, and then felt for [m].
-_FEEL_FROM_M = 0.001
-# A screw of a gram between arm and workpiece would take more iterations to be pressed than
-# there are: while the bit has it, it is as heavy as the bit's holder [kg].
-_HELD_SCREW_KG = 0.1
-
-
 # No skill takes so many simulation steps.
 _MOST_STEPS = 200_000
 
@@ -85,17 +74,11 @@ class SkillRunner:
         self.every_step = every_step
         self.log = ContactLog(world, arm, ())
         self.sensed: dict[str, float | bool | str] = {}
-        self.carried: str | None = None
         self._bond: int | None = None
         self._kept: dict[str, int] = {}
         self._last_step = _MOST_STEPS
         self.tools = ToolChanger(world, arm, scene, tool)
-        self._feel_load()
-
-    @property
-    def opening_m(self) -> float:
-        """How far the jaws are open where nothing is said of it [m]."""
-        return panda.OPENING_M / 2
+        self.carry(None)
 
     def watch(self, handled: set[str]) -> None:
         """Begin a log for the skill to come."""
@@ -109,13 +92,18 @@ class SkillRunner:
         self.sensed = {}
         self._last_step = self.world.steps + _MOST_STEPS
 
-    def keep(self, body: Body, pose: Pose) -> None:
-        """Put a body where only the hand can touch it, as into a feeder."""
-        if body.name not in self.world.numbers:
-            self.world.add(body, pose, len(self.world.bodies))
-        self.world.put(body.name, pose)
-        self.world.part(body.name, self.world.others(body.name))
-        self._kept[body.name] = self.world.hold(body.name)
+    def bring_out(self, subject: str, state: State) -> None:
+        """Have a feeder hand out what a state has in it; what is elsewhere stays there."""
+        body = next((one for one in self.scene.bodies if one.name == subject), None)
+        placement = None if body is None else body.placement(state)
+        if body is None or placement is None or placement.solid:
+            return
+        if subject not in self.world.numbers:
+            self.world.add(body, placement.pose, len(self.world.bodies))
+        self.world.put(subject, placement.pose)
+        # In a feeder, only the hand can touch it.
+        self.world.part(subject, self.world.others(subject))
+        self._kept[subject] = self.world.hold(subject)
 
     def take(self, body: Body, stroke_yaw_rad: float) -> None:
         """Put a body into the hand as if it had been picked up before."""
@@ -130,21 +118,56 @@ class SkillRunner:
         )
         if body.name not in self.world.numbers:
             self.world.add(body, Pose.upright(origin, stroke_yaw_rad), len(self.world.bodies))
-        self.carried = body.name
-        self._feel_load()
+        self.carry(body.name)
         if grasp.kind is GraspKind.SUCTION or not self.tools.has_jaws:
-            self.world.part(body.name, self.tools.robot_parts)
-            self._bond = self.arm.grip(body.name)
+            self.bind(body.name)
             return
         helping = self.arm.grip(body.name)
         self.arm.close()
         self.wait(self._jaws_s + _GRIP_S)
         self.world.release(helping)
 
+    def carry(self, name: str | None) -> None:
+        """Have the arm bear the tool and a body, or nothing besides."""
+        self.carried = name
+        carried_kg = 0.0 if name is None else self.world.mass_kg(name)
+        self.arm.payload_kg = self.tools.load_kg + carried_kg
+
+    def bind(self, name: str) -> int:
+        """Fix a body to the robot, which it passes through from now on; return the constraint."""
+        self.world.part(name, self.tools.robot_parts)
+        self._bond = self.arm.grip(name)
+        return self._bond
+
+    def unbind(self) -> None:
+        """Undo the bond, if there is one."""
+        if self._bond is not None:
+            self.world.release(self._bond)
+            self._bond = None
+
     def wait(self, duration_s: float) -> None:
         """Stay where the tip is to be."""
         for _ in range(round(duration_s / STEP_S)):
-            self._step()
+            self.step()
+
+    def step(self) -> None:
+        """Go on by one simulation step.
+
+        Raises
+        ------
+        StuckError
+            If something is in the arm's way.
+        UpsetError
+            If the simulation blew up, or goes on and on.
+        """
+        self.arm.actuate()
+        self.world.step()
+        if self.world.steps % STEPS_PER_FRAME == 0:
+            self._check_sanity()
+            self.log.frame()
+            if self.arm.tip_error_m() > _STUCK_M:
+                raise StuckError
+        self.every_step()
 
     def move(self, end: Point, yaw_rad: float) -> None:
         """Move the tip straight to a point.
@@ -166,7 +189,7 @@ class SkillRunner:
         )
         for step in range(1, int(motion.duration_s / STEP_S) + 2):
             self.arm.wanted = motion.at(step * STEP_S)
-            self._step()
+            self.step()
 
     def travel(self, end: Point, yaw_rad: float) -> None:
         """Move the tip to a point above something else, no lower than the higher of the two.
@@ -196,8 +219,8 @@ class SkillRunner:
         subject, event = stroke.visit.subject, stroke.visit.event
         x_m, y_m, z_m = stroke.tip
         if event is Event.DRIVE:
-            self._screw_at_bit(subject)
-            z_m += _FEEL_FROM_M
+            put_at_bit(self, subject)
+            z_m += FEEL_FROM_M
         elif event in (Event.LOAD, Event.OFFLOAD):
             z_m += _DOCK_GAP_M
         elif event is Event.GRASP:
@@ -211,7 +234,7 @@ class SkillRunner:
         self._act(stroke)
         self.log.phase(f"the retreat from {subject}")
         self.move(stroke.above, yaw_rad)
-        if event is Event.RELEASE:
+        if event in (Event.RELEASE, Event.DRIVE):
             self.world.join(subject, self.tools.robot_parts)
 
     def _act(self, stroke: Stroke) -> None:
@@ -225,7 +248,7 @@ class SkillRunner:
         elif event is Event.OFFLOAD:
             self.log.phase(f"the return of {subject}")
             self.tools.detach()
-            self._feel_load()
+            self.carry(self.carried)
             self.wait(_SUCTION_S)
             self.sensed["tool_attached"] = "none"
         elif event is Event.LOAD:
@@ -233,22 +256,18 @@ class SkillRunner:
             x_m, y_m, z_m = stroke.tip
             dock = (x_m, y_m, z_m + _DOCK_GAP_M)
             self.sensed["coupling_error_m"] = self.tools.couple(subject, dock)
-            self._feel_load()
+            self.carry(self.carried)
             self.wait(_SUCTION_S)
             attached = self.tools.tool
             self.sensed["tool_attached"] = "none" if attached is None else attached.name
         elif event is Event.FETCH:
             self.log.phase(f"the fetching of {subject}")
-            self._screw_at_bit(subject)
+            put_at_bit(self, subject)
             self.wait(_SUCTION_S)
         else:
             self.log.phase(f"the driving of {subject}")
-            self._drive(subject, stroke.tip[2])
-
-    def _feel_load(self) -> None:
-        """Have the arm bear the tool and what it carries."""
-        carried_kg = 0.0 if self.carried is None else self.world.mass_kg(self.carried)
-        self.arm.payload_kg = self.tools.load_kg + carried_kg
+            drive(self, subject, stroke.tip[2])
+            self.wait(_SUCTION_S)
 
     @property
     def _jaws_s(self) -> float:
@@ -267,9 +286,7 @@ class SkillRunner:
     def _grasp(self, subject: str) -> None:
         body = self.scene.body(subject)
         if grasp_of(body).kind is GraspKind.SUCTION or not self.tools.has_jaws:
-            self.world.part(subject, self.tools.robot_parts)
-            self._bond = self.arm.grip(subject)
-            self.log.cups[subject] = self._bond
+            self.log.cups[subject] = self.bind(subject)
             self.wait(_SUCTION_S)
         else:
             self.arm.close()
@@ -277,90 +294,20 @@ class SkillRunner:
         if subject in self._kept:
             self.world.release(self._kept.pop(subject))
             self.world.join(subject, self.world.others(subject))
-        self.carried = subject
-        self._feel_load()
+        self.carry(subject)
 
     def _release(self, subject: str) -> None:
         self.log.free.add(subject)
-        self.carried = None
-        self._feel_load()
+        self.carry(None)
         if self._bond is not None:
             self.log.cups.pop(subject, None)
-            self.world.release(self._bond)
-            self._bond = None
+            self.unbind()
         else:
             self.arm.open(self._opening_for(subject))
         self.wait(self._jaws_s + _LET_GO_S)
-
-    def _screw_at_bit(self, subject: str) -> None:
-        if self.carried == subject:
-            return
-        body = self.scene.body(subject)
-        tip = self.tools.upright_tip()
-        x, y, z = tip.position
-        self.world.add(body, Pose((x, y, z - body.height_m)), len(self.world.bodies))
-        self.world.part(subject, self.tools.robot_parts)
-        self.world.weigh(subject, _HELD_SCREW_KG)
-        self._bond = self.arm.grip(subject)
-        self.carried = subject
-        self._feel_load()
-
-    def _drive(self, subject: str, contact_m: float) -> None:
-        """Feel for the hole's mouth and press, the force measured over the last half."""
-        assert self.arm.wanted is not None
-        drivers = {subject, *self.tools.robot_parts}
-        through = {name for name in (*self.world.bodies, TABLE) if name not in drivers}
-        self.log.free |= drivers
-        x, y, z = self.arm.wanted.position.tolist()
-        lowest = contact_m - self.settings.press_travel_m
-        while z > lowest and self.log.pressing_n({subject}, through) < _FELT_N:
-            z -= _FEEL_SPEED_M_PER_S * STEP_S
-            self.arm.wanted = replace(
-                self.arm.wanted, position=np.array([x, y, z]), velocity=np.zeros(3)
-            )
-            self._step()
-        self.arm.press_n = self.settings.press_force_n
-        readings = []
-        steps = round(_PRESS_S / STEP_S)
-        for step in range(steps):
-            z = self._pressing_height_m(z, self.log.pressing_n({subject}, through))
-            self.arm.wanted = replace(self.arm.wanted, position=np.array([x, y, z]))
-            self._step()
-            if step >= steps // 2 and step % STEPS_PER_FRAME == 0:
-                readings.append(self.log.pressing_n({subject}, through))
-        self.arm.press_n = 0.0
-        self.sensed["fastening_force_n"] = float(np.mean(readings))
-        assert self._bond is not None
-        self.world.release(self._bond)
-        self._bond, self.carried = None, None
-        self.world.weigh(subject, self.scene.body(subject).mass_kg)
-        self._feel_load()
-        self.wait(_SUCTION_S)
-        self.log.free -= set(self.tools.robot_parts)
-
-    def _pressing_height_m(self, height_m: float, felt_n: float) -> float:
-        """Return at what height the tip is to be while it presses [m].
-
-        Under operational-space control a force is asked for, and the height gives way to it;
-        position control is lowered until as much is felt.
-        """
-        if self.settings.control == "osc":
-            return float(self.arm.tip().position[2])
-        short = felt_n < self.settings.press_force_n
-        return height_m - _PRESS_SPEED_M_PER_S * STEP_S if short else height_m
 
     def _check_sanity(self) -> None:
         if not (self.world.is_sane() and np.isfinite(self.arm.tip_error_m())):
             raise UpsetError("the simulation blew up")
         if self.world.steps > self._last_step:
             raise UpsetError(f"the skill took more than {_MOST_STEPS:,} simulation steps")
-
-    def _step(self) -> None:
-        self.arm.actuate()
-        self.world.step()
-        if self.world.steps % STEPS_PER_FRAME == 0:
-            self._check_sanity()
-            self.log.frame()
-            if self.arm.tip_error_m() > _STUCK_M:
-                raise StuckError
-        self.every_step()

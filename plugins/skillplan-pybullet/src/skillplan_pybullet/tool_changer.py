@@ -70,7 +70,7 @@ class ToolChanger:
         if self._bond is not None:
             self.world.release(self._bond)
             self._bond = None
-            self.world.part(self.tool.name, self.world.others(self.tool.name))
+            self.world.withdraw(self.tool.name, [-1])
             self._docked[self.tool.name] = self.world.hold(self.tool.name)
         self.load_kg = 0.0
         self.tool = None
@@ -95,7 +95,7 @@ class ToolChanger:
             return
         if tool.name in self._docked:
             self.world.release(self._docked.pop(tool.name))
-            self.world.join(tool.name, self.world.others(tool.name))
+            self.world.withdraw(tool.name, [])
         else:
             self.world.add(body, self.upright_tip(), len(self.world.bodies))
         self.world.part(tool.name, [ROBOT])

@@ -7,6 +7,7 @@ micrometres afterwards, and only a fresh one gives the same digits in any order,
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -70,8 +71,9 @@ class World:
         self.names: dict[int, str] = {}
         self._properties: dict[str, MassProperties] = {}
         self._masses: dict[str, float] = {}
-        # Links that nothing touches for the time being, by body.
-        self._withdrawn: dict[str, tuple[int, ...]] = {}
+        # Pairs that pass through each other for the time being, and links that nothing touches.
+        self._parted: set[frozenset[str]] = set()
+        self._withdrawn: dict[str, frozenset[int]] = {}
         with quiet_output():
             self.client = pybullet.connect(pybullet.DIRECT)
             pybullet.setTimeStep(STEP_S, physicsClientId=self.client)
@@ -126,6 +128,8 @@ class World:
         )
         self._properties[body.name], self._masses[body.name] = properties, body.mass_kg
         self.name(number, body.name)
+        for name, links in self._withdrawn.items():
+            self._tell(name, sorted(links), body.name)
         self.put(body.name, pose)
         pybullet.changeDynamics(
             number,
@@ -208,30 +212,26 @@ class World:
     def part(self, one: str, others: Iterable[str]) -> None:
         """Let a body pass through others."""
         for other in others:
-            self._pass(one, other, 0)
+            self._parted.add(frozenset((one, other)))
+            self._tell(one, self._links(one), other)
 
     def join(self, one: str, others: Iterable[str]) -> None:
         """Let a body touch others again."""
         for other in others:
-            self._pass(one, other, 1)
+            self._parted.discard(frozenset((one, other)))
+            self._tell(one, self._links(one), other)
 
-    def withdraw(self, name: str, links: tuple[int, ...]) -> None:
-        """Let some links of a body touch nothing, and its others what they did before.
+    def withdraw(self, name: str, links: Iterable[int]) -> None:
+        """Let these links of a body touch nothing, what is added later included.
 
-        What two bodies were told about each other goes before the groups they belong to, so
-        that it has to be told for every body anew.
+        Its other links, and those that were withdrawn before, touch what they may. That of a
+        body without joints is -1.
         """
-        before, self._withdrawn[name] = self._withdrawn.get(name, ()), links
-        for other in self.others(name):
-            for link in {*before, *links}:
-                pybullet.setCollisionFilterPair(
-                    self.numbers[name],
-                    self.numbers[other],
-                    link,
-                    -1,
-                    int(link not in links),
-                    physicsClientId=self.client,
-                )
+        before, now = self._withdrawn.get(name, frozenset()), frozenset(links)
+        self._withdrawn[name] = now
+        for other in self.numbers:
+            if other != name:
+                self._tell(name, sorted(before ^ now), other)
 
     def hold(self, name: str) -> int:
         """Fix a body where it is; return the constraint, to be given to `release`."""
@@ -271,14 +271,25 @@ class World:
         centre = np.array(pose.position) + rotation @ self._properties[name].centre
         return centre.tolist(), pose.orientation
 
-    def _pass(self, one: str, other: str, touching: int) -> None:
-        first, second = self.numbers[one], self.numbers[other]
-        ones, others = self._withdrawn.get(one, ()), self._withdrawn.get(other, ())
-        for link in range(-1, pybullet.getNumJoints(first, physicsClientId=self.client)):
-            for other_link in range(-1, pybullet.getNumJoints(second, physicsClientId=self.client)):
-                allowed = touching and link not in ones and other_link not in others
+    def _links(self, name: str) -> range:
+        """Return the numbers of a body's links, from -1 for its base."""
+        return range(-1, pybullet.getNumJoints(self.numbers[name], physicsClientId=self.client))
+
+    def _tell(self, one: str, links: Iterable[int], other: str) -> None:
+        """Tell the simulator which links of a body may touch another."""
+        parted = frozenset((one, other)) in self._parted
+        hidden = self._withdrawn.get(one, frozenset())
+        others_hidden = self._withdrawn.get(other, frozenset())
+        for link in links:
+            for other_link in self._links(other):
+                may = not parted and link not in hidden and other_link not in others_hidden
                 pybullet.setCollisionFilterPair(
-                    first, second, link, other_link, int(allowed), physicsClientId=self.client
+                    self.numbers[one],
+                    self.numbers[other],
+                    link,
+                    other_link,
+                    int(may),
+                    physicsClientId=self.client,
                 )
 
     def _create(
@@ -288,7 +299,9 @@ class World:
         properties: MassProperties,
         colour: tuple[float, float, float, float],
     ) -> int:
-        with TemporaryDirectory() as folder:
+        # The simulator takes meshes in files only.
+        has_mesh = any(isinstance(shape, Mesh) for shape in shapes)
+        with TemporaryDirectory() if has_mesh else nullcontext("") as folder:
             shared = {
                 "shapeTypes": [_TYPES[type(shape)] for shape in shapes],
                 "halfExtents": [[extent / 2 for extent in shape.box.size] for shape in shapes],
@@ -325,7 +338,7 @@ def _centre(shape: Shape) -> NDArray[np.float64]:
 
 
 def _written(shape: Shape, path: Path) -> str:
-    """Write a mesh to a file, the only form in which the simulator takes it; "" for others."""
+    """Write a mesh to a file and return its name; "" for others."""
     if not isinstance(shape, Mesh):
         return ""
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in shape.corners]
