@@ -30,10 +30,14 @@ BOARD = FOLDER / "inverter_board.yaml"
 
 # What an expect block must say, by kind, and all that it may say. The figures of assemblies are
 # verified here, those of benches in swarmitfix/test_bench_configs.py.
-NEEDED = {"assembly": [{"optimal_cost"}], "swarmitfix": [{"goals", "steps"}, {"swings"}]}
+NEEDED = {
+    "assembly": [{"optimal_cost"}, {"optimal_expected_cost"}],
+    "swarmitfix": [{"goals", "steps"}, {"swings"}],
+}
 VERIFIED = {
     "assembly": {
         "optimal_cost",
+        "optimal_expected_cost",
         "optimal_actions",
         "states",
         "observations",
@@ -157,9 +161,10 @@ def overlaps(one: Box, other: Box) -> list[float]:
 
 
 class TestEveryConfig:
-    def test_there_are_the_board_a_larger_one_and_one_of_another_order(self) -> None:
-        """The format of assemblies is proved by three at least."""
+    def test_there_are_the_board_larger_ones_and_those_of_another_kind(self) -> None:
+        """Of another order, of many tools, of many parts, and of chance."""
         expected = {"inverter_board", "motor_drive", "sensor_stack"}
+        expected |= {"battery_module", "relay_rail", "inverter_grasps"}
         assert expected <= {path.stem for path in ASSEMBLIES}
 
     def test_every_kind_has_a_file(self) -> None:
@@ -235,6 +240,17 @@ class TestExpectedFigures:
         result = solve(load_problem(path).task)
         assert result.status is Status.OPTIMAL
         assert content_of(path)["expect"]["optimal_cost"] == pytest.approx(result.cost, abs=5e-6)
+
+    @configs_expecting("optimal_expected_cost")
+    def test_the_expected_optimum_is_proved_at_the_expected_cost(self, path: Path) -> None:
+        """By both dynamic programs and the referee, to half a unit of the fifth decimal."""
+        problem = load_problem(path)
+        assert problem.domain.default_solver(problem.config) == "value-iteration"
+        for solver in ("value-iteration", "policy-iteration"):
+            result = solve(problem.task, solver)
+            assert result.status is Status.OPTIMAL
+            expected = content_of(path)["expect"]["optimal_expected_cost"]
+            assert expected == pytest.approx(result.cost, abs=5e-6)
 
     @configs_expecting("optimal_actions")
     def test_the_optimum_has_the_expected_actions(self, path: Path) -> None:

@@ -23,6 +23,7 @@ from situations import (
     solver_that,
     two_roads_task,
 )
+from skillplan import referee
 from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.errors import BackEndError, SkillplanError
 from skillplan.referee import counterexample, cross_examine
@@ -35,6 +36,7 @@ from skillplan.solvers.stop import Stop
 from skillplan.task.condition import Condition
 from skillplan.task.state import Facts
 from skillplan.task.verdict import Verdict
+from skillplan.testing import lid_content
 
 BARE = FakeSetup()
 GOOD, DEAR = ("to_a", "a_to_b", "finish"), ("to_b", "finish")
@@ -331,6 +333,128 @@ def test_a_counterexample_is_found_exactly_where_there_is_one(content, factor):
     bound = math.inf if best is None else best[0] * factor
     cheaper = counterexample(model(), bound)
     assert (cheaper is not None) == (best is not None and best[0] < bound - 1e-9)
+
+
+# Claims under chance.
+
+TRY, SURE = 0, 1
+
+
+def two_tries_task(**arguments):
+    """Return a task with a cheap skill that fails three times in four, and a sure one at 5."""
+    facts = Facts(("done",))
+    outcomes = [(0.25, ("done",), ()), (0.75, (), ())]
+    skills = [
+        make_skill(facts, "try", forbids=("done",), outcomes=outcomes, cost=2.0),
+        make_skill(facts, "sure", forbids=("done",), add=("done",), cost=5.0),
+    ]
+    return make_task(facts, skills, goal=("done",), **arguments)
+
+
+def claims(skill, bound=None, proved=False):
+    """Return a solver's answer that always takes one skill, or has no policy for None."""
+
+    def answer(solver, model):
+        found = None if skill is None else Policy({model.initial: model.task.skills[skill]})
+        return Solution(found, bound, proved=proved)
+
+    return answer
+
+
+def test_a_proof_under_chance_is_granted_where_the_referee_comes_to_the_same():
+    """It works the optimum out itself."""
+    result = verdict_on(claims(SURE, 5.0, proved=True), two_tries_task())
+    assert (result.status, result.cost, result.lower_bound) == ("optimal", 5.0, 5.0)
+    assert result.reason == ""
+
+
+def test_a_bound_under_chance_is_granted_up_to_the_least_cost():
+    """Without a proof the task is solved."""
+    result = verdict_on(claims(TRY, 4.5), two_tries_task())
+    assert (result.status, result.lower_bound) == ("solved", 4.5)
+    assert result.cost == pytest.approx(8.0)
+    result = verdict_on(claims(None, 5.0), two_tries_task())
+    assert (result.status, result.lower_bound) == ("unsolved", 5.0)
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (claims(TRY, 8.0, proved=True), "no policy costs less than 8.0; the best costs 5.0"),
+        (claims(TRY, 5.00001), "no policy costs less than 5.00001; the best costs 5.0"),
+        (claims(None, 5.1), "no policy costs less than 5.1; the best costs 5.0"),
+        (claims(None, proved=True), "no policy costs less than inf; the best costs 5.0"),
+        (claims(SURE, 4.9, proved=True), "claims a proof with the bound 4.9, not 5.0"),
+        (claims(SURE, 5.1, proved=True), "claims the bound 5.1 for a plan of 5.0"),
+    ],
+    ids=["a worse policy", "a hair", "a bound alone", "no policy", "a gap", "above itself"],
+)
+def test_a_false_claim_under_chance_is_caught(answer, message):
+    """Also where no sequence of skills could refute it."""
+    result = verdict_on(answer, two_tries_task())
+    assert result.status == "wrong"
+    assert message in result.reason
+    assert (result.cost, result.lower_bound, result.steps) == (None, None, ())
+
+
+def test_that_nothing_is_certain_to_arrive_can_be_proved_under_chance():
+    """Where one slip in ten is for good."""
+    facts = Facts(("slipped", "done"))
+    outcomes = [(0.9, ("done",), ()), (0.1, ("slipped",), ())]
+    skills = [make_skill(facts, "try", forbids=("slipped", "done"), outcomes=outcomes)]
+    task = make_task(facts, skills, goal=("done",))
+    assert verdict_on(claims(None, proved=True), task).status == "infeasible"
+
+
+def test_a_proof_under_chance_is_not_granted_where_the_model_is_too_large(monkeypatch):
+    """The claim is not refuted either: solved, or unsolved."""
+    monkeypatch.setattr(referee, "CHANCE_STATES", 1)
+    for skill, status in ((TRY, "solved"), (None, "unsolved")):
+        bound = None if skill is None else 8.0
+        result = verdict_on(claims(skill, bound, proved=True), two_tries_task())
+        assert result.status == status
+        assert "a proof under chance is audited up to 1 states" in result.reason
+
+
+def test_a_proof_under_chance_is_not_granted_where_asking_is_dear():
+    """Its audit would ask about every state."""
+
+    def dear(task):
+        return [fake_back_end(task, dear=True)]
+
+    result = verdict_on(claims(SURE, 5.0, proved=True), two_tries_task(), FakeSetup(make=dear))
+    assert (result.status, result.lower_bound) == ("solved", 5.0)
+    assert result.reason == "where asking is dear, a proof under chance is not audited"
+
+
+def test_a_proof_under_chance_is_not_granted_where_the_audit_meets_an_unknown():
+    """Of which the solver, which asked nothing, knew nothing."""
+
+    def undecided_about_sure(task):
+        def answer(skill, state):
+            return Verdict.unknown("too slow") if skill.name == "sure" else Verdict.feasible()
+
+        return [fake_back_end(task, answer)]
+
+    setup = FakeSetup(make=undecided_about_sure)
+    result = verdict_on(claims(TRY, 8.0, proved=True), two_tries_task(), setup)
+    assert result.status == "solved"
+    assert "unknown" in result.reason
+
+
+@pytest.mark.parametrize("solver", ["value-iteration", "policy-iteration"])
+@pytest.mark.parametrize("failure", [0.0, 0.1, 0.5, 0.9])
+def test_the_dynamic_programs_are_believed_on_boards_whose_grasps_fail(solver, failure):
+    """Their proofs stand, and chance makes nothing cheaper."""
+    content = lid_content()
+    content["robot"]["look_m"] = [0.3, 0.0]
+    content["parts"]["fuse"]["grasp_failure"] = failure
+    result = solve(assembly(content), solver)
+    sure = solve(assembly(lid_content()))
+    assert result.status == "optimal"
+    # To try again at once, home and back, is one of the policies.
+    more = 2 * math.dist((0.4, 0.2), (0.3, 0.0)) * failure / (1 - failure)
+    assert sure.cost - 1e-9 <= result.cost <= sure.cost + more + 1e-9
 
 
 # Claims held together.

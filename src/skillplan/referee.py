@@ -20,6 +20,8 @@ from skillplan.task.state import State
 # The referee's own search for a counterexample ends here; small tasks are covered wholly.
 AUDIT_STATES = 2_000
 AUDIT_SKILLS = 20_000
+# Under chance it works out the optimum itself, which takes all states.
+CHANCE_STATES = 20_000
 
 
 def judge(
@@ -151,23 +153,65 @@ def _judge_proof(
         return replace(result, status=status, reason=reason)
     # Whatever is cheaper than the claimed bound refutes it.
     claimed = math.inf if result.status is Status.INFEASIBLE else bound
-    if audit and claimed is not None and model.task.deterministic:
+    if claimed is not None and not model.task.deterministic:
+        return _judge_expectation(result, solution, model, claimed, audit)
+    if audit and claimed is not None:
         cheaper = counterexample(model, claimed)
         if cheaper is not None:
             text = ",".join(str(model.task.action(skill)) for skill in cheaper)
             return _wrong(
                 result, f"the solver claims that no plan costs less than {claimed!r}, but: {text}"
             )
+    return _granted(result, solution)
+
+
+def _granted(result: Result, solution: Solution) -> Result:
+    """Return a result with a bound, and a proof if one is claimed, against which nothing stands."""
+    bound, cost = solution.lower_bound, result.cost
     if bound is None or result.status is Status.INFEASIBLE:
         return result
     if cost is None:
         return replace(result, lower_bound=bound)
-    if solution.proved and not model.task.deterministic:
-        reason = "a proof under chance cannot be audited yet"
-        return replace(result, reason=reason, lower_bound=min(bound, cost))
     if solution.proved:
         return replace(result, status=Status.OPTIMAL, lower_bound=cost)
     return replace(result, lower_bound=min(bound, cost))
+
+
+def _judge_expectation(
+    result: Result, solution: Solution, model: SkillModel, claimed: float, audit: bool
+) -> Result:
+    """Hold what is claimed of every policy's expected cost against the least that there is.
+
+    A sequence of skills cannot refute such a claim, only another policy can.
+    """
+    least, doubt = None, "where asking is dear, a proof under chance is not audited"
+    if audit:
+        least, doubt = _least(model)
+    if least is not None and claimed > least + tolerance(least):
+        return _wrong(
+            result,
+            f"the solver claims that no policy costs less than {claimed!r}; the best costs "
+            f"{least!r}",
+        )
+    if least is not None or not solution.proved:
+        return _granted(result, solution)
+    if result.status is Status.INFEASIBLE:
+        return replace(result, status=Status.UNSOLVED, reason=doubt)
+    return replace(_granted(result, replace(solution, proved=False)), reason=doubt)
+
+
+def _least(model: SkillModel) -> tuple[float | None, str]:
+    """Return the least expected cost, or None and why the referee cannot tell."""
+    # Takes numpy, which nothing needs that is judged without chance.
+    from skillplan.model.least_expected_cost import least_expected_cost
+
+    try:
+        least = least_expected_cost(model, CHANCE_STATES)
+    except ModelTooLarge:
+        return None, f"a proof under chance is audited up to {CHANCE_STATES:,} states"
+    if model.stats.unknown:
+        return None, "some verdicts are unknown, so that nothing is proved"
+    return least, "" if least is not None else "the audit of the proof did not come to an end"
 
 
 def counterexample(model: SkillModel, bound: float) -> list[Skill] | None:

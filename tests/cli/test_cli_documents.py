@@ -112,6 +112,7 @@ EXPLANATION = record(
     reason=MAYBE_TEXT,
     precondition=TEXT,
     prediction=record(add=many(TEXT), delete=many(TEXT)),
+    otherwise=many(record(probability=NUMBER, add=many(TEXT), delete=many(TEXT))),
     stages=many(
         record(
             stage=TEXT,

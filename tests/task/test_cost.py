@@ -40,6 +40,8 @@ def test_a_cost_is_finite_and_not_negative(value):
         TravelCost(PLACES, STRAIGHT, per_m=value)
     with pytest.raises(ValueError, match="fixed must be finite and >= 0"):
         TravelCost(PLACES, STRAIGHT, fixed=value)
+    with pytest.raises(ValueError, match="behind_m must be finite and >= 0"):
+        TravelCost(PLACES, STRAIGHT, behind_m={FACTS.bit("at(bin)"): value})
 
 
 def test_travel_starts_somewhere():
@@ -62,6 +64,17 @@ def test_travel_is_planar_from_where_the_arm_stands():
     assert cost.at(FACTS.of("at(home)")) == 3.0
     assert cost.at(FACTS.of("at(bin)", "other")) == 4.0
     assert planar_distance((0, 0, 0), (3, 4, 12)) == 5.0
+
+
+def test_what_was_travelled_to_a_place_uncounted_counts_when_it_is_left():
+    """There only; in a time as well, and in the least value."""
+    behind_m = {FACTS.bit("at(bin)"): 0.5}
+    cost = TravelCost(PLACES, STRAIGHT, per_m=2.0, behind_m=behind_m)
+    assert cost.at(FACTS.of("at(home)")) == 6.0
+    assert cost.at(FACTS.of("at(bin)")) == 9.0
+    assert cost.least(FACTS.bit("at(bin)"), 0) == 9.0
+    assert cost.least(0, FACTS.bit("at(home)")) == 9.0
+    assert cost.least(0, 0) == 6.0
 
 
 def test_travel_runs_through_all_visits_of_the_route_that_fits():

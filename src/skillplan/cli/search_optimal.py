@@ -29,7 +29,8 @@ from skillplan.cli.options import (
     type=PluginName("solver"),
     metavar="NAME",
     help="Which solver searches; for a chain also one for each stage, as "
-    "heads=monte-carlo,base=sarsa; default: exact, for several robots fleet.",
+    "heads=monte-carlo,base=sarsa; default: exact, for several robots fleet, "
+    "under chance value-iteration.",
 )
 @back_end_options
 @set_option

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from skillplan.errors import Issue
+from skillplan.errors import Issue, OptionError
 from skillplan.task.task import Task
 
 
@@ -143,6 +143,31 @@ class Domain(ABC):
     def default_solver(self, config: Any) -> str:
         """Return the solver that serves a file best where the user names none."""
         return "exact"
+
+    def variants(self, config: Any, seed: int, count: int) -> list[Any]:
+        """Return contents like the given one: other layouts of the same product.
+
+        Parameters
+        ----------
+        config
+            An instance of `Config` without issues.
+        seed
+            Governs what is drawn, >= 0. The i-th depends on the seed and i alone, so that more
+            of them begin with the same ones.
+        count
+            How many, >= 1.
+
+        Returns
+        -------
+        list
+            Instances of `Config` without issues, whose tasks have the same facts and skills.
+
+        Raises
+        ------
+        OptionError
+            If the file describes no family, or too few of its layouts are faultless.
+        """
+        raise OptionError(f"Tasks of kind {self.kind!r} have no families of layouts.")
 
     def errata(self, config: Any) -> Listing | None:
         """Return what the published source prints wrongly, by this file's geometry.

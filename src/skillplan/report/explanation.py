@@ -53,6 +53,13 @@ class Explanation:
             skill.prediction if skill.case(self.state) is None else skill.prediction_in(self.state)
         )
 
+    @property
+    def _otherwise(self) -> tuple[Outcome, ...]:
+        """What may come of it here but is not predicted; empty where nothing is left to chance."""
+        skill = self.skill
+        fits = not skill.cases or skill.case(self.state) is not None
+        return skill.outcomes_in(self.state)[1:] if fits else ()
+
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.explanation/1``."""
         first = next((v for v in self.stages if not v.is_feasible), None)
@@ -68,6 +75,14 @@ class Explanation:
             "reason": first.reason if first else None,
             "precondition": str(self.skill.condition(self.state)),
             "prediction": {"add": list(prediction.add), "delete": list(prediction.delete)},
+            "otherwise": [
+                {
+                    "probability": outcome.probability,
+                    "add": list(outcome.add),
+                    "delete": list(outcome.delete),
+                }
+                for outcome in self._otherwise
+            ],
             "stages": [
                 {
                     "stage": verdict.stage,
@@ -96,17 +111,23 @@ class Explanation:
         ]
         columns = [Column(name) for name in ("stage", "verdict", "reason")]
         columns += [Column(name, below=True) for name in ("rests on", "evidence")]
-        gone = self.state & self._prediction.delete
         notes = [
             f"state         {', '.join(self.state)}",
             f"precondition  {self.skill.condition(self.state)}",
-            f"prediction    {', '.join(self._prediction.add)}"
-            + "".join(f", not {fact}" for fact in gone),
+            f"prediction    {self._changes(self._prediction)}",
+        ]
+        notes += [
+            f"otherwise     {self._changes(outcome)}, with probability {outcome.probability:g}"
+            for outcome in self._otherwise
         ]
         notes += [f"{what:<13} {path}" for what, path in self.files.items()]
         outcome = "feasible" if self.feasible else "not feasible"
         title = f"{self.task.name}: {self.skill.name} is {outcome}"
         return [Table(title, columns, rows, notes)]
+
+    def _changes(self, outcome: Outcome) -> str:
+        gone = self.state & outcome.delete
+        return ", ".join([*outcome.add, *(f"not {fact}" for fact in gone)])
 
 
 def explain(model: SkillModel, skill: Skill, before: Sequence[Skill]) -> Explanation:

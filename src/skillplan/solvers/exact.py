@@ -61,7 +61,10 @@ class ExactSolver(Solver):
     def refuses(self, model: SkillModel) -> str | None:
         """Return why not, where a skill may have several outcomes."""
         if not model.task.deterministic:
-            return "exact search looks for one sequence and needs skills with one outcome each"
+            return (
+                "exact search looks for one sequence and needs skills with one outcome each; "
+                "under chance take value-iteration"
+            )
         return None
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:

@@ -23,7 +23,10 @@ class ExhaustiveSolver(Solver):
     def refuses(self, model: SkillModel) -> str | None:
         """Return why not, where a skill may have several outcomes."""
         if not model.task.deterministic:
-            return "exhaustive search counts sequences and needs skills with one outcome each"
+            return (
+                "exhaustive search counts sequences and needs skills with one outcome each; "
+                "under chance take value-iteration"
+            )
         return None
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:

@@ -126,17 +126,22 @@ class TravelCost:
         Cost of one metre, >= 0: 1 for a distance, the inverse of a speed for a time.
     fixed
         Added once, >= 0.
+    behind_m
+        What was travelled to a place and not counted yet [m], >= 0, by its bit: whatever is done
+        next counts it, as the way that a grasp took the arm only because it failed.
 
     Raises
     ------
     ValueError
-        If `per_m` or `fixed` is negative or not finite, or there is no place.
+        If `per_m`, `fixed` or a length is negative or not finite, or there is no place.
     """
 
     places: Mapping[int, Point] = field(hash=False)
     motion: Motion
     per_m: float = 1.0
     fixed: float = 0.0
+    behind_m: Mapping[int, float] = field(default_factory=dict, hash=False)
+    _starts: Mapping[int, tuple[float, float, float]] = field(init=False, repr=False, compare=False)
     _places_mask: int = field(init=False, repr=False, compare=False)
     _routes: tuple[tuple[int, float, float, float], ...] = field(
         init=False, repr=False, compare=False
@@ -149,9 +154,17 @@ class TravelCost:
                 raise ValueError(f"TravelCost {name} must be finite and >= 0, not {value}.")
         if not self.places:
             raise ValueError("TravelCost needs at least one place.")
+        for length_m in self.behind_m.values():
+            if not (math.isfinite(length_m) and length_m >= 0):
+                raise ValueError(f"TravelCost behind_m must be finite and >= 0, not {length_m}.")
         mask = 0
         for bit in self.places:
             mask |= bit
+        starts = {
+            bit: (x_m, y_m, self.behind_m.get(bit, 0.0))
+            for bit, (x_m, y_m, _) in self.places.items()
+        }
+        object.__setattr__(self, "_starts", starts)
         routes = []
         for route in self.motion.routes:
             points = [visit.position for visit in route.visits]
@@ -169,12 +182,12 @@ class TravelCost:
             If the state does not say where the arm stands, or no route fits.
         """
         bits = state.bits
-        start = self.places.get(bits & self._places_mask)
+        start = self._starts.get(bits & self._places_mask)
         if start is None:
             raise ValueError(f"The state does not say where the arm stands: {state}.")
         for when, x_m, y_m, beyond_m in self._routes:
             if bits & when == when:
-                length_m = math.hypot(x_m - start[0], y_m - start[1]) + beyond_m
+                length_m = math.hypot(x_m - start[0], y_m - start[1]) + beyond_m + start[2]
                 return self.fixed + self.per_m * length_m
         raise ValueError(f"No route of {self.motion.robot!r} fits the state {state}.")
 
@@ -182,7 +195,8 @@ class TravelCost:
         """Return the least value over the places and routes that the known facts leave open."""
         return min(
             (
-                self.fixed + self.per_m * (math.hypot(x_m - start[0], y_m - start[1]) + beyond_m)
+                self.fixed
+                + self.per_m * (math.hypot(x_m - start[0], y_m - start[1]) + beyond_m + start[2])
                 for when, x_m, y_m, beyond_m in self._routes
                 if not when & false_bits
                 for start in self._open_places(true_bits, false_bits)
@@ -190,15 +204,15 @@ class TravelCost:
             default=math.inf,
         )
 
-    def _open_places(self, true_bits: int, false_bits: int) -> Iterator[Point]:
+    def _open_places(self, true_bits: int, false_bits: int) -> Iterator[tuple[float, float, float]]:
         known = true_bits & self._places_mask
         if known:
-            if known in self.places:
-                yield self.places[known]
+            if known in self._starts:
+                yield self._starts[known]
             return
-        for bit, position in self.places.items():
+        for bit, start in self._starts.items():
             if not bit & false_bits:
-                yield position
+                yield start
 
 
 def planar_distance(start: Point, goal: Point) -> float:

@@ -25,7 +25,7 @@ from skillplan.task.task import Task
 from skillplan.task.yaml import Document, parse, read_text
 
 # What a reader of the task may want to change without making it another task.
-_NOT_HASHED = ("description", "expect")
+_NOT_HASHED = ("description", "expect", "family")
 
 
 class TaskDomain(Protocol):
@@ -50,6 +50,9 @@ class TaskDomain(Protocol):
 
     def default_solver(self, config: Any) -> str:
         """Return the solver that serves a file best."""
+
+    def variants(self, config: Any, seed: int, count: int) -> list[Any]:
+        """Return contents like the given one."""
 
     def errata(self, config: Any) -> Any:
         """Return what the published source prints wrongly."""
@@ -126,6 +129,38 @@ class Problem:
     def follow(self, plans: Mapping[str, Sequence[str]], refinement: int = 0) -> tuple[Task, ...]:
         """Return the tasks as they stand once some of them have been solved."""
         return tuple(self.domain.follow(self.config, self.sha256, plans, refinement))
+
+    def variants(self, seed: int, count: int) -> tuple[Task, ...]:
+        """Return tasks of the same family: the same facts and skills, laid out otherwise.
+
+        They are named after the file's task, with a number from 0, and have hashes of their own.
+
+        Parameters
+        ----------
+        seed
+            Governs what is drawn, >= 0.
+        count
+            How many, >= 1. More of the same seed begin with the same ones, so that the first may
+            be learned on and the others kept unseen.
+
+        Raises
+        ------
+        OptionError
+            If a number is out of range, the file describes no family, or too few of its layouts
+            are faultless.
+        TaskError
+            If the file describes a chain of tasks.
+        """
+        if seed < 0 or count < 1:
+            raise OptionError(f"A family takes seed >= 0 and count >= 1, not {seed} and {count}.")
+        drawn = self.domain.variants(self.config, seed, count)
+        name = self.task.name
+        made = []
+        for index, config in enumerate(drawn):
+            sha256 = _content_hash(config)
+            (task,) = self.domain.ground(config, sha256)
+            made.append(task.replace(name=f"{name}/{index}", sha256=sha256))
+        return tuple(made)
 
     def account(self, plans: Mapping[str, Sequence[str]], refinement: int = 0) -> Any:
         """Return what the domain has to say beyond the plans."""

@@ -7,6 +7,7 @@ from typing import Any
 
 from skillplan.domains.assembly.consistency import issues
 from skillplan.domains.assembly.grounding import ground
+from skillplan.domains.assembly.layout_family import layouts
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.domain import Domain
 from skillplan.errors import Issue
@@ -25,6 +26,15 @@ class AssemblyDomain(Domain):
     def issues(self, config: Any) -> Iterable[Issue]:
         """Return faults of references, order and geometry."""
         return issues(config)
+
+    def default_solver(self, config: Any) -> str:
+        """Return ``value-iteration`` where a grasp may fail, else ``exact``."""
+        chance = any(part.grasp_failure for part in config.parts.values())
+        return "value-iteration" if chance else "exact"
+
+    def variants(self, config: Any, seed: int, count: int) -> list[Any]:
+        """Return layouts of the file's family, by its block ``family``."""
+        return layouts(config, seed, count)
 
     def ground(self, config: Any, sha256: str) -> list[Task]:
         """Return the one task of an assembly."""

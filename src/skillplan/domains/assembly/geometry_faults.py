@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import combinations
+from itertools import combinations, product
 
 from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_box
 from skillplan.domains.assembly.layout import (
@@ -14,6 +14,7 @@ from skillplan.domains.assembly.layout import (
     height_of,
     holder_of,
     hole_of,
+    look_of,
     shapes_of,
     start_of,
 )
@@ -96,6 +97,29 @@ def geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
             yield Issue(message, ("screws", name, "hole_m"))
 
 
+def distances_m(config: AssemblyConfig) -> dict[tuple[str, str, str], float]:
+    """Return how far every lying part is at the start from where others lie and belong [m].
+
+    In plan, along x or y, whichever is more; negative where they overlap. By the part, the
+    other, and ``start`` or ``goal`` for where that is.
+    """
+    hulls = {name: boxes_of(part) for name, part in config.parts.items()}
+    starts = {name: _hull(boxes) for name, boxes in _at_start(config, hulls).items()}
+    goals = {name: _hull(boxes) for name, boxes in _at_goal(config, hulls).items()}
+    lying = [name for name, part in config.parts.items() if part.feeder is None]
+    between = {(a, b, "start"): _apart_m(starts[a], starts[b]) for a, b in combinations(lying, 2)}
+    for a, b in product(lying, goals):
+        if a != b:
+            between[a, b, "goal"] = _apart_m(starts[a], goals[b])
+    return between
+
+
+def _apart_m(one: WorldBox, other: WorldBox) -> float:
+    return max(
+        max(one.low[axis] - other.high[axis], other.low[axis] - one.high[axis]) for axis in (0, 1)
+    )
+
+
 def _out_of_reach(config: AssemblyConfig) -> Iterator[Issue]:
     robot = config.robot
     base = (robot.base_m[0], robot.base_m[1], robot.base_m[2])
@@ -113,6 +137,8 @@ def _out_of_reach(config: AssemblyConfig) -> Iterator[Issue]:
 
     home = (robot.home_m[0], robot.home_m[1], robot.safe_height_m)
     yield from check(home, 0.0, "robot", "home_m")
+    if robot.look_m is not None:
+        yield from check(look_of(config), 0.0, "robot", "look_m")
     for tool in config.tools:
         yield from check(holder_of(config, tool), 0.0, "tools", tool, "holder_m")
     for feeder in config.feeders:

@@ -2,6 +2,8 @@
 
 The five skills of Table I of Moller et al.: pick, place, load, offload, fasten. An action's
 cost is the planar distance from where the action before it ended to its own goal (section 4.2).
+A grasp may fail, which leaves the part where it lies; where the arm then goes to look for it
+anew, the skill after counts that way, too.
 """
 
 from __future__ import annotations
@@ -14,13 +16,14 @@ from skillplan.domains.assembly.layout import (
     goal_of,
     holder_of,
     hole_of,
+    look_of,
     start_of,
 )
 from skillplan.domains.assembly.scenery import scene_of
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, HAND_FREE, HOME, NO_TOOL, at
 from skillplan.task.condition import Condition
-from skillplan.task.cost import TravelCost
+from skillplan.task.cost import TravelCost, planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
 from skillplan.task.reward import Penalty, RewardScheme
 from skillplan.task.skill import Outcome, Skill
@@ -42,6 +45,12 @@ class _Grounding:
         self.positions = self._positions()
         self.places = {self.facts.bit(at(name)): p for name, p in self.positions.items()}
         self.stands = self.facts.of(*(at(name) for name in self.positions))
+        self.behind_m = {
+            self.facts.bit(at(vocabulary.missed_place(part))): planar_distance(
+                start_of(config, part), self.positions[vocabulary.missed_place(part)]
+            )
+            for part in vocabulary.missed_parts(config)
+        }
 
     def task(self, sha256: str) -> Task:
         """Return the whole task."""
@@ -97,6 +106,8 @@ class _Grounding:
             found[vocabulary.holder_place(tool)] = holder_of(config, tool)
         for name, screw in config.screws.items():
             found[name] = hole_of(config, screw)
+        for part in vocabulary.missed_parts(config):
+            found[vocabulary.missed_place(part)] = look_of(config)
         return found
 
     def _initial(self) -> State:
@@ -121,8 +132,13 @@ class _Grounding:
         parameters: dict[str, str],
         forbids: list[str] | None = None,
         carries: str | None = None,
+        failure: float = 0.0,
+        failed_at: str = "",
     ) -> Skill:
-        """Return a skill that ends at a place; `routes` by the fact that selects them."""
+        """Return a skill that ends at a place; `routes` by the fact that selects them.
+
+        With the probability `failure` nothing comes of it but that the arm stands at `failed_at`.
+        """
         config, facts = self.config, self.facts
         motion = Motion(
             config.robot.name,
@@ -134,18 +150,24 @@ class _Grounding:
         )
         added = facts.of(*add, at(ends_at))
         deleted = (facts.of(*delete, CHANGED_TOOL) | self.stands) - added
+        outcomes = [Outcome(1.0 - failure, added, deleted)]
+        if failure:
+            there = facts.of(at(failed_at))
+            left = (facts.of(CHANGED_TOOL) | self.stands) - there
+            outcomes.append(Outcome(failure, there, left))
         return Skill(
             name=f"{kind}({subject})",
             kind=kind,
             agents=(config.robot.name,),
             precondition=Condition(facts.of(*requires), facts.of(*(forbids or ()))),
-            outcomes=(Outcome(1.0, added, deleted),),
-            cost=TravelCost(self.places, motion),
+            outcomes=tuple(outcomes),
+            cost=TravelCost(self.places, motion, behind_m=self.behind_m),
             duration_s=TravelCost(
                 self.places,
                 motion,
                 per_m=1 / config.robot.travel_speed_m_per_s,
                 fixed=getattr(config.durations_s, kind),
+                behind_m=self.behind_m,
             ),
             motion=motion,
             parameters=parameters,
@@ -156,6 +178,8 @@ class _Grounding:
         for name, part in self.config.parts.items():
             parameters = {"part": name, "tool": part.tool}
             above = [n for n, other in self.config.parts.items() if other.start_on == name]
+            looks = name in vocabulary.missed_parts(self.config)
+            start = vocabulary.start_place(self.config, name)
             pick = self._skill(
                 "pick",
                 name,
@@ -163,13 +187,15 @@ class _Grounding:
                 forbids=[f"at_start({other})" for other in above],
                 add=[f"held({name})"],
                 delete=[f"at_start({name})", HAND_FREE],
-                ends_at=vocabulary.start_place(self.config, name),
+                ends_at=start,
                 routes={
                     None: [
                         Visit(start_of(self.config, name), Event.GRASP, name, part.start_yaw_rad)
                     ]
                 },
                 parameters=parameters,
+                failure=part.grasp_failure,
+                failed_at=vocabulary.missed_place(name) if looks else start,
             )
             place = self._skill(
                 "place",

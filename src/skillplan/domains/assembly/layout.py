@@ -68,6 +68,13 @@ def holder_of(config: AssemblyConfig, tool: str) -> Point:
     return (entry.holder_m[0], entry.holder_m[1], entry.holder_height_m)
 
 
+def look_of(config: AssemblyConfig) -> Point:
+    """Return where the tip goes to look for a part whose grasp failed, at safe height [m]."""
+    robot = config.robot
+    assert robot.look_m is not None
+    return (robot.look_m[0], robot.look_m[1], robot.safe_height_m)
+
+
 def feeder_of(config: AssemblyConfig, name: str) -> Point:
     """Return where a feeder hands out [m]."""
     feeder = config.feeders[name]

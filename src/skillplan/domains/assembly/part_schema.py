@@ -26,6 +26,7 @@ Extent = Annotated[float, Field(ge=1e-6, le=10)]
 Extents = Annotated[list[Extent], Field(min_length=3, max_length=3)]
 Mass = Annotated[float, Field(ge=1e-6, le=1000)]
 Angle = Annotated[float, Field(ge=-6.2832, le=6.2832)]
+FailureProbability = Annotated[float, Field(ge=0, lt=1)]
 
 SHAPE_KEYS = ("size_m", "boxes", "cylinder", "meshes")
 """Keys of a part of which exactly one gives its shape."""
@@ -138,6 +139,9 @@ class PartConfig(Strict):
         None, description="convex polyhedra from files, instead of size_m"
     )
     grasp: GraspConfig = Field(default_factory=GraspConfig, description="how it is held")
+    grasp_failure: FailureProbability = Field(
+        0.0, description="probability that a pick leaves it where it lies, below 1 [-]"
+    )
     start_m: Planar | None = Field(None, description="where it lies at the start, x y [m]")
     start_on: Name | None = Field(None, description="the part it lies on at the start (a stack)")
     feeder: Name | None = Field(None, description="the feeder it comes from, instead of start_m")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from skillplan.domains.assembly.part_schema import (
     Extents,
@@ -14,11 +14,13 @@ from skillplan.domains.assembly.part_schema import (
     Spatial,
 )
 from skillplan.domains.domain import Name, Strict
+from skillplan.task.schema_errors import Located
 
 Length = Annotated[float, Field(gt=0, le=10)]
 Duration = Annotated[float, Field(ge=0, le=86_400)]
 Reward = Annotated[float, Field(ge=-1e6, le=1e6)]
 Fact = Annotated[str, Field(min_length=1, max_length=200)]
+Shift = Annotated[float, Field(ge=0, le=1)]
 ToolChange = Literal["swap", "separate"]
 
 
@@ -34,6 +36,11 @@ class RobotConfig(Strict):
     )
     travel_speed_m_per_s: Annotated[float, Field(ge=1e-3, le=100)] = Field(
         0.25, description="planar speed between skills [m/s]"
+    )
+    look_m: Planar | None = Field(
+        None,
+        description="where the tip goes to look for a part whose grasp failed, x y [m]; left out: "
+        "it stays over the part",
     )
 
 
@@ -109,6 +116,31 @@ class RewardConfig(Strict):
     )
 
 
+class FamilyConfig(Strict):
+    """A family of layouts: how far what the file says may be moved, at random and evenly."""
+
+    start_shift_m: Shift = Field(
+        0.0,
+        description="the most that a start, of each part by itself, is moved in x and in y [m]; "
+        "what lies on it moves along, feeders stay",
+    )
+    gap_m: Shift = Field(
+        0.0,
+        description="the least that a part at its start keeps, along x or y, from where others "
+        "lie and belong [m]; where the file has less, no less than that",
+    )
+    goal_shift_m: Shift = Field(
+        0.0,
+        description="the most that all goals and holes together are moved in x and in y [m]",
+    )
+
+    @model_validator(mode="after")
+    def _something_moves(self) -> FamilyConfig:
+        if not self.start_shift_m and not self.goal_shift_m:
+            raise Located("give 'start_shift_m' or 'goal_shift_m' above 0.")
+        return self
+
+
 class CostExpectation(Strict):
     """A sequence and what it costs."""
 
@@ -120,6 +152,7 @@ class ExpectConfig(Strict):
     """Figures that the project's tests verify; no command reads them."""
 
     optimal_cost: float | None = Field(None, ge=0)
+    optimal_expected_cost: float | None = Field(None, ge=0)
     optimal_actions: list[int] | None = None
     states: int | None = Field(None, ge=1)
     observations: int | None = Field(None, ge=1)
@@ -169,5 +202,8 @@ class AssemblyConfig(Strict):
         {},
         description="collision detectors and options, as {aabb: {}}; left out: the chart, "
         "or else aabb",
+    )
+    family: FamilyConfig | None = Field(
+        None, description="layouts like this one, to learn on some and be tested on others"
     )
     expect: ExpectConfig | None = Field(None, description="figures that tests verify")

@@ -21,6 +21,18 @@ def goal_place(part: str) -> str:
     return f"{part}.goal"
 
 
+def missed_place(part: str) -> str:
+    """Return the name of the place where the arm looks for a part whose grasp failed."""
+    return f"{part}.missed"
+
+
+def missed_parts(config: AssemblyConfig) -> list[str]:
+    """Return the parts that the arm looks for elsewhere once their grasp has failed."""
+    if config.robot.look_m is None:
+        return []
+    return [name for name, part in config.parts.items() if part.grasp_failure]
+
+
 def holder_place(tool: str) -> str:
     """Return the name of the place where a tool hangs."""
     return f"{tool}.holder"
@@ -43,6 +55,7 @@ def places(config: AssemblyConfig) -> list[str]:
         names += [start_place(config, part), goal_place(part)]
     names += [holder_place(tool) for tool in config.tools]
     names += list(config.screws)
+    names += [missed_place(part) for part in missed_parts(config)]
     return list(dict.fromkeys(names))
 
 
