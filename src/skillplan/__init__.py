@@ -6,6 +6,7 @@ Names are imported when first used, so that ``import skillplan`` is instant.
 from __future__ import annotations
 
 import importlib
+import sys
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
@@ -28,7 +29,9 @@ _HOMES = {
     "Scene": "skillplan.task.scene",
     "Setup": "skillplan.setup",
     "Skill": "skillplan.task.skill",
+    "SkillEnv": "skillplan.env.skill_env",
     "SkillModel": "skillplan.model.skill_model",
+    "SkillVectorEnv": "skillplan.env.skill_vector_env",
     "SkillplanError": "skillplan.errors",
     "Solution": "skillplan.solvers.solution",
     "Solver": "skillplan.solvers.solver",
@@ -63,7 +66,9 @@ __all__ = [
     "Scene",
     "Setup",
     "Skill",
+    "SkillEnv",
     "SkillModel",
+    "SkillVectorEnv",
     "SkillplanError",
     "Solution",
     "Solver",
@@ -84,6 +89,8 @@ if TYPE_CHECKING:
     from skillplan.chain import solve_chain
     from skillplan.collision.detector import Detector
     from skillplan.domains.domain import Account, Domain
+    from skillplan.env.skill_env import SkillEnv
+    from skillplan.env.skill_vector_env import SkillVectorEnv
     from skillplan.errors import SkillplanError, TaskError
     from skillplan.model.skill_model import SkillModel, Transition
     from skillplan.physics.engine import Engine
@@ -115,3 +122,12 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted([*__all__, "__version__"])
+
+
+def _register() -> None:
+    # Whoever has loaded Gymnasium already may make the environment by its name.
+    if "gymnasium" in sys.modules:
+        importlib.import_module("skillplan.env")
+
+
+_register()

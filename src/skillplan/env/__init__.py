@@ -1,0 +1,16 @@
+"""The Gymnasium view: the lazy model as an environment that learners act in.
+
+Importing this package registers the environment ``skillplan/Task-v0`` with Gymnasium.
+"""
+
+from gymnasium.envs.registration import register, registry
+
+ENVIRONMENT = "skillplan/Task-v0"
+
+if ENVIRONMENT not in registry:
+    # By name: what loads task files stands above this floor and is imported when it is called.
+    register(
+        ENVIRONMENT,
+        entry_point="skillplan.gymnasium_entry:make_env",
+        vector_entry_point="skillplan.gymnasium_entry:make_vector_env",
+    )

@@ -1,0 +1,261 @@
+"""What an environment has met of its models so far, as arrays that grow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.env.action_mask import allowed_actions
+from skillplan.env.observation import Observation
+from skillplan.env.payment import Payment
+from skillplan.env.presentation import MaskKind
+from skillplan.model.skill_model import SkillModel
+from skillplan.task.state import State
+
+GOES_ON, COMPLETE, INFEASIBLE, OUT_OF_TIME = range(4)
+
+_FIRST_SIZE = 256
+_Array = TypeVar("_Array", bound=NDArray[np.generic])
+
+
+class TransitionTable:
+    """States that were found and what came of the actions that were taken in them.
+
+    States and outcomes have numbers, in the order in which they were found. A model is asked
+    once for every pair of state and action, when it is first wanted. Arrays by state have a
+    row for every state of every model, arrays by outcome one for every outcome; row 0 of the
+    latter stands for what has not been asked yet. They are replaced when they grow.
+
+    Parameters
+    ----------
+    models
+        At least one; of equal actions.
+    observations
+        What is observed of the states of each.
+    payments
+        What is paid in each.
+    mask
+        What a choice is limited to.
+
+    Attributes
+    ----------
+    models
+        As given.
+    model_of, limits
+        By state: number of its model, and the model's step limit.
+    features, masks
+        By state, shapes (states, width) and (states, actions): what is observed of it and which
+        actions are allowed; once it has been observed.
+    outcomes
+        By state and action: the first outcome; 0 where the model has not been asked yet.
+    following, costs, rewards, late_rewards, ends
+        By outcome: the next state; the cost of the skill, 0 of one that could not be executed;
+        what is paid, and what where the step limit is reached by it; how the episode ends.
+    chances, cumulated
+        By outcome: of how many it is the first, and the probability of it and those before it
+        together.
+    """
+
+    def __init__(
+        self,
+        models: Sequence[SkillModel],
+        observations: Sequence[Observation],
+        payments: Sequence[Payment],
+        mask: MaskKind,
+    ) -> None:
+        self.models = tuple(models)
+        self._observations = tuple(observations)
+        self._payments = tuple(payments)
+        self._mask = mask
+        self._states: list[State] = []
+        self._numbers: list[dict[State, int]] = [{} for _ in models]
+        width, actions = observations[0].width, len(models[0].task.skills)
+        self.model_of = np.zeros(_FIRST_SIZE, dtype=np.int64)
+        self.limits = np.zeros(_FIRST_SIZE, dtype=np.int64)
+        self.features = np.zeros((_FIRST_SIZE, width), dtype=np.float32)
+        self.masks = np.zeros((_FIRST_SIZE, actions), dtype=np.bool_)
+        self.outcomes = np.zeros((_FIRST_SIZE, actions), dtype=np.int64)
+        self._observed = np.zeros(_FIRST_SIZE, dtype=np.bool_)
+        self._n_outcomes = 1
+        self.following = np.zeros(_FIRST_SIZE, dtype=np.int64)
+        self.costs = np.zeros(_FIRST_SIZE, dtype=np.float64)
+        self.rewards = np.zeros(_FIRST_SIZE, dtype=np.float64)
+        self.late_rewards = np.zeros(_FIRST_SIZE, dtype=np.float64)
+        self.ends = np.zeros(_FIRST_SIZE, dtype=np.int8)
+        self.chances = np.ones(_FIRST_SIZE, dtype=np.int64)
+        self.cumulated = np.ones(_FIRST_SIZE, dtype=np.float64)
+        self.has_chances = False
+
+    def __len__(self) -> int:
+        return len(self._states)
+
+    def state(self, number: int) -> State:
+        """Return a state by its number."""
+        return self._states[number]
+
+    def number(self, model: int, state: State) -> int:
+        """Return the number of a state of a model, by the model's; a new one where it is new."""
+        numbers = self._numbers[model]
+        number = numbers.get(state)
+        if number is None:
+            number = len(self._states)
+            if number == len(self.limits):
+                self._grow_states()
+            self.model_of[number] = model
+            self.limits[number] = self.models[model].step_limit
+            self._states.append(state)
+            numbers[state] = number
+        return number
+
+    def first_outcomes(
+        self, states: NDArray[np.int64], actions: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        """Return the first outcome of actions in states, shape (n,), asking what is not known.
+
+        Parameters
+        ----------
+        states, actions
+            Numbers, shape (n,).
+
+        Raises
+        ------
+        BackEndError
+            If a back end fails.
+        SearchStopped
+            If the learner should have stopped long ago.
+        """
+        found: NDArray[np.int64] = self.outcomes[states, actions]
+        if np.count_nonzero(found) < len(found):
+            for place in np.flatnonzero(found == 0).tolist():
+                found[place] = self._first_outcome(int(states[place]), int(actions[place]))
+        return found
+
+    def draw(self, outcomes: NDArray[np.int64], generators: Sequence[np.random.Generator]) -> None:
+        """Replace first outcomes by those that chance gives, where there are several.
+
+        Parameters
+        ----------
+        outcomes
+            First outcomes, shape (n,); changed.
+        generators
+            One for every entry, which is asked for one number only where there are several.
+        """
+        places = np.flatnonzero(self.chances[outcomes] > 1)
+        drawn = np.array([generators[place].random() for place in places.tolist()])
+        rows = outcomes[places]
+        # The last one takes what is left, also where probabilities add up to a bit less.
+        last = rows + self.chances[rows] - 1
+        beyond = (drawn >= self.cumulated[rows]) & (rows < last)
+        while np.count_nonzero(beyond):
+            rows += beyond
+            beyond = (drawn >= self.cumulated[rows]) & (rows < last)
+        outcomes[places] = rows
+
+    def observe(self, states: NDArray[np.int64]) -> None:
+        """Fill in what is observed of states and what is allowed in them.
+
+        Parameters
+        ----------
+        states
+            Numbers, shape (n,).
+
+        Raises
+        ------
+        BackEndError
+            If a back end fails; back ends are asked only for the mask ``feasible``.
+        SearchStopped
+            If the learner should have stopped long ago.
+        """
+        known = self._observed[states]
+        if np.count_nonzero(known) == len(known):
+            return
+        for number in dict.fromkeys(states[~known].tolist()):
+            index = int(self.model_of[number])
+            model, state = self.models[index], self._states[number]
+            feasible = partial(self._feasible, number)
+            # First the actions: asking for them may bring states that make the arrays grow.
+            allowed = list(allowed_actions(model, state, self._mask, feasible))
+            self.masks[number, allowed] = True
+            self.features[number] = self._observations[index].encode(state)
+            self._observed[number] = True
+
+    def _feasible(self, number: int, action: int) -> bool:
+        # Asked first: the arrays may grow meanwhile.
+        first = self._first_outcome(number, action)
+        return bool(self.ends[first] != INFEASIBLE)
+
+    def _first_outcome(self, number: int, action: int) -> int:
+        """Return the first outcome of an action in a state; the model is asked where need be."""
+        known = int(self.outcomes[number, action])
+        if known:
+            return known
+        index = int(self.model_of[number])
+        model, payment, state = self.models[index], self._payments[index], self._states[number]
+        skill = model.task.skills[action]
+        first = self._n_outcomes
+        if not model.verdict(state, skill).is_feasible:
+            self._add_outcome(number, 0.0, payment.infeasible, payment.infeasible, INFEASIBLE, 1.0)
+        else:
+            cost, total = skill.cost.at(state), 0.0
+            for outcome in skill.outcomes_in(state):
+                following = outcome.apply(state)
+                goal = model.is_goal(following)
+                paid, late = (
+                    payment.of_step(state, skill.name, cost, goal=goal, out_of_time=out_of_time)
+                    for out_of_time in (False, not goal)
+                )
+                total += outcome.probability
+                end = COMPLETE if goal else GOES_ON
+                self._add_outcome(self.number(index, following), cost, paid, late, end, total)
+            self.chances[first] = self._n_outcomes - first
+            self.has_chances = self.has_chances or self._n_outcomes - first > 1
+        self.outcomes[number, action] = first
+        return first
+
+    def _add_outcome(
+        self,
+        following: int,
+        cost: float,
+        reward: float,
+        late_reward: float,
+        end: int,
+        cumulated: float,
+    ) -> None:
+        row = self._n_outcomes
+        if row == len(self.ends):
+            self._grow_outcomes()
+        self.following[row] = following
+        self.costs[row] = cost
+        self.rewards[row] = reward
+        self.late_rewards[row] = late_reward
+        self.ends[row] = end
+        self.chances[row] = 1
+        self.cumulated[row] = cumulated
+        self._n_outcomes += 1
+
+    def _grow_states(self) -> None:
+        self.model_of = _doubled(self.model_of)
+        self.limits = _doubled(self.limits)
+        self.features = _doubled(self.features)
+        self.masks = _doubled(self.masks)
+        self.outcomes = _doubled(self.outcomes)
+        self._observed = _doubled(self._observed)
+
+    def _grow_outcomes(self) -> None:
+        self.following = _doubled(self.following)
+        self.costs = _doubled(self.costs)
+        self.rewards = _doubled(self.rewards)
+        self.late_rewards = _doubled(self.late_rewards)
+        self.ends = _doubled(self.ends)
+        self.chances = _doubled(self.chances)
+        self.cumulated = _doubled(self.cumulated)
+
+
+def _doubled(array: _Array) -> _Array:
+    larger = np.zeros((2 * len(array), *array.shape[1:]), dtype=array.dtype)
+    larger[: len(array)] = array
+    return larger  # type: ignore[return-value]
