@@ -13,13 +13,15 @@ SOURCES := src tests benchmarks examples plugins
 
 .PHONY: demo test test-all check format bench schema clean
 
-demo: $(INSTALLED)  ## the board to its proven optimum, also by physics; the bench by three solvers
+demo: $(INSTALLED)  ## the board to its proven optimum, also by physics and by learning; the bench
 	$(SKILLPLAN) chart $(BOARD) --collision swept
 	$(SKILLPLAN) compare $(BOARD) --solvers exhaustive,exact
 	$(SKILLPLAN) compare $(BENCH) --solvers csp,sarsa,monte-carlo,policy-iteration
 	$(SKILLPLAN) search-optimal $(BOARD)
 	if $(HAS_PYBULLET); then $(SKILLPLAN) search-optimal $(BOARD) $(PHYSICS) --no-cache && \
 	  $(SKILLPLAN) simulate $(BOARD) --sequence $(OPTIMUM); fi
+	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && \
+	  $(SKILLPLAN) train $(BOARD) --solver dqn --runs 2 --steps 20000 --out "$$out/runs"
 
 test: $(INSTALLED)  ## the suite, without what takes minutes
 	$(BIN)/pytest -n auto -q tests plugins
@@ -41,9 +43,11 @@ bench: $(INSTALLED)  ## ratios against a baseline of the same run
 	$(BIN)/python benchmarks/startup.py
 	$(BIN)/python benchmarks/search.py
 	$(BIN)/python benchmarks/tabular.py
+	$(BIN)/python benchmarks/env.py
 	$(BIN)/python benchmarks/fleet.py 10
 	$(BIN)/python benchmarks/swept.py
 	if $(HAS_PYBULLET); then $(BIN)/python benchmarks/physics.py; fi
+	$(BIN)/python benchmarks/learning.py
 
 schema: $(INSTALLED)  ## the JSON Schema that editors read
 	$(SKILLPLAN) schema assembly > configs/assembly.schema.json
@@ -59,6 +63,6 @@ $(INSTALLED): pyproject.toml constraints.txt $(wildcard plugins/*/pyproject.toml
 	$(PYTHON) -m venv .venv
 	PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check \
 	  --editable '.[dev]' --editable plugins/skillplan-template \
-	  --editable plugins/skillplan-pinocchio \
+	  --editable plugins/skillplan-pinocchio --editable plugins/skillplan-torch \
 	  $$($(HAS_PYBULLET) && echo --editable plugins/skillplan-pybullet)
 	touch $@

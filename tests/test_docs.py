@@ -100,14 +100,20 @@ def test_every_command_option_status_and_exit_code_is_in_the_readme():
         assert option in README
     for option in ("--video", "--fps", "--speed", "--trace"):
         assert option in README
+    for option in ("--runs", "--steps", "--family", "--checkpoint", "--layouts", "--episodes"):
+        assert option in README
+    for option in ("--temperature", "--task", "--changed-task", "--against", "--dpi"):
+        assert option in README
 
 
 def test_every_plugin_and_kind_is_in_the_readme():
-    """What is built in is described, and so is how to add to every kind."""
-    built_in = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
+    """What this repository brings is described, and so is how to add to every kind."""
+    projects = [ROOT / "pyproject.toml", *(ROOT / "plugins").glob("*/pyproject.toml")]
+    entries = [tomllib.loads(path.read_text())["project"]["entry-points"] for path in projects]
     for kind in registry.KINDS:
-        for name in built_in[f"skillplan.{kind}"]:
-            assert f"`{name}`" in README or f"kind: {name}" in README
+        for name in (name for one in entries for name in one.get(f"skillplan.{kind}", ())):
+            if name != "greedy":
+                assert f"`{name}`" in README or f"kind: {name}" in README
         if kind != "solver":
             assert f"`skillplan.{kind}`" in README
 
@@ -147,6 +153,20 @@ def test_the_python_snippets_run(shop):
     )
     assert done.stderr == ""
     assert done.stdout.startswith("optimal 1.86708")
+
+
+def test_the_gymnasium_snippet_prints_what_stands_below_it(shop):
+    """The episode ends as the README says."""
+    (script,) = (block for block in blocks("python") if "import gymnasium" in block)
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", script],
+        cwd=shop,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stderr == ""
+    assert f"`{done.stdout.strip()}`" in README
 
 
 def test_links_lead_somewhere():

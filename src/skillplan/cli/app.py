@@ -30,6 +30,7 @@ COMMANDS = {
     "evaluate": "Replay a sequence: feasible, complete, at what cost, what fails where.",
     "compare": "Run several solvers side by side.",
     "sweep": "Study how a solver's options act: several values, seeds and starts.",
+    "train": "Train a learner: several runs, kept in a folder, held to the proved optimum.",
     "check": "Validate a task file: its faults at once.",
     "explain": "Say why a skill is feasible or not in a state.",
     "simulate": "Execute a whole plan in one simulated world; film it.",

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
 
+from skillplan.cli.option_fit import refuse_given
 from skillplan.cli.options import (
     PluginName,
+    TaskPath,
     asked,
     back_end_options,
     make_setup,
@@ -20,9 +23,9 @@ from skillplan.cli.options import (
     set_option,
     settings,
     split_names,
-    task_argument,
     time_limit_option,
 )
+from skillplan.cli.run_figures import RUN_FIGURES, plot_run_folder
 from skillplan.errors import OptionError, name_hint
 
 # Figure to the line that the help shows; the module is named after the figure.
@@ -36,7 +39,30 @@ FIGURES = {
     "fleet": "the ways of several bases on one bench, with their parallel steps",
 }
 
-EPILOG = "\b\nFigures:\n" + "\n".join(f"  {name:<10} {line}" for name, line in FIGURES.items())
+# What a task file takes and a folder of runs does not.
+_OF_TASK = (
+    "solver",
+    "physics",
+    "collision",
+    "options",
+    "changes",
+    "part",
+    "states",
+    "seeds",
+    "seed",
+)
+_PROOF_S = 10.0
+
+
+def _listed(figures: dict[str, str]) -> str:
+    return "\n".join(f"  {name:<10} {line}" for name, line in figures.items())
+
+
+EPILOG = (
+    f"\b\nFigures of a task:\n{_listed(FIGURES)}\n\n"
+    f"\b\nFigures of a folder of runs, by default both, as PNG and SVG, into the folder:\n"
+    f"{_listed(RUN_FIGURES)}"
+)
 
 
 class FigureName(click.ParamType[str]):
@@ -46,8 +72,9 @@ class FigureName(click.ParamType[str]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Return the name, or say which is nearest."""
-        if value not in FIGURES:
-            self.fail(f"No figure {value!r}. {name_hint(str(value), FIGURES)}", param, ctx)
+        known = {**FIGURES, **RUN_FIGURES}
+        if value not in known:
+            self.fail(f"No figure {value!r}. {name_hint(str(value), known)}", param, ctx)
         return str(value)
 
     def shell_complete(
@@ -56,19 +83,19 @@ class FigureName(click.ParamType[str]):
         """Return the figures that begin like what was typed."""
         return [
             CompletionItem(name, help=line)
-            for name, line in FIGURES.items()
+            for name, line in {**FIGURES, **RUN_FIGURES}.items()
             if name.startswith(incomplete)
         ]
 
 
 @click.command("plot", epilog=EPILOG)
-@task_argument
-@click.argument("figure", type=FigureName())
+@click.argument("task", type=TaskPath(), metavar="TASK|RUN")
+@click.argument("figure", type=FigureName(), required=False)
 @click.option(
     "--out",
     metavar="FILE",
     help="Where to, .png or .svg; default: TASK-FIGURE.png in the current folder, after the "
-    "task's name. What was there is replaced.",
+    "task's name, or FIGURE.png and FIGURE.svg in RUN. What was there is replaced.",
 )
 @click.option(
     "--solver",
@@ -95,6 +122,14 @@ class FigureName(click.ParamType[str]):
     help="For learning: how many runs with seeds from --seed on the mean and the band are of.",
 )
 @seed_option
+@click.option(
+    "--against",
+    type=click.Choice(["steps", "episodes"]),
+    default="steps",
+    show_default=True,
+    help="Of a RUN: environment steps, of which all runs do as many, or episodes, as the paper "
+    "has it.",
+)
 @time_limit_option()
 @click.option(
     "--dpi",
@@ -104,9 +139,11 @@ class FigureName(click.ParamType[str]):
     metavar="N",
     help="Dots per inch of a PNG.",
 )
+@click.pass_context
 def command(
+    ctx: click.Context,
     task: str,
-    figure: str,
+    figure: str | None,
     out: str | None,
     solver: str | None,
     physics: str | None,
@@ -117,10 +154,14 @@ def command(
     states: str | None,
     seeds: int,
     seed: int,
+    against: str,
     time_limit_s: float | None,
     dpi: int,
 ) -> int:
-    """Solve TASK and draw FIGURE of it; prints the path of the file written."""
+    """Solve TASK and draw FIGURE of it, or draw what a RUN has learned; prints what is written.
+
+    RUN is a folder that train has written.
+    """
     from skillplan.chain import solve_chain
     from skillplan.cli.output import exit_code
     from skillplan.cli.waiting import stoppable
@@ -129,6 +170,27 @@ def command(
     from skillplan.run import solve
     from skillplan.setup import load_problem
 
+    if os.path.isdir(task):
+        from skillplan.report.run_folder import RunFolder
+
+        folder = RunFolder(task)
+        refuse_given(ctx, _OF_TASK, "is for a task file, not for a folder of runs")
+        if figure in FIGURES:
+            raise OptionError(
+                f"Figure {figure!r} is of a task file; of a folder of runs there are "
+                f"{' and '.join(RUN_FIGURES)}."
+            )
+        _check_matplotlib()
+        limit_s = _PROOF_S if time_limit_s is None else time_limit_s
+        return plot_run_folder(folder, figure, out, against, limit_s, dpi)
+    refuse_given(ctx, ("against",), "is for a folder of runs, not for a task file")
+    if figure is None:
+        raise OptionError(f"Name a figure of the task: {', '.join(FIGURES)}.")
+    if figure in RUN_FIGURES:
+        raise OptionError(
+            f"Figure {figure!r} is of a folder of runs, which train writes; of a task file there "
+            f"are {', '.join(FIGURES)}."
+        )
     module = _module(figure)
     from skillplan.registry import load, make_options
     from skillplan.report.figures.figure_file import checked_path, save_figure
@@ -178,10 +240,14 @@ def _say_why(name: str, answer: Any) -> None:
 
 
 def _module(figure: str) -> Any:
-    """Return the module that draws a figure."""
+    """Return the module that draws a figure of a task."""
+    _check_matplotlib()
+    return importlib.import_module(f"skillplan.report.figures.{figure.replace('-', '_')}_figure")
+
+
+def _check_matplotlib() -> None:
     try:
         importlib.import_module("matplotlib")
     except ImportError:
         message = "plot needs matplotlib, which is not installed: pip install matplotlib."
         raise OptionError(message) from None
-    return importlib.import_module(f"skillplan.report.figures.{figure.replace('-', '_')}_figure")

@@ -1,0 +1,344 @@
+"""Deep Q-learning: steps a second against Stable-Baselines3's, on the paper's board without mask.
+
+Both observe the paper's bits and are paid by Table II, with one thread a process. Ways to train
+take turns; each is timed once it is warm, and held against Stable-Baselines3's defaults in as many
+processes of the same round. Its runs learn one after another in a process, `dqn`'s in groups of
+five side by side, as `skillplan train` has them. Budget of the project: 3 times its steps a second.
+
+A transition learned from is one of a batch of an update: 32 of them and two layers of 64 units
+there by default, 64 and one layer of 256 units here.
+
+Stable-Baselines3 is no part of the project: it is installed apart, into a folder of its own, and
+shares torch and Gymnasium with this interpreter.
+
+Run from the repository: ``python benchmarks/learning.py [--steps N] [--rounds N] [--folder DIR]``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.synchronize import Barrier
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+BASELINE = "stable-baselines3"
+VERSION = "2.9.2"
+BOARD = Path(__file__).parents[1] / "configs" / "inverter_board.yaml"
+PRESENTATION = {"observation": "paper", "mask": "none"}
+BUDGET = 3.0
+GROUP = 5
+LEAST_STEPS = 1_000
+STRIDE_STEPS = 100
+# What is imported or compiled on first use is not timed.
+WARM_UP_STEPS = 200
+# A process that does not get this far has hung.
+PATIENCE_S = 3_600.0
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way to train runs.
+
+    Parameters
+    ----------
+    name
+        What the table calls it.
+    groups
+        Of how many runs every group is; groups are shared out among the processes.
+    processes
+        How many, all of which get as many groups.
+    options
+        Of Stable-Baselines3's DQN beside its defaults; None for `dqn` with its own.
+    """
+
+    name: str
+    groups: tuple[int, ...]
+    processes: int
+    options: dict[str, int] | None = None
+
+    @property
+    def is_baseline(self) -> bool:
+        """Whether others are held against it."""
+        return self.options == {}
+
+
+@dataclass(frozen=True)
+class Share:
+    """What a process has trained.
+
+    Parameters
+    ----------
+    wall_s, cpu_s
+        Time that it took, and that of the processor.
+    updates, learned_from
+        Of an environment step: updates, and transitions in their batches.
+    completing
+        How many policies complete the task when followed greedily.
+    """
+
+    wall_s: float
+    cpu_s: float
+    updates: float
+    learned_from: float
+    completing: int
+
+
+class Clock:
+    """Time since it was made."""
+
+    def __init__(self) -> None:
+        self._begin_s = time.perf_counter(), time.process_time()
+
+    def read(self) -> tuple[float, float]:
+        """Return the time, and that of the processor [s]."""
+        return time.perf_counter() - self._begin_s[0], time.process_time() - self._begin_s[1]
+
+
+WAYS = (
+    Way("Stable-Baselines3, defaults", (1,), 1, {}),
+    Way("Stable-Baselines3, defaults", (1, 1), 2, {}),
+    Way("Stable-Baselines3, train_freq 2", (1,), 1, {"train_freq": 2, "gradient_steps": 1}),
+    Way("Stable-Baselines3, train_freq 1", (1,), 1, {"train_freq": 1, "gradient_steps": 1}),
+    Way("dqn, a run alone", (1,), 1),
+    Way("dqn, groups of five", (GROUP, GROUP), 1),
+    Way("dqn, groups of five", (GROUP, GROUP), 2),
+)
+
+
+def main() -> None:
+    """Install what is compared with, and print the table."""
+    parser = argparse.ArgumentParser(description=f"Steps a second of dqn and of {BASELINE}.")
+    parser.add_argument("--steps", type=int, default=5_000, help="environment steps of a run")
+    parser.add_argument("--rounds", type=int, default=2, help="how often the ways take turns")
+    parser.add_argument("--folder", type=Path, help=f"where {BASELINE} is, or is installed")
+    asked = parser.parse_args()
+    if asked.steps < LEAST_STEPS or asked.rounds < 1:
+        parser.error(f"it takes at least {LEAST_STEPS:,} steps and 1 round")
+    with ExitStack() as stack:
+        folder = asked.folder or Path(stack.enter_context(TemporaryDirectory()))
+        install(folder)
+        rounds: list[list[list[Share]]] = []
+        for number in range(asked.rounds):
+            rounds.append([turn(way, asked.steps, 100 * number, folder) for way in WAYS])
+    table(rounds, asked.steps)
+
+
+def install(folder: Path) -> None:
+    """Install Stable-Baselines3 into a folder, without what it shares with this interpreter."""
+    if (folder / f"{BASELINE.replace('-', '_')}-{VERSION}.dist-info").is_dir():
+        return
+    wanted = f"{BASELINE}=={VERSION}"
+    command = (sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
+    where = ("--no-deps", "--upgrade", "--target", str(folder))
+    done = subprocess.run((*command, *where, wanted), capture_output=True, text=True)
+    if done.returncode:
+        said = (done.stderr.strip() or "pip says nothing").splitlines()[-1]
+        sys.exit(f"{wanted} cannot be installed into {folder}: {said}")
+
+
+def turn(way: Way, steps: int, seed: int, folder: Path) -> list[Share]:
+    """Return what every process has trained, all at once.
+
+    Parameters
+    ----------
+    way
+        How.
+    steps
+        Environment steps of a run.
+    seed
+        Of the first run; the others' count up.
+    folder
+        Where Stable-Baselines3 is.
+    """
+    spawn = multiprocessing.get_context("spawn")
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    barrier = spawn.Barrier(way.processes)
+    started: list[tuple[multiprocessing.process.BaseProcess, Connection]] = []
+    try:
+        for index in range(way.processes):
+            here, there = spawn.Pipe(duplex=False)
+            groups = way.groups[index :: way.processes]
+            seeds = seed + index * sum(groups)
+            process = spawn.Process(
+                target=work, args=(there, barrier, way, groups, steps, seeds, folder), daemon=True
+            )
+            process.start()
+            there.close()
+            started.append((process, here))
+        return [answer(way, here) for _, here in started]
+    finally:
+        for process, here in started:
+            here.close()
+            process.kill()
+            process.join()
+
+
+def answer(way: Way, pipe: Connection) -> Share:
+    """Return what a process says, or end the program with why it cannot."""
+    try:
+        said: Share | str = pipe.recv()
+    except EOFError:
+        said = "its process has ended"
+    if isinstance(said, str):
+        sys.exit(f"{way.name} cannot be timed: {said}")
+    return said
+
+
+def work(
+    pipe: Connection,
+    barrier: Barrier,
+    way: Way,
+    groups: tuple[int, ...],
+    steps: int,
+    seed: int,
+    folder: Path,
+) -> None:
+    """Train groups one after another, once every process is warm; tell what they came to."""
+    try:
+        import torch
+
+        torch.set_num_threads(1)
+        if way.options is None:
+            train = train_dqn
+        else:
+            sys.path.insert(0, str(folder))
+            train = train_baseline
+        train(way, 1, WARM_UP_STEPS, seed)
+        barrier.wait(PATIENCE_S)
+        trained = []
+        for runs in groups:
+            trained.append(train(way, runs, steps, seed))
+            seed += runs
+        pipe.send(
+            Share(
+                wall_s=sum(one.wall_s for one in trained),
+                cpu_s=sum(one.cpu_s for one in trained),
+                updates=statistics.mean(one.updates for one in trained),
+                learned_from=statistics.mean(one.learned_from for one in trained),
+                completing=sum(one.completing for one in trained),
+            )
+        )
+    except Exception as error:
+        barrier.abort()
+        pipe.send(f"{type(error).__name__}: {error}")
+
+
+def train_dqn(way: Way, runs: int, steps: int, seed: int) -> Share:
+    """Train runs side by side, as `skillplan train` does."""
+    from skillplan.env.skill_vector_env import SkillVectorEnv
+    from skillplan.run import make_model, make_solver
+    from skillplan.setup import load_problem
+
+    env = SkillVectorEnv(make_model(load_problem(BOARD).task), runs, **PRESENTATION)
+    learner = make_solver("dqn", PRESENTATION)
+    clock = Clock()
+    training = learner.begin(env, range(seed, seed + runs), steps)
+    while training.steps < steps:
+        training.advance(min(STRIDE_STEPS, steps - training.steps))
+        training.figures()
+    wall_s, cpu_s = clock.read()
+    options = learner.options
+    updates = options.updates * max(0, steps - options.warm_up) / steps
+    policies = [training.learned(run).policy for run in range(runs)]
+    return Share(
+        wall_s,
+        cpu_s,
+        updates,
+        updates * options.batch,
+        sum(completes(lambda seen, p=policy: int(p.greedy(seen[None])[0])) for policy in policies),
+    )
+
+
+def train_baseline(way: Way, runs: int, steps: int, seed: int) -> Share:
+    """Train runs of Stable-Baselines3 one after another."""
+    from stable_baselines3 import DQN
+
+    env = board()
+    wall_s, cpu_s, updates, completing = 0.0, 0.0, 0, 0
+    for run in range(runs):
+        clock = Clock()
+        learner = DQN("MlpPolicy", env, seed=seed + run, device="cpu", **(way.options or {}))
+        learner.learn(steps)
+        took_s = clock.read()
+        wall_s, cpu_s = wall_s + took_s[0], cpu_s + took_s[1]
+        updates += learner._n_updates
+        completing += completes(
+            lambda seen, of=learner: int(of.predict(seen, deterministic=True)[0])
+        )
+    per_step = updates / (runs * steps)
+    return Share(wall_s, cpu_s, per_step, per_step * learner.batch_size, completing)
+
+
+def board() -> Any:
+    """Return the paper's board as a single environment."""
+    import gymnasium
+
+    return gymnasium.make("skillplan.env:skillplan/Task-v0", task=BOARD, **PRESENTATION)
+
+
+def completes(choose: Callable[[Any], int]) -> bool:
+    """Return whether a policy completes the board."""
+    env = board()
+    seen, _ = env.reset(seed=0)
+    while True:
+        seen, _, terminated, truncated, info = env.step(choose(seen))
+        if terminated or truncated:
+            return bool(terminated and info["verdict"] == "feasible")
+
+
+def table(rounds: list[list[list[Share]]], steps: int) -> None:
+    """Print what every way came to: rates and ratios are medians of the rounds."""
+    print(
+        f"{f'runs of {steps:,} steps':31} {'runs':>4} {'processes':>9} {'steps/s':>8} "
+        f"{'a process':>9} {'ratio':>6} {'lowest':>6} {'by CPU time':>11} {'updates':>7} "
+        f"{'learned from':>12} {'complete':>9}"
+    )
+    for at, way in enumerate(WAYS):
+        base_at = next(
+            i for i, one in enumerate(WAYS) if one.is_baseline and one.processes == way.processes
+        )
+        rate = statistics.median(rates(way, turns[at], steps)[0] for turns in rounds)
+        ratios, by_cpu = zip(
+            *(
+                (own / base, own_cpu / base_cpu)
+                for (own, own_cpu), (base, base_cpu) in (
+                    (rates(way, turns[at], steps), rates(WAYS[base_at], turns[base_at], steps))
+                    for turns in rounds
+                )
+            ),
+            strict=True,
+        )
+        runs, share = sum(way.groups), rounds[0][at][0]
+        completing = sum(share.completing for turns in rounds for share in turns[at])
+        print(
+            f"{way.name:31} {runs:4} {way.processes:9} {rate:8,.0f} {rate / way.processes:9,.0f} "
+            f"{statistics.median(ratios):6.2f} {min(ratios):6.2f} "
+            f"{statistics.median(by_cpu):11.2f} {share.updates:7.2f} {share.learned_from:12.1f} "
+            f"{f'{completing} of {runs * len(rounds)}':>9}"
+        )
+    print(
+        f"Updates and transitions learned from are those of a step; ratios are to {BASELINE}'s "
+        f"defaults\nin as many processes; the budget is {BUDGET:.0f}."
+    )
+
+
+def rates(way: Way, shares: list[Share], steps: int) -> tuple[float, float]:
+    """Return a way's environment steps a second, and a second of a processor."""
+    total = sum(way.groups) * steps
+    return total / max(share.wall_s for share in shares), total / sum(one.cpu_s for one in shares)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,165 @@
+"""The best policy of every run among those that it had on its way.
+
+Moller et al., section 5, evaluate the best performing model of every session.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.solvers.learner import Learned
+from skillplan.solvers.network_policy import NetworkPolicy
+
+# Costs that differ by less are the same.
+_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class Walk:
+    """An episode that completed the task, with what was observed and allowed on its way.
+
+    Parameters
+    ----------
+    cost
+        What it cost.
+    observations, masks
+        Before every action, shapes (n, features) and (n, actions).
+    actions
+        Shape (n,).
+    """
+
+    cost: float
+    observations: NDArray[np.float32]
+    masks: NDArray[np.bool_]
+    actions: NDArray[np.int64]
+
+    def follows_from(self, policy: NetworkPolicy) -> bool:
+        """Whether a policy does the same all the way."""
+        return bool((policy.greedy(self.observations, self.masks) == self.actions).all())
+
+
+class KeptPolicies:
+    """The policies that complete the task at least cost, as far as episodes have shown.
+
+    Where every skill has one outcome, a policy that would do what an episode did all its way
+    comes to what that one came to. So every policy is held against the cheapest episode so far
+    and the one that has just ended, at the end of every episode.
+
+    Parameters
+    ----------
+    runs
+        How many.
+    keeps
+        Whether one episode tells what a policy costs; otherwise none is kept.
+    """
+
+    def __init__(self, runs: int, *, keeps: bool) -> None:
+        self._keeps = keeps
+        self._best: list[tuple[float, int, NetworkPolicy] | None] = [None] * runs
+        self._cheapest: list[Walk | None] = [None] * runs
+
+    def ended(self, run: int, step: int, walk: Walk | None, policy: NetworkPolicy) -> None:
+        """Take note of the end of an episode.
+
+        Parameters
+        ----------
+        run, step
+            Whose, and after how many steps.
+        walk
+            The episode, if it completed the task.
+        policy
+            The run's policy as it is.
+        """
+        if not self._keeps:
+            return
+        cheapest = self._cheapest[run]
+        if walk is not None and (cheapest is None or walk.cost < cheapest.cost - _TOLERANCE):
+            self._cheapest[run] = cheapest = walk
+        best = self._best[run]
+        for one in (cheapest, walk):
+            if one is None or (best is not None and one.cost >= best[0] - _TOLERANCE):
+                continue
+            if one.follows_from(policy):
+                self._best[run] = (one.cost, step, policy)
+                return
+
+    def learned(self, run: int, last: NetworkPolicy) -> Learned:
+        """Return what a run has learned, given its policy as it is."""
+        best = self._best[run]
+        return Learned(last) if best is None else Learned(last, best[2], best[0], best[1])
+
+    def arrays(self, name: str) -> dict[str, NDArray[Any]]:
+        """Return copies of the layers, to be read by `read`."""
+        found: dict[str, NDArray[Any]] = {}
+        for run, best in enumerate(self._best):
+            if best is not None:
+                for i, weight in enumerate(best[2].weights):
+                    found[f"{name}.{run}.{i}.weight"] = weight.copy()
+                    found[f"{name}.{run}.{i}.bias"] = best[2].biases[i].copy()
+            walk = self._cheapest[run]
+            if walk is not None:
+                found[f"{name}.{run}.observations"] = walk.observations
+                found[f"{name}.{run}.masks"] = walk.masks
+                found[f"{name}.{run}.actions"] = walk.actions
+        return found
+
+    def document(self) -> list[dict[str, Any]]:
+        """Return the rest as JSON values."""
+        return [
+            {
+                "best": None if best is None else {"cost": best[0], "step": best[1]},
+                "cheapest": None if walk is None else walk.cost,
+            }
+            for best, walk in zip(self._best, self._cheapest, strict=True)
+        ]
+
+    def read(
+        self,
+        name: str,
+        arrays: Mapping[str, NDArray[Any]],
+        documents: Sequence[Mapping[str, Any]],
+    ) -> None:
+        """Take over what `arrays` and `document` returned.
+
+        Raises
+        ------
+        ValueError
+            If they are of other runs.
+        """
+        if len(documents) != len(self._best):
+            raise ValueError("The snapshot's kept policies are of other runs.")
+        try:
+            for run, document in enumerate(documents):
+                self._read(f"{name}.{run}", run, arrays, document)
+        except KeyError as error:
+            raise ValueError(f"The snapshot's {error} is missing.") from None
+
+    def _read(
+        self,
+        name: str,
+        run: int,
+        arrays: Mapping[str, NDArray[Any]],
+        document: Mapping[str, Any],
+    ) -> None:
+        self._best[run], self._cheapest[run] = None, None
+        best, cost = document["best"], document["cheapest"]
+        if best is not None:
+            layers = sum(key.startswith(f"{name}.") and key.endswith(".bias") for key in arrays)
+            policy = NetworkPolicy(
+                tuple(np.array(arrays[f"{name}.{i}.weight"]) for i in range(layers)),
+                tuple(np.array(arrays[f"{name}.{i}.bias"]) for i in range(layers)),
+            )
+            self._best[run] = (float(best["cost"]), int(best["step"]), policy)
+        if cost is not None:
+            self._cheapest[run] = Walk(
+                float(cost),
+                *(
+                    np.array(arrays[f"{name}.{key}"])
+                    for key in ("observations", "masks", "actions")
+                ),
+            )

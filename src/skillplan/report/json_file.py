@@ -1,0 +1,77 @@
+"""Documents of JSON that the program keeps for itself: checked when they are read again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from skillplan.errors import OptionError, format_path
+
+_MOST_BYTES = 64 * 1024 * 1024
+_Content = TypeVar("_Content", bound=BaseModel)
+
+
+def json_text(schema: str, content: BaseModel | Mapping[str, Any]) -> str:
+    """Return a document that begins with the name of its schema.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite.
+    """
+    values = content.model_dump(mode="json") if isinstance(content, BaseModel) else dict(content)
+    return json.dumps({"schema": schema, **values}, indent=2, allow_nan=False)
+
+
+def read_document(path: Path, schema: str, remedy: str) -> dict[str, Any]:
+    """Return a document that `json_text` wrote, without the name of its schema.
+
+    Parameters
+    ----------
+    path
+        The file.
+    schema
+        Its name with a version, such as ``skillplan.run/1``.
+    remedy
+        What to do where the file is not as it was written; no full stop.
+
+    Raises
+    ------
+    OptionError
+        If it cannot be read, is no such document, or one of another version.
+    """
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            raise OptionError(f"{path}: is larger than any such file. {remedy}.")
+        document = json.loads(path.read_bytes())
+    except OSError as error:
+        raise OptionError(f"{path}: cannot be read: {error.strerror}. {remedy}.") from None
+    except (ValueError, RecursionError) as error:
+        raise OptionError(f"{path}: is damaged: {error}. {remedy}.") from None
+    name = document.pop("schema", None) if isinstance(document, dict) else None
+    if isinstance(name, str) and name != schema:
+        kind = schema.partition("/")[0]
+        if name.partition("/")[0] == kind:
+            raise OptionError(
+                f"{path}: is of another version, {name}; this skillplan reads {schema}. Use the "
+                "version that wrote it."
+            )
+    if name != schema:
+        raise OptionError(f"{path}: is no document {schema}. {remedy}.")
+    assert isinstance(document, dict)
+    return document
+
+
+def read_checked(path: Path, schema: str, model: type[_Content], remedy: str) -> _Content:
+    """Return a document as a model has it; parameters and errors are those of `read_document`."""
+    document = read_document(path, schema, remedy)
+    try:
+        return model.model_validate_json(json.dumps(document))
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+        where = format_path(tuple(fault["loc"]))
+        raise OptionError(f"{path}: is damaged: {where}: {fault['msg']}. {remedy}.") from None

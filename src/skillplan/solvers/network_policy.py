@@ -1,0 +1,153 @@
+"""A policy as a feed-forward network: from what is observed to a score for every action.
+
+Whatever learned it, it answers with numpy alone, so that a stored policy needs neither the
+library it was trained with nor code of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class NetworkPolicy:
+    """Scores of actions; the greedy policy takes the best, of equals the first.
+
+    Parameters
+    ----------
+    weights
+        Of every layer, shape (inputs, outputs), float32; a layer's outputs are the next one's
+        inputs, rectified. At least one.
+    biases
+        Of every layer, shape (outputs,), float32.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit or a figure is not finite.
+    """
+
+    weights: tuple[Vector, ...]
+    biases: tuple[Vector, ...]
+
+    def __post_init__(self) -> None:
+        if not self.weights or len(self.weights) != len(self.biases):
+            raise ValueError("A network has at least one layer, each of weights and biases.")
+        width = self.weights[0].shape[0]
+        for weight, bias in zip(self.weights, self.biases, strict=True):
+            if weight.ndim != 2 or weight.shape[0] != width or bias.shape != weight.shape[1:]:
+                raise ValueError("The layers of a network do not fit each other.")
+            if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
+                raise ValueError("The figures of a network must be finite.")
+            width = weight.shape[1]
+
+    @property
+    def inputs(self) -> int:
+        """How many features it observes."""
+        return int(self.weights[0].shape[0])
+
+    @property
+    def actions(self) -> int:
+        """How many actions it scores."""
+        return int(self.weights[-1].shape[1])
+
+    def scores(self, observations: Vector) -> Vector:
+        """Return a score for every action.
+
+        Parameters
+        ----------
+        observations
+            Shape (n, inputs).
+
+        Returns
+        -------
+        ndarray
+            Shape (n, actions), float32.
+        """
+        layer = np.asarray(observations, dtype=np.float32)
+        last = len(self.weights) - 1
+        for depth, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            layer = layer @ weight + bias
+            if depth < last:
+                layer = np.maximum(layer, 0.0)
+        return layer
+
+    def greedy(
+        self, observations: Vector, masks: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.int64]:
+        """Return the action of the best score among those allowed, shape (n,).
+
+        Parameters
+        ----------
+        observations
+            Shape (n, inputs).
+        masks
+            What is allowed, shape (n, actions); None, or a row without any, allows all.
+        """
+        best: NDArray[np.int64] = np.argmax(
+            allowed_scores(self.scores(observations), masks), axis=1
+        )
+        return best
+
+    def sample(
+        self,
+        observations: Vector,
+        masks: NDArray[np.bool_] | None,
+        uniforms: NDArray[np.float64],
+        temperature: float,
+    ) -> NDArray[np.int64]:
+        """Return actions drawn with probabilities proportional to exp(score / temperature).
+
+        Parameters
+        ----------
+        observations, masks
+            As for `greedy`.
+        uniforms
+            A random number in [0, 1) for every row, shape (n,).
+        temperature
+            > 0.
+
+        Raises
+        ------
+        ValueError
+            If the temperature is not above 0.
+        """
+        if not temperature > 0:
+            raise ValueError(f"Temperature must be > 0, not {temperature}.")
+        scores = allowed_scores(self.scores(observations), masks).astype(np.float64) / temperature
+        weights = np.exp(scores - scores.max(axis=1, keepdims=True))
+        totals = np.cumsum(weights, axis=1)
+        drawn: NDArray[np.int64] = (totals <= uniforms[:, None] * totals[:, -1:]).sum(axis=1)
+        return np.minimum(drawn, self.actions - 1)
+
+
+def allowed_scores(scores: Vector, masks: NDArray[np.bool_] | None) -> Vector:
+    """Return the scores with minus infinity where an action is not allowed.
+
+    A row that allows nothing is taken to allow everything: the episode ends there anyway.
+    """
+    if masks is None:
+        return scores
+    stuck = ~masks.any(axis=1, keepdims=True)
+    return np.where(masks | stuck, scores, np.float32(-np.inf))
+
+
+def random_actions(masks: NDArray[np.bool_], uniforms: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return uniformly random actions among those allowed, shape (n,).
+
+    Parameters
+    ----------
+    masks
+        Shape (n, actions); a row without any allows all.
+    uniforms
+        A random number in [0, 1) for every row, shape (n,).
+    """
+    allowed = masks | ~masks.any(axis=1, keepdims=True)
+    totals = np.cumsum(allowed, axis=1)
+    drawn: NDArray[np.int64] = (totals <= uniforms[:, None] * totals[:, -1:]).sum(axis=1)
+    return drawn

@@ -1,0 +1,116 @@
+"""Checkpoints: all that runs which learn side by side go on from, in one file.
+
+The file is there whole or not at all. It vouches for itself: arrays as safetensors, everything
+else as JSON in their header, with a hash over both.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.errors import OptionError
+from skillplan.solvers.learner import Snapshot
+from skillplan.task.atomic_file import write_whole
+
+SCHEMA = "skillplan.checkpoint/1"
+_KEY = "skillplan"
+_REMEDY = "Delete it, and --resume begins its runs anew"
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """Where runs that learn side by side stand.
+
+    Parameters
+    ----------
+    steps
+        Environment steps done in every run.
+    lengths
+        How long files of the run folder were then [bytes], by path from the folder.
+    snapshot
+        What the learner goes on from.
+    """
+
+    steps: int
+    lengths: Mapping[str, int]
+    snapshot: Snapshot
+
+
+def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
+    """Write a checkpoint, which replaces the one before.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; the one before stays.
+    ValueError
+        If the notes of the snapshot are not JSON.
+    """
+    from safetensors.numpy import save
+
+    arrays = {
+        name: np.asarray(array, order="C") for name, array in checkpoint.snapshot.arrays.items()
+    }
+    content = {
+        "schema": SCHEMA,
+        "steps": checkpoint.steps,
+        "lengths": dict(checkpoint.lengths),
+        "notes": dict(checkpoint.snapshot.notes),
+    }
+    said = json.dumps(content, allow_nan=False, separators=(",", ":"), sort_keys=True)
+    header = {"content": said, "sha256": _digest(said, arrays)}
+    # One key only: the order of several would be left to chance.
+    write_whole(path, save(arrays, {_KEY: json.dumps(header, sort_keys=True)}))
+
+
+def read_checkpoint(path: Path) -> Checkpoint | None:
+    """Return a checkpoint; None where there is none. Its arrays may be written to.
+
+    Raises
+    ------
+    OptionError
+        If it cannot be read, or is not as it was written.
+    """
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
+
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise OptionError(f"{path}: cannot be read: {error.strerror}. {_REMEDY}.") from None
+    try:
+        arrays = {name: np.array(array) for name, array in load(data).items()}
+        size = int.from_bytes(data[:8], "little")
+        header = json.loads(json.loads(data[8 : 8 + size])["__metadata__"][_KEY])
+        said = header["content"]
+        if _digest(said, arrays) != header["sha256"]:
+            raise ValueError("its hash is another one")
+        content = json.loads(said)
+    except (SafetensorError, ValueError, KeyError, TypeError, AttributeError) as error:
+        reason = f"{type(error).__name__}: {error}" if isinstance(error, KeyError) else str(error)
+        raise OptionError(f"{path}: is damaged: {reason.rstrip('.')}. {_REMEDY}.") from None
+    if content["schema"] != SCHEMA:
+        raise OptionError(
+            f"{path}: is of another version, {content['schema']}; this skillplan reads {SCHEMA}. "
+            "Use the version that wrote it."
+        )
+    return Checkpoint(content["steps"], content["lengths"], Snapshot(arrays, content["notes"]))
+
+
+def _digest(said: str, arrays: Mapping[str, NDArray[Any]]) -> str:
+    digest = hashlib.sha256(said.encode())
+    for name in sorted(arrays):
+        array = arrays[name]
+        digest.update(f"{name} {array.dtype.str} {array.shape};".encode())
+        digest.update(np.ascontiguousarray(array).data if array.size else b"")
+    return digest.hexdigest()

@@ -1,0 +1,281 @@
+"""Who drives the groups of runs: this process one after another, or processes side by side.
+
+What is learned depends on neither. A process that is ended is started once more from its
+group's checkpoint; if that one is ended, too, the group's runs have failed, and the others go on.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from skillplan.errors import BackEndError, OptionError, PluginError, SearchStopped, SkillplanError
+from skillplan.model.verdict_cache import VerdictCache
+from skillplan.model.worker_processes import Answer, Ended, WorkerProcess, first_ready, packed
+from skillplan.report.run_folder import CHECKPOINT, group_path
+from skillplan.training.group_job import GroupJob, GroupOutcome, GroupReport
+from skillplan.training.group_training import GroupTraining
+
+_WHAT = "the training"
+_STARTS = 2
+# A stride that takes longer than this after a stop is given up: the checkpoint before counts.
+GRACE_S = 3.0
+
+Order = Literal["advance", "conclude"]
+
+
+@dataclass(frozen=True, slots=True)
+class GroupFailure:
+    """Why the runs of a group cannot go on.
+
+    Parameters
+    ----------
+    group
+        Number of the group.
+    reason
+        In words.
+    fatal
+        Whether no other group can go on either: something cannot be written, or is damaged.
+    back_end
+        Whether a back end has failed.
+    stopped
+        Whether it was merely told to stop, and lost what it was at.
+    """
+
+    group: int
+    reason: str
+    fatal: bool = False
+    back_end: bool = False
+    stopped: bool = False
+
+
+Told = GroupReport | GroupOutcome | GroupFailure
+Ending = tuple[int, GroupOutcome | GroupFailure]
+
+
+def serve(
+    job: GroupJob,
+    cache: VerdictCache | None = None,
+    overdue: Callable[[], bool] | None = None,
+) -> Callable[[Order], Told]:
+    """Return what does strides of a group, and in the end hands over what was learned.
+
+    Nothing that goes wrong in the group is raised: it is told. Files are opened by the first
+    order and closed by the last.
+
+    Parameters
+    ----------
+    job, cache, overdue
+        As for `GroupTraining`.
+    """
+    training: GroupTraining | None = None
+
+    def obey(order: Order) -> Told:
+        nonlocal training
+        try:
+            if training is None:
+                training = GroupTraining(job, cache, overdue)
+            if order == "advance":
+                if not training.finished:
+                    training.advance()
+                return training.report
+            outcome = training.conclude()
+            training.close()
+            return outcome
+        except BaseException as error:
+            if training is not None:
+                training.close()
+            if isinstance(error, Exception):
+                return _failure(job, error)
+            raise
+
+    return obey
+
+
+def drive(
+    jobs: Sequence[GroupJob],
+    processes: int,
+    stopped: Callable[[], bool],
+    on_report: Callable[[GroupReport], None],
+    cache: VerdictCache | None = None,
+) -> Iterator[Ending]:
+    """Yield what became of every group as it ends.
+
+    Once `stopped` is true every group that has a checkpoint hands over what it has learned until
+    then; one that has not yet begun is passed over.
+
+    Parameters
+    ----------
+    jobs
+        The groups.
+    processes
+        How many processes, >= 1; with 1 this one does it all.
+    stopped
+        Whether to stop; asked after every stride.
+    on_report
+        Called after every stride.
+    cache
+        Where this process keeps verdicts; others keep their own.
+
+    Raises
+    ------
+    OptionError
+        If something cannot be written, or is damaged.
+    SkillplanError
+        If processes cannot be started.
+    """
+    endings = (
+        _here(jobs, stopped, on_report, cache)
+        if processes == 1
+        else _elsewhere(jobs, processes, stopped, on_report)
+    )
+    for group, ending in endings:
+        if isinstance(ending, GroupFailure) and ending.fatal:
+            raise OptionError(ending.reason)
+        yield group, ending
+
+
+def _here(
+    jobs: Sequence[GroupJob],
+    stopped: Callable[[], bool],
+    on_report: Callable[[GroupReport], None],
+    cache: VerdictCache | None,
+) -> Iterator[Ending]:
+    overdue = _Overdue(stopped)
+    for job in jobs:
+        if stopped() and not _begun(job):
+            continue
+        obey = serve(job, cache, overdue)
+        told: Told | None = None
+        while not stopped() and not _over(told, job):
+            told = obey("advance")
+            if isinstance(told, GroupReport):
+                on_report(told)
+        if not isinstance(told, GroupFailure):
+            told = overdue.spared(obey)
+        elif told.stopped and _begun(job):
+            told = overdue.spared(serve(job, cache))
+        elif told.stopped:
+            continue
+        assert not isinstance(told, GroupReport)
+        yield job.group, told
+
+
+class _Overdue:
+    """Whether a stop was asked for long ago, but for what is spared."""
+
+    def __init__(self, stopped: Callable[[], bool]) -> None:
+        self._stopped = stopped
+        self._told_s: float | None = None
+        self._spared = False
+
+    def __call__(self) -> bool:
+        if self._spared or not self._stopped():
+            return False
+        now_s = time.monotonic()
+        if self._told_s is None:
+            self._told_s = now_s
+        return now_s > self._told_s + GRACE_S
+
+    def spared(self, obey: Callable[[Order], Told]) -> Told:
+        """Have a group conclude, however late it is."""
+        self._spared = True
+        try:
+            return obey("conclude")
+        finally:
+            self._spared = False
+
+
+@dataclass
+class _Task:
+    """What a process is at."""
+
+    job: GroupJob
+    order: Order
+    starts: int = 1
+    since_s: float = 0.0
+
+
+def _elsewhere(
+    jobs: Sequence[GroupJob],
+    processes: int,
+    stopped: Callable[[], bool],
+    on_report: Callable[[GroupReport], None],
+) -> Iterator[Ending]:
+    waiting = list(jobs)
+    at: dict[WorkerProcess, _Task] = {}
+
+    def start(job: GroupJob, order: Order, starts: int = 1) -> None:
+        worker = WorkerProcess(serve, packed(job, _WHAT), _WHAT)
+        at[worker] = _Task(job, order, starts)
+        worker.take(order)
+
+    stop_s: float | None = None
+    try:
+        while at or waiting:
+            if stop_s is None and stopped():
+                stop_s = time.monotonic()
+                waiting = [job for job in waiting if _begun(job)]
+            while waiting and len(at) < processes:
+                start(waiting.pop(0), "advance" if stop_s is None else "conclude")
+            for worker in first_ready(at):
+                said = worker.answer()
+                if said is None:
+                    continue
+                task = at[worker]
+                told = said.content if isinstance(said, Answer) else None
+                if isinstance(told, GroupReport):
+                    on_report(told)
+                    over = stop_s is not None or _over(told, task.job)
+                    task.order = "conclude" if over else "advance"
+                    worker.take(task.order)
+                    continue
+                del at[worker]
+                worker.end()
+                if isinstance(said, Ended):
+                    if not said.started:
+                        raise worker.not_started()
+                    if task.starts < _STARTS:
+                        start(task.job, task.order, task.starts + 1)
+                        continue
+                    told = GroupFailure(
+                        task.job.group, f"its process was ended twice, by {said.how}"
+                    )
+                assert isinstance(told, GroupOutcome | GroupFailure)
+                yield task.job.group, told
+            if stop_s is not None and time.monotonic() > stop_s + GRACE_S:
+                for worker, task in [pair for pair in at.items() if pair[1].order == "advance"]:
+                    # Whatever it is at takes too long; its checkpoint is as good.
+                    del at[worker]
+                    worker.end(gently=False)
+                    if _begun(task.job):
+                        start(task.job, "conclude", _STARTS)
+    finally:
+        for worker in at:
+            worker.end(gently=False)
+
+
+def _over(told: Told | None, job: GroupJob) -> bool:
+    if isinstance(told, GroupReport):
+        return told.steps >= job.plan.steps
+    return told is not None
+
+
+def _begun(job: GroupJob) -> bool:
+    return (group_path(job.folder, job.group) / CHECKPOINT).exists()
+
+
+def _failure(job: GroupJob, error: Exception) -> GroupFailure:
+    if isinstance(error, SearchStopped):
+        return GroupFailure(job.group, str(error), stopped=True)
+    if isinstance(error, OptionError | PluginError):
+        return GroupFailure(job.group, str(error), fatal=True)
+    if isinstance(error, SkillplanError):
+        return GroupFailure(job.group, str(error), back_end=isinstance(error, BackEndError))
+    if os.environ.get("SKILLPLAN_DEBUG"):
+        raise error
+    words = f"The solver {job.plan.solver!r} failed: {type(error).__name__}: {error}"
+    return GroupFailure(job.group, words)

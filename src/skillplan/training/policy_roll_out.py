@@ -1,0 +1,227 @@
+"""Policies followed on a model: greedily, by drawn actions, and chance alone for comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.env.observation import Observation
+from skillplan.env.skill_vector_env import SkillVectorEnv
+from skillplan.env.transition_table import COMPLETE
+from skillplan.errors import ModelTooLarge
+from skillplan.model.policy_value import evaluate_policy, roll_out
+from skillplan.model.replay import replay
+from skillplan.model.skill_model import SkillModel
+from skillplan.model.verdict_cache import VerdictCache
+from skillplan.report.optimum import Optimum
+from skillplan.report.result import Status
+from skillplan.report.training_outcome import GreedyRollOut, Tally
+from skillplan.report.training_result import RandomBaseline
+from skillplan.run import solve
+from skillplan.setup import Setup
+from skillplan.solvers.network_policy import NetworkPolicy, random_actions
+from skillplan.solvers.stop import Stop
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+
+Choose = Callable[[Any, NDArray[np.bool_], NDArray[np.float64]], NDArray[np.int64]]
+
+
+def greedy_roll_out(
+    model: SkillModel,
+    observation: Observation,
+    policy: NetworkPolicy,
+    mask: str,
+    kept: Literal["best", "last"] = "best",
+    step: int | None = None,
+) -> GreedyRollOut:
+    """Follow a policy without any chance of its own, and have the model judge what it does.
+
+    Parameters
+    ----------
+    model
+        Asked about every step that the policy takes.
+    observation
+        What the policy sees; of the model's task.
+    policy
+        Of as many inputs as are observed, and as many actions as there are skills.
+    mask
+        What its choice is limited to, ``none``, ``applicable`` or ``feasible``, as it learned.
+    kept, step
+        Which policy it is, and after how many steps it was kept.
+
+    Raises
+    ------
+    BackEndError
+        If a back end fails.
+    """
+    task = model.task
+
+    def choose(state: State) -> Skill:
+        masks = None if mask == "none" else _allowed(model, state, mask)[None]
+        return task.skills[int(policy.greedy(observation.encode(state)[None], masks)[0])]
+
+    skills = roll_out(model, choose)
+    walked = replay(model, skills)
+    done = [step.skill for step in walked.steps]
+    if len(done) < len(skills) and walked.violations:
+        done.append(skills[len(done)].name)
+    cost: float | None
+    if task.deterministic:
+        cost = walked.cost if walked.complete else None
+        reason = "" if walked.complete else _why(walked.violations[0].reason, done, walked.feasible)
+    else:
+        try:
+            value = evaluate_policy(model, choose)
+            cost, reason = value.cost, value.problem or ""
+        except ModelTooLarge as error:
+            cost, reason = None, f"its expected cost is not known: {error}"
+    actions = tuple(task.action(name) for name in done)
+    return GreedyRollOut(kept, actions, tuple(done), cost, step, reason)
+
+
+def _why(reason: str, done: list[str], feasible: bool) -> str:
+    if feasible:
+        return f"after {len(done)} skills {reason}"
+    return f"{done[-1]} at step {len(done)}: {reason}"
+
+
+def _allowed(model: SkillModel, state: State, mask: str) -> NDArray[np.bool_]:
+    if mask == "feasible":
+        skills = [arrow.skill for arrow in model.transitions(state)]
+    else:
+        skills = model.applicable(state)
+    allowed = np.zeros(len(model.task.skills), dtype=np.bool_)
+    allowed[[model.task.action(skill) for skill in skills]] = True
+    return allowed
+
+
+def sampled_roll_outs(
+    env: SkillVectorEnv, policy: NetworkPolicy, episodes: int, seed: int, temperature: float
+) -> Tally:
+    """Return how often a policy completes the task where every action is drawn by its score.
+
+    Parameters
+    ----------
+    env
+        As it learned; its places are reset. With as many places as episodes it is fastest.
+    policy
+        The policy.
+    episodes
+        How many, >= 1.
+    seed
+        Governs all chance.
+    temperature
+        > 0; the lower, the greedier.
+
+    Raises
+    ------
+    ValueError
+        If there are no episodes, or the temperature is not above 0.
+    BackEndError
+        If a back end fails.
+    """
+
+    def choose(
+        observed: Any, masks: NDArray[np.bool_], uniforms: NDArray[np.float64]
+    ) -> NDArray[np.int64]:
+        return policy.sample(observed, masks, uniforms, temperature)
+
+    return _episodes(env, choose, episodes, seed)[0]
+
+
+def random_baseline(
+    env: SkillVectorEnv, episodes: int, seed: int, mask: str = "applicable"
+) -> RandomBaseline:
+    """Return what even chance among the actions allowed achieves.
+
+    Parameters
+    ----------
+    env
+        Its mask is what chance is limited to; its places are reset.
+    episodes
+        How many, >= 1.
+    seed
+        Governs all chance.
+    mask
+        What the environment's mask is called.
+
+    Raises
+    ------
+    ValueError
+        If there are no episodes.
+    BackEndError
+        If a back end fails.
+    """
+
+    def choose(
+        _: Any, masks: NDArray[np.bool_], uniforms: NDArray[np.float64]
+    ) -> NDArray[np.int64]:
+        return random_actions(masks, uniforms)
+
+    tally, best_cost = _episodes(env, choose, episodes, seed)
+    return RandomBaseline(tally, best_cost, mask)
+
+
+def _episodes(
+    env: SkillVectorEnv, choose: Choose, episodes: int, seed: int
+) -> tuple[Tally, float | None]:
+    """Return how many episodes succeed, and the least that one costs.
+
+    Of every place the first episode counts and no further one: were it the first that end, those
+    that fail early would count for more.
+    """
+    if episodes < 1:
+        raise ValueError(f"There must be at least one episode, not {episodes}.")
+    chance = np.random.Generator(np.random.PCG64(seed))
+    successes, best, done = 0, np.inf, 0
+    while done < episodes:
+        wanted = min(env.num_envs, episodes - done)
+        observed, infos = env.reset(seed=int(chance.integers(2**62)))
+        costs, going = np.zeros(env.num_envs), np.arange(env.num_envs) < wanted
+        while going.any():
+            uniforms = chance.random(env.num_envs)
+            observed, _, _, _, infos = env.step(choose(observed, infos["action_mask"], uniforms))
+            costs[going] += infos["cost"][going]
+            complete = going & (infos["end"] == COMPLETE)
+            successes += int(complete.sum())
+            best = min(best, float(costs[complete].min(initial=np.inf)))
+            going &= infos["end"] == 0
+        done += wanted
+    return Tally(successes, episodes), float(best) if np.isfinite(best) else None
+
+
+def prove_optimum(
+    task: Task,
+    setup: Setup,
+    cache: VerdictCache | None = None,
+    stop: Stop | None = None,
+    *,
+    jobs: int = 1,
+) -> Optimum:
+    """Return what a task costs at least: a sequence, or under chance the best policy on average.
+
+    Parameters
+    ----------
+    task, setup, cache, jobs
+        As for `skillplan.run.solve`.
+    stop
+        When to give up.
+
+    Raises
+    ------
+    BackEndError
+        If a back end fails.
+    """
+    solver = "exact" if task.deterministic else "value-iteration"
+    result = solve(task, solver, setup, stop=stop, cache=cache, jobs=jobs)
+    if result.status is not Status.OPTIMAL:
+        reason = f"{solver}: {result.status.value}"
+        reason += f", {result.reason}" if result.reason else ""
+        return Optimum(solver=solver, reason=reason, wall_s=result.wall_s)
+    actions = tuple(step.action for step in result.steps) if task.deterministic else ()
+    return Optimum(result.cost, actions, solver, wall_s=result.wall_s)

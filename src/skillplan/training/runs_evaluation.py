@@ -1,0 +1,197 @@
+"""Stored policies of training runs, tried on their task: what ``skillplan evaluate RUN`` does."""
+
+from __future__ import annotations
+
+import time
+
+from skillplan.env.observation import Observation
+from skillplan.env.skill_vector_env import SkillVectorEnv
+from skillplan.errors import OptionError
+from skillplan.model.skill_model import SkillModel
+from skillplan.report.network_policy_file import StoredNetwork
+from skillplan.report.run_folder import TASK_TEXT, RunFolder, StoredRun, run_path
+from skillplan.report.task_difference import resolved_config, what_changed
+from skillplan.report.training_outcome import GreedyRollOut, RunOutcome, Tally, training_record
+from skillplan.report.training_result import Optimum, Sampling, TrainingResult
+from skillplan.setup import Setup
+from skillplan.task.load import Problem
+from skillplan.task.task import Task
+from skillplan.training.policy_roll_out import greedy_roll_out, random_baseline, sampled_roll_outs
+
+# So many episodes are rolled out side by side at most.
+_MOST_PLACES = 1_024
+_NO_POLICY = "it has no policy yet: its training was cut off; train --resume goes on"
+
+
+def check_same_task(folder: RunFolder, problem: Problem) -> None:
+    """See that a file is the task that the runs have learned.
+
+    Raises
+    ------
+    OptionError
+        If its content has another hash; what has changed is named.
+    """
+    if problem.sha256 == folder.manifest.task.sha256:
+        return
+    changed = what_changed(folder.config, resolved_config(problem))
+    raise OptionError(
+        f"{problem.source}: is not the task that {folder.path} has learned: {changed}. "
+        f"--task {folder.path / TASK_TEXT} is what it was; --changed-task evaluates on this one."
+    )
+
+
+class RunsEvaluation:
+    """The policies of a folder of runs, to be tried on a task.
+
+    Parameters
+    ----------
+    folder
+        The runs.
+    task
+        What the policies are tried on.
+    sampling
+        How many roll-outs are drawn for every run, and how; chance alone gets as many as all
+        runs together.
+    changed_task
+        Whether the policies may have been learned on another task.
+
+    Raises
+    ------
+    OptionError
+        If no policy can act on the task at all.
+    """
+
+    def __init__(
+        self, folder: RunFolder, task: Task, sampling: Sampling, *, changed_task: bool = False
+    ) -> None:
+        self.folder = folder
+        self.task = task
+        self.sampling = sampling
+        self.changed_task = changed_task
+        self._stored = folder.runs()
+        self._observation = Observation.of(task, folder.manifest.observation)
+        policies = [one.policy for one in self._stored if one.policy is not None]
+        misfits = [policy.misfit(task, self._observation) for policy in policies]
+        if misfits and all(misfits):
+            raise OptionError(f"No policy of {folder.path} can act on {task.name}: {misfits[0]}.")
+
+    def evaluate(self, model: SkillModel, setup: Setup, optimum: Optimum) -> TrainingResult:
+        """Try all policies, and chance alone.
+
+        Parameters
+        ----------
+        model
+            Of the task.
+        setup
+            Its back ends.
+        optimum
+            What the task costs at least.
+
+        Raises
+        ------
+        BackEndError
+            If a back end fails.
+        """
+        begin_s = time.perf_counter()
+        manifest, stored = self.folder.manifest, self._stored
+        env = SkillVectorEnv(
+            model,
+            min(self.sampling.episodes, _MOST_PLACES),
+            observation=manifest.observation,
+            mask=manifest.mask,
+            objective=manifest.objective,
+        )
+        outcomes = tuple(self._outcome(model, env, one) for one in stored)
+        episodes = self.sampling.episodes * len(stored)
+        baseline = random_baseline(env, episodes, self.sampling.seed, manifest.mask)
+        return TrainingResult(
+            task=self.task,
+            run_dir=str(self.folder.path),
+            solver=manifest.solver,
+            steps=manifest.steps,
+            outcomes=outcomes,
+            optimum=optimum,
+            options=manifest.options,
+            physics=setup.physics_choice(self.task).name,
+            collision=",".join(one.name for one in setup.collision_choices(self.task)),
+            baseline=baseline,
+            sampling=self.sampling,
+            checks=model.stats.checks,
+            executions=model.feasibility.executions,
+            wall_s=time.perf_counter() - begin_s,
+            interrupted=any(not one.failure and one.steps < manifest.steps for one in stored),
+            notes=self._notes(),
+        )
+
+    def _notes(self) -> tuple[str, ...]:
+        manifest = self.folder.manifest
+        notes = []
+        if self.task.sha256 != manifest.task.sha256:
+            notes.append(f"task       another one than was learned, {manifest.task.name}")
+        if manifest.family is not None:
+            notes.append(
+                f"family     learned on {manifest.family.count} layouts of the family, tried on "
+                "the file's own"
+            )
+        return tuple(notes)
+
+    def policies(self) -> list[StoredNetwork]:
+        """Return what the runs stand for, those left out that cannot act or be read."""
+        return [
+            one.policy for one in self._stored if one.policy is not None and not self._fault(one)
+        ]
+
+    def greedy(self, model: SkillModel, policy: StoredNetwork) -> GreedyRollOut:
+        """Follow a policy greedily on a model, of the task or another layout of its family.
+
+        Raises
+        ------
+        BackEndError
+            If a back end fails.
+        """
+        said, seen = policy.content, Observation.of(model.task, policy.content.observation)
+        return greedy_roll_out(model, seen, policy.network, said.mask, said.kept, said.step)
+
+    def _fault(self, stored: StoredRun) -> str | None:
+        """Return why the policy of a run cannot be tried; None where it can."""
+        if stored.policy is None:
+            where = run_path(self.folder.path, stored.run)
+            done = stored.steps >= self.folder.manifest.steps
+            lost = f"its policy.json is missing from {where}. Train anew, or use a copy"
+            return stored.failure or (lost if done else _NO_POLICY)
+        manifest = self.folder.manifest
+        for policy in (stored.policy, stored.last or stored.policy):
+            said, there = policy.content, policy.content.task
+            if not self.changed_task and there.sha256 != manifest.task.sha256:
+                return f"its policy was learned on another task, {there.name}"
+            for key in ("observation", "mask", "objective"):
+                if getattr(said, key) != getattr(manifest, key):
+                    return f"its policy was learned with another {key} than manifest.json says"
+            misfit = policy.misfit(self.task, self._observation)
+            if misfit is not None:
+                return misfit
+        return None
+
+    def _outcome(self, model: SkillModel, env: SkillVectorEnv, stored: StoredRun) -> RunOutcome:
+        known = bool(stored.episodes or stored.steps)
+        record = training_record(stored.episodes, stored.steps, stored.wall_s) if known else None
+        fault, policy = self._fault(stored), stored.policy
+        if policy is None or fault is not None:
+            nothing = Tally()
+            return RunOutcome(stored.run, stored.seed, fault or "", None, None, nothing, record)
+        best, last = stored.best, stored.last or policy
+        return RunOutcome(
+            stored.run,
+            stored.seed,
+            stored.failure,
+            None if best is None else self.greedy(model, best),
+            self.greedy(model, last),
+            self._sampled(env, policy, stored.run),
+            record,
+        )
+
+    def _sampled(self, env: SkillVectorEnv, policy: StoredNetwork, run: int) -> Tally:
+        # Runs draw numbers of their own, and the same ones whoever is beside them.
+        drawn = self.sampling
+        seed = drawn.seed + (run + 1) * 2**64
+        return sampled_roll_outs(env, policy.network, drawn.episodes, seed, drawn.temperature)

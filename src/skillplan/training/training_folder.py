@@ -1,0 +1,263 @@
+"""The folder of training runs as it is written: begun, or taken up again; one writer a time.
+
+The manifest comes last of what says what is trained: where it is, all of that is.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, entry_points, requires, version
+from pathlib import Path
+from typing import Any
+
+import skillplan
+from skillplan.errors import OptionError
+from skillplan.report.json_file import json_text
+from skillplan.report.metrics_file import METRICS
+from skillplan.report.run_folder import (
+    CONFIG_SCHEMA,
+    MANIFEST,
+    MANIFEST_SCHEMA,
+    RESULT,
+    TASK_CONFIG,
+    TASK_TEXT,
+    RunFolder,
+    RunManifest,
+    TaskReference,
+    run_path,
+)
+from skillplan.report.task_difference import differences, resolved_config, what_changed
+from skillplan.task.atomic_file import write_whole
+from skillplan.task.load import Problem
+from skillplan.training.folder_lock import FolderLock
+from skillplan.training.run_log import writing
+from skillplan.training.training_plan import TrainingPlan
+
+# What a training may differ in from the one that is gone on with, in words. What it takes to
+# keep checkpoints, and in how many processes, changes nothing that is learned.
+_WORDS: Mapping[str, str] = {
+    "solver": "the solver",
+    "options": "the solver's options",
+    "physics": "the physics engine",
+    "collision": "the collision detectors",
+    "back_end_options": "the options of back ends",
+    "family": "the family",
+    "versions": "the versions",
+}
+_MOST_NAMED = 4
+
+
+class TrainingFolder:
+    """A folder that is being written by one training; a context manager.
+
+    Parameters
+    ----------
+    path
+        The folder, made if need be.
+    plan
+        What is trained.
+    problem
+        The task file it came from.
+    part, changes
+        Of a chain the task meant, and what was changed of the file.
+    resume
+        Whether a training that was begun there is gone on with.
+    command
+        The words of the command line, to be kept.
+
+    Attributes
+    ----------
+    path
+        The folder.
+    manifest
+        What is trained there.
+
+    Raises
+    ------
+    OptionError
+        If the folder cannot be used, holds something else, or another training: what differs is
+        named.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        plan: TrainingPlan,
+        problem: Problem,
+        *,
+        part: str | None = None,
+        changes: Mapping[str, str] | None = None,
+        resume: bool = False,
+        command: Sequence[str] = (),
+    ) -> None:
+        self.path = Path(path)
+        self._lock: FolderLock | None = None
+        asked = _manifest(plan, problem, part, changes or {}, command)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._lock = FolderLock(self.path)
+            self.manifest = self._opened(asked, problem, resume)
+        except BaseException as error:
+            self.close()
+            if not isinstance(error, OSError | ValueError):
+                raise
+            reason = getattr(error, "strerror", None) or str(error)
+            raise OptionError(f"--out {path}: cannot be used: {reason}.") from None
+
+    def __enter__(self) -> TrainingFolder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let others write."""
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
+
+    def finish(self, result: Mapping[str, Any]) -> None:
+        """Write the result, and what all runs have noted in one file.
+
+        Parameters
+        ----------
+        result
+            The document ``skillplan.training/1``.
+
+        Raises
+        ------
+        OptionError
+            If a file cannot be written.
+        """
+        with writing(self.path, METRICS):
+            lines = []
+            for run in range(len(self.manifest.seeds)):
+                metrics = run_path(self.path, run) / METRICS
+                for line in metrics.read_text("utf-8").splitlines() if metrics.exists() else ():
+                    lines.append(f'{{"run":{run},{line[1:]}\n')
+            write_whole(self.path / METRICS, "".join(lines))
+        with writing(self.path, RESULT):
+            write_whole(self.path / RESULT, json.dumps(dict(result), indent=2, allow_nan=False))
+
+    def _opened(self, asked: RunManifest, problem: Problem, resume: bool) -> RunManifest:
+        there = {one.name for one in self.path.iterdir()}
+        # A program that was ended before it wrote the manifest has done nothing yet.
+        begun = {name for name in there if name.endswith(".tmp")} | {TASK_TEXT, TASK_CONFIG}
+        if there and not resume:
+            raise OptionError(
+                f"--out {self.path}: is not empty. Name a new folder, or go on with --resume."
+            )
+        if MANIFEST in there:
+            stored = RunFolder(self.path)
+            self._compare(stored, asked, problem)
+            for piece in self.path.rglob(".*.tmp"):
+                piece.unlink(missing_ok=True)
+            return stored.manifest
+        if there - begun:
+            raise OptionError(f"--out {self.path}: holds no {MANIFEST}, so nothing to resume.")
+        source = Path(problem.source)
+        write_whole(self.path / TASK_TEXT, source.read_bytes())
+        write_whole(self.path / TASK_CONFIG, json_text(CONFIG_SCHEMA, resolved_config(problem)))
+        write_whole(self.path / MANIFEST, json_text(MANIFEST_SCHEMA, asked))
+        return asked
+
+    def _compare(self, stored: RunFolder, asked: RunManifest, problem: Problem) -> None:
+        was = stored.manifest
+        if (was.task.sha256, was.task.part) != (asked.task.sha256, asked.task.part):
+            changed = what_changed(stored.config, resolved_config(problem))
+            if was.task.sha256 == asked.task.sha256:
+                changed = f"the part: {was.task.part} there, {asked.task.part} now"
+            self._refuse("the task", changed)
+        if was.seeds != asked.seeds:
+            there, now = (f"{len(one.seeds)} from seed {one.seed}" for one in (was, asked))
+            self._refuse("the runs", f"{there} there, {now} now")
+        for key, words in _WORDS.items():
+            one, other = (manifest.model_dump(mode="json")[key] for manifest in (was, asked))
+            if one != other:
+                found = differences(one, other)
+                changed = "; ".join(str(difference) for difference in found[:_MOST_NAMED])
+                self._refuse(words, changed.replace("the file: ", ""))
+
+    def _refuse(self, words: str, changed: str) -> None:
+        raise OptionError(
+            f"--resume: the training in {self.path} is another one, in {words}: {changed}. Ask "
+            "for the same, or name a new folder."
+        )
+
+
+def _manifest(
+    plan: TrainingPlan,
+    problem: Problem,
+    part: str | None,
+    changes: Mapping[str, str],
+    command: Sequence[str],
+) -> RunManifest:
+    task, setup = plan.task, plan.setup
+    return RunManifest(
+        task=TaskReference(
+            name=task.name,
+            kind=task.kind,
+            sha256=task.sha256,
+            source=problem.source,
+            path=str(Path(problem.source).resolve()),
+            part=part,
+            changes=dict(changes),
+        ),
+        solver=plan.solver,
+        options=dict(plan.options),
+        steps=plan.steps,
+        seed=plan.seeds[0],
+        seeds=plan.seeds,
+        physics=setup.physics_choice(task).name,
+        collision=tuple(choice.name for choice in setup.collision_choices(task)),
+        back_end_options={name: dict(kv) for name, kv in setup.options.items()},
+        family=plan.family,
+        checkpoint_steps=plan.checkpoint_steps,
+        groups=plan.groups,
+        command=tuple(command),
+        versions=_versions(plan.solver),
+        git_commit=_git_commit(),
+        machine={
+            "system": platform.platform(),
+            "processor": platform.processor() or platform.machine(),
+            "cores": os.cpu_count(),
+        },
+    )
+
+
+def _versions(solver: str) -> dict[str, str]:
+    """Return the versions of what figures rest on, those the solver's distribution needs, too."""
+    found = {"python": sys.version.split()[0], "skillplan": skillplan.__version__}
+    names = ["numpy"]
+    for entry in entry_points(group="skillplan.solver", name=solver):
+        if entry.dist is not None:
+            names += [entry.dist.name]
+            for needed in requires(entry.dist.name) or ():
+                if "extra ==" not in needed:
+                    names += re.findall(r"^[\w.-]+", needed)
+    for name in dict.fromkeys(names):
+        try:
+            found.setdefault(name, version(name))
+        except PackageNotFoundError:
+            continue  # needed elsewhere, under another Python for example
+    return found
+
+
+def _git_commit() -> str | None:
+    """Return the commit of the source that runs, or None where it is no checkout."""
+    source = Path(skillplan.__file__)
+    git = ["git", "-C", str(source.parent)]
+    try:
+        tracked = [*git, "ls-files", "--error-unmatch", source.name]
+        subprocess.run(tracked, capture_output=True, check=True)
+        head = [*git, "rev-parse", "HEAD"]
+        done = subprocess.run(head, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip() or None

@@ -1,0 +1,190 @@
+"""What is trained: one task or the layouts of a family, by one learner, from several seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from skillplan import registry
+from skillplan.errors import OptionError, PluginError, name_hint
+from skillplan.report.run_folder import Family
+from skillplan.run import make_model, make_solver
+from skillplan.setup import Setup
+from skillplan.solvers.learner import Learner
+from skillplan.task.load import Problem
+from skillplan.task.task import Task
+
+GROUP_RUNS = 5
+"""So many runs learn side by side at most, however many processes there are."""
+
+
+@dataclass(frozen=True)
+class TrainingPlan:
+    """What is trained; can be sent to another process.
+
+    Parameters
+    ----------
+    task
+        What the policies are judged on.
+    layouts
+        What is learned on, the same task or the layouts of its family; at least one.
+    solver, options
+        Who learns, and all its options, ``steps`` included.
+    setup
+        Back ends, and the options given for them.
+    seeds
+        One for every run, at least one.
+    family
+        Of the layouts; None where the task itself is learned.
+    checkpoint_steps
+        Steps between two checkpoints, >= 1.
+    warm
+        Whether verdicts kept on disk are used.
+
+    Raises
+    ------
+    ValueError
+        If there is no layout, no seed, or less than a step between checkpoints.
+    """
+
+    task: Task
+    layouts: tuple[Task, ...]
+    solver: str
+    options: Mapping[str, Any]
+    setup: Setup
+    seeds: tuple[int, ...]
+    family: Family | None = None
+    checkpoint_steps: int = 1_000
+    warm: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.layouts or not self.seeds or self.checkpoint_steps < 1:
+            raise ValueError("A training has a layout, a seed, and steps between checkpoints.")
+
+    @property
+    def steps(self) -> int:
+        """Environment steps of every run."""
+        return int(self.options["steps"])
+
+    @property
+    def groups(self) -> tuple[tuple[int, ...], ...]:
+        """Numbers of the runs that learn side by side."""
+        runs = range(len(self.seeds))
+        return tuple(tuple(runs[at : at + GROUP_RUNS]) for at in runs[::GROUP_RUNS])
+
+    def learner(self) -> Learner:
+        """Return the solver, with its options."""
+        solver = make_solver(self.solver, self.options)
+        assert isinstance(solver, Learner)
+        return solver
+
+
+def plan_training(
+    problem: Problem,
+    solver: str,
+    setup: Setup = Setup(),
+    *,
+    part: str | None = None,
+    runs: int = 10,
+    steps: int | None = None,
+    seed: int = 0,
+    family: int = 0,
+    checkpoint_steps: int = 1_000,
+    warm: bool = False,
+) -> TrainingPlan:
+    """Return the plan of a training, having seen that it can begin.
+
+    Parameters
+    ----------
+    problem
+        The task file.
+    solver
+        The learner's name.
+    setup
+        Back ends, and options of all plugins.
+    part
+        Of a file that describes a chain, the task meant.
+    runs
+        How many, >= 1, with the seeds from `seed` on.
+    steps
+        Environment steps of every run; None for the learner's option ``steps``, before which
+        this goes.
+    seed
+        The first seed, >= 0.
+    family
+        How many layouts of the file's family are learned on; 0 for the file's own.
+    checkpoint_steps
+        Steps between two checkpoints, >= 1.
+    warm
+        Whether verdicts kept on disk are used.
+
+    Raises
+    ------
+    OptionError
+        If an option is wrong, the solver does not learn or refuses the task, or the file has no
+        family.
+    PluginError
+        If a plugin is unknown or broken.
+    """
+    plugin = _learner(solver)
+    values = dict(setup.options.get(solver, {}))
+    options = registry.make_options("solver", solver, plugin, values)
+    if steps is not None:
+        options = registry.make_options("solver", solver, plugin, {**values, "steps": steps})
+    if family and part is not None:
+        raise OptionError("--family and --part do not go together: a chain has no family.")
+    task = problem.part(part)
+    layouts = problem.variants(seed, family) if family else (task,)
+    others = {name: dict(kv) for name, kv in setup.options.items() if name != solver}
+    plan = TrainingPlan(
+        task=task,
+        layouts=layouts,
+        solver=solver,
+        options=options.model_dump(mode="json"),
+        setup=replace(setup, options=others),
+        seeds=tuple(range(seed, seed + runs)),
+        family=Family(count=family, seed=seed) if family else None,
+        checkpoint_steps=checkpoint_steps,
+        warm=warm,
+    )
+    refusal = plan.learner().refuses(make_model(layouts[0], plan.setup))
+    if refusal is not None:
+        raise OptionError(f"The solver {solver!r} cannot serve {task.name!r}: {refusal}")
+    return plan
+
+
+def _learner(name: str) -> type[Learner]:
+    """Return the class of a learner.
+
+    Raises
+    ------
+    OptionError
+        If the solver does not learn; those that do are named.
+    PluginError
+        If it is unknown or broken.
+    """
+    known = registry.names("solver")
+    if name not in known:
+        raise PluginError(f"Unknown solver {name!r}. {name_hint(name, known)} {_learners(known)}")
+    plugin = registry.load("solver", name)
+    if not issubclass(plugin, Learner):
+        raise OptionError(
+            f"The solver {name!r} trains no policies step by step. {_learners(known)}"
+        )
+    return plugin
+
+
+def _learners(names: list[str]) -> str:
+    """Return the sentence that says which installed solvers learn."""
+    found = []
+    for name in names:
+        try:
+            plugin = registry.load("solver", name)
+        except PluginError:
+            continue  # what is broken can learn nothing
+        if issubclass(plugin, Learner):
+            found.append(name)
+    if not found:
+        return "No learner is installed: pip install skillplan-torch."
+    return f"Learners installed: {', '.join(found)}."

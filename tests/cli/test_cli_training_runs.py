@@ -1,0 +1,317 @@
+"""``evaluate RUN`` and ``plot RUN``: tables, documents, figures, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from run_folders import HOPELESS, OPTIMAL, SWITCHED, changed, write_runs
+from tabular_learner import learner_installed
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+BOARD = str(CONFIGS / "inverter_board.yaml")
+GRASPS = str(CONFIGS / "inverter_grasps.yaml")
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> Path:
+    """Three runs on a copy of the board, of which two complete it."""
+    return write_runs(tmp_path / "runs", BOARD, [OPTIMAL, SWITCHED, HOPELESS], copy=True)
+
+
+@pytest.fixture
+def learner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """The name of a learner that is quick and exact."""
+    with learner_installed(tmp_path / "site", monkeypatch) as name:
+        yield name
+
+
+def texts(path: Path) -> set[str]:
+    """Return the texts of an SVG file."""
+    tags = ElementTree.parse(path).iter("{http://www.w3.org/2000/svg}text")
+    return {(tag.text or "").strip() for tag in tags}
+
+
+class TestEvaluate:
+    def test_the_document_says_what_every_run_comes_to(self, cli: Any, runs: Path) -> None:
+        outcome = cli("evaluate", str(runs), "--temperature", "0.01", "--format", "json")
+        document = outcome.document
+        assert (0, "") == (outcome.code, outcome.err)
+        assert "skillplan.training/1" == document["schema"]
+        assert [OPTIMAL, SWITCHED] == [
+            ",".join(map(str, run["actions"])) for run in document["runs"][:2]
+        ]
+        assert ["complete", "complete", "incomplete"] == [run["status"] for run in document["runs"]]
+        assert [0.0, None] == [document["runs"][i]["deviation"] for i in (0, 2)]
+        assert (2, 1, 2) == (
+            document["completed_runs"],
+            document["optimal_runs"],
+            document["one_percent_runs"],
+        )
+        assert [100, 100, 100] == [run["sampled_episodes"] for run in document["runs"]]
+        assert 300 == document["random_baseline"]["episodes"]
+        assert 10 == len(document["published"])
+        assert pytest.approx(1.86709, abs=5e-6) == document["optimum"]
+
+    @pytest.mark.parametrize("style", ["table", "csv", "md"])
+    def test_the_table_has_the_papers_column(self, cli: Any, runs: Path, style: str) -> None:
+        out = cli("evaluate", str(runs), "--format", style).out
+        assert OPTIMAL in out
+        assert "paper dev." in out
+        assert "N/A" in out
+
+    def test_it_is_the_same_every_time_and_the_seed_decides(self, cli: Any, runs: Path) -> None:
+        def told(*words: str) -> Any:
+            out = cli("evaluate", str(runs), "--temperature", "0.4", *words, "--format", "json")
+            return [run["success_rate"] for run in out.document["runs"]]
+
+        assert told() == told()
+        assert told() != told("--seed", "1")
+
+    def test_no_run_that_completes_is_no_plan(self, cli: Any, tmp_path: Path) -> None:
+        path = write_runs(tmp_path / "hopeless", BOARD, [HOPELESS])
+        outcome = cli("evaluate", str(path))
+        assert 1 == outcome.code
+        assert "0 of 1 complete" in outcome.out
+
+    def test_a_changed_task_is_refused_unless_told_otherwise(self, cli: Any, runs: Path) -> None:
+        learned = runs.parent / "learned.yaml"
+        learned.write_text(learned.read_text().replace("mass_kg: 0.120", "mass_kg: 0.125"))
+        refused = cli("evaluate", str(runs))
+        assert (2, "") == (refused.code, refused.out)
+        assert "parts.pcb.mass_kg: 0.12 there, 0.125 now" in refused.err
+        assert 0 == cli("evaluate", str(runs), "--changed-task").code
+        assert 0 == cli("evaluate", str(runs), "--task", str(runs / "task.yaml")).code
+
+    def test_where_the_task_file_is_gone_the_copy_serves(self, cli: Any, runs: Path) -> None:
+        (runs.parent / "learned.yaml").unlink()
+        assert 0 == cli("evaluate", str(runs)).code
+
+    def test_back_ends_are_those_of_the_training_unless_named(self, cli: Any, runs: Path) -> None:
+        words = ("evaluate", str(runs), "--format", "json")
+        assert "precedence" == cli(*words).document["collision"]
+        assert "aabb" == cli(*words, "--collision", "aabb").document["collision"]
+
+    @pytest.mark.parametrize(
+        ("break_it", "told"),
+        [
+            (lambda path: (path / "manifest.json").unlink(), "holds no manifest.json"),
+            (lambda path: (path / "manifest.json").write_text('{"schema":'), "is damaged"),
+            (
+                lambda path: changed(path / "manifest.json", "schema", to="skillplan.run/7"),
+                "is of another version, skillplan.run/7",
+            ),
+            (lambda path: changed(path / "manifest.json", "steps", to=0), "steps"),
+            (lambda path: (path / "task.json").unlink(), "task.json: cannot be read"),
+        ],
+    )
+    def test_a_folder_that_is_no_sound_one_is_one_message(
+        self, cli: Any, runs: Path, break_it: Any, told: str
+    ) -> None:
+        break_it(runs)
+        for command in ("evaluate", "plot"):
+            outcome = cli(command, str(runs))
+            assert (2, "", 1) == (outcome.code, outcome.out, len(outcome.err.splitlines()))
+            assert told in outcome.err
+
+    def test_a_broken_run_is_named_and_the_others_are_shown(self, cli: Any, runs: Path) -> None:
+        (runs / "runs" / "01" / "policy.json").write_text("")
+        outcome = cli("evaluate", str(runs), "--format", "csv")
+        assert 0 == outcome.code
+        assert 4 == len(outcome.out.splitlines())
+        assert "run 1      failed: " in outcome.err
+        assert "policy.json: is damaged" in outcome.err
+
+    @pytest.mark.parametrize(
+        "words",
+        [("--sequence", "0"), ("--policy", "x"), ("--from", "C1"), ("--part", "p")],
+    )
+    def test_what_a_task_takes_a_folder_does_not(
+        self, cli: Any, runs: Path, words: tuple[str, ...]
+    ) -> None:
+        outcome = cli("evaluate", str(runs), *words)
+        assert 2 == outcome.code
+        assert f"{words[0]} is for a task file, not for a folder of runs." in outcome.err
+
+    @pytest.mark.parametrize(
+        "words",
+        [
+            ("--episodes", "3"),
+            ("--temperature", "1"),
+            ("--seed", "1"),
+            ("--changed-task",),
+            ("--task", "x"),
+        ],
+    )
+    def test_what_a_folder_takes_a_task_does_not(self, cli: Any, words: tuple[str, ...]) -> None:
+        outcome = cli("evaluate", BOARD, "--sequence", "0", *words)
+        assert 2 == outcome.code
+        assert f"{words[0]} is for a folder of runs, not for a task file." in outcome.err
+
+    @pytest.mark.parametrize("value", ["0", "-1", "nan", "inf", "warm"])
+    def test_a_temperature_is_above_0(self, cli: Any, runs: Path, value: str) -> None:
+        outcome = cli("evaluate", str(runs), "--temperature", value)
+        assert 2 == outcome.code
+        assert "--temperature" in outcome.err
+
+
+class TestAfterTraining:
+    def test_evaluate_finds_what_train_has_said(
+        self, cli: Any, tmp_path: Path, learner: str
+    ) -> None:
+        """The same sequences at the same cost, from the files alone."""
+        runs = str(tmp_path / "runs")
+        words = ("--solver", learner, "--runs", "2", "--steps", "3000", "--out", runs)
+        trained = cli("train", BOARD, *words, "--format", "json").document
+        tried = cli("evaluate", runs, "--format", "json").document
+        assert trained["completed_runs"] == tried["completed_runs"] > 0
+        same = (
+            "run seed status actions skills cost deviation kept kept_step last best_cost_seen "
+            "best_actions_seen training_success_rate completed_step episodes steps"
+        )
+        for said, found in zip(trained["runs"], tried["runs"], strict=True):
+            assert {key: said[key] for key in same.split()} == {
+                key: found[key] for key in same.split()
+            }
+        assert ("training", "sampled") == (trained["success_of"], tried["success_of"])
+        assert trained["optimum"] == tried["optimum"]
+        assert 0 == cli("plot", runs).code
+
+    def test_runs_of_a_family_are_tried_on_layouts_they_have_not_seen(
+        self, cli: Any, tmp_path: Path, learner: str
+    ) -> None:
+        """Numbered after those that were learned on; with the time of proof and answer."""
+        runs = str(tmp_path / "runs")
+        words = ("--solver", learner, "--runs", "2", "--steps", "2000", "--family", "3")
+        cli("train", BOARD, *words, "--out", runs)
+        found = cli("evaluate", runs, "--layouts", "4", "--format", "json").document["layouts"]
+        assert [f"inverter-board/{number}" for number in (3, 4, 5, 6)] == [
+            row["name"] for row in found["rows"]
+        ]
+        assert (3, 8) == (found["learned_on"], found["answers"])
+        for row in found["rows"]:
+            assert row["optimum"] > 0
+            assert all(one is None or one >= 0 for one in row["deviations"])
+        assert min(found["answer_s"], found["proof_s"], found["training_s"]) > 0
+        shown = cli("evaluate", runs, "--layouts", "1").out
+        assert "1 layouts that no run has seen" not in shown
+        assert "1 layout that no run has seen, learned on 3 others" in shown
+
+
+class TestLayouts:
+    def test_those_of_a_file_without_a_family_are_refused_before_anything_is_done(
+        self, cli: Any, tmp_path: Path
+    ) -> None:
+        path = write_runs(tmp_path / "runs", GRASPS, [OPTIMAL], observation="paper")
+        outcome = cli("evaluate", str(path), "--layouts", "3")
+        assert (2, "") == (outcome.code, outcome.out)
+        assert "describes no family" in outcome.err
+
+    def test_runs_of_one_board_may_be_tried_on_its_family(self, cli: Any, runs: Path) -> None:
+        """The same sequence on other layouts: complete, and seldom optimal."""
+        found = cli("evaluate", str(runs), "--layouts", "3", "--format", "json").document["layouts"]
+        assert (0, 9) == (found["learned_on"], found["answers"])
+        for row in found["rows"]:
+            assert 2 == row["completed"]
+            assert row["deviations"][0] >= 0
+
+    def test_a_run_of_one_board_is_tried_on_none_unless_asked(self, cli: Any, runs: Path) -> None:
+        assert cli("evaluate", str(runs), "--format", "json").document["layouts"] is None
+
+
+class TestChance:
+    def test_policies_are_held_to_the_least_expected_cost(self, cli: Any, tmp_path: Path) -> None:
+        """A lucky episode costs less, and is no deviation."""
+        path = write_runs(tmp_path / "runs", GRASPS, [OPTIMAL], observation="paper")
+        document = cli("evaluate", str(path), "--format", "json").document
+        (run,) = document["runs"]
+        assert "value-iteration" == document["optimum_solver"]
+        assert 0 < run["deviation"] < 0.1
+        assert run["best_cost_seen"] < document["optimum"] < run["cost"]
+        assert run["best_deviation_seen"] is None
+        assert 0 == cli("plot", str(path), "distances", "--out", str(path / "d.svg")).code
+        assert any(text.startswith("least expected 2.2") for text in texts(path / "d.svg"))
+
+
+class TestPlot:
+    def test_both_figures_are_drawn_into_the_folder(self, cli: Any, runs: Path) -> None:
+        outcome = cli("plot", str(runs))
+        names = ["success.png", "success.svg", "distances.png", "distances.svg"]
+        assert (0, [str(runs / name) for name in names], "") == (
+            outcome.code,
+            outcome.out.splitlines(),
+            outcome.err,
+        )
+        assert {"Moller et al.: about 40 %", "environment step [-]"} <= texts(runs / "success.svg")
+        assert {"proved optimum 1.86709 m", "run 2, seed 9: none"} <= texts(runs / "distances.svg")
+        assert (runs / "success.png").read_bytes().startswith(b"\x89PNG")
+
+    def test_one_figure_is_drawn_where_it_is_wanted(self, cli: Any, runs: Path) -> None:
+        target = runs.parent / "f.svg"
+        words = ("plot", str(runs), "success", "--against", "episodes", "--out", str(target))
+        outcome = cli(*words)
+        assert (0, f"{target}\n") == (outcome.code, outcome.out)
+        assert "episode [-]" in texts(target)
+        assert not (runs / "success.png").exists()
+
+    def test_what_is_known_of_the_optimum_is_not_proved_again(self, cli: Any, runs: Path) -> None:
+        """It stands in result.json."""
+        result = {"schema": "skillplan.training/1", "optimum": 1.5}
+        (runs / "result.json").write_text(json.dumps(result))
+        assert 0 == cli("plot", str(runs)).code
+        assert "proved optimum 1.50000 m" in texts(runs / "distances.svg")
+        assert not any("Moller" in text for text in texts(runs / "success.svg"))
+
+    def test_without_a_completed_sequence_the_other_figure_is_drawn(
+        self, cli: Any, tmp_path: Path
+    ) -> None:
+        path = write_runs(tmp_path / "hopeless", BOARD, [HOPELESS])
+        outcome = cli("plot", str(path))
+        assert (0, 2) == (outcome.code, len(outcome.out.splitlines()))
+        assert "no run has completed the task" in outcome.err
+        assert 2 == cli("plot", str(path), "distances").code
+
+    def test_before_the_first_episode_there_is_nothing_to_draw(
+        self, cli: Any, tmp_path: Path
+    ) -> None:
+        path = write_runs(tmp_path / "new", BOARD, [None], done=0)
+        outcome = cli("plot", str(path))
+        assert (2, "") == (outcome.code, outcome.out)
+        assert "no run has ended an episode yet" in outcome.err
+
+    @pytest.mark.parametrize(
+        ("words", "told"),
+        [
+            (("policy",), "Figure 'policy' is of a task file"),
+            (("--out", "f.png"), "--out is for one figure; name it: success or distances"),
+            (("success", "--seeds", "3"), "--seeds is for a task file"),
+            (("success", "--out", "f.pdf"), "end it in .png or .svg"),
+            (("sucess",), "Did you mean 'success'?"),
+        ],
+    )
+    def test_what_does_not_fit_a_folder_is_refused(
+        self, cli: Any, runs: Path, words: tuple[str, ...], told: str
+    ) -> None:
+        outcome = cli("plot", str(runs), *words)
+        assert (2, "") == (outcome.code, outcome.out)
+        assert told in outcome.err
+
+    @pytest.mark.parametrize(
+        ("words", "told"),
+        [
+            ((), "Name a figure of the task: policy, "),
+            (("success",), "Figure 'success' is of a folder of runs, which train writes"),
+            (("rewards", "--against", "steps"), "--against is for a folder of runs"),
+        ],
+    )
+    def test_what_does_not_fit_a_task_is_refused(
+        self, cli: Any, words: tuple[str, ...], told: str
+    ) -> None:
+        outcome = cli("plot", BOARD, *words)
+        assert (2, "") == (outcome.code, outcome.out)
+        assert told in outcome.err

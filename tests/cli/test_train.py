@@ -1,0 +1,360 @@
+"""`skillplan train`: what it prints, what it keeps, and how it ends."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import pty
+import random
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tabular_learner import learner_installed
+from training_situations import event_lengths, learned_bytes
+
+ROOT = Path(__file__).parents[2]
+BOARD = str(ROOT / "configs" / "inverter_board.yaml")
+QUICK = ("--solver", "tabular", "--runs", "3", "--steps", "600", "--checkpoint", "200")
+PATIENCE_S = 120
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _learner(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A learner that is quick and exact, here and in child processes."""
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        learner_installed(tmp_path_factory.mktemp("site") / "site", patch),
+    ):
+        yield
+
+
+@pytest.fixture(scope="module")
+def kept(_learner: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a training that nothing happened to, for all tests."""
+    folder = tmp_path_factory.mktemp("kept") / "run"
+    command = [sys.executable, "-m", "skillplan", "train", BOARD, *QUICK, "--out", str(folder)]
+    subprocess.run(command, check=True, capture_output=True)
+    return folder
+
+
+@pytest.fixture
+def run_dir(kept: Path, tmp_path: Path) -> Path:
+    """The same, to be changed freely."""
+    shutil.copytree(kept, tmp_path / "run")
+    return tmp_path / "run"
+
+
+class TestOutput:
+    def test_json_is_one_document_that_is_kept_too(self, cli: Any, tmp_path: Path) -> None:
+        outcome = cli("train", BOARD, *QUICK, "--out", str(tmp_path / "a"), "--format", "json")
+        assert (0, "") == (outcome.code, outcome.err)
+        document = outcome.document
+        assert "skillplan.training/1" == document["schema"]
+        assert [0, 1, 2] == [one["seed"] for one in document["runs"]]
+        assert (600, 600) == (document["steps"], document["options"]["steps"])
+        assert document["optimum"] == pytest.approx(1.86709, abs=1e-5)
+        assert document == json.loads((tmp_path / "a" / "result.json").read_text())
+
+    def test_csv_has_a_row_for_every_run(self, cli: Any, tmp_path: Path) -> None:
+        words = ("--out", str(tmp_path / "a"), "--format", "csv")
+        rows = list(csv.DictReader(io.StringIO(cli("train", BOARD, *QUICK, *words).out)))
+        assert ["0", "1", "2"] == [row["run"] for row in rows]
+
+    def test_without_a_name_the_folder_is_the_next_free_one(
+        self, cli: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.chdir(tmp_path)
+        for number in (1, 2):
+            name = str(Path("runs") / f"inverter-board-tabular-{number}")
+            assert f"writing to {name}\n" == cli("train", BOARD, *QUICK).err
+            assert (Path(name) / "result.json").is_file()
+
+    def test_a_training_in_which_no_run_completes_ends_with_1(
+        self, cli: Any, tmp_path: Path
+    ) -> None:
+        words = ("-O", "mask=none", "-O", "epsilon=1", "--out", str(tmp_path / "a"))
+        assert 1 == cli("train", BOARD, *QUICK, *words).code
+
+    def test_on_a_terminal_it_shows_how_the_runs_stand(self, tmp_path: Path) -> None:
+        words = [*QUICK[:-4], "--steps", "1500", "-O", "pause_s=0.001", "--out"]
+        command = [sys.executable, "-m", "skillplan", "train", BOARD, *words, str(tmp_path / "a")]
+        main, terminal = pty.openpty()
+        environment = {**os.environ, "TERM": "xterm", "COLUMNS": "80"}
+        process = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=terminal, env=environment
+        )
+        os.close(terminal)
+        shown = b""
+        while True:
+            try:
+                piece = os.read(main, 65536)
+            except OSError:
+                break
+            if not piece:
+                break
+            shown += piece
+        os.close(main)
+        assert 0 == process.wait(PATIENCE_S)
+        text = shown.decode()
+        for words_shown in ("tabular, 3 runs", "episodes", "% success", "steps/s", "left"):
+            assert words_shown in text
+        assert "gap 0.00 %" in text or "best 1.8" in text
+
+
+class TestInterruption:
+    def test_ctrl_c_keeps_what_there_is_and_says_how_to_go_on(
+        self, kept: Path, environment: dict[str, str], tmp_path: Path
+    ) -> None:
+        """To the whole group, as a terminal sends it."""
+        folder = tmp_path / "run"
+        # A pause changes nothing but an option; both trainings have it.
+        words = [*QUICK, "-O", "pause_s=0.005", "--out", str(folder)]
+        command = [sys.executable, "-m", "skillplan", "train", BOARD, *words]
+        process = subprocess.Popen(
+            [*command, "--format", "json"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment,
+            start_new_session=True,
+        )
+        try:
+            wait_for_metrics(folder, 0)
+            os.killpg(process.pid, signal.SIGINT)
+            out, err = process.communicate(timeout=PATIENCE_S)
+        finally:
+            process.kill()
+            process.communicate()
+        assert 130 == process.returncode
+        assert 1 == err.count("\n")
+        assert err.startswith("interrupted; go on with: skillplan train ")
+        document = json.loads(out)
+        assert document["interrupted"]
+        assert {one["steps"] for one in document["runs"]} < set(range(0, 600, 100))
+        assert (folder / "runs" / "02" / "policy.safetensors").is_file()
+        again = shlex.split(err.partition("go on with: skillplan ")[2])
+        done = subprocess.run(
+            [sys.executable, "-m", "skillplan", *again], capture_output=True, env=environment
+        )
+        assert 0 == done.returncode
+        assert same_run("metrics.jsonl", kept, folder)
+        assert same_run("policy.safetensors", kept, folder)
+
+    def test_resume_needs_the_folder(self, cli: Any) -> None:
+        outcome = cli("train", BOARD, *QUICK, "--resume")
+        assert 2 == outcome.code
+        assert "--resume needs --out DIR" in outcome.err
+
+    @pytest.mark.parametrize("kills", [3, pytest.param(20, marks=pytest.mark.slow)])
+    def test_sigkill_at_random_instants_changes_nothing(
+        self, environment: dict[str, str], tmp_path: Path, kills: int
+    ) -> None:
+        """Of the whole group, so that processes for groups of runs are ended, too."""
+        steps = 1_000 * kills
+        words = ["--solver", "tabular", "--runs", "6", "--steps", str(steps), "--checkpoint", "200"]
+        words += ["-O", "pause_s=0.0005", "--time-limit", "5"]
+        command = [sys.executable, "-m", "skillplan", "train", BOARD, *words, "--out"]
+        whole, cut = tmp_path / "whole", tmp_path / "cut"
+        subprocess.run([*command, str(whole)], check=True, capture_output=True, env=environment)
+        chance, done = random.Random(kills), 0
+        while done < kills:
+            size = metrics_size(cut)
+            process = subprocess.Popen(
+                [*command, str(cut), "--resume", "--jobs", "2"],
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                env=environment,
+                start_new_session=True,
+            )
+            try:
+                wait_for_metrics(cut, size)
+                time.sleep(chance.uniform(0.0, 0.8))
+            finally:
+                assert process.poll() is None, "it was done before it could be killed"
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+            done += 1
+        again = [*command, str(cut), "--resume", "--jobs", "2"]
+        subprocess.run(again, check=True, capture_output=True, env=environment)
+        assert learned_bytes(whole) == learned_bytes(cut)
+        assert event_lengths(whole) == event_lengths(cut)
+
+    def test_sigkill_of_the_program_alone_ends_its_processes_before_another_goes_on(
+        self, environment: dict[str, str], tmp_path: Path
+    ) -> None:
+        words = ["--solver", "tabular", "--runs", "6", "--steps", "1000", "--checkpoint", "100"]
+        command = [sys.executable, "-m", "skillplan", "train", BOARD, *words, "--jobs", "2"]
+        command += ["-O", "pause_s=0.001", "--out"]
+        whole, cut = tmp_path / "whole", tmp_path / "cut"
+        subprocess.run([*command, str(whole)], check=True, capture_output=True, env=environment)
+        process = subprocess.Popen(
+            [*command, str(cut)],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env=environment,
+        )
+        try:
+            wait_for_metrics(cut, 0)
+        finally:
+            process.kill()
+            process.wait()
+        again = [*command, str(cut), "--resume"]
+        subprocess.run(again, check=True, capture_output=True, env=environment)
+        assert learned_bytes(whole) == learned_bytes(cut)
+
+
+class TestFaults:
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (("--runs", "0"), "0 is not in the range"),
+            (("--steps", "0"), "0 is not in the range"),
+            (("--steps", "-3"), "-3 is not in the range"),
+            (("--checkpoint", "0"), "0 is not in the range"),
+            (("--jobs", "0"), "0 is not in the range"),
+            (("-O", "alfa=1"), "Did you mean 'alpha'?"),
+            (("-O", "alpha=2"), "alpha: must be <= 1"),
+            (("-O", "steps=0"), "steps: must be >= 1"),
+            (("-O", "exact.gap=1"), "No plugin 'exact' takes part"),
+            (("--solver", "exact"), "Learners installed: "),
+            (("--solver", "tabula"), "Did you mean 'tabular'?"),
+            (("--physics", "kinematics"), "Did you mean 'kinematic'?"),
+        ],
+    )
+    def test_a_wrong_word_is_one_clear_error(
+        self, cli: Any, tmp_path: Path, words: tuple[str, ...], message: str
+    ) -> None:
+        folder = tmp_path / "a"
+        outcome = cli("train", BOARD, *QUICK, *words, "--out", str(folder))
+        assert 2 == outcome.code
+        assert message in outcome.err
+        assert "" == outcome.out
+        assert not folder.exists()
+
+    @pytest.mark.parametrize("how", ["cut", "changed", "emptied", "other version"])
+    def test_every_damaged_file_is_named_or_made_anew(
+        self, cli: Any, kept: Path, run_dir: Path, how: str
+    ) -> None:
+        """Those that a training goes on from are named; those that it makes are made again."""
+        whole = learned_bytes(kept)
+        named = set()
+        for path in sorted(kept.rglob("*")):
+            if not path.is_file() or "tfevents" in path.name:
+                continue
+            content = path.read_bytes()
+            if how == "other version" and b"/1" not in content:
+                continue
+            damaged = {
+                "cut": content[: len(content) // 2],
+                "changed": content.replace(b"1", b"}").replace(b"\0\0", b"\0\1"),
+                "emptied": b"",
+                "other version": content.replace(b"/1", b"/7", 1),
+            }[how]
+            shutil.rmtree(run_dir)
+            shutil.copytree(kept, run_dir)
+            there = run_dir / path.relative_to(kept)
+            there.write_bytes(damaged)
+            outcome = cli("train", BOARD, *QUICK, "--out", str(run_dir), "--resume")
+            if outcome.code == 2:
+                assert str(there) in outcome.err
+                assert 1 == outcome.err.count("\n"), outcome.err
+                named.add(path.name)
+            else:
+                assert 0 == outcome.code, outcome.err
+                ours = learned_bytes(run_dir, lambda name: name != "task.yaml")
+                assert ours.items() <= whole.items(), path.name
+        gone_on_from = {"manifest.json", "task.json", "checkpoint.safetensors", "progress.json"}
+        assert named >= gone_on_from
+        assert not named & {"policy.json", "last.json", "result.json", "policy.safetensors"}
+
+    @pytest.mark.parametrize("jobs", ["1", "2"])
+    def test_a_full_disk_is_one_message_and_the_checkpoint_is_intact(
+        self, kept: Path, environment: dict[str, str], tmp_path: Path, jobs: str
+    ) -> None:
+        """Files may not grow beyond 16 KiB: at first all goes well."""
+        folder = tmp_path / "run"
+        words = shlex.join([*QUICK, "--jobs", jobs, "--out", str(folder)])
+        command = f"exec {sys.executable} -m skillplan train {BOARD} {words}"
+        environment = {**environment, "PYTHONDONTWRITEBYTECODE": "1"}
+        limited = subprocess.run(
+            ["bash", "-c", f"ulimit -f 16; {command}"],
+            capture_output=True,
+            text=True,
+            env=environment,
+        )
+        assert (2, "") == (limited.returncode, limited.stdout)
+        assert 1 == limited.stderr.count("\n")
+        assert (
+            "cannot be written: File too large. The last checkpoints are intact" in limited.stderr
+        )
+        subprocess.run(
+            ["bash", "-c", f"{command} --resume"], check=True, capture_output=True, env=environment
+        )
+        assert learned_bytes(kept) == learned_bytes(folder)
+
+    def test_a_run_that_fails_is_named_and_the_others_are_shown(
+        self, cli: Any, tmp_path: Path
+    ) -> None:
+        words = ("-O", "fails=1@250", "--out", str(tmp_path / "a"))
+        outcome = cli("train", BOARD, *QUICK, *words)
+        assert 0 == outcome.code
+        assert "its values are not finite" in outcome.out
+
+    def test_where_the_back_end_fails_everywhere_it_ends_with_3(
+        self, cli: Any, bursting_detector: str, tmp_path: Path
+    ) -> None:
+        words = ("--collision", bursting_detector, "--out", str(tmp_path / "a"))
+        outcome = cli("train", BOARD, *QUICK, *words, "--format", "json")
+        assert 3 == outcome.code
+        assert {"failed"} == {one["status"] for one in outcome.document["runs"]}
+        assert "the simulator has gone away" in outcome.document["runs"][0]["reason"]
+
+    def test_a_folder_in_use_is_not_written_to(
+        self, cli: Any, run_dir: Path, environment: dict[str, str]
+    ) -> None:
+        words = ["--solver", "tabular", "--runs", "1", "-O", "pause_s=0.01", "--out"]
+        folder = run_dir.parent / "busy"
+        command = [sys.executable, "-m", "skillplan", "train", BOARD, *words, str(folder)]
+        process = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment
+        )
+        try:
+            wait_for_metrics(folder, 0)
+            outcome = cli("train", BOARD, *words, str(folder), "--resume")
+        finally:
+            process.kill()
+            process.wait()
+        assert 2 == outcome.code
+        assert "another training is writing there just now" in outcome.err
+
+
+def metrics_size(folder: Path) -> int:
+    """Return how much all runs have noted [bytes]."""
+    return sum(path.stat().st_size for path in folder.glob("runs/*/metrics.jsonl"))
+
+
+def wait_for_metrics(folder: Path, size: int) -> None:
+    """Wait until the runs have noted anything beyond so many bytes, or been cut to less."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    while metrics_size(folder) == size:
+        assert time.monotonic() < deadline_s
+        time.sleep(0.02)
+
+
+def same_run(name: str, one: Path, other: Path) -> bool:
+    """Whether a file of every run is the same in two folders."""
+    paths = sorted(path.relative_to(one) for path in one.glob(f"runs/*/{name}"))
+    return bool(paths) and all(
+        (one / path).read_bytes() == (other / path).read_bytes() for path in paths
+    )

@@ -1,0 +1,124 @@
+"""Checkpoints: whole or not at all, and never trusted without a look."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays_of
+
+from skillplan.errors import OptionError
+from skillplan.solvers.learner import Snapshot
+from skillplan.training.checkpoint_file import Checkpoint, read_checkpoint, write_checkpoint
+
+NOTES = {"chance": {"state": 2**127, "words": ["a", "ä"]}, "none": None}
+KEPT = Checkpoint(
+    700,
+    {"runs/00/metrics.jsonl": 12},
+    Snapshot(
+        {
+            "weights": np.arange(6, dtype=np.float32).reshape(2, 3),
+            "done": np.array([True, False]),
+            "nothing": np.zeros((0, 4), dtype=np.int64),
+            "count": np.array(7, dtype=np.int64),
+        },
+        NOTES,
+    ),
+)
+
+
+def read(path: Path) -> Checkpoint:
+    found = read_checkpoint(path)
+    assert found is not None
+    return found
+
+
+def test_what_was_kept_is_what_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "checkpoint.safetensors"
+    write_checkpoint(path, KEPT)
+    found = read(path)
+    assert (KEPT.steps, KEPT.lengths, NOTES) == (found.steps, found.lengths, found.snapshot.notes)
+    assert KEPT.snapshot.arrays.keys() == found.snapshot.arrays.keys()
+    for name, array in KEPT.snapshot.arrays.items():
+        there = found.snapshot.arrays[name]
+        assert (array.dtype, array.shape) == (there.dtype, there.shape)
+        assert np.array_equal(array, there)
+        assert there.flags.writeable
+
+
+@given(
+    arrays_of.arrays(
+        st.sampled_from([np.float32, np.float64, np.int64, np.uint8, np.bool_]),
+        arrays_of.array_shapes(max_dims=3, min_side=0, max_side=4),
+    )
+)
+def test_any_array_comes_back_bit_for_bit(tmp_path_factory, array) -> None:
+    path = tmp_path_factory.mktemp("any") / "checkpoint.safetensors"
+    write_checkpoint(path, Checkpoint(1, {}, Snapshot({"one": array, "turned": array.T}, {})))
+    found = read(path).snapshot.arrays
+    assert array.tobytes() == found["one"].tobytes()
+    assert array.T.tobytes() == found["turned"].tobytes()
+
+
+def test_the_same_content_gives_the_same_bytes(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        write_checkpoint(tmp_path / name, KEPT)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_without_a_file_there_is_no_checkpoint(tmp_path: Path) -> None:
+    assert read_checkpoint(tmp_path / "checkpoint.safetensors") is None
+
+
+def test_every_cut_and_every_changed_byte_is_one_clear_error(tmp_path: Path) -> None:
+    path = tmp_path / "checkpoint.safetensors"
+    write_checkpoint(path, KEPT)
+    whole = path.read_bytes()
+    for length in range(len(whole)):
+        path.write_bytes(whole[:length])
+        with pytest.raises(OptionError, match=r"is damaged: .*Delete it, and --resume begins"):
+            read_checkpoint(path)
+    for at in range(len(whole)):
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+        with pytest.raises(OptionError, match=re.escape(str(path))):
+            read_checkpoint(path)
+
+
+def test_a_checkpoint_of_another_version_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "checkpoint.safetensors"
+    with monkeypatch.context() as patch:
+        patch.setattr("skillplan.training.checkpoint_file.SCHEMA", "skillplan.checkpoint/2")
+        write_checkpoint(path, KEPT)
+    with pytest.raises(OptionError, match=r"another version, skillplan.checkpoint/2"):
+        read_checkpoint(path)
+
+
+def test_a_write_that_fails_leaves_the_checkpoint_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "checkpoint.safetensors"
+    write_checkpoint(path, KEPT)
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("os.fsync", full)
+        with pytest.raises(OSError, match="No space left"):
+            write_checkpoint(path, Checkpoint(800, {}, Snapshot({}, {})))
+    assert 700 == read(path).steps
+    assert ["checkpoint.safetensors"] == [one.name for one in tmp_path.iterdir()]
+
+
+def test_notes_that_are_no_json_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="JSON"):
+        write_checkpoint(tmp_path / "a", Checkpoint(1, {}, Snapshot({}, {"x": float("nan")})))
+    assert [] == list(tmp_path.iterdir())
+    assert json.dumps(NOTES)

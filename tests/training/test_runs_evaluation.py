@@ -1,0 +1,133 @@
+"""Stored policies on their task: every run for itself, whatever has become of the others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from run_folders import HOPELESS, OPTIMAL, SWITCHED, changed, write_runs
+from skillplan.errors import OptionError
+from skillplan.report.run_folder import RunFolder
+from skillplan.report.training_outcome import RunStatus, Tally
+from skillplan.report.training_result import Optimum, Sampling, TrainingResult
+from skillplan.run import make_model
+from skillplan.setup import Setup, load_problem
+from skillplan.training.runs_evaluation import RunsEvaluation, check_same_task
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+BOARD = str(CONFIGS / "inverter_board.yaml")
+DRAWN = Sampling(40, 0.01, 0)
+
+
+def evaluated(path: Path, task_file: str = BOARD, drawn: Sampling = DRAWN) -> TrainingResult:
+    task = load_problem(task_file).task
+    evaluation = RunsEvaluation(RunFolder(path), task, drawn, changed_task=task_file != BOARD)
+    return evaluation.evaluate(make_model(task), Setup(), Optimum(1.8670860141568904))
+
+
+def test_every_run_is_followed_greedily_and_by_chance(tmp_path: Path) -> None:
+    result = evaluated(write_runs(tmp_path / "runs", BOARD, [OPTIMAL, SWITCHED, HOPELESS]))
+    assert [RunStatus.COMPLETE, RunStatus.COMPLETE, RunStatus.INCOMPLETE] == [
+        one.status for one in result.outcomes
+    ]
+    assert [0.0, pytest.approx(0.00698, abs=1e-5)] == result.deviations
+    assert [Tally(40, 40), Tally(40, 40)] == [one.sampled for one in result.outcomes[:2]]
+    assert (2, 120) == (result.completed, result.success.episodes)
+    assert ["best", "best", "last"] == [one.greedy.kept for one in result.outcomes if one.greedy]
+
+
+def test_a_run_does_not_depend_on_those_beside_it(tmp_path: Path) -> None:
+    drawn = Sampling(60, 0.4, 3)
+    alone = evaluated(write_runs(tmp_path / "one", BOARD, [OPTIMAL]), drawn=drawn)
+    beside = evaluated(write_runs(tmp_path / "three", BOARD, [OPTIMAL] * 3), drawn=drawn)
+    assert alone.outcomes[0] == beside.outcomes[0]
+    tallies = [one.sampled.successes for one in beside.outcomes if one.sampled]
+    assert len(set(tallies)) > 1
+
+
+def test_best_and_last_are_both_followed(tmp_path: Path) -> None:
+    """The run stands for the best."""
+    path = write_runs(tmp_path / "runs", BOARD, [OPTIMAL])
+    other = write_runs(tmp_path / "other", BOARD, [SWITCHED])
+    for suffix in (".json", ".safetensors"):
+        (other / "runs/00/last").with_suffix(suffix).replace(
+            (path / "runs/00/last").with_suffix(suffix)
+        )
+    (one,) = evaluated(path).outcomes
+    assert one.best is not None
+    assert one.last is not None
+    assert OPTIMAL == ",".join(map(str, one.best.actions))
+    assert SWITCHED == ",".join(map(str, one.last.actions))
+    assert one.greedy is one.best
+
+
+def test_chance_gets_as_many_episodes_as_all_runs_and_the_same_mask(tmp_path: Path) -> None:
+    base = evaluated(write_runs(tmp_path / "runs", BOARD, [OPTIMAL] * 3, mask="none")).baseline
+    assert base is not None
+    assert (Tally(0, 120), "none") == (base.tally, base.mask)
+
+
+@pytest.mark.parametrize(
+    ("break_it", "told"),
+    [
+        (lambda run: (run / "policy.json").write_text("{"), "policy.json: is damaged"),
+        (lambda run: (run / "policy.safetensors").unlink(), "policy.safetensors: cannot be read"),
+        (lambda run: (run / "policy.safetensors").write_bytes(b"x"), "is damaged"),
+        (lambda run: (run / "metrics.jsonl").write_text("{}\n"), "metrics.jsonl:1: is damaged"),
+        (
+            lambda run: changed(run / "policy.json", "schema", to="skillplan.network-policy/9"),
+            "another version",
+        ),
+        (
+            lambda run: changed(run / "policy.json", "task", "sha256", to="0" * 64),
+            "learned on another task, inverter-board",
+        ),
+        (
+            lambda run: changed(run / "last.json", "actions", 0, to="pick(nothing)"),
+            "learned on other actions: pick(nothing) where the task has pick(pcb)",
+        ),
+        (
+            lambda run: changed(run / "policy.json", "mask", to="no-such-mask"),
+            "learned with another mask than manifest.json says",
+        ),
+        (
+            lambda run: [(run / f"policy.{end}").unlink() for end in ("json", "safetensors")],
+            "its policy.json is missing",
+        ),
+    ],
+)
+def test_a_run_that_cannot_be_read_is_named_and_the_others_are_shown(
+    tmp_path: Path, break_it: Any, told: str
+) -> None:
+    path = write_runs(tmp_path / "runs", BOARD, [OPTIMAL, OPTIMAL])
+    break_it(path / "runs" / "00")
+    broken, sound = evaluated(path).outcomes
+    assert RunStatus.FAILED is broken.status
+    assert told in broken.reason
+    assert broken.tally.rate is None
+    assert (RunStatus.COMPLETE, Tally(40, 40)) == (sound.status, sound.sampled)
+
+
+def test_a_run_whose_training_was_cut_off_says_how_to_go_on(tmp_path: Path) -> None:
+    result = evaluated(write_runs(tmp_path / "runs", BOARD, [OPTIMAL, None], done=2_000))
+    assert "it has no policy yet: its training was cut off; train --resume goes on" == (
+        result.outcomes[1].reason
+    )
+    assert result.interrupted
+
+
+def test_another_task_is_named_by_what_has_changed(tmp_path: Path) -> None:
+    folder = RunFolder(write_runs(tmp_path / "runs", BOARD, [OPTIMAL]))
+    check_same_task(folder, load_problem(BOARD))
+    with pytest.raises(OptionError) as told:
+        check_same_task(folder, load_problem(BOARD, changes={"parts.pcb.mass_kg": "0.2"}))
+    assert "parts.pcb.mass_kg: 0.12 there, 0.2 now" in str(told.value)
+    assert "--changed-task" in str(told.value)
+
+
+def test_on_a_task_with_other_skills_no_policy_can_act(tmp_path: Path) -> None:
+    path = write_runs(tmp_path / "runs", BOARD, [OPTIMAL])
+    with pytest.raises(OptionError, match=r"can act on motor-drive: it was learned on other"):
+        evaluated(path, str(CONFIGS / "motor_drive.yaml"))

@@ -1,0 +1,345 @@
+"""Trainings: what they keep, and that nothing that happens to them changes what is learned."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from skillplan.errors import OptionError, PluginError
+from skillplan.report.run_folder import RunFolder
+from skillplan.report.training_outcome import RunStatus
+from skillplan.setup import Setup, load_problem
+from skillplan.training.group_training import GroupTraining
+from skillplan.training.training_folder import TrainingFolder
+from skillplan.training.training_plan import plan_training
+from training_situations import BOARD, a_plan, event_lengths, learned_bytes, train
+
+pytestmark = pytest.mark.usefixtures("learner")
+
+
+@pytest.fixture(scope="module")
+def kept(learner: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a training that nothing happened to, for all tests."""
+    folder = tmp_path_factory.mktemp("kept") / "whole"
+    train(folder)
+    return folder
+
+
+@pytest.fixture
+def whole(kept: Path, tmp_path: Path) -> Path:
+    """The same, to be changed freely."""
+    shutil.copytree(kept, tmp_path / "whole")
+    return tmp_path / "whole"
+
+
+class TestWhatIsKept:
+    def test_every_run_has_its_files(self, whole: Path) -> None:
+        folder = RunFolder(whole)
+        assert ((0, 1, 2, 3, 4), (5, 6)) == folder.manifest.groups
+        assert tuple(range(7)) == folder.manifest.seeds
+        for run in folder.runs():
+            assert ("", 700) == (run.failure, run.steps)
+            assert run.policy is not None
+            assert run.last is not None
+            assert (700, "last") == (run.last.content.step, run.last.kept)
+            assert list(range(100, 701, 100)) == [one.step for one in run.figures]
+            assert run.episodes[-1].step <= 700
+            assert all(set(one.figures) == {"states"} for one in run.figures)
+
+    def test_the_result_is_that_of_the_files(self, tmp_path: Path) -> None:
+        result = train(tmp_path / "a", runs=3)
+        folder = RunFolder(tmp_path / "a")
+        assert json.loads(json.dumps(result.document())) == folder.result()
+        assert not result.interrupted
+        assert 1.86709 == pytest.approx(result.optimum.cost, abs=1e-5)
+        for outcome, run in zip(result.outcomes, folder.runs(), strict=True):
+            assert outcome.training is not None
+            assert len(run.episodes) == outcome.training.every.episodes
+            assert (outcome.best is None) == (run.best is None)
+
+    def test_all_metrics_stand_in_one_file_with_their_run(self, whole: Path) -> None:
+        lines = [json.loads(line) for line in (whole / "metrics.jsonl").read_text().splitlines()]
+        assert sorted(one["run"] for one in lines) == [one["run"] for one in lines]
+        first = [{k: v for k, v in one.items() if k != "run"} for one in lines if one["run"] == 0]
+        own = (whole / "runs" / "00" / "metrics.jsonl").read_text().splitlines()
+        assert [json.loads(line) for line in own] == first
+
+    def test_the_option_steps_is_the_number_of_steps_wherever_it_stands(
+        self, tmp_path: Path
+    ) -> None:
+        problem = load_problem(BOARD)
+        for options, steps, expected in (
+            ({}, None, 20_000),
+            ({"steps": 300}, None, 300),
+            ({"steps": 300}, 500, 500),
+            ({"steps": "300"}, None, 300),
+        ):
+            plan = a_plan(problem, options, steps=steps)
+            assert (expected, expected) == (plan.steps, plan.options["steps"])
+
+    def test_the_task_is_kept_as_it_was(self, whole: Path) -> None:
+        assert BOARD.read_bytes() == (whole / "task.yaml").read_bytes()
+        folder = RunFolder(whole)
+        assert load_problem(BOARD).sha256 == folder.manifest.task.sha256
+        assert "inverter-board" == folder.config["name"]
+        assert str(BOARD) == folder.source
+
+    def test_a_run_learns_the_same_alone(self, whole: Path, tmp_path: Path) -> None:
+        train(tmp_path / "alone", runs=1, seed=3)
+        one, other = (
+            (folder / "runs" / run / "metrics.jsonl").read_bytes()
+            for folder, run in ((whole, "03"), (tmp_path / "alone", "00"))
+        )
+        assert one == other
+
+
+class TestWhatHappens:
+    def test_processes_change_nothing(self, whole: Path, tmp_path: Path) -> None:
+        train(tmp_path / "two", jobs=2)
+        assert learned_bytes(whole) == learned_bytes(tmp_path / "two")
+
+    def test_how_often_a_checkpoint_is_kept_changes_nothing(
+        self, whole: Path, tmp_path: Path
+    ) -> None:
+        train(tmp_path / "rare", checkpoint_steps=10_000)
+        assert learned_bytes(whole) == learned_bytes(tmp_path / "rare")
+
+    @pytest.mark.parametrize(("jobs", "reports"), [(1, 1), (1, 3), (1, 8), (1, 11), (2, 9)])
+    def test_a_stop_between_two_strides_changes_nothing(
+        self, whole: Path, tmp_path: Path, jobs: int, reports: int
+    ) -> None:
+        stopped = train(tmp_path / "a", jobs=jobs, stop_after=reports)
+        assert stopped.interrupted
+        begun = [one for one in RunFolder(tmp_path / "a").runs() if one.policy is not None]
+        assert begun
+        assert all(one.steps == one.last.content.step for one in begun if one.last is not None)
+        gone_on = train(tmp_path / "a", jobs=jobs, resume=True)
+        assert not gone_on.interrupted
+        assert learned_bytes(whole) == learned_bytes(tmp_path / "a")
+        assert event_lengths(whole) == event_lengths(tmp_path / "a")
+
+    @pytest.mark.parametrize("nth", range(1, 60, 7))
+    def test_an_end_at_any_write_changes_nothing(
+        self, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, nth: int
+    ) -> None:
+        """As SIGKILL ends it: before something is forced to disk, or before it is renamed."""
+
+        class Ended(BaseException):
+            pass
+
+        counted = 0
+
+        def counting(call: Any) -> Any:
+            def do(*args: Any) -> Any:
+                nonlocal counted
+                counted += 1
+                if counted == nth:
+                    raise Ended
+                return call(*args)
+
+            return do
+
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "fsync", counting(os.fsync))
+            patch.setattr(os, "replace", counting(os.replace))
+            with pytest.raises(Ended):
+                train(tmp_path / "a")
+        train(tmp_path / "a", resume=True)
+        assert learned_bytes(whole) == learned_bytes(tmp_path / "a")
+
+    @pytest.mark.parametrize("jobs", [1, 2])
+    def test_a_stride_that_takes_too_long_after_a_stop_is_given_up(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jobs: int
+    ) -> None:
+        """What the last checkpoint knows counts, and nothing else changes."""
+        slow = {"pause_s": 0.02}
+        more = {"runs": 2, "steps": 300, "checkpoint_steps": 100}
+        train(tmp_path / "whole", slow, **more)
+        monkeypatch.setattr("skillplan.training.group_workers.GRACE_S", 0.05)
+        begun_s = time.monotonic()
+        stopped = train(tmp_path / "a", slow, jobs=jobs, stop_after=1, delay_s=0.2, **more)
+        assert time.monotonic() - begun_s < 30
+        assert {100} == {one.steps for one in RunFolder(tmp_path / "a").runs()}
+        assert stopped.interrupted
+        assert all(one.last is not None for one in stopped.outcomes)
+        train(tmp_path / "a", slow, jobs=jobs, resume=True, **more)
+        assert learned_bytes(tmp_path / "whole") == learned_bytes(tmp_path / "a")
+
+    def test_layouts_of_a_family_are_learned_and_gone_on_with(self, tmp_path: Path) -> None:
+        """The policies are judged on the file's own layout."""
+        more = {"runs": 2, "steps": 400, "family": 3}
+        whole = train(tmp_path / "whole", **more)
+        assert load_problem(BOARD).sha256 == whole.task.sha256
+        manifest = RunFolder(tmp_path / "whole").manifest
+        assert manifest.family is not None
+        assert (3, 0) == (manifest.family.count, manifest.family.seed)
+        train(tmp_path / "a", stop_after=3, **more)
+        train(tmp_path / "a", resume=True, **more)
+        assert learned_bytes(tmp_path / "whole") == learned_bytes(tmp_path / "a")
+        train(tmp_path / "own", runs=2, steps=400)
+        own, other = (
+            (tmp_path / name / "runs" / "00" / "metrics.jsonl").read_bytes()
+            for name in ("own", "whole")
+        )
+        assert own != other
+
+    def test_pieces_of_lines_beyond_the_checkpoint_are_cut_off(
+        self, whole: Path, tmp_path: Path
+    ) -> None:
+        train(tmp_path / "a", stop_after=4)
+        for path in (tmp_path / "a").rglob("*.tfevents.*"):
+            path.write_bytes(path.read_bytes() + b"\x07piece")
+        for path in (tmp_path / "a" / "runs").rglob("metrics.jsonl"):
+            path.write_bytes(path.read_bytes() + b'{"kind":"episode","st')
+        train(tmp_path / "a", resume=True)
+        assert learned_bytes(whole) == learned_bytes(tmp_path / "a")
+        assert event_lengths(whole) == event_lengths(tmp_path / "a")
+
+    def test_what_is_done_is_not_done_again(
+        self, whole: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        before, effort = learned_bytes(whole), RunFolder(whole).progress(0)
+
+        def never(*_: object) -> None:
+            raise AssertionError("it did another stride")
+
+        monkeypatch.setattr(GroupTraining, "_keep", never)
+        result = train(whole, resume=True)
+        assert 7 * 700 == sum(one.training.steps for one in result.outcomes if one.training)
+        assert before == learned_bytes(whole)
+        assert effort == RunFolder(whole).progress(0)
+
+
+class TestFailures:
+    def test_a_run_that_cannot_go_on_is_named_and_the_others_do(
+        self, whole: Path, tmp_path: Path
+    ) -> None:
+        result = train(tmp_path / "a", {"fails": "1@250"})
+        # In either group there is a run of this number.
+        assert [1, 6] == [one.run for one in result.failed]
+        assert "its values are not finite" == result.outcomes[1].reason
+        for run in ("00", "02", "05"):
+            one, other = (
+                folder / "runs" / run / "metrics.jsonl" for folder in (whole, tmp_path / "a")
+            )
+            assert one.read_bytes() == other.read_bytes()
+        assert not result.interrupted
+
+    @pytest.mark.parametrize("jobs", [1, 2])
+    def test_a_group_that_raises_does_not_take_the_others_along(
+        self, whole: Path, tmp_path: Path, jobs: int
+    ) -> None:
+        result = train(tmp_path / "a", {"raises": "5@350"}, jobs=jobs)
+        assert [5, 6] == [one.run for one in result.failed]
+        reason = "The solver 'tabular' failed: RuntimeError: no memory left"
+        assert {reason} == {one.reason for one in result.failed}
+        assert RunStatus.FAILED is result.outcomes[6].status
+        stored = RunFolder(tmp_path / "a")
+        assert (200, reason) == (stored.run(5).steps, stored.run(5).failure)
+        assert learned_bytes(whole, lambda name: name == "last.safetensors").items() >= {
+            (name, content)
+            for name, content in learned_bytes(
+                tmp_path / "a", lambda name: name == "last.safetensors"
+            ).items()
+        }
+        again = train(tmp_path / "a", {"raises": "5@350"}, jobs=jobs, resume=True)
+        assert [5, 6] == [one.run for one in again.failed]
+
+    def test_a_process_that_is_killed_twice_costs_its_runs_only(self, tmp_path: Path) -> None:
+        result = train(tmp_path / "a", {"dies": "5@350"}, jobs=2)
+        assert [5, 6] == [one.run for one in result.failed]
+        assert "its process was ended twice, by signal 9" == result.failed[0].reason
+        assert 700 == RunFolder(tmp_path / "a").run(0).steps
+
+    def test_a_process_that_is_killed_once_is_started_again(
+        self, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """The first start dies; by the second, the cause has gone."""
+        cause = tmp_path / "cause"
+        cause.touch()
+        monkeypatch.setenv("TABULAR_DIES_WHILE", str(cause))
+        result = train(tmp_path / "a", jobs=2)
+        assert not cause.exists()
+        assert [] == result.failed
+        assert learned_bytes(whole) == learned_bytes(tmp_path / "a")
+
+
+class TestFolders:
+    def test_a_second_training_is_kept_out(self, whole: Path) -> None:
+        problem = load_problem(BOARD)
+        plan = a_plan(problem)
+        with (
+            TrainingFolder(str(whole), plan, problem, resume=True),
+            pytest.raises(OptionError, match="another training is writing there just now"),
+        ):
+            TrainingFolder(str(whole), plan, problem, resume=True)
+        TrainingFolder(str(whole), plan, problem, resume=True).close()
+
+    def test_a_folder_with_anything_in_it_is_not_begun_in(self, tmp_path: Path) -> None:
+        (tmp_path / "letter.txt").write_text("dear")
+        with pytest.raises(OptionError, match=r"is not empty. Name a new folder, or go on"):
+            train(tmp_path)
+        with pytest.raises(OptionError, match=r"holds no manifest.json, so nothing to resume"):
+            train(tmp_path, resume=True)
+
+    @pytest.mark.parametrize(
+        ("more", "message"),
+        [
+            ({"runs": 8}, "in the runs: 7 from seed 0 there, 8 from seed 0 now"),
+            ({"seed": 2}, "in the runs: 7 from seed 0 there, 7 from seed 2 now"),
+            ({"steps": 800}, "in the solver's options: steps: 700 there, 800 now"),
+            ({"options": {"alpha": 0.1}}, "in the solver's options: alpha: 0.5 there, 0.1 now"),
+        ],
+    )
+    def test_another_training_is_refused_by_what_differs(
+        self, whole: Path, more: dict[str, Any], message: str
+    ) -> None:
+        before = learned_bytes(whole)
+        with pytest.raises(OptionError) as caught:
+            train(whole, resume=True, **more)
+        assert message in str(caught.value)
+        assert before == learned_bytes(whole)
+
+    def test_another_task_is_refused_by_the_keys_that_changed(
+        self, whole: Path, tmp_path: Path
+    ) -> None:
+        text = BOARD.read_text("utf-8")
+        other = BOARD.with_name("other.yaml")
+        changed = tmp_path / other.name
+        changed.write_text(text.replace("step_limit: 20", "step_limit: 21"), "utf-8")
+        (tmp_path / "meshes").symlink_to(BOARD.parent / "meshes")
+        with pytest.raises(OptionError, match="in the task: step_limit: 20 there, 21 now"):
+            train(whole, resume=True, source=changed)
+
+    def test_another_version_is_refused(self, whole: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("skillplan.__version__", "9.9")
+        with pytest.raises(OptionError, match=r'in the versions: skillplan: ".*" there, "9.9" now'):
+            train(whole, resume=True)
+
+
+class TestPlans:
+    def test_a_solver_that_does_not_learn_is_told_who_does(self) -> None:
+        with pytest.raises(OptionError, match=r"'sarsa' trains no policies step by step. Learners"):
+            plan_training(load_problem(BOARD), "sarsa")
+        with pytest.raises(PluginError, match=r"Unknown solver 'tabula'. Did you mean 'tabular'\?"):
+            plan_training(load_problem(BOARD), "tabula")
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"alfa": 1}, "has no option 'alfa'. Did you mean 'alpha'"),
+            ({"epsilon": 1.5}, "epsilon: must be <= 1"),
+            ({"observation": "all"}, "observation: must be"),
+            ({"steps": 0}, "steps: must be >= 1"),
+        ],
+    )
+    def test_a_wrong_option_is_one_clear_error(self, options: dict[str, Any], message: str) -> None:
+        with pytest.raises(OptionError) as caught:
+            plan_training(load_problem(BOARD), "tabular", Setup(options={"tabular": options}))
+        assert message in str(caught.value)
