@@ -189,11 +189,12 @@ class DqnTraining(Training):
             **self._situations.arrays("situations"),
             **self._memory.arrays("memory"),
             **self._kept.arrays("kept"),
+            "curves": np.array(self._curves).reshape(-1, 2, len(self._generators)),
         }
         notes = {
             "steps": self.steps,
             "due": self._due,
-            "branch": self._branch,
+            "branch": list(self._branch),
             "completed": self._completed.tolist(),
             "failed": {str(run): why for run, why in self.failed.items()},
             "generators": [generator.bit_generator.state for generator in self._generators],
@@ -218,6 +219,7 @@ class DqnTraining(Training):
         self._situations.read("situations", arrays)
         self._memory.read("memory", arrays)
         self._kept.read("kept", arrays, notes["kept"])
+        self._curves = list(arrays["curves"])
         self.steps, self._due = int(notes["steps"]), float(notes["due"])
         self._branch = [int(depth) for depth in notes["branch"]]
         self._completed = np.array(notes["completed"], dtype=np.bool_)
@@ -237,7 +239,9 @@ class DqnTraining(Training):
     def _choose(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Return the action of every run, and whether it is the policy's own."""
         options, allowed = self._options, self._allowed
-        values = self._values(torch.from_numpy(self._network.of_one(self._observed))).numpy()
+        # Of a run that breaks they overflow; it is named where its network is seen to.
+        with np.errstate(over="ignore", invalid="ignore"):
+            values = self._values(torch.from_numpy(self._network.of_one(self._observed))).numpy()
         values = np.where(allowed, values, -np.inf)
         greedy: NDArray[np.int64] = values.argmax(axis=1)
         actions = greedy.copy()
@@ -245,7 +249,8 @@ class DqnTraining(Training):
             bonus = self._bonus(self._at[:, None])
             actions = greedy.copy() if bonus is None else (values + bonus[:, 0]).argmax(axis=1)
         elif options.exploration == "boltzmann":
-            worth = np.exp((values - values.max(axis=1, keepdims=True)) / self._exploring())
+            with np.errstate(over="ignore", invalid="ignore"):
+                worth = np.exp((values - values.max(axis=1, keepdims=True)) / self._exploring())
             for run, generator in enumerate(self._generators):
                 total = np.cumsum(worth[run])
                 drawn = np.searchsorted(total, generator.random() * total[-1], side="right")
@@ -297,7 +302,10 @@ class DqnTraining(Training):
                 run,
                 record.situations[first],
                 record.actions[first],
-                sum(record.paid[first:]),
+                sum(
+                    self._options.gamma**later * paid
+                    for later, paid in enumerate(record.paid[first:])
+                ),
                 end,
                 following,
                 last - first,
@@ -314,8 +322,10 @@ class DqnTraining(Training):
         following, end = of_runs(memory.following, slots), of_runs(memory.end, slots)
         steps = of_runs(memory.steps, slots)
         worth = self._scale * of_runs(memory.reward, slots)
-        worth += np.where(end == COMPLETE, options.complete, 0.0)
-        worth -= np.where((end != COMPLETE) & (end != GOES_ON), options.failure, 0.0)
+        # What the last of several steps brings is as far away.
+        last = options.gamma ** (steps - 1)
+        worth += np.where(end == COMPLETE, last * options.complete, 0.0)
+        worth -= np.where((end != COMPLETE) & (end != GOES_ON), last * options.failure, 0.0)
         with torch.no_grad():
             after = torch.from_numpy(of_runs(met.observations, following))
             barred = torch.from_numpy(~of_runs(met.masks, following))

@@ -75,12 +75,12 @@ class EpisodeRecord:
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values, to be read by `read`."""
         return {
-            "situations": self.situations,
-            "actions": self.actions,
-            "paid": self.paid,
-            "costs": self.costs,
-            "rewards": self.rewards,
-            "slots": self.slots,
+            "situations": list(self.situations),
+            "actions": list(self.actions),
+            "paid": list(self.paid),
+            "costs": list(self.costs),
+            "rewards": list(self.rewards),
+            "slots": list(self.slots),
             "greedy": self.greedy,
         }
 

@@ -62,7 +62,7 @@ class Situations:
         found = np.empty(len(self._numbers), dtype=np.int64)
         for run, known in enumerate(self._numbers):
             last = before[run] if self._tells_last_action else -1
-            key = _key(observations[run], last)
+            key = _key(observations[run], masks[run], last)
             number = known.get(key)
             if number is None:
                 number = known[key] = len(known)
@@ -112,7 +112,11 @@ class Situations:
             mine[:, :most] = fitting(arrays, f"{name}.{key}", (runs, most, *mine.shape[2:]))
         self._numbers = [
             {
-                _key(self.observations[run, number], int(self._before[run, number])): number
+                _key(
+                    self.observations[run, number],
+                    self.masks[run, number],
+                    int(self._before[run, number]),
+                ): number
                 for number in range(int(known[run]))
             }
             for run in range(runs)
@@ -151,5 +155,5 @@ def of_runs(array: NDArray[Any], indices: NDArray[np.int64]) -> NDArray[Any]:
     return entries
 
 
-def _key(observation: NDArray[np.float32], before: int) -> bytes:
-    return observation.tobytes() + before.to_bytes(4, "little", signed=True)
+def _key(observation: NDArray[np.float32], mask: NDArray[np.bool_], before: int) -> bytes:
+    return observation.tobytes() + mask.tobytes() + before.to_bytes(4, "little", signed=True)

@@ -43,9 +43,12 @@ class StepPay:
         payment = Payment.of(task, objective)
         by_scheme = payment.scheme is not None
         per_cost = float(getattr(task.reward, "per_cost", 0.0)) if by_scheme else 0.0
+        late = payment.out_of_time
+        if by_scheme and not hasattr(payment.scheme, "out_of_time"):
+            late = 0.0  # it pays the last step as any other
         losses = list(_losses(task, payment))
         usual = sum(losses) / max(1, len(losses))
-        return cls(payment.complete, payment.out_of_time, per_cost, counts_last, usual)
+        return cls(payment.complete, late, per_cost, counts_last, usual)
 
     def of_steps(
         self,

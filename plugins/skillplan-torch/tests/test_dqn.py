@@ -1,0 +1,584 @@
+"""DQN: what it learns and keeps, that masks hold, that runs stay apart and go on bit for bit."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from situations import make_skill, make_task, retry_task, two_roads_task
+from skillplan import load_problem
+from skillplan.env.observation import Observation
+from skillplan.env.skill_vector_env import SkillVectorEnv
+from skillplan.report.result import Status
+from skillplan.run import make_model, solve
+from skillplan.solvers.learner import Snapshot
+from skillplan.solvers.network_policy import NetworkPolicy
+from skillplan.task.state import Facts
+from skillplan.task.task import Literal
+from skillplan.testing import SolverSuite, lid_task
+from skillplan_torch.dqn import DqnSolver
+from skillplan_torch.ppo import PpoSolver
+
+CONFIGS = Path(__file__).parents[3] / "configs"
+OPTIMUM_M = 1.86709
+SMALL = {"width": 32, "batch": 32, "updates": 0.4, "warm_up": 20}
+STEPS = 200
+# Every kind of exploration, replay and network.
+KINDS = {
+    "count": {},
+    "count-dueling-recent": {"dueling": True, "replay": "recent", "mask": "none"},
+    "boltzmann-priority": {"exploration": "boltzmann", "priority": 0.6, "layers": 2},
+    "epsilon-3-step": {"exploration": "epsilon", "n_step": 3, "dueling": True, "priority": 0.5},
+    "recent-3-step": {"replay": "recent", "n_step": 3, "capacity": 60, "tell_last_action": False},
+    "linear-small-memory": {"layers": 0, "capacity": 25, "observation": "paper", "priority": 1.0},
+    "late-is-failure": {"late_is_failure": True, "gamma": 0.9, "branching": 0.0, "mask": "none"},
+}
+
+
+@pytest.fixture(scope="module")
+def board():
+    """The inverter board: 16 actions."""
+    return load_problem(CONFIGS / "inverter_board.yaml").task
+
+
+@pytest.fixture(scope="module")
+def motor_drive():
+    """More than 32 actions, and no whole number of blocks of them."""
+    return load_problem(CONFIGS / "motor_drive.yaml").task
+
+
+def solver(**options):
+    return DqnSolver(DqnSolver.Options(**{**SMALL, **options}))
+
+
+def places(learner, runs, task):
+    options = learner.options
+    return SkillVectorEnv(
+        make_model(task),
+        runs,
+        observation=options.observation,
+        mask=options.mask,
+        objective=options.objective,
+    )
+
+
+def begun(learner, seeds, task, steps=STEPS):
+    return learner.begin(places(learner, len(seeds), task), seeds, steps)
+
+
+def resumed(learner, seeds, task, snapshot, steps=STEPS):
+    # As a file keeps it: notes as JSON, arrays as bytes.
+    kept = Snapshot(
+        {name: array.copy() for name, array in snapshot.arrays.items()},
+        json.loads(json.dumps(snapshot.notes)),
+    )
+    return learner.resume(places(learner, len(seeds), task), seeds, steps, kept)
+
+
+def assert_same(one, other):
+    """Hold two trainings against each other, bit for bit."""
+    first, second = one.snapshot(), other.snapshot()
+    assert first.notes == second.notes
+    assert first.arrays.keys() == second.arrays.keys()
+    for name, array in first.arrays.items():
+        assert array.tobytes() == second.arrays[name].tobytes(), name
+
+
+def assert_same_policy(one, other):
+    for mine, theirs in zip(one.weights + one.biases, other.weights + other.biases, strict=True):
+        assert mine.tobytes() == theirs.tobytes()
+
+
+def followed(learner, task, policy):
+    """Return the cost and end of an episode that follows a policy."""
+    env = places(learner, 1, task)
+    observed, infos = env.reset(seed=0)
+    cost, end = 0.0, 0
+    while not end:
+        observed, _, _, _, infos = env.step(policy.greedy(observed, infos["action_mask"]))
+        cost, end = cost + float(infos["cost"][0]), int(infos["end"][0])
+    return cost, end
+
+
+def nearly_done(task, skills):
+    """Return a task that begins where its first skills have been done."""
+    state = task.initial
+    for action in skills:
+        state = task.skills[action].prediction.apply(state)
+    return replace(task, initial=state)
+
+
+def chain_task(**changes):
+    """Return a task of three skills in a row, of a cost of 1 each."""
+    facts = Facts(("a", "b", "c"))
+    skills = [
+        make_skill(facts, "one", forbids=("a",), add=("a",)),
+        make_skill(facts, "two", requires=("a",), forbids=("b",), add=("b",)),
+        make_skill(facts, "three", requires=("b",), add=("c",)),
+    ]
+    return make_task(facts, skills, goal=("c",), **{"step_limit": 12, **changes})
+
+
+def chain_values(**options):
+    """Return what the three skills of the chain are learned to be worth where they apply."""
+    learner, task, steps = solver(updates=1.0, **options), chain_task(), 700
+    training = begun(learner, [0], task, steps)
+    training.advance(steps)
+    observation = Observation.of(task, learner.options.observation)
+    states = [task.facts.of(*names) for names in ((), ("a",), ("a", "b"))]
+    seen = np.array([observation.encode(state) for state in states])
+    return training.learned(0).last.scores(seen).diagonal()
+
+
+class TestDqnSolver(SolverSuite):
+    solver = "dqn"
+    options = {"steps": 900, "batch": 32, "updates": 0.7}  # noqa: RUF012
+
+
+class TestLearning:
+    @pytest.mark.parametrize("kind", KINDS)
+    def test_the_cheaper_of_two_roads_is_learned(self, kind):
+        learner = solver(**{**KINDS[kind], "mask": "applicable"})
+        training = begun(learner, [0], two_roads_task(), 300)
+        training.advance(300)
+        assert training.learned(0).best_cost == 3.0
+
+    def test_the_lid_is_screwed_on_at_least_cost(self):
+        steps, exact = 1_000, solve(lid_task(), "exact").cost
+        training = begun(DqnSolver(), [0, 1], lid_task(), steps)
+        training.advance(steps)
+        assert [training.learned(run).best_cost for run in (0, 1)] == [pytest.approx(exact)] * 2
+
+    def test_a_skill_that_may_fail_is_tried_again(self):
+        assert solve(retry_task(0.5), solver(steps=300)).cost == pytest.approx(4.0)
+
+    @pytest.mark.parametrize("n_step", [1, 3])
+    def test_values_come_to_the_discounted_returns_over_any_number_of_steps(self, n_step):
+        """With 4 for completing, and 3 for as many usual steps as the limit allows."""
+        step = 3.0 / 12
+        expected = [-step * 1.75 + 4.0 * 0.25, -step * 1.5 + 4.0 * 0.5, -step + 4.0]
+        values = chain_values(gamma=0.5, steps_worth=3.0, n_step=n_step)
+        np.testing.assert_allclose(values, expected, atol=0.05)
+
+    @pytest.mark.slow
+    @pytest.mark.parametrize(
+        ("options", "exact_runs", "success"),
+        [
+            ({"mask": "none", "observation": "paper"}, 8, 0.80),
+            ({"mask": "applicable", "observation": "markov"}, 10, 0.99),
+        ],
+    )
+    def test_ten_seeds_learn_the_board(self, board, options, exact_runs, success):
+        """Of the paper's ten, four found the optimum and two never finished a sequence."""
+        learner = DqnSolver(DqnSolver.Options(**options))
+        steps = learner.options.steps
+        assert steps == 20_000
+        training = begun(learner, range(10), board, steps)
+        episodes = training.advance(steps)
+        costs = [training.learned(run).best_cost for run in range(10)]
+        assert all(cost is not None and cost <= 1.01 * OPTIMUM_M for cost in costs)
+        assert sum(cost < OPTIMUM_M + 1e-4 for cost in costs) >= exact_runs
+        late = [episode.success for episode in episodes if episode.step > steps - 2_000]
+        assert np.mean(late) >= success
+
+
+class TestMasks:
+    @pytest.mark.parametrize("exploration", ["count", "boltzmann", "epsilon"])
+    def test_what_does_not_apply_is_never_tried(self, exploration):
+        task = lid_task()
+        model = make_model(task)
+        episodes = begun(solver(exploration=exploration), [0, 1], task).advance(STEPS)
+        assert len(episodes) > 20
+        for episode in episodes:
+            state = model.initial
+            for action in episode.actions:
+                assert task.skills[action].applicable(state)
+                state = task.skills[action].prediction.apply(state)
+
+    def test_what_back_ends_forbid_is_never_tried_either_where_they_are_asked(self):
+        episodes = begun(solver(mask="feasible"), [0, 1], lid_task()).advance(STEPS)
+        assert len(episodes) > 20
+        # A state that allows nothing ends the episode at its next step, whatever is done.
+        model, task = make_model(lid_task()), lid_task()
+        for episode in episodes:
+            state = model.initial
+            for action in episode.actions:
+                allowed = [
+                    skill
+                    for skill in model.applicable(state)
+                    if model.verdict(state, skill).is_feasible
+                ]
+                assert not allowed or task.skills[action].name in {one.name for one in allowed}
+                state = task.skills[action].prediction.apply(state)
+
+    def test_without_a_mask_what_does_not_apply_is_tried_and_ends_the_episode(self):
+        episodes = begun(solver(mask="none"), [0], lid_task()).advance(STEPS)
+        assert any(episode.end == "infeasible" for episode in episodes)
+
+    @pytest.mark.parametrize("kind", ["count", "boltzmann-priority", "epsilon-3-step"])
+    @pytest.mark.parametrize("worth", [1e6, -1e6])
+    def test_what_a_barred_action_seems_worth_changes_nothing(self, kind, worth):
+        """Neither what is done nor what values of actions before it are drawn to."""
+        facts = Facts(("a", "b", "done", "never"))
+        skills = [
+            make_skill(facts, "to_a", forbids=("a", "b", "done"), add=("a",), cost=1.0),
+            make_skill(facts, "a_to_b", requires=("a",), add=("b",), delete=("a",), cost=1.0),
+            make_skill(facts, "barred", requires=("never",), add=("done",), cost=0.1),
+            make_skill(facts, "to_b", forbids=("a", "b", "done"), add=("b",), cost=3.0),
+            make_skill(facts, "finish", requires=("b",), add=("done",), delete=("b",), cost=1.0),
+        ]
+        task = make_task(facts, skills, goal=("done",))
+        learner = solver(**{**KINDS[kind], "dueling": False})
+        training = begun(learner, [0, 1], task)
+        training.advance(100)
+        snapshot = training.snapshot()
+        changed = {name: array.copy() for name, array in snapshot.arrays.items()}
+        last = max(int(n.split(".")[1]) for n in changed if n.startswith("network."))
+        for name in (f"network.{last}", f"target.{last}"):
+            changed[name][..., 2] = worth
+        changed = Snapshot(changed, snapshot.notes)
+        other, same = (resumed(learner, [0, 1], task, one) for one in (changed, snapshot))
+        assert other.advance(STEPS - 100) == same.advance(STEPS - 100)
+        assert other.figures() == same.figures()
+        ours, theirs = other.snapshot().arrays, same.snapshot().arrays
+        for name, array in ours.items():
+            same_there = array == theirs[name]
+            if name in (f"network.{last}", f"target.{last}"):
+                assert not same_there[..., 2].any()
+                same_there[..., 2] = True
+            assert (same_there | (np.isnan(array) & np.isnan(theirs[name]))).all(), name
+
+    def test_masks_that_the_observation_does_not_tell_hold_where_a_policy_is_kept(self):
+        """What is observed is always the same; what is allowed is not."""
+        facts = Facts(("one", "two", "three", "done"))
+        names = ("one", "two", "three")
+        turn = [
+            make_skill(
+                facts, f"turn_{i}", requires=names[:i], forbids=names[i:], add=names[i : i + 1]
+            )
+            for i in range(3)
+        ]
+        finish = make_skill(facts, "finish", requires=names, add=("done",))
+        task = make_task(
+            facts, [*turn, finish], goal=("done",), observation=(Literal("done"),), step_limit=8
+        )
+        learner = solver(observation="paper", tell_last_action=False)
+        training = begun(learner, [0], task)
+        assert all(episode.success for episode in training.advance(STEPS))
+        learned = training.learned(0)
+        assert followed(learner, task, learned.last) == (4.0, 1)
+        assert learned.best_cost == 4.0
+
+
+class TestRewards:
+    @pytest.mark.parametrize(
+        "transformed", [{}, {"complete": 100.0, "failure": 0.1, "step_floor": 1.0}]
+    )
+    def test_an_episode_s_reward_is_the_environment_s(self, board, transformed):
+        """Table II to the letter, whatever the agent makes of it."""
+        board = nearly_done(board, [0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7])
+        model = make_model(board)
+        episodes = begun(solver(mask="none", **transformed), [0, 1], board).advance(STEPS)
+        episodes += begun(solver(**transformed), [0, 1], board).advance(2 * STEPS)
+        assert {episode.end for episode in episodes} == {"complete", "infeasible", "out-of-time"}
+        for episode in episodes:
+            state, reward, cost = model.initial, 0.0, 0.0
+            for number, action in enumerate(episode.actions, 1):
+                skill = board.skills[action]
+                if not model.verdict(state, skill).is_feasible:
+                    assert number == len(episode.actions)
+                    assert episode.end == "infeasible"
+                    reward += board.reward.infeasible
+                    continue
+                following, paid = skill.prediction.apply(state), skill.cost.at(state)
+                goal, late = model.is_goal(following), number == board.step_limit
+                assert goal == (episode.success and number == len(episode.actions))
+                reward += board.reward.of_step(
+                    state, skill.name, paid, goal=goal, out_of_time=late and not goal
+                )
+                cost, state = cost + paid, following
+            assert (episode.reward, episode.cost) == (reward, cost)
+
+    def test_by_cost_it_is_minus_the_costs_and_what_ends_pay(self):
+        episodes = begun(solver(objective="cost"), [0], two_roads_task()).advance(STEPS)
+        assert episodes
+        assert all(episode.reward == pytest.approx(10.0 - episode.cost) for episode in episodes)
+
+
+class TestPoliciesFollowed:
+    @pytest.mark.parametrize("exploration", ["count", "boltzmann", "epsilon"])
+    def test_only_episodes_that_follow_the_policy_throughout_are_greedy(self, exploration):
+        """Of a network that is not changed meanwhile."""
+        task, found = two_roads_task(), set()
+        learner = solver(exploration=exploration, warm_up=1_000, branching=0.3)
+        training = begun(learner, [0, 1], task)
+        episodes = training.advance(STEPS)
+        observation = Observation.of(task, "markov")
+        for episode in episodes:
+            policy, state, same = training.learned(episode.run).last, task.initial, True
+            for action in episode.actions:
+                mask = np.array([[skill.applicable(state) for skill in task.skills]])
+                same &= int(policy.greedy(observation.encode(state)[None], mask)[0]) == action
+                state = task.skills[action].prediction.apply(state)
+            assert episode.greedy == same
+            found.add(same)
+        assert found == {True, False}
+
+    def test_without_exploration_every_episode_is(self):
+        episodes = begun(solver(bonus=0.0, branching=0.0), [0], lid_task()).advance(STEPS)
+        assert all(episode.greedy for episode in episodes)
+
+    @pytest.mark.parametrize("kind", KINDS)
+    @pytest.mark.parametrize("which", ["two roads", "board"])
+    def test_the_best_policy_costs_what_it_was_kept_for(self, board, kind, which):
+        late = nearly_done(board, [0, 1, 2, 3, 4, 5, 8, 9, 10, 11])
+        task = {"two roads": two_roads_task(), "board": late}[which]
+        learner, seeds, steps = solver(**{**KINDS[kind], "mask": "applicable"}), range(3), 300
+        training = begun(learner, seeds, task, steps)
+        episodes, found = training.advance(steps), 0
+        for run in seeds:
+            learned = training.learned(run)
+            if learned.best is None:
+                continue
+            found += 1
+            assert followed(learner, task, learned.best) == (learned.best_cost, 1)
+            assert learned.best_cost in {e.cost for e in episodes if e.run == run and e.success}
+            assert any(e.step == learned.best_step and e.run == run for e in episodes)
+        assert found
+
+    def test_under_chance_one_episode_tells_nothing_and_none_is_kept(self):
+        training = begun(solver(), [0], retry_task(0.5))
+        assert any(episode.success for episode in training.advance(STEPS))
+        assert training.learned(0).best is None
+
+
+class TestRunsSideBySide:
+    SEEDS = (5, 3, 8, 0, 21)
+
+    def held_alone(self, learner, task, seeds, chosen, steps=STEPS):
+        together = begun(learner, seeds, task, steps)
+        episodes, figures = together.advance(steps), together.figures()
+        for run in chosen:
+            alone = begun(learner, [seeds[run]], task, steps)
+            mine = [replace(episode, run=0) for episode in episodes if episode.run == run]
+            assert alone.advance(steps) == mine
+            assert alone.figures() == [figures[run]]
+            assert_same_policy(alone.learned(0).last, together.learned(run).last)
+            assert alone.learned(0).best_cost == together.learned(run).best_cost
+
+    @pytest.mark.parametrize("kind", KINDS)
+    def test_a_run_is_the_same_alone_and_among_five(self, kind):
+        self.held_alone(solver(**KINDS[kind]), lid_task(), self.SEEDS, [1, 4])
+
+    @pytest.mark.parametrize("kind", ["count", "epsilon-3-step"])
+    def test_with_few_actions_and_under_chance_too(self, kind):
+        for task in (two_roads_task(), retry_task(0.5)):
+            self.held_alone(solver(**KINDS[kind]), task, self.SEEDS, [2], 100)
+
+    @pytest.mark.parametrize("dueling", [False, True])
+    def test_on_the_board_too_with_networks_as_large_as_usual(self, board, dueling):
+        learner = solver(width=256, batch=64, updates=0.5, dueling=dueling)
+        self.held_alone(learner, board, self.SEEDS, [0, 3])
+
+    @pytest.mark.parametrize("kind", ["count", "epsilon-3-step"])
+    def test_of_more_actions_than_a_block_too(self, motor_drive, kind):
+        assert len(motor_drive.skills) > 32
+        self.held_alone(solver(**KINDS[kind]), motor_drive, self.SEEDS, [3], 150)
+
+    def test_runs_of_other_seeds_differ(self):
+        episodes = begun(solver(), [0, 1], lid_task()).advance(STEPS)
+        first, second = ([e.actions for e in episodes if e.run == run] for run in (0, 1))
+        assert first != second
+
+
+class TestFailures:
+    @pytest.mark.parametrize(
+        ("name", "wrong"),
+        [("network.0", np.nan), ("target.1", np.inf), ("adam.0.mean", -np.inf)],
+    )
+    @pytest.mark.parametrize("kind", ["count", "boltzmann-priority", "epsilon-3-step"])
+    def test_a_run_that_breaks_is_named_and_the_others_go_on(self, kind, name, wrong):
+        learner, task = solver(**KINDS[kind]), lid_task()
+        training = begun(learner, [0, 1, 2], task)
+        training.advance(100)
+        training.figures()
+        snapshot = training.snapshot()
+        snapshot.arrays[name][1] = wrong
+        broken = resumed(learner, [0, 1, 2], task, snapshot)
+        episodes, whole = broken.advance(STEPS - 100), training.advance(STEPS - 100)
+        assert list(broken.failed) == [1]
+        assert "no longer finite" in broken.failed[1]
+        assert "learning_rate" in broken.failed[1]
+        for run in (0, 2):
+            assert [e for e in episodes if e.run == run] == [e for e in whole if e.run == run]
+            assert_same_policy(broken.learned(run).last, training.learned(run).last)
+        assert len([e for e in episodes if e.run == 1]) < len([e for e in whole if e.run == 1])
+        ours, theirs = broken.figures(), training.figures()
+        assert (ours[0], ours[2]) == (theirs[0], theirs[2])
+        assert "loss" not in ours[1]
+
+    @pytest.mark.parametrize("exploration", ["count", "boltzmann", "epsilon"])
+    def test_values_that_overflow_break_a_run_without_a_warning(self, exploration):
+        learner, task = solver(exploration=exploration), lid_task()
+        training = begun(learner, [0, 1], task)
+        training.advance(100)
+        snapshot = training.snapshot()
+        snapshot.arrays["network.0"][1] = 1e38
+        broken = resumed(learner, [0, 1], task, snapshot)
+        broken.advance(STEPS - 100)
+        assert list(broken.failed) == [1]
+
+    def test_a_run_stays_failed_where_it_is_gone_on_with(self):
+        learner, task = solver(), lid_task()
+        training = begun(learner, [0, 1], task)
+        training.advance(100)
+        snapshot = training.snapshot()
+        snapshot.arrays["network.1"][0] = np.nan
+        broken = resumed(learner, [0, 1], task, snapshot)
+        broken.advance(50)
+        again = resumed(learner, [0, 1], task, broken.snapshot())
+        assert again.failed == broken.failed
+        assert {episode.run for episode in again.advance(50)} == {1}
+
+    def test_the_solver_says_why_it_has_no_policy(self):
+        class Breaking(DqnSolver):
+            def begin(self, env, seeds, steps):
+                snapshot = super().begin(env, seeds, steps).snapshot()
+                snapshot.arrays["network.1"][:] = np.nan
+                return self.resume(env, seeds, steps, snapshot)
+
+        result = solve(two_roads_task(), Breaking(DqnSolver.Options(**SMALL, steps=150)))
+        assert result.status is Status.UNSOLVED
+        assert "no longer finite" in result.reason
+
+
+class TestGoingOn:
+    @settings(max_examples=8, deadline=None, derandomize=True, database=None)
+    @given(
+        st.lists(st.integers(0, STEPS), max_size=3),
+        st.sampled_from(sorted(KINDS)),
+        st.sampled_from([lid_task(), two_roads_task(), retry_task(0.5)]),
+    )
+    def test_a_training_that_was_interrupted_goes_on_bit_for_bit(self, cuts, kind, task):
+        """Wherever, in the middle of episodes, too."""
+        learner = solver(**KINDS[kind])
+        whole, other = (begun(learner, [0, 1], task) for _ in range(2))
+        for cut in [*sorted(cuts), STEPS]:
+            episodes = whole.advance(cut - whole.steps)
+            assert other.advance(cut - other.steps) == episodes
+            assert other.figures() == whole.figures()
+            other = resumed(learner, [0, 1], task, other.snapshot())
+        assert_same(other, whole)
+
+    @pytest.mark.parametrize("cut", [1, 77, 150])
+    def test_on_the_board_too(self, board, cut):
+        learner = solver(mask="none", observation="paper", width=256, batch=64)
+        whole, other = (begun(learner, [0, 1], board) for _ in range(2))
+        episodes = whole.advance(STEPS)
+        theirs = other.advance(cut)
+        other = resumed(learner, [0, 1], board, other.snapshot())
+        assert theirs + other.advance(STEPS - cut) == episodes
+        assert_same(other, whole)
+
+    def test_figures_since_the_last_time_are_gone_on_with(self):
+        learner, task = solver(), lid_task()
+        training = begun(learner, [0, 1], task)
+        training.advance(100)
+        other = resumed(learner, [0, 1], task, training.snapshot())
+        for one in (training, other):
+            one.advance(50)
+        assert other.figures() == training.figures()
+
+    def test_a_snapshot_stays_what_it_was_while_the_training_goes_on(self):
+        training = begun(solver(priority=0.5), [0], lid_task())
+        training.advance(100)
+        snapshot = training.snapshot()
+        before = {name: array.copy() for name, array in snapshot.arrays.items()}
+        notes = json.dumps(snapshot.notes)
+        training.advance(100)
+        for name, array in before.items():
+            np.testing.assert_array_equal(snapshot.arrays[name], array)
+        assert json.dumps(snapshot.notes) == notes
+
+    @pytest.mark.parametrize("change", [{"width": 64}, {"layers": 2}, {"capacity": 5}])
+    def test_a_snapshot_of_other_options_is_refused(self, change):
+        training = begun(solver(), [0], lid_task())
+        training.advance(100)
+        with pytest.raises(ValueError, match="snapshot"):
+            resumed(solver(**change), [0], lid_task(), training.snapshot())
+
+    def test_a_snapshot_of_another_solver_is_refused(self):
+        other = PpoSolver(PpoSolver.Options(rollout=96, batch=32, width=32))
+        training = begun(other, [0], lid_task())
+        training.advance(100)
+        with pytest.raises(ValueError, match="snapshot"):
+            resumed(solver(), [0], lid_task(), training.snapshot())
+
+
+class TestOptions:
+    @pytest.mark.parametrize(
+        ("option", "wrong"),
+        [
+            ("exploration", "curiosity"),
+            ("bonus", -0.1),
+            ("bonus_power", 0.0),
+            ("temperature", 0.0),
+            ("temperature_end", -1.0),
+            ("epsilon", 1.01),
+            ("epsilon_end", -0.01),
+            ("explore_until", 0.0),
+            ("branching", 1.5),
+            ("branch_until", -0.1),
+            ("replay", "some"),
+            ("capacity", 0),
+            ("priority", -1.0),
+            ("n_step", 0),
+            ("best_return", 1.1),
+            ("width", 33),
+            ("width", 0),
+            ("layers", -1),
+            ("layers", 9),
+            ("batch", 16),
+            ("batch", 100),
+            ("updates", 0.0),
+            ("warm_up", 0),
+            ("learning_rate", 0.0),
+            ("learning_rate", 1.5),
+            ("learning_rate_end", 0.0),
+            ("decay_from", 1.0),
+            ("target_rate", 0.0),
+            ("gamma", 1.01),
+            ("complete", -1.0),
+            ("failure", -1.0),
+            ("steps_worth", -1.0),
+            ("step_floor", 0.5),
+            ("steps", 0),
+            ("observation", "all"),
+            ("mask", "some"),
+            ("objective", "profit"),
+            ("learning_rate", float("nan")),
+            ("complete", float("inf")),
+        ],
+    )
+    def test_what_is_out_of_range_is_refused(self, option, wrong):
+        with pytest.raises(ValidationError) as refused:
+            DqnSolver.Options(**{option: wrong})
+        assert [error["loc"] for error in refused.value.errors()] == [(option,)]
+
+    def test_every_default_is_in_its_range(self):
+        options = DqnSolver.Options()
+        assert DqnSolver.Options(**options.model_dump()) == options
+
+
+def test_a_policy_has_as_many_scores_as_there_are_actions(motor_drive):
+    training = begun(solver(dueling=True), [0], motor_drive, 40)
+    training.advance(40)
+    policy = training.learned(0).last
+    assert isinstance(policy, NetworkPolicy)
+    assert policy.actions == len(motor_drive.skills)
+    assert policy.inputs == Observation.of(motor_drive, "markov").width
