@@ -103,6 +103,13 @@ class TestEvaluate:
         assert "deviation  unknown: the optimum was not proved in time\n" in outcome.out
         assert cli("evaluate", motor, *words, "--format", "json").document["deviation"] is None
 
+    def test_under_chance_a_sequence_has_no_deviation(self, cli: Any, board: str) -> None:
+        """An optimum is of policies there, and no time would change that."""
+        grasps = str(Path(board).with_name("inverter_grasps.yaml"))
+        outcome = cli("evaluate", grasps, "--sequence", OPTIMUM)
+        assert 0 == outcome.code
+        assert "deviation  none: under chance" in outcome.out
+
 
 class TestExplain:
     def test_a_failing_precondition(self, cli: Any, board: str) -> None:

@@ -147,6 +147,16 @@ class TestResult:
         assert BEST == document["cost_iqm"]["value"]
         assert [] == document["published"]
 
+    def test_what_was_seen_on_other_layouts_is_not_held_to_this_ones_optimum(
+        self, board: Task
+    ) -> None:
+        record = training_record([an_episode(10, 2.2)], 100, 1.0)
+        (own,) = a_result(board, a_run(training=record)).document()["runs"]
+        (other,) = a_result(board, a_run(training=record), family=True).document()["runs"]
+        assert 2.2 == own["best_cost_seen"] == other["best_cost_seen"]
+        assert own["best_deviation_seen"] > 0.1
+        assert other["best_deviation_seen"] is None
+
     def test_success_is_of_sampled_roll_outs_where_there_are_any(self, board: Task) -> None:
         record = TrainingRecord(20_000, Tally(5, 50), Tally(3, 4))
         trained = a_result(board, a_run(training=record), a_run(1, training=record))

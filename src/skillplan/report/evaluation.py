@@ -91,7 +91,13 @@ class Evaluation:
                 f"{task.cost_text(self.optimum)}"
             )
         elif walked.complete and self.optimum is None:
-            notes.append("deviation  unknown: the optimum was not proved in time")
+            if task.deterministic:
+                notes.append("deviation  unknown: the optimum was not proved in time")
+            else:
+                notes.append(
+                    "deviation  none: under chance a sequence is one way that a policy may go, "
+                    "here with every nominal outcome"
+                )
         if walked.total_reward is not None:
             notes.append(f"reward     {walked.total_reward:.5f}")
         for fault in walked.violations:

@@ -235,15 +235,16 @@ class RunOutcome:
             return self.sampled
         return Tally() if self.training is None else self.training.recent
 
-    def document(self, optimum: float | None, *, chance: bool = False) -> dict[str, Any]:
+    def document(self, optimum: float | None, *, seen_apart: bool = False) -> dict[str, Any]:
         """Return the run as JSON values.
 
         Parameters
         ----------
         optimum
             The proved optimum, or None.
-        chance
-            Whether it is an expected cost, to which that of a single episode is not held.
+        seen_apart
+            Whether what was seen while learning is not to be held to it: it is an expected cost,
+            or other layouts were learned on.
         """
         greedy, training = self.greedy, self.training
         ci95 = None if (rate := self.tally.estimate) is None else [rate.low, rate.high]
@@ -266,7 +267,7 @@ class RunOutcome:
             "episodes": None if training is None else training.every.episodes,
             "successes": None if training is None else training.every.successes,
             "best_cost_seen": self.best_cost_seen,
-            "best_deviation_seen": deviation(self.best_cost_seen, None if chance else optimum),
+            "best_deviation_seen": deviation(self.best_cost_seen, None if seen_apart else optimum),
             "best_actions_seen": [] if training is None else list(training.best_actions),
             "completed_step": None if training is None else training.first_success_step,
             "steps": None if training is None else training.steps,

@@ -79,7 +79,7 @@ def _notes(result: TrainingResult) -> list[str]:
     notes += _success_notes(result)
     if result.best_seen is not None:
         note = f"best seen  {task.cost_text(result.best_seen)} while learning"
-        seen_off = deviation(result.best_seen, result.episode_optimum)
+        seen_off = deviation(result.best_seen, result.seen_optimum)
         notes.append(note if seen_off is None else f"{note}, deviation {percent(seen_off)}")
     notes += _baseline_notes(result) + _paper_notes(result)
     faults = [one for one in result.outcomes if one.reason]

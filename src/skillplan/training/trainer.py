@@ -179,6 +179,7 @@ class Trainer:
             wall_s=wall_s,
             steps_per_s=steps / wall_s if steps and wall_s > 0 else None,
             interrupted=undone,
+            family=self._folder.manifest.family is not None,
         )
 
 
