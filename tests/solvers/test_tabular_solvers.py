@@ -56,7 +56,9 @@ class TestEverySolver:
 
     def test_it_solves_a_task_with_chance(self, name: str) -> None:
         result = solve(retry_task(0.25), name)
-        assert result.status is Status.SOLVED
+        # The referee confirms a least expected cost; learners claim none.
+        proves = name in ("value-iteration", "policy-iteration")
+        assert result.status is (Status.OPTIMAL if proves else Status.SOLVED)
         assert result.cost == pytest.approx(8.0)
 
     def test_it_refuses_what_is_too_large_in_words(self, name: str) -> None:
