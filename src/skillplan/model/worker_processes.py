@@ -191,7 +191,8 @@ def _serve(line: Connection, prepare: Prepare, content: bytes) -> None:
     silence = os.open(os.devnull, os.O_WRONLY)
     os.dup2(silence, 1)
     os.close(silence)
-    with suppress(EOFError, BrokenPipeError):
+    # Whoever asked may be gone at any moment, and need not hear of it.
+    with suppress(EOFError, ConnectionError):
         try:
             work = prepare(pickle.loads(content))
         except BackEndError as error:
