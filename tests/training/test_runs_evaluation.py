@@ -9,9 +9,10 @@ import pytest
 
 from run_folders import HOPELESS, OPTIMAL, SWITCHED, changed, write_runs
 from skillplan.errors import OptionError
+from skillplan.report.optimum import Optimum
 from skillplan.report.run_folder import RunFolder
 from skillplan.report.training_outcome import RunStatus, Tally
-from skillplan.report.training_result import Optimum, Sampling, TrainingResult
+from skillplan.report.training_result import Sampling, TrainingResult
 from skillplan.run import make_model
 from skillplan.setup import Setup, load_problem
 from skillplan.training.runs_evaluation import RunsEvaluation, check_same_task

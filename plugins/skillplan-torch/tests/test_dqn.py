@@ -448,9 +448,11 @@ class TestFailures:
     def test_the_solver_says_why_it_has_no_policy(self):
         class Breaking(DqnSolver):
             def begin(self, env, seeds, steps):
-                snapshot = super().begin(env, seeds, steps).snapshot()
+                training = super().begin(env, seeds, steps)
+                snapshot = training.snapshot()
                 snapshot.arrays["network.1"][:] = np.nan
-                return self.resume(env, seeds, steps, snapshot)
+                training.restore(snapshot)
+                return training
 
         result = solve(two_roads_task(), Breaking(DqnSolver.Options(**SMALL, steps=150)))
         assert result.status is Status.UNSOLVED

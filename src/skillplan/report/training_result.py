@@ -13,8 +13,6 @@ from skillplan.report.published_runs import PublishedRun, published_runs
 from skillplan.report.training_outcome import RunOutcome, RunStatus, Tally, deviation
 from skillplan.task.task import Task
 
-__all__ = ["Optimum", "RandomBaseline", "Sampling", "TrainingResult"]
-
 # A deviation below half of the last digit is printed as 0.00 %.
 _ZERO_PERCENT, _ONE_PERCENT = 0.5e-4, 0.01
 

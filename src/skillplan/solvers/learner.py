@@ -141,6 +141,16 @@ class Training(ABC):
     def snapshot(self) -> Snapshot:
         """Return all that is needed to go on from here, the environment included."""
 
+    @abstractmethod
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from a snapshot of a training of the same solver, options, seeds and steps.
+
+        Raises
+        ------
+        ValueError
+            If it is none.
+        """
+
 
 class LearnerOptions(BaseModel):
     """What every learner can be told beside its own options."""
@@ -189,7 +199,6 @@ class Learner(Solver):
             How many steps every run will do in all: schedules are laid out over them.
         """
 
-    @abstractmethod
     def resume(
         self, env: SkillVectorEnv, seeds: Sequence[int], steps: int, snapshot: Snapshot
     ) -> Training:
@@ -207,6 +216,9 @@ class Learner(Solver):
         ValueError
             If the snapshot is none of this solver with these options.
         """
+        training = self.begin(env, seeds, steps)
+        training.restore(snapshot)
+        return training
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Train one run and return what its policy does wherever it comes to."""

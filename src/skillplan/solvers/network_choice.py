@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from skillplan.env.action_mask import allowed_actions
 from skillplan.env.observation import Observation
-from skillplan.env.presentation import MaskKind
+from skillplan.env.presentation import MaskKind, checked_name
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.network_policy import NetworkPolicy
 from skillplan.solvers.solution import Policy
@@ -32,13 +32,19 @@ class NetworkChoice:
     observation
         What is observed; ``paper``, ``markov`` or ``layout``.
     mask
-        What a choice is limited to.
+        What a choice is limited to; ``none``, ``applicable`` or ``feasible``.
+
+    Raises
+    ------
+    OptionError
+        If a name is unknown.
     """
 
     def __init__(
-        self, network: NetworkPolicy, model: SkillModel, observation: str, mask: MaskKind
+        self, network: NetworkPolicy, model: SkillModel, observation: str, mask: str
     ) -> None:
-        self._network, self._model, self._mask = network, model, mask
+        self._network, self._model = network, model
+        self._mask: MaskKind = checked_name("mask", mask, MaskKind)
         self._observation = Observation.of(model.task, observation)
 
     def __call__(self, state: State) -> Skill:
@@ -52,7 +58,8 @@ class NetworkChoice:
         mask = np.zeros(len(skills), dtype=np.bool_)
 
         def feasible(action: int) -> bool:
-            return model.verdict(state, skills[action]).is_feasible
+            # Asked about all at once, and kept by the model.
+            return any(arrow.skill is skills[action] for arrow in model.transitions(state))
 
         mask[list(allowed_actions(model, state, self._mask, feasible))] = True
         return mask

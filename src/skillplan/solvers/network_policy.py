@@ -129,12 +129,19 @@ class NetworkPolicy:
 def allowed_scores(scores: Vector, masks: NDArray[np.bool_] | None) -> Vector:
     """Return the scores with minus infinity where an action is not allowed.
 
-    A row that allows nothing is taken to allow everything: the episode ends there anyway.
+    A row that allows nothing is taken to allow everything; see `allowing`.
     """
     if masks is None:
         return scores
-    stuck = ~masks.any(axis=1, keepdims=True)
-    return np.where(masks | stuck, scores, np.float32(-np.inf))
+    return np.where(allowing(masks), scores, np.float32(-np.inf))
+
+
+def allowing(masks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return masks, shape (n, actions), of which each allows something: all where it did nothing.
+
+    Whatever is done where nothing is allowed ends the episode.
+    """
+    return masks | ~masks.any(axis=1, keepdims=True)
 
 
 def random_actions(masks: NDArray[np.bool_], uniforms: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -147,7 +154,6 @@ def random_actions(masks: NDArray[np.bool_], uniforms: NDArray[np.float64]) -> N
     uniforms
         A random number in [0, 1) for every row, shape (n,).
     """
-    allowed = masks | ~masks.any(axis=1, keepdims=True)
-    totals = np.cumsum(allowed, axis=1)
+    totals = np.cumsum(allowing(masks), axis=1)
     drawn: NDArray[np.int64] = (totals <= uniforms[:, None] * totals[:, -1:]).sum(axis=1)
     return drawn

@@ -22,10 +22,9 @@ from skillplan.report.training_outcome import GreedyRollOut, Tally
 from skillplan.report.training_result import RandomBaseline
 from skillplan.run import solve
 from skillplan.setup import Setup
+from skillplan.solvers.network_choice import NetworkChoice
 from skillplan.solvers.network_policy import NetworkPolicy, random_actions
 from skillplan.solvers.stop import Stop
-from skillplan.task.skill import Skill
-from skillplan.task.state import State
 from skillplan.task.task import Task
 
 Choose = Callable[[Any, NDArray[np.bool_], NDArray[np.float64]], NDArray[np.int64]]
@@ -61,10 +60,7 @@ def greedy_roll_out(
     """
     task = model.task
 
-    def choose(state: State) -> Skill:
-        masks = None if mask == "none" else _allowed(model, state, mask)[None]
-        return task.skills[int(policy.greedy(observation.encode(state)[None], masks)[0])]
-
+    choose = NetworkChoice(policy, model, observation.kind, mask)
     skills = roll_out(model, choose)
     walked = replay(model, skills)
     done = [step.skill for step in walked.steps]
@@ -88,16 +84,6 @@ def _why(reason: str, done: list[str], feasible: bool) -> str:
     if feasible:
         return f"after {len(done)} skills {reason}"
     return f"{done[-1]} at step {len(done)}: {reason}"
-
-
-def _allowed(model: SkillModel, state: State, mask: str) -> NDArray[np.bool_]:
-    if mask == "feasible":
-        skills = [arrow.skill for arrow in model.transitions(state)]
-    else:
-        skills = model.applicable(state)
-    allowed = np.zeros(len(model.task.skills), dtype=np.bool_)
-    allowed[[model.task.action(skill) for skill in skills]] = True
-    return allowed
 
 
 def sampled_roll_outs(

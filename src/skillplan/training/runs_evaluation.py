@@ -9,10 +9,11 @@ from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.errors import OptionError
 from skillplan.model.skill_model import SkillModel
 from skillplan.report.network_policy_file import StoredNetwork
+from skillplan.report.optimum import Optimum
 from skillplan.report.run_folder import TASK_TEXT, RunFolder, StoredRun, run_path
 from skillplan.report.task_difference import resolved_config, what_changed
 from skillplan.report.training_outcome import GreedyRollOut, RunOutcome, Tally, training_record
-from skillplan.report.training_result import Optimum, Sampling, TrainingResult
+from skillplan.report.training_result import Sampling, TrainingResult
 from skillplan.setup import Setup
 from skillplan.task.load import Problem
 from skillplan.task.task import Task

@@ -8,9 +8,10 @@ from pathlib import Path
 
 from skillplan.errors import SkillplanError
 from skillplan.model.verdict_cache import VerdictCache
+from skillplan.report.optimum import Optimum
 from skillplan.report.run_folder import GroupProgress, RunFolder
 from skillplan.report.training_outcome import RunOutcome, training_record
-from skillplan.report.training_result import Optimum, TrainingResult
+from skillplan.report.training_result import TrainingResult
 from skillplan.run import warm_cache
 from skillplan.solvers.stop import Stop
 from skillplan.training.group_job import GroupJob, GroupReport, failed_progress, write_progress

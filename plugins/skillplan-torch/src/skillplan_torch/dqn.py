@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.env.transition_table import COMPLETE, GOES_ON, OUT_OF_TIME
 from skillplan.solvers.learner import Episode, Learned, Learner, Snapshot, Training
-from skillplan.solvers.network_policy import NetworkPolicy
+from skillplan.solvers.network_policy import NetworkPolicy, allowing
 from skillplan_torch.batched_network import BatchedAdam, BatchedNetwork, padded
 from skillplan_torch.dqn_options import DqnOptions
 from skillplan_torch.episode_record import EpisodeRecord
@@ -52,14 +52,6 @@ class DqnSolver(Learner):
     def begin(self, env: SkillVectorEnv, seeds: Sequence[int], steps: int) -> Training:
         """Return a training that is yet to do its first step."""
         return DqnTraining(self.options, env, seeds, steps)
-
-    def resume(
-        self, env: SkillVectorEnv, seeds: Sequence[int], steps: int, snapshot: Snapshot
-    ) -> Training:
-        """Return a training that goes on from a snapshot, bit for bit."""
-        training = DqnTraining(self.options, env, seeds, steps)
-        training.restore(snapshot)
-        return training
 
 
 class DqnTraining(Training):
@@ -134,7 +126,7 @@ class DqnTraining(Training):
             self.steps += 1
             before, ends = self._at, infos["end"]
             final = self._situations.numbers(
-                infos["final_obs"], _allowing(infos["final_mask"]), actions.tolist()
+                infos["final_obs"], allowing(infos["final_mask"]), actions.tolist()
             )
             paid = np.maximum(self._pay.of_steps(rewards, infos["cost"], ends), self._least)
             self._situations.tried[self._rows, before, actions] += 1
@@ -233,7 +225,7 @@ class DqnTraining(Training):
     def _look(self, observations: NDArray[np.float32], masks: NDArray[np.bool_]) -> None:
         """Take in where every run is now."""
         before = [record.last_action for record in self._episodes]
-        self._observed, self._allowed = observations, _allowing(masks)
+        self._observed, self._allowed = observations, allowing(masks)
         self._at = self._situations.numbers(observations, self._allowed, before)
 
     def _choose(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
@@ -437,8 +429,3 @@ class DqnTraining(Training):
                 f"its network is no longer finite after {self.steps:,} steps; lower learning_rate"
             )
             self.failed.setdefault(run, reason)
-
-
-def _allowing(masks: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return masks of which everyone allows something: where nothing is allowed, all is."""
-    return masks | ~masks.any(axis=1, keepdims=True)

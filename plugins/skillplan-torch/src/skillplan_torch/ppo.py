@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.env.transition_table import COMPLETE, GOES_ON
 from skillplan.solvers.learner import Episode, Learned, Learner, Snapshot, Training
-from skillplan.solvers.network_policy import NetworkPolicy
+from skillplan.solvers.network_policy import NetworkPolicy, allowing
 from skillplan_torch.batched_network import BLOCK, BatchedAdam, BatchedNetwork, fitting, padded
 from skillplan_torch.episode_record import EpisodeRecord
 from skillplan_torch.kept_policies import KeptPolicies, Walk
@@ -48,14 +48,6 @@ class PpoSolver(Learner):
     def begin(self, env: SkillVectorEnv, seeds: Sequence[int], steps: int) -> Training:
         """Return a training that is yet to do its first step."""
         return PpoTraining(self.options, env, seeds, steps)
-
-    def resume(
-        self, env: SkillVectorEnv, seeds: Sequence[int], steps: int, snapshot: Snapshot
-    ) -> Training:
-        """Return a training that goes on from a snapshot, bit for bit."""
-        training = PpoTraining(self.options, env, seeds, steps)
-        training.restore(snapshot)
-        return training
 
 
 class PpoTraining(Training):
@@ -233,7 +225,7 @@ class PpoTraining(Training):
         """Take in where every run is now; where nothing is allowed, everything ends it."""
         self._observed = observations
         self._allowed = np.zeros((len(masks), self._outputs), dtype=np.bool_)
-        self._allowed[:, : self._actions] = masks | ~masks.any(axis=1, keepdims=True)
+        self._allowed[:, : self._actions] = allowing(masks)
 
     def _choose(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return the action of every run, and how new it is.
