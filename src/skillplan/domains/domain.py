@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from skillplan.errors import Issue, OptionError
 from skillplan.task.task import Task
+from skillplan.task.yaml import MAX_BYTES, Document, parse
 
 
 class Strict(BaseModel):
@@ -88,11 +89,40 @@ class Domain(ABC):
         The schema of the file: a model derived from `Strict`.
     stages
         The stages that a chain of its tasks may have, in order.
+    suffixes
+        Ends of the names of files that it reads by `read`, such as ``.sop``, in small letters;
+        other files are YAML.
+    max_bytes
+        Greatest size of such a file.
     """
 
     kind: ClassVar[str]
     Config: ClassVar[type[BaseModel]]
     stages: ClassVar[tuple[str, ...]] = ()
+    suffixes: ClassVar[tuple[str, ...]] = ()
+    max_bytes: ClassVar[int] = MAX_BYTES
+
+    def read(self, text: str, source: str) -> Document:
+        """Return the content of a file with one of the domain's `suffixes`.
+
+        Parameters
+        ----------
+        text
+            What the file holds.
+        source
+            The file as the user named it.
+
+        Returns
+        -------
+        Document
+            Data with the keys of `Config`, ``kind`` among them, and where they stand.
+
+        Raises
+        ------
+        TaskError
+            With every fault for which the data cannot be had.
+        """
+        return parse(text, source)
 
     def issues(self, config: Any) -> Iterable[Issue]:
         """Return every fault that the schema cannot see, each with the path of its key."""
@@ -142,7 +172,7 @@ class Domain(ABC):
 
     def default_solver(self, config: Any) -> str:
         """Return the solver that serves a file best where the user names none."""
-        return "exact"
+        return "auto"
 
     def variants(self, config: Any, seed: int, count: int) -> list[Any]:
         """Return contents like the given one: other layouts of the same product.

@@ -22,7 +22,7 @@ from skillplan.task.overrides import overridden
 from skillplan.task.reachability import unreachable_facts
 from skillplan.task.schema_errors import schema_issues, shown
 from skillplan.task.task import Task
-from skillplan.task.yaml import Document, parse, read_text
+from skillplan.task.yaml import YAML_SUFFIXES, Document, parse, read_text
 
 # What a reader of the task may want to change without making it another task.
 _NOT_HASHED = ("description", "expect", "family")
@@ -33,6 +33,11 @@ class TaskDomain(Protocol):
 
     Config: Any
     stages: Any
+    suffixes: Any
+    max_bytes: Any
+
+    def read(self, text: str, source: str) -> Document:
+        """Return the content of a file with one of the domain's suffixes."""
 
     def issues(self, config: Any) -> Iterable[Issue]:
         """Return the faults that a schema cannot see."""
@@ -180,7 +185,7 @@ def load_task(
     Parameters
     ----------
     path
-        A YAML file.
+        A YAML file, or one with a suffix that a domain reads.
     find_domain
         Returns the domain of a kind; raises `PluginError` for an unknown one.
     known_kinds
@@ -200,7 +205,7 @@ def load_task(
         If a change does not fit the file.
     """
     source = os.fspath(path)
-    document = overridden(parse(read_text(Path(source), source), source), changes or {})
+    document = overridden(_read(source, find_domain, known_kinds), changes or {})
     kind, domain = _domain(document, find_domain, known_kinds)
     issues = list(check_content(document.data))
     config, faults = _validated(document, domain, {"folder": Path(source).parent})
@@ -223,6 +228,24 @@ def load_task(
         raise document.error(dict.fromkeys(issues))
     name = getattr(config, "name", None) or Path(source).stem
     return Problem(name, kind, source, sha256, config, tuple(tasks), domain)
+
+
+def _read(
+    source: str, find_domain: Callable[[str], TaskDomain], known_kinds: Iterable[str]
+) -> Document:
+    """Return the content of a file, by way of the domain that reads its suffix if there is one."""
+    path = Path(source)
+    suffix = path.suffix.lower()
+    if suffix and suffix not in YAML_SUFFIXES:
+        # The kind of that name first: to ask a domain is to import it.
+        for kind in sorted(known_kinds, key=lambda kind: f".{kind}" != suffix):
+            try:
+                domain = find_domain(kind)
+            except PluginError:
+                continue  # a broken one is told of where it is asked for
+            if suffix in domain.suffixes:
+                return domain.read(read_text(path, source, domain.max_bytes), source)
+    return parse(read_text(path, source), source)
 
 
 def _domain(

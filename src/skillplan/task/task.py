@@ -24,7 +24,7 @@ class Metric:
     Parameters
     ----------
     name, unit
-        For people.
+        For people; no unit, an empty text, for plain numbers.
     decimals
         How many a cost is printed with, >= 0; 0 for what is counted.
 
@@ -41,6 +41,15 @@ class Metric:
     def __post_init__(self) -> None:
         if self.decimals < 0:
             raise ValueError(f"Metric decimals must be >= 0, not {self.decimals}.")
+
+    @property
+    def heading(self) -> str:
+        """The name, with the unit where there is one that is another word."""
+        return f"{self.name} [{self.unit}]" if self.unit not in ("", self.name) else self.name
+
+    def text(self, value: float) -> str:
+        """Return a value for people, with the unit where there is one."""
+        return f"{value:.{self.decimals}f} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,4 +273,4 @@ class Task:
         """Return a cost for people, with its unit."""
         if cost is None or not math.isfinite(cost):
             return "-"
-        return f"{cost:.{self.metric.decimals}f} {self.metric.unit}"
+        return self.metric.text(cost)

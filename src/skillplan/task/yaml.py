@@ -21,6 +21,7 @@ import yaml
 from skillplan.errors import Issue, TaskError, nearest
 from skillplan.task.syntax_errors import syntax_issue
 
+YAML_SUFFIXES = (".yaml", ".yml")
 MAX_BYTES = 1_048_576
 MAX_DEPTH = 32
 MAX_VALUES = 100_000
@@ -86,8 +87,17 @@ class Document:
         return TaskError(self.source, [*self.issues, *map(self.locate, issues)])
 
 
-def read_text(path: Path, source: str) -> str:
+def read_text(path: Path, source: str, max_bytes: int = MAX_BYTES) -> str:
     """Return the text of a task file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    source
+        The file as the user named it.
+    max_bytes
+        Greatest size.
 
     Raises
     ------
@@ -105,14 +115,14 @@ def read_text(path: Path, source: str) -> str:
             what = "a folder" if path.is_dir() else "not a regular file"
             raise fail(f"is {what}. Give the path of a task file.")
         with path.open("rb") as file:
-            raw = file.read(MAX_BYTES + 1)
+            raw = file.read(max_bytes + 1)
     except FileNotFoundError:
         raise fail(f"no such file. {_neighbour_hint(path)}") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise fail(f"cannot be read: {reason}.") from None
-    if len(raw) > MAX_BYTES:
-        raise fail(f"is larger than the {MAX_BYTES:,} bytes that a task file may have.")
+    if len(raw) > max_bytes:
+        raise fail(f"is larger than the {max_bytes:,} bytes that a task file may have.")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
