@@ -140,12 +140,13 @@ class TestBadInput:
 
 
 class TestSolving:
-    def test_value_iteration_is_the_solver_that_serves(self) -> None:
+    def test_value_iteration_is_chosen(self) -> None:
         """Only where something may fail."""
         domain = AssemblyDomain()
-        for failure, solver in ((FAILURE, "value-iteration"), (0.0, "exact")):
-            config = AssemblyConfig.model_validate(content_of(failure=failure))
-            assert solver == domain.default_solver(config)
+        for failure, chosen in ((FAILURE, "value-iteration"), (0.0, "exact")):
+            content = content_of(failure=failure)
+            solver = domain.default_solver(AssemblyConfig.model_validate(content))
+            assert solve(assembly(content), solver).trace["choice"].startswith(chosen)
 
     @pytest.mark.parametrize("solver", ["exact", "exhaustive"])
     def test_searches_for_a_sequence_refuse_and_name_it(self, solver: str) -> None:

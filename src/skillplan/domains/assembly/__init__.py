@@ -27,11 +27,6 @@ class AssemblyDomain(Domain):
         """Return faults of references, order and geometry."""
         return issues(config)
 
-    def default_solver(self, config: Any) -> str:
-        """Return ``value-iteration`` where a grasp may fail, else ``exact``."""
-        chance = any(part.grasp_failure for part in config.parts.values())
-        return "value-iteration" if chance else "exact"
-
     def variants(self, config: Any, seed: int, count: int) -> list[Any]:
         """Return layouts of the file's family, by its block ``family``."""
         return layouts(config, seed, count)

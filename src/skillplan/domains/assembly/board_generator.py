@@ -1,0 +1,245 @@
+"""Boards at random, as YAML: many parts, a chart of a given density, several tools.
+
+Parts lie in the cells of a tray and belong into the cells of a board beside it. They are of one
+height and keep apart, so that by their geometry every order is possible: the chart alone says
+which come before which. Costs are planar distances, as for all assemblies (Moller et al., section
+4.2).
+"""
+
+from __future__ import annotations
+
+import math
+import random
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from textwrap import wrap
+
+from skillplan.domains.assembly.random_order import RandomOrder
+from skillplan.errors import OptionError
+
+MOST_PARTS = 256
+MOST_TOOLS = 8
+
+_COLUMNS = 16
+_PITCH_M = 0.020
+# The corner of tray and board where both coordinates are least.
+_TRAY_M = (0.300, 0.036)
+_BOARD_M = (0.300, -0.356)
+_LEAST_SIDE_M, _MOST_SIDE_M = 0.008, 0.012
+_HEIGHT_M = 0.010
+# What a part keeps from the edge of its cell.
+_MARGIN_M = 0.001
+_DENSITY_KG_PER_M3 = 2700.0
+# On an arc about the base: from one to another there is no way past a third that costs no more.
+_HOLDER_RADIUS_M = 0.740
+_HOLDER_PITCH_M = 0.080
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
+
+
+@dataclass(frozen=True)
+class BoardGenerator:
+    """What a board at random is made of; the same arguments give the same text.
+
+    A seed fixes shapes, starts and goals of `MOST_PARTS` parts, of which a board has the first
+    ones: they depend on nothing else, so that boards of several densities, of more parts and of
+    other tools can be compared. Of the same parts, a denser chart holds all that a less dense
+    one orders, so that no optimum is below that of a less dense chart.
+
+    Parameters
+    ----------
+    parts
+        How many, from 1 to `MOST_PARTS`.
+    density
+        Share of all pairs of parts that the chart orders, what follows from it included, from 0
+        (no chart) to 1 (one order only) [-]. It is hit to the nearest pair.
+    tools
+        How many, from 1 to `MOST_TOOLS`. Each part has one of them, drawn at random; all are
+        used where there are as many parts.
+    seed
+        Governs all randomness, at least 0.
+    name
+        The task's name; "" for one made of parts, tools and seed.
+
+    Raises
+    ------
+    OptionError
+        If a value is out of its range, or the name is not one.
+    """
+
+    parts: int
+    density: float
+    tools: int = 1
+    seed: int = 0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.parts <= MOST_PARTS:
+            raise OptionError(f"parts must be from 1 to {MOST_PARTS}, not {self.parts}.")
+        if not 0 <= self.density <= 1:
+            raise OptionError(f"density must be from 0 to 1, not {self.density}.")
+        if not 1 <= self.tools <= MOST_TOOLS:
+            raise OptionError(f"tools must be from 1 to {MOST_TOOLS}, not {self.tools}.")
+        if self.seed < 0:
+            raise OptionError(f"seed must be at least 0, not {self.seed}.")
+        if self.name and not _NAME.fullmatch(self.name):
+            shown = self.name if len(self.name) <= 48 else f"{self.name[:45]}..."
+            raise OptionError(
+                f"{shown!r} cannot be the name of a task: it must begin with a letter and have at "
+                "most 64 letters, digits, '-' and '_'."
+            )
+
+    @property
+    def pairs(self) -> int:
+        """How many pairs of parts there are."""
+        return self.parts * (self.parts - 1) // 2
+
+    @property
+    def ordered_pairs(self) -> int:
+        """How many of them the chart orders, what follows from it included."""
+        return math.floor(self.density * self.pairs + 0.5)
+
+    @property
+    def task_name(self) -> str:
+        """The task's name."""
+        return self.name or f"generated-{self.parts}-parts-{self.tools}-tools-seed-{self.seed}"
+
+    @property
+    def summary(self) -> str:
+        """What the board holds, in a few words."""
+        return (
+            f"{_counted(self.parts, 'part')} and {_counted(self.tools, 'tool')}; "
+            f"{self.ordered_pairs} of {_counted(self.pairs, 'pair')} of parts ordered"
+        )
+
+    @property
+    def command(self) -> str:
+        """The command line that makes this board."""
+        density = f"{self.density}".removesuffix(".0")
+        name = f" --name {self.name}" if self.name else ""
+        return (
+            f"skillplan generate assembly --parts {self.parts} --density {density} "
+            f"--tools {self.tools} --seed {self.seed}{name}"
+        )
+
+    @cached_property
+    def chart(self) -> dict[str, list[str]]:
+        """Which parts come right before which; empty where nothing is ordered."""
+        order = RandomOrder(self.parts, self._draws("order"), self.ordered_pairs)
+        return {
+            _part(before): [_part(one) for one in after] for before, after in order.covers().items()
+        }
+
+    def text(self, version: str = "") -> str:
+        """Return the board as a task file, whose header names the program's version, if given."""
+        return "\n".join(self._lines(f"skillplan {version}".strip())) + "\n"
+
+    def _lines(self, program: str) -> Iterator[str]:
+        yield "# yaml-language-server: $schema=assembly.schema.json"
+        yield f"# Made by {program}: {self.command}"
+        yield "# Parts lie in cells of a tray and belong into cells of a board, at random. They are"
+        yield "# of one height and keep apart, so that nothing but the chart orders them."
+        yield "kind: assembly"
+        yield f"name: {self.task_name}"
+        yield f"description: {self.summary}."
+        yield ""
+        yield "robot:"
+        yield "  name: panda"
+        yield "  home_m: [0.307, 0.000]"
+        yield "  reach_m: 0.855"
+        yield "  safe_height_m: 0.180"
+        yield "  travel_speed_m_per_s: 0.25"
+        yield ""
+        yield "durations_s: {pick: 3.0, place: 3.0, load: 10.0, offload: 5.0}"
+        yield ""
+        yield "tools:"
+        for tool in range(self.tools):
+            # From the middle outwards, to either side in turn.
+            y_m = _HOLDER_PITCH_M * ((tool + 1) // 2) * (-1 if tool % 2 else 1)
+            holder = _vector(math.sqrt(_HOLDER_RADIUS_M**2 - y_m**2), y_m)
+            yield f"  {_tool(tool)}: {{type: suction, holder_m: {holder}}}"
+        yield f"initial_tool: {_tool(0)}"
+        yield "tool_change: {style: swap, reload: false}"
+        yield ""
+        yield "parts:"
+        for number, tool in enumerate(self._tools_of_parts()):
+            yield f"  {_part(number)}: {{tool: {_tool(tool)}, {self._geometry[number]}}}"
+        yield ""
+        if self.chart:
+            yield "chart:"
+            for before, after in self.chart.items():
+                line = f"- {{before: {before}, after: [{', '.join(after)}]}}"
+                yield from wrap(
+                    line, 98, initial_indent="  ", subsequent_indent=" " * 6, break_on_hyphens=False
+                )
+            yield ""
+        yield "# Table II of Moller et al."
+        yield "reward:"
+        yield "  infeasible: -10.0"
+        yield "  complete: 10.0"
+        yield "  per_cost: -0.1"
+        yield "  out_of_time: -10.0"
+        if self.tools > 1:
+            yield "  repeated_tool_change: -2.5"
+        # Pick and place, and a change of tools before each: two in a row never save any way.
+        yield f"step_limit: {3 * self.parts}"
+
+    @cached_property
+    def _geometry(self) -> list[str]:
+        """Mass, size, start and goal of every part there may be, as they stand in the file."""
+        draw = self._draws("geometry")
+        trays, boards = _shuffled(_COLUMNS**2, draw), _shuffled(_COLUMNS**2, draw)
+        lines = []
+        for start, goal in zip(trays, boards, strict=True):
+            span_m = _MOST_SIDE_M - _LEAST_SIDE_M
+            # In tenths of a millimetre, as the file says it.
+            sides_m = [round(_LEAST_SIDE_M + span_m * draw(), 4) for _ in "xy"]
+            mass_kg = _DENSITY_KG_PER_M3 * math.prod(sides_m) * _HEIGHT_M
+            lines.append(
+                f"mass_kg: {mass_kg:.4f}, size_m: {_vector(*sides_m, _HEIGHT_M)}, "
+                f"start_m: {_vector(*_within(_TRAY_M, start, sides_m, draw))}, "
+                f"goal_m: {_vector(*_within(_BOARD_M, goal, sides_m, draw))}"
+            )
+        return lines
+
+    def _tools_of_parts(self) -> list[int]:
+        """Return the tool of every part: of the first ones each another, then any."""
+        draw = self._draws(f"tools of {self.tools}")
+        first = _shuffled(self.tools, draw)
+        others = [int(draw() * self.tools) for _ in range(self.parts)]
+        return [*first, *others][: self.parts]
+
+    def _draws(self, subject: str) -> Callable[[], float]:
+        """Return even random numbers in [0, 1), of a sequence of the subject's own."""
+        # Of Python's generator only random() keeps its sequence across versions.
+        return random.Random(f"{self.seed} {subject}").random
+
+
+def _within(
+    corner_m: tuple[float, float], cell: int, sides_m: list[float], draw: Callable[[], float]
+) -> Iterator[float]:
+    """Yield x and y of a part's centre, drawn from where it lies wholly within a cell [m]."""
+    for low_m, index, side_m in zip(corner_m, divmod(cell, _COLUMNS), sides_m, strict=True):
+        play_m = (_PITCH_M - side_m) / 2 - _MARGIN_M
+        yield low_m + (index + 0.5) * _PITCH_M + play_m * (2 * draw() - 1)
+
+
+def _shuffled(count: int, draw: Callable[[], float]) -> list[int]:
+    return sorted(range(count), key=[draw() for _ in range(count)].__getitem__)
+
+
+def _vector(*values_m: float) -> str:
+    return f"[{', '.join(f'{value_m:.4f}' for value_m in values_m)}]"
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def _part(number: int) -> str:
+    return f"part_{number + 1}"
+
+
+def _tool(number: int) -> str:
+    return f"cup_{number + 1}"

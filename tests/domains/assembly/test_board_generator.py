@@ -1,0 +1,227 @@
+"""Boards at random: without a fault, as dense as asked for, comparable with each other."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tempfile
+from collections.abc import Mapping
+from itertools import pairwise, permutations
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skillplan.domains.assembly.board_generator import MOST_PARTS, MOST_TOOLS, BoardGenerator
+from skillplan.errors import OptionError
+from skillplan.model.partial_order import circle, closure
+from skillplan.model.precedence_chart import derive_chart
+from skillplan.report.result import Status
+from skillplan.run import make_feasibility, solve
+from skillplan.setup import Setup, load_problem
+from skillplan.task.task import Task
+
+BOARDS = st.builds(
+    BoardGenerator,
+    parts=st.integers(1, 40),
+    density=st.floats(0, 1),
+    tools=st.integers(1, MOST_TOOLS),
+    seed=st.integers(0, 2**63 - 1),
+)
+
+
+def content(board: BoardGenerator) -> Any:
+    return yaml.safe_load(board.text())
+
+
+def loaded(board: BoardGenerator) -> Task:
+    """Return the task of a board, which has no fault."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "board.yaml"
+        path.write_text(board.text(), "utf-8")
+        return load_problem(path).task
+
+
+def order(task: Task) -> set[tuple[str, str]]:
+    return closure((line.before, line.after) for line in task.chart)
+
+
+def but_for(parts: Mapping[str, Any], key: str) -> dict[str, Any]:
+    return {name: {k: v for k, v in part.items() if k != key} for name, part in parts.items()}
+
+
+class TestAnyBoard:
+    @settings(max_examples=40)
+    @given(board=BOARDS)
+    def test_it_is_a_faultless_task(self, board: BoardGenerator) -> None:
+        """By all that a file is checked for: names, reach, overlap, circles, step limit."""
+        task = loaded(board)
+        assert board.parts == len(task.operations)
+        assert board.task_name == task.name
+        assert 2 * board.parts + board.tools == len(task.skills)
+
+    @settings(max_examples=40)
+    @given(board=BOARDS)
+    def test_its_chart_has_the_density_to_the_nearest_pair(self, board: BoardGenerator) -> None:
+        """The pairs that its closure orders; without any there is no chart."""
+        task = loaded(board)
+        found = order(task)
+        assert () == circle(found)
+        assert board.ordered_pairs == len(found)
+        assert abs(len(found) - board.density * board.pairs) <= 0.5
+        assert ("chart" in content(board)) == bool(found)
+
+    @settings(max_examples=40)
+    @given(board=BOARDS)
+    def test_all_tools_are_used(self, board: BoardGenerator) -> None:
+        """As many as there are parts for."""
+        made = content(board)
+        used = {part["tool"] for part in made["parts"].values()}
+        assert min(board.parts, board.tools) == len(used)
+        assert used <= set(made["tools"])
+
+    @given(board=BOARDS)
+    def test_the_same_arguments_write_the_same_text(self, board: BoardGenerator) -> None:
+        """To the letter; and its second line says which they are."""
+        assert board.text() == dataclasses.replace(board).text()
+        assert board.text().isascii()
+        words = board.text().splitlines()[1].split(": ", 1)[1].split()
+        assert ["skillplan", "generate", "assembly"] == words[:3]
+        given_to = dict(zip(words[3::2], words[4::2], strict=True))
+        assert board == BoardGenerator(
+            int(given_to["--parts"]),
+            float(given_to["--density"]),
+            int(given_to["--tools"]),
+            int(given_to["--seed"]),
+        )
+
+
+class TestBoardsOfASeed:
+    @settings(max_examples=40)
+    @given(board=BOARDS, density=st.floats(0, 1))
+    def test_another_density_changes_the_chart_only(
+        self, board: BoardGenerator, density: float
+    ) -> None:
+        """Shapes, starts, goals and tools stay, and the denser chart holds the other."""
+        boards = sorted([board, dataclasses.replace(board, density=density)], key=_density)
+        sparse, dense = map(content, boards)
+        for key in ("chart", "description"):
+            sparse.pop(key, None)
+            dense.pop(key, None)
+        assert sparse == dense
+        less, more = (closure(pairs(one.chart)) for one in boards)
+        assert less <= more
+
+    @settings(max_examples=40)
+    @given(board=BOARDS, tools=st.integers(1, MOST_TOOLS))
+    def test_other_tools_change_no_part_but_for_its_tool(
+        self, board: BoardGenerator, tools: int
+    ) -> None:
+        """Nor the chart."""
+        one, other = content(board), content(dataclasses.replace(board, tools=tools))
+        assert but_for(one["parts"], "tool") == but_for(other["parts"], "tool")
+        assert one.get("chart") == other.get("chart")
+
+    @settings(max_examples=40)
+    @given(board=BOARDS, parts=st.integers(1, 40))
+    def test_more_parts_leave_the_others_where_they_are(
+        self, board: BoardGenerator, parts: int
+    ) -> None:
+        """A larger board has the parts of the smaller one, with their tools, and more."""
+        small, large = sorted([board.parts, parts])
+        fewer = content(dataclasses.replace(board, parts=small))["parts"]
+        assert fewer.items() <= content(dataclasses.replace(board, parts=large))["parts"].items()
+
+    def test_another_seed_is_another_board(self) -> None:
+        """In its parts and in its chart."""
+        one, other = (content(BoardGenerator(10, 0.3, 2, seed)) for seed in (1, 2))
+        assert but_for(one["parts"], "tool") != but_for(other["parts"], "tool")
+        assert one["chart"] != other["chart"]
+
+
+def _density(board: BoardGenerator) -> float:
+    return board.density
+
+
+def pairs(chart: Mapping[str, list[str]]) -> set[tuple[str, str]]:
+    return {(before, one) for before, after in chart.items() for one in after}
+
+
+@pytest.mark.parametrize("density", [0.0, 0.3, 1.0])
+def test_the_largest_board_is_faultless_too(density: float) -> None:
+    """As many parts and tools as there may be."""
+    board = BoardGenerator(MOST_PARTS, density, MOST_TOOLS, 7)
+    assert round(density * 32_640) == len(order(loaded(board)))
+
+
+def test_the_geometry_orders_nothing() -> None:
+    """Without a chart every part may be placed at any time, by the boxes about all of them."""
+    task = loaded(BoardGenerator(30, 0.0, 3, 1))
+    setup = Setup(collision=("aabb",))
+    derived = derive_chart(make_feasibility(task, setup))
+    assert ((), {}, {}, ()) == (
+        derived.relations,
+        derived.impossible,
+        derived.conditional,
+        derived.undecided,
+    )
+
+
+def test_no_change_of_tools_is_done_in_two() -> None:
+    """By way of a third holder it costs more, so that the step limit leaves room for every plan."""
+    made = content(BoardGenerator(9, 0.3, MOST_TOOLS, 1))
+    holders_m = [tool["holder_m"] for tool in made["tools"].values()]
+    for one, via, other in permutations(holders_m, 3):
+        assert math.dist(one, via) + math.dist(via, other) > math.dist(one, other) + 1e-5
+    assert 3 * 9 == made["step_limit"]
+
+
+def test_a_total_order_leaves_one_way() -> None:
+    """Of density 1, each part is placed before the next by the chart."""
+    task = loaded(BoardGenerator(12, 1.0, 1, 4))
+    skills = [step.skill for step in solve(task).steps]
+    placed = [name[6:-1] for name in skills if name.startswith("place(")]
+    before = order(task)
+    assert (12, 66) == (len(placed), len(before))
+    assert set(pairwise(placed)) <= before
+
+
+@pytest.mark.parametrize("tools", [1, 2])
+@pytest.mark.parametrize("density", [0.0, 0.4])
+def test_brute_force_and_exact_search_find_the_same_optimum(tools: int, density: float) -> None:
+    """Of five parts, on a board that is small enough to be searched through."""
+    task = loaded(BoardGenerator(5, density, tools, 2))
+    setup = Setup()
+    proved, searched = (solve(task, name, setup) for name in ("exact", "exhaustive"))
+    assert Status.OPTIMAL is proved.status is searched.status
+    assert proved.cost == pytest.approx(searched.cost, abs=1e-9)
+
+
+def test_a_denser_chart_costs_no_less() -> None:
+    """As what it allows is allowed by the other."""
+    costs = [solve(loaded(BoardGenerator(8, density, 2, 3))).cost for density in (0, 0.2, 0.5, 1)]
+    assert costs == sorted(costs)
+    assert costs[0] < costs[-1]
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"parts": 0}, "parts must be from 1 to 256, not 0."),
+        ({"parts": 257}, "parts must be from 1 to 256, not 257."),
+        ({"density": -0.1}, "density must be from 0 to 1, not -0.1."),
+        ({"density": float("nan")}, "density must be from 0 to 1, not nan."),
+        ({"tools": 9}, "tools must be from 1 to 8, not 9."),
+        ({"seed": -1}, "seed must be at least 0, not -1."),
+        ({"name": "9 lives"}, "'9 lives' cannot be the name of a task"),
+        ({"name": "a" * 65}, "must begin with a letter and have at most 64"),
+    ],
+)
+def test_a_value_out_of_its_range_is_refused(values: dict[str, Any], message: str) -> None:
+    """In words, with the range."""
+    with pytest.raises(OptionError) as refused:
+        BoardGenerator(**{"parts": 5, "density": 0.5, **values})
+    assert message in str(refused.value)
