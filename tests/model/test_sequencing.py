@@ -1,6 +1,7 @@
 """The export of a model as a sequential ordering problem."""
 
 import itertools
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,37 +9,33 @@ import pytest
 from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
-from situations import assembly, crowded_assemblies, small_assemblies
+from sequencing_cases import cheapest_order
+from situations import (
+    CONFIGS,
+    FakeSetup,
+    assembly,
+    config_content,
+    crowded_assemblies,
+    fake_back_end,
+    make_skill,
+    small_assemblies,
+)
 from skillplan.errors import NotASequencing
+from skillplan.model.partial_order import closure
+from skillplan.model.precedence_chart import derive_chart
 from skillplan.model.replay import replay
 from skillplan.model.sequencing import SequencingProblem
 from skillplan.run import make_model, solve
 from skillplan.setup import Setup, load_problem
+from skillplan.task.condition import Condition
 from skillplan.task.skill import Outcome
+from skillplan.task.verdict import Verdict
 from skillplan.testing import lid_task, shut_box_task
 
 
 def model_of(config, *detectors):
     task = load_problem(f"configs/{config}.yaml").task
     return make_model(task, Setup(collision=detectors))
-
-
-def cheapest_order(problem):
-    """Dynamic program over down-sets of the precedence relation, independent of exact search."""
-    n = len(problem.jobs)
-    before = [{i for i, j in problem.precedence if j == job} for job in range(n)]
-    layer = {(frozenset({j}), j): (problem.first[j], (j,)) for j in range(n) if not before[j]}
-    for _ in range(n - 1):
-        following = {}
-        for (done, last), (cost, order) in layer.items():
-            for job in range(n):
-                if job not in done and before[job] <= done:
-                    key = (done | {job}, job)
-                    total = cost + problem.costs[last, job]
-                    if key not in following or total < following[key][0]:
-                        following[key] = (total, (*order, job))
-        layer = following
-    return min(layer.values())
 
 
 @pytest.mark.parametrize("detector", ["precedence", "aabb"])
@@ -113,6 +110,258 @@ def test_shapes_that_do_not_fit_are_refused():
         replace(problem, precedence=frozenset({(0, 99)}))
 
 
+BOARDS = ["inverter_board", "motor_drive", "relay_rail", "battery_module", "sensor_stack"]
+INSTANCES = CONFIGS.parent / "tests" / "instances" / "sop"
+
+
+def named_pairs(problem):
+    return {(problem.jobs[i], problem.jobs[j]) for i, j in problem.precedence}
+
+
+@pytest.mark.parametrize("detector", ["precedence", "aabb"])
+@pytest.mark.parametrize("config", BOARDS)
+def test_its_precedence_is_that_of_the_derived_chart_at_fewer_questions(config, detector):
+    """The chart is worked out without knowing what the jobs are."""
+    model = model_of(config, detector)
+    problem = SequencingProblem.from_model(model)
+    other = model_of(config, detector).feasibility
+    chart = derive_chart(other)
+    assert closure(named_pairs(problem)) == closure((r.before, r.after) for r in chart.relations)
+    asked = model.feasibility
+    assert asked.checks + asked.hits < other.checks + other.hits
+
+
+@settings(max_examples=150, deadline=None)
+@given(content=st.one_of(small_assemblies(), crowded_assemblies()), charted=st.booleans())
+def test_on_random_boards_its_precedence_is_that_of_the_derived_chart(content, charted):
+    """Wherever the chart says that there is an order and nothing but an order."""
+    task = assembly(content)
+    setup = Setup(collision=("precedence",) if charted and task.chart else ("aabb",))
+    chart = derive_chart(make_model(task, setup).feasibility)
+    assume(not (chart.impossible or chart.undecided or chart.conditional or chart.circle))
+    try:
+        problem = SequencingProblem.from_model(make_model(task, setup))
+    except NotASequencing as error:
+        # What is refused all the same is no matter of the order of the elements.
+        other_matters = ("depends on what has been done", "nothing leads to")
+        told = any(words in str(error) for words in other_matters)
+    else:
+        pairs = named_pairs(problem)
+        told = closure(pairs) == closure((r.before, r.after) for r in chart.relations)
+    assert told
+
+
+def big_board(parts, lines):
+    """Return the content of a board without any geometry that matters, and with a long chart."""
+    names = [f"part_{i}" for i in range(parts)]
+    where = [[0.3 + 0.004 * i, 0.003 * (i * 7 % 50)] for i in range(parts)]
+    return {
+        "kind": "assembly",
+        "name": "big",
+        "robot": {"home_m": [0.3, 0.0], "reach_m": 2.0},
+        "tools": {f"tool_{i}": {"holder_m": [0.2, 0.1 * i]} for i in range(3)},
+        "initial_tool": "tool_0",
+        "tool_change": {"style": "separate"},
+        "parts": {
+            name: {
+                "tool": f"tool_{i % 3}",
+                "size_m": [0.002, 0.002, 0.002],
+                "start_m": [where[i][0], where[i][1] - 0.3],
+                "goal_m": where[i],
+            }
+            for i, name in enumerate(names)
+        },
+        "chart": [
+            {"before": name, "after": names[i + 1 : i + 1 + lines]}
+            for i, name in enumerate(names[:-1])
+        ],
+        "step_limit": 6 * parts,
+    }
+
+
+def test_a_big_board_takes_about_one_check_a_skill_and_line_of_its_chart():
+    """Neither pairs of parts nor sets of them are gone through."""
+    task = assembly(big_board(60, 5))
+    model = make_model(task, Setup(collision=("precedence",)))
+    problem = SequencingProblem.from_model(model)
+    lines = len(task.chart)
+    assert len(problem.precedence) == lines
+    assert model.feasibility.checks + model.feasibility.hits < 2 * (lines + len(task.skills))
+
+
+def test_a_sop_file_is_recognised_as_what_it_is():
+    """Costs are the file's, coming before is its own, and the last node comes last."""
+    task = load_problem(INSTANCES / "ESC07.sop").task
+    model = make_model(task)
+    problem = SequencingProblem.from_model(model)
+    assert problem.jobs == tuple(task.operations)
+    assert problem.ways == {}
+    cost, order = cheapest_order(problem)
+    assert cost == 2125
+    assert order[-1] == len(problem.jobs) - 1
+    assert replay(model, [task.skill(name) for name in problem.plan(order)]).cost == cost
+    # One question a skill: nothing but preconditions stands in the way.
+    assert model.feasibility.checks == len(task.skills)
+
+
+def test_a_plan_gives_its_order_back():
+    """Tool changes between jobs are passed over; what is no run of jobs has no order."""
+    problem = SequencingProblem.from_model(model_of("motor_drive", "aabb"))
+    _, order = cheapest_order(problem)
+    plan = problem.plan(order)
+    assert problem.order(plan) == order
+    assert problem.order(plan[:-1]) is None
+    assert problem.order(plan + problem.skills[order[-1]]) is None
+    swapped = list(plan)
+    at = swapped.index("place(housing)")
+    swapped[at], swapped[at + 1] = swapped[at + 1], swapped[at]
+    assert problem.order(swapped) is None
+
+
+def test_an_order_whose_plan_is_too_long_does_not_fit():
+    """An order knows nothing of the step limit."""
+    problem = SequencingProblem.from_model(model_of("motor_drive", "aabb"))
+    _, order = cheapest_order(problem)
+    length = len(problem.plan(order))
+    assert replace(problem, step_limit=length).fits(order)
+    assert not replace(problem, step_limit=length - 1).fits(order)
+
+
+def refusal(task, *answers):
+    """Return why a task is refused where fakes answer so."""
+    setup = FakeSetup(make=lambda task: [fake_back_end(task, answer) for answer in answers])
+    with pytest.raises(NotASequencing) as refused:
+        SequencingProblem.from_model(make_model(task, setup))
+    return str(refused.value)
+
+
+def board_task(**changes):
+    return assembly({**config_content("inverter_board"), **changes})
+
+
+def without_goal(task, element):
+    left = task.goal.requires - task.facts.of(task.operations[element])
+    return task.replace(goal=Condition(left, task.facts.none))
+
+
+def test_an_element_that_is_only_needed_is_a_job_too():
+    """The goal does not ask for the circuit board, on which everything is placed."""
+    task = without_goal(board_task(), "pcb")
+    setup = Setup(collision=("precedence",))
+    problem = SequencingProblem.from_model(make_model(task, setup))
+    assert "pcb" in problem.jobs
+    cost, _ = cheapest_order(problem)
+    assert solve(task, "exact", setup).cost == pytest.approx(cost, abs=1e-6)
+
+
+def test_an_element_that_nothing_needs_is_left_out():
+    """No way that is shorter leads past it."""
+    task = without_goal(board_task(), "clock")
+    setup = Setup(collision=("precedence",))
+    problem = SequencingProblem.from_model(make_model(task, setup))
+    assert "clock" not in problem.jobs
+    cost, _ = cheapest_order(problem)
+    assert solve(task, "exact", setup).cost == pytest.approx(cost, abs=1e-6)
+
+
+def test_an_element_that_may_pay_without_being_asked_for_is_refused():
+    """Placing it costs nothing and takes the arm where it has to go."""
+    task = without_goal(board_task(), "clock")
+    skills = [
+        replace(skill, cost=make_skill(task.facts, "free", cost=0.0).cost)
+        if skill.name in ("pick(clock)", "place(clock)")
+        else skill
+        for skill in task.skills
+    ]
+    assert "clock is not in the goal, and doing it might pay" in refusal(
+        task.replace(skills=tuple(skills))
+    )
+
+
+def test_an_element_that_is_done_from_the_start_is_no_job():
+    """The others are put into order."""
+    task = board_task()
+    begun = task.initial - task.facts.of("at_start(pcb)") | task.facts.of("placed(pcb)")
+    task = task.replace(initial=begun)
+    setup = Setup(collision=("precedence",))
+    problem = SequencingProblem.from_model(make_model(task, setup))
+    assert "pcb" not in problem.jobs
+    cost, _ = cheapest_order(problem)
+    assert solve(task, "exact", setup).cost == pytest.approx(cost, abs=1e-6)
+
+
+def test_two_ways_of_doing_an_element_are_refused():
+    """Which of them is best depends on where the arm comes from."""
+    task = board_task()
+    other = replace(task.skill("place(clock)"), name="throw(clock)")
+    assert "2 skills bring about placed(clock)" in refusal(
+        task.replace(skills=(*task.skills, other))
+    )
+
+
+def test_a_skill_that_may_come_between_pick_and_place_is_refused():
+    """The tool might be changed with a part in the hand."""
+    task = board_task()
+    load = task.skill("load(screwdriver)")
+    anywhere = Condition(
+        load.precondition.requires - task.facts.of("hand_free"), load.precondition.forbids
+    )
+    skills = tuple(replace(s, precondition=anywhere) if s is load else s for s in task.skills)
+    assert "load(screwdriver) may come between pick(" in refusal(task.replace(skills=skills))
+
+
+def test_a_cost_of_which_nothing_is_known_is_refused():
+    """It may depend on everything."""
+
+    class Odd:
+        def at(self, state):
+            return float(len(state))
+
+        def least(self, true_bits, false_bits):
+            return 0.0
+
+    task = board_task()
+    skills = (replace(task.skills[0], cost=Odd()), *task.skills[1:])
+    assert "nothing is known of what the cost of pick(" in refusal(task.replace(skills=skills))
+
+
+def test_what_a_back_end_does_not_know_is_refused():
+    """An order that rests on it would be a guess."""
+    said = refusal(board_task(), lambda skill, state: Verdict.unknown("too dark"))
+    assert "could not be worked out" in said or "is unknown" in said
+
+
+def test_a_verdict_that_depends_on_where_the_arm_comes_from_is_refused():
+    """No relation of elements tells that."""
+    task = board_task()
+
+    def rule(skill, state):
+        here = task.facts.of("at(home)")
+        if skill.name != "pick(pcb)":
+            return Verdict.feasible(task.facts.none, task.facts.none)
+        if "at(home)" in state:
+            return Verdict.infeasible("too near", here, task.facts.none)
+        return Verdict.feasible(task.facts.none, here)
+
+    assert "pick(pcb) depends on more than an order: at(home)" in refusal(task, rule)
+
+
+def test_one_of_two_supports_is_no_precedence_and_refused():
+    """Either would do, which no relation says."""
+    task = board_task()
+    supports = ("placed(switch_1)", "placed(switch_2)")
+
+    def rule(skill, state):
+        if skill.name != "place(brace)":
+            return Verdict.feasible(task.facts.none, task.facts.none)
+        there = [fact for fact in supports if fact in state]
+        if there:
+            return Verdict.feasible(task.facts.of(there[0]), task.facts.none)
+        return Verdict.infeasible("nothing beneath", task.facts.none, task.facts.of(*supports))
+
+    assert "place(brace) depends on more than an order" in refusal(task, rule)
+
+
 @settings(max_examples=150)
 @given(
     content=st.one_of(small_assemblies(), crowded_assemblies()),
@@ -134,6 +383,7 @@ def test_it_is_refused_or_exactly_the_orders_it_allows_are_feasible(content, det
     for order in itertools.permutations(range(len(problem.jobs))):
         place = {job: position for position, job in enumerate(order)}
         allowed = all(place[i] < place[j] for i, j in problem.precedence)
+        allowed = allowed and math.isfinite(problem.cost(order))
         walked = replay(model, [model.task.skill(name) for name in problem.plan(order)])
         assert walked.complete == allowed, order
         if allowed:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
-from skillplan.model.feasibility import PRECONDITION, Feasibility
+from skillplan.model.feasibility import PRECONDITION
+from skillplan.model.imagination import Imagination
+from skillplan.model.partial_order import ClosedRelation
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
-from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
 
 # So many states are imagined for one skill before it is given up as undecided.
@@ -31,11 +32,18 @@ class Relation:
     evidence: Mapping[str, Any] = field(default_factory=dict, hash=False)
 
 
+class Ruler(Protocol):
+    """Rules on skills in states, several at once."""
+
+    def rule_all(self, questions: Sequence[tuple[Skill, State]], /) -> list[Verdict]:
+        """Return the verdicts, in order."""
+
+
 class Undecided(Exception):
     """Raised where a back end does not know, or an inquiry does not come to an end."""
 
 
-def inquire(feasibility: Feasibility, inquiries: Sequence[Questions[_T]]) -> list[_T | None]:
+def inquire(ruler: Ruler, inquiries: Sequence[Questions[_T]]) -> list[_T | None]:
     """Return what several inquiries come to, all carried on at once; None of one undecided.
 
     Raises
@@ -55,7 +63,7 @@ def inquire(feasibility: Feasibility, inquiries: Sequence[Questions[_T]]) -> lis
                 found[index] = end.value
             except Undecided:
                 continue
-        said = dict(zip(asked, feasibility.rule_all(list(asked.values())), strict=True))
+        said = dict(zip(asked, ruler.rule_all(list(asked.values())), strict=True))
     return found
 
 
@@ -75,6 +83,8 @@ class Inquiry:
         self.order = list(imagination.task.operations)
         self.asked = 0
         self.found: list[Relation] = []
+        self._rank = {element: i for i, element in enumerate(self.order)}
+        self._feasible = Verdict.feasible()
 
     def ask(self, done: frozenset[str]) -> Questions[Verdict]:
         """Return the verdict on the skill where exactly these elements are done."""
@@ -101,9 +111,10 @@ class Inquiry:
         """
         verdict = yield from self.ask(done)
         if verdict.is_feasible:
+            self._feasible = verdict
             return done
         blamed = self.imagination.elements(verdict) - {self.element} - done - undone
-        for other in sorted(blamed, key=self.order.index):
+        for other in sorted(blamed, key=self._rank.__getitem__):
             found = yield from self.feasible_set(done | {other}, undone)
             if found is not None:
                 return found
@@ -111,7 +122,7 @@ class Inquiry:
         return None
 
     def relations(self, needed: frozenset[str]) -> Questions[None]:
-        """Find what must precede and follow the element, given a feasible set."""
+        """Find what must precede and follow the element, given the feasible set just found."""
         for fact in self.skill.precondition.forbids:
             other = self.imagination.owner(fact)
             if other not in (None, self.element):
@@ -120,30 +131,73 @@ class Inquiry:
                 evidence = {"skill": name, "stage": PRECONDITION, "facts": [f"not {fact}"]}
                 reason = f"{name} needs not {fact}"
                 self.found.append(Relation(str(other), self.element, reason, evidence))
+        for fact in self.skill.precondition.requires:
+            other = self.imagination.owner(fact)
+            goal = None if other is None else self.imagination.task.operations[other]
+            if other not in (None, self.element) and fact == goal:
+                # Another element, finished: every state that is imagined has it done.
+                name = self.skill.name
+                evidence = {"skill": name, "stage": PRECONDITION, "facts": [fact]}
+                reason = f"{name} needs {fact}"
+                self.found.append(Relation(str(other), self.element, reason, evidence))
+        verdicts: dict[str, Verdict] = {}
+        feasible = self._feasible
         for other in self.order:
-            if other == self.element:
+            done = needed ^ {other}
+            # What the feasible verdict does not rest on cannot change it.
+            if other == self.element or feasible.applies_in(
+                self.imagination.before(self.skill, done)
+            ):
                 continue
-            single = frozenset({other})
-            if other in needed:
-                verdict = yield from self.ask(needed - single)
-                pair, exception = (other, self.element), (frozenset[str](), single)
-            else:
-                verdict = yield from self.ask(needed | single)
-                pair, exception = (self.element, other), (single, frozenset[str]())
+            verdict = yield from self.ask(done)
             if not verdict.is_feasible:
-                possible = yield from self.feasible_set(*exception)
-                if possible is None:
-                    self.found.append(self._relation(*pair, verdict))
+                verdicts[other] = verdict
+        fixed = yield from self._fixed(needed, verdicts)
+        for other, verdict in verdicts.items():
+            if other in fixed:
+                pair = (other, self.element) if other in needed else (self.element, other)
+                self.found.append(self._relation(*pair, verdict))
 
-    def beyond(self, derived: set[tuple[str, str]]) -> Questions[tuple[str, ...]]:
+    def _fixed(
+        self, needed: frozenset[str], verdicts: Mapping[str, Verdict]
+    ) -> Questions[frozenset[str]]:
+        """Return the elements that must be as they are in a feasible set for there to be any.
+
+        Parameters
+        ----------
+        needed
+            The feasible set.
+        verdicts
+            Infeasible ones where just one element is otherwise, by that element.
+        """
+        blamed = {
+            other: self.imagination.elements(verdict) - {self.element, other}
+            for other, verdict in verdicts.items()
+        }
+        fixed: frozenset[str] = frozenset()
+        while blamed:
+            # Where the rest of what is blamed must be as it is, nothing is left to differ.
+            sure = [other for other, rest in blamed.items() if rest <= fixed]
+            if not sure:
+                other = next(iter(blamed))
+                single = frozenset({other})
+                exception = (frozenset[str](), single) if other in needed else (single, frozenset())
+                possible = yield from self.feasible_set(*exception)
+                sure = [other] if possible is None else []
+                del blamed[other]
+            for other in sure:
+                blamed.pop(other, None)
+            fixed |= frozenset(sure)
+        return fixed
+
+    def beyond(self, derived: ClosedRelation) -> Questions[tuple[str, ...]]:
         """Return the facts that matter to the skill beyond a relation, closed under transitivity.
 
         Where exactly what must precede the element is done, the skill has to be feasible, and
         to stay so whatever else is done in an order that respects the relation. What a verdict
         rests on need not change it: every element that it names is tried both ways.
         """
-        before = frozenset(one for one, other in derived if other == self.element)
-        after = {other for one, other in derived if one == self.element}
+        before, after = derived.before(self.element), derived.after(self.element)
         verdict = yield from self.ask(before)
         if not verdict.is_feasible:
             return tuple(sorted(verdict.facts))
@@ -161,7 +215,7 @@ class Inquiry:
         tried: frozenset[str],
         verdict: Verdict,
         settled: set[str],
-        derived: set[tuple[str, str]],
+        derived: ClosedRelation,
         matter: dict[str, None],
     ) -> Questions[None]:
         """Try each element that a feasible verdict names the other way; note what changes it."""
@@ -171,7 +225,7 @@ class Inquiry:
                 matter.setdefault(fact)
         for other in sorted(
             self.imagination.elements(verdict) - tried - done - {self.element},
-            key=self.order.index,
+            key=self._rank.__getitem__,
         ):
             named = [
                 fact
@@ -181,7 +235,7 @@ class Inquiry:
             if not named:
                 continue
             tried |= {other}
-            first = {one for one, another in derived if another == other}
+            first = derived.before(other)
             changed = yield from self.ask(done | {other} | first)
             if not changed.is_feasible:
                 matter.update(dict.fromkeys(named))
@@ -211,92 +265,3 @@ class Inquiry:
     def _relation(self, before: str, after: str, verdict: Verdict) -> Relation:
         evidence = {"skill": self.skill.name, "stage": verdict.stage, "facts": verdict.facts}
         return Relation(before, after, verdict.reason, {**evidence, **verdict.evidence})
-
-
-class Imagination:
-    """States that need not be reachable: chosen elements done, the others untouched.
-
-    Attributes
-    ----------
-    stands
-        The facts that say where an arm stands.
-    """
-
-    def __init__(self, task: Task) -> None:
-        self.task = task
-        self.stands = {fact for robot in task.scene.robots for fact in robot.places}
-        self._owner = self._own_facts()
-        self._makers: dict[str, list[Skill]] = {}
-        for skill in task.skills:
-            for fact in skill.prediction.add:
-                self._makers.setdefault(fact, []).append(skill)
-        self._finished = self._finished_facts()
-
-    def chain(self, element: str) -> list[Skill]:
-        """Return the skills that bring one element, and no other, to its goal, in order."""
-        fact = self.task.operations[element]
-        skills: list[Skill] = []
-        self._bring(self.task.initial, fact, skills)
-        return [skill for skill in skills if element in skill.parameters.values()]
-
-    def before(self, skill: Skill, done: Iterable[str]) -> State:
-        """Return a state in which `skill` is applicable and the elements in `done` are done."""
-        bits = self.task.initial.bits
-        for element in done:
-            own, after = self._finished[element]
-            bits = bits & ~own | after
-        state = self.task.facts.state(bits)
-        for name in skill.precondition.requires:
-            state = self._bring(state, name, [])
-        # What the skill forbids, such as a part lying on it, is taken away.
-        return state - skill.precondition.forbids
-
-    def settled(self, skill: Skill, before: Iterable[str], after: Iterable[str]) -> set[str]:
-        """Return the facts that are certain where a skill is applicable in a good order."""
-        certain = {*skill.precondition.requires, *skill.precondition.forbids}
-        elements = {*before, *after}
-        return certain | {fact for fact, owner in self._owner.items() if owner in elements}
-
-    def owner(self, fact: str) -> str | None:
-        """Return the element that a fact is about, or None."""
-        return self._owner.get(fact)
-
-    def elements(self, verdict: Verdict) -> set[str]:
-        """Return the elements that the facts of a verdict are about."""
-        facts = [*(verdict.present or ()), *(verdict.absent or ())]
-        return {self._owner[fact] for fact in facts if fact in self._owner}
-
-    def _own_facts(self) -> dict[str, str]:
-        """Return the element of every fact named after one; not where the arm stands."""
-        found = {}
-        for fact in self.task.facts.names:
-            element = fact.rpartition("(")[2].rstrip(")")
-            if element in self.task.operations and fact not in self.stands:
-                found[fact] = element
-        return found
-
-    def _finished_facts(self) -> dict[str, tuple[int, int]]:
-        """Return, by element, the bits of its own facts and those of them that hold when done."""
-        own = dict.fromkeys(self.task.operations, 0)
-        for fact, element in self._owner.items():
-            own[element] |= self.task.facts.bit(fact)
-        return {
-            element: (mask, self._bring(self.task.initial, goal, []).bits & mask)
-            for (element, goal), mask in zip(
-                self.task.operations.items(), own.values(), strict=True
-            )
-        }
-
-    def _bring(self, state: State, fact: str, skills: list[Skill], depth: int = 0) -> State:
-        """Apply predicted outcomes until `fact` holds, noting the skills used."""
-        if fact in state or depth > 8:
-            return state
-        makers = self._makers.get(fact)
-        if not makers:
-            return state
-        # Of several, as for an empty tool holder, the one that lacks the least here.
-        maker = min(makers, key=lambda s: len(s.precondition.requires - state))
-        for name in maker.precondition.requires:
-            state = self._bring(state, name, skills, depth + 1)
-        skills.append(maker)
-        return maker.prediction.apply(state)

@@ -23,6 +23,33 @@ def closure(pairs: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
     return closed
 
 
+class ClosedRelation:
+    """What comes before what in whatever number of steps, element by element.
+
+    Parameters
+    ----------
+    pairs
+        Closed by transitivity.
+    """
+
+    def __init__(self, pairs: Iterable[tuple[str, str]]) -> None:
+        before: dict[str, set[str]] = {}
+        after: dict[str, set[str]] = {}
+        for one, other in pairs:
+            before.setdefault(other, set()).add(one)
+            after.setdefault(one, set()).add(other)
+        self._before = {element: frozenset(others) for element, others in before.items()}
+        self._after = {element: frozenset(others) for element, others in after.items()}
+
+    def before(self, element: str) -> frozenset[str]:
+        """Return what comes before an element."""
+        return self._before.get(element, frozenset())
+
+    def after(self, element: str) -> frozenset[str]:
+        """Return what comes after an element."""
+        return self._after.get(element, frozenset())
+
+
 def reduction(pairs: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
     """Return the pairs that do not follow from others; those on a circle all stay."""
     pairs = list(pairs)

@@ -11,8 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from skillplan.model.feasibility import Feasibility
-from skillplan.model.inquiry import Imagination, Inquiry, Questions, Relation, inquire
-from skillplan.model.partial_order import circle, closure
+from skillplan.model.imagination import Imagination
+from skillplan.model.inquiry import Inquiry, Questions, Relation, inquire
+from skillplan.model.partial_order import ClosedRelation, circle, closure
 
 
 @dataclass(frozen=True)
@@ -96,16 +97,15 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
         and (inquiry.element, inquiry.element) not in derived
     ]
     conditional: dict[str, tuple[str, ...]] = {}
-    questions = [inquiry.beyond(derived) for inquiry in left]
+    order = ClosedRelation(derived)
+    questions = [inquiry.beyond(order) for inquiry in left]
     for inquiry, more in zip(left, inquire(feasibility, questions), strict=True):
         if more is None:
             undecided.append(inquiry.skill.name)
         elif more:
             conditional[inquiry.skill.name] = more
-    order = list(task.operations)
-    relations = tuple(
-        sorted(found.values(), key=lambda r: (order.index(r.before), order.index(r.after)))
-    )
+    rank = {element: i for i, element in enumerate(task.operations)}
+    relations = tuple(sorted(found.values(), key=lambda r: (rank[r.before], rank[r.after])))
     hand_made = tuple((line.before, line.after) for line in task.chart)
     by_hand = closure(hand_made)
     return DerivedChart(

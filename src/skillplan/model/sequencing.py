@@ -8,29 +8,31 @@ this structure are refused in words.
 
 from __future__ import annotations
 
-import heapq
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.errors import NotASequencing
-from skillplan.model.inquiry import Imagination
-from skillplan.model.precedence_chart import derive_chart
+from skillplan.model.done_jobs import DoneSets, closed, members
+from skillplan.model.element_jobs import ElementJobs
+from skillplan.model.inquiry import Questions, inquire
+from skillplan.model.job_connections import JobConnections
+from skillplan.model.job_inquiry import JobInquiry
 from skillplan.model.skill_model import SkillModel
-from skillplan.task.skill import Skill
-from skillplan.task.state import State
-from skillplan.task.task import Task
 
-_MAX_CONNECTIONS = 1_000
+# What a way may be dearer for leaving a job out, as rounding has it.
+_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
 class SequencingProblem:
     """Jobs to be put into an order.
+
+    The least cost of an order that respects the precedence is the least of any plan, and every
+    such order of finite cost is a plan, but for the step limit.
 
     Parameters
     ----------
@@ -39,16 +41,19 @@ class SequencingProblem:
     skills
         The skills of every job.
     first
-        Cost of coming to a job from the initial state and doing it, shape (n,).
+        Cost of coming to a job from the initial state and doing it, shape (n,); inf where it
+        cannot be the first.
     costs
-        Cost of coming from job i to job j and doing it, shape (n, n); the diagonal is inf.
+        Cost of coming from job i to job j and doing it, shape (n, n); inf on the diagonal and
+        where j cannot come right after i.
     precedence
-        Pairs of indices: the first before the second.
+        Pairs of indices: the first before the second. What follows from others may be left out.
     ways
-        The skills between the initial state (-1), or a job, and a job: tool changes.
+        The skills between the initial state (-1), or a job, and a job, such as tool changes;
+        pairs without any are left out.
     step_limit
         The most skills a plan of the task may have. An order does not know of it: one whose
-        plan is longer is no solution of the task.
+        plan is longer is no solution of the task, see `fits`.
 
     Raises
     ------
@@ -80,8 +85,42 @@ class SequencingProblem:
         """Return the skills of doing all jobs in an order, tool changes included."""
         names: list[str] = []
         for before, job in zip((-1, *order), order, strict=False):
-            names += [*self.ways[before, job], *self.skills[job]]
+            names += [*self.ways.get((before, job), ()), *self.skills[job]]
         return tuple(names)
+
+    def fits(self, order: Sequence[int]) -> bool:
+        """Whether the plan of an order respects the step limit."""
+        return len(self.plan(order)) <= self.step_limit
+
+    def order(self, plan: Sequence[str]) -> tuple[int, ...] | None:
+        """Return the order in which a plan does the jobs.
+
+        None where it does not do each job once and without anything between its skills; other
+        skills may come between jobs. Whether it is feasible is not looked at.
+
+        Parameters
+        ----------
+        plan
+            Names of skills.
+        """
+        begun = {chain[0]: job for job, chain in enumerate(self.skills)}
+        inside = {name for chain in self.skills for name in chain}
+        order: list[int] = []
+        position = 0
+        while position < len(plan):
+            name = plan[position]
+            if name not in inside:
+                position += 1
+                continue
+            job = begun.get(name)
+            if job is None:
+                return None
+            chain = self.skills[job]
+            if tuple(plan[position : position + len(chain)]) != chain:
+                return None
+            order.append(job)
+            position += len(chain)
+        return tuple(order) if sorted(order) == list(range(len(self.jobs))) else None
 
     @classmethod
     def from_model(cls, model: SkillModel) -> SequencingProblem:
@@ -91,162 +130,90 @@ class SequencingProblem:
         ------
         NotASequencing
             If the model does not have it; the message says what stands against it.
+        BackEndError
+            If a back end fails.
+        SearchStopped
+            If the caller should have stopped long ago.
         """
-        return _Recognition(model).problem()
-
-
-class _Recognition:
-    """What the steps of recognising share."""
-
-    def __init__(self, model: SkillModel) -> None:
-        self.model = model
-        self.task: Task = model.task
-        if not self.task.deterministic:
-            raise self._no("skills may have several outcomes")
-        if any(skill.cases for skill in self.task.skills):
-            raise self._no("what a skill brings about depends on the state")
-        self.imagination = Imagination(self.task)
-        goal = list(self.task.goal.requires)
-        self.elements = [e for e, fact in self.task.operations.items() if fact in goal]
-        if len(self.elements) != len(goal) or self.task.goal.forbids.bits:
-            raise self._no("its goal is not just to finish elements of the product")
-        self.chains = [self._chain(element) for element in self.elements]
-        inside = {skill.name for chain in self.chains for skill in chain}
-        self.connectors = [s for s in self.task.skills if s.name not in inside]
-
-    def problem(self) -> SequencingProblem:
-        """Return the recognised problem."""
-        precedence = self._precedence()
-        n = len(self.elements)
-        first = np.empty(n)
-        costs = np.full((n, n), math.inf)
-        ways: dict[tuple[int, int], tuple[str, ...]] = {}
-        for j in range(n):
-            first[j], ways[-1, j] = self._connect(self.task.initial, j)
-        after = [self._after(j, ways[-1, j]) for j in range(n)]
-        for i in range(n):
-            for j in range(n):
-                if i != j:
-                    costs[i, j], ways[i, j] = self._connect(after[i], j)
-        return SequencingProblem(
-            tuple(self.elements),
-            tuple(tuple(skill.name for skill in chain) for chain in self.chains),
-            first,
-            costs,
-            precedence,
+        structure = ElementJobs(model.task)
+        sets = DoneSets(structure)
+        connections = JobConnections(model, structure, sets)
+        costs = connections.matrix()
+        before = _precedence(model, structure, sets, connections)
+        chosen = sorted(before)
+        _check_left_out(structure, set(before), costs)
+        index = {job: i for i, job in enumerate(chosen)}
+        ways = {
+            (index.get(source, -1), index[job]): way
+            for (source, job), way in connections.ways.items()
+            if job in index and (source < 0 or source in index)
+        }
+        return cls(
+            tuple(structure.jobs[job].element for job in chosen),
+            tuple(tuple(skill.name for skill in structure.jobs[job].chain) for job in chosen),
+            costs[0, chosen],
+            costs[np.ix_([1 + job for job in chosen], chosen)],
+            frozenset((index[one], index[job]) for job in chosen for one in members(before[job])),
             ways,
-            self.task.step_limit,
+            model.task.step_limit,
         )
 
-    def _no(self, reason: str) -> NotASequencing:
-        return NotASequencing(f"{self.task.name!r} is not a sequencing problem: {reason}.")
 
-    def _chain(self, element: str) -> list[Skill]:
-        """Return the skills that must follow each other to finish an element."""
-        fact = self.task.operations[element]
-        chain: list[Skill] = []
-        while fact not in self.task.initial:
-            makers = [s for s in self.task.skills if fact in s.prediction.add]
-            if len(makers) != 1:
-                raise self._no(f"{len(makers)} skills bring about {fact}")
-            chain.insert(0, makers[0])
-            own = [
-                name
-                for name in makers[0].precondition.requires
-                if self.imagination.owner(name) == element and name not in self.task.initial
-            ]
-            if not own:
-                return chain
-            if len(own) > 1 or len(chain) > len(self.task.skills):
-                raise self._no(f"{makers[0].name} needs several facts of {element}")
-            fact = own[0]
-        return chain
+def _precedence(
+    model: SkillModel, structure: ElementJobs, sets: DoneSets, connections: JobConnections
+) -> dict[int, int]:
+    """Return, by each job that every plan does, the set of those that must come before it."""
+    inquiries: dict[int, JobInquiry] = {}
 
-    def _precedence(self) -> frozenset[tuple[int, int]]:
-        chart = derive_chart(self.model.feasibility)
-        if chart.impossible:
-            skill, why = next(iter(chart.impossible.items()))
-            raise self._no(f"{skill} is never feasible ({why})")
-        if chart.undecided:
-            raise self._no(f"the order around {chart.undecided[0]} could not be worked out")
-        if chart.circle:
-            raise self._no(f"it has no order, {' before '.join(chart.circle)}")
-        if chart.conditional:
-            skill, facts = next(iter(chart.conditional.items()))
-            raise self._no(f"{skill} depends on more than an order: {', '.join(facts)}")
-        index = {element: i for i, element in enumerate(self.elements)}
-        pairs = [(r.before, r.after) for r in chart.relations]
-        left_out = {name for pair in pairs for name in pair} - set(index)
-        if left_out:
-            raise self._no(f"{min(left_out)} takes part without being in the goal")
-        return frozenset((index[before], index[after]) for before, after in pairs)
+    def ask(questions: Mapping[int, Questions[bool]]) -> None:
+        answers = inquire(model, list(questions.values()))
+        for job, answered in zip(questions, answers, strict=True):
+            if not answered:
+                name = structure.jobs[job].element
+                raise structure.no(f"the order around {name} could not be worked out")
 
-    def _check_connector(self, skill: Skill, state: State) -> None:
-        """Demand that a tool change is feasible wherever it is applicable.
+    todo = set(structure.goal)
+    while todo:
+        new = {job: JobInquiry(sets, job, connections.begun_in(job)) for job in sorted(todo)}
+        inquiries |= new
+        ask({job: inquiry.feasible_sets() for job, inquiry in new.items()})
+        # What one job says of another need not be asked of that.
+        _exchange(inquiries)
+        ask({job: inquiry.relations() for job, inquiry in new.items()})
+        _exchange(inquiries)
+        # What is not in the goal, but needed for it, is done in every plan, too.
+        needed = {other for inquiry in inquiries.values() for other in members(inquiry.before)}
+        todo = needed - set(inquiries)
+    before = {job: inquiry.before for job, inquiry in inquiries.items()}
+    all_before, all_after = closed(structure, before)
+    left_out = sum(1 << job for job in range(len(structure.jobs)) if job not in inquiries)
+    for job in inquiries:
+        all_after[job] |= left_out
+    ask({job: inquiry.beyond(all_before, all_after) for job, inquiry in inquiries.items()})
+    return before
 
-        Its verdict may rest on tools and the hand, not on places or what has been done.
-        """
-        verdict = self.model.verdict(state, skill)
-        facts = [*(verdict.present or ()), *(verdict.absent or ())]
-        stands = self.imagination.stands
-        if not verdict.is_feasible or any(
-            fact in stands or self.imagination.owner(fact) is not None for fact in facts
-        ):
-            raise self._no(f"{skill.name} is not feasible wherever it is applicable")
 
-    def _after(self, job: int, way: tuple[str, ...]) -> State:
-        """Return a state right after a job, in which no other job is done."""
-        state = self.task.initial
-        for name in way:
-            state = self.task.skills[self.task.action(name)].prediction.apply(state)
-        for skill in self.chains[job]:
-            state = skill.prediction.apply(state)
-        return state
+def _exchange(inquiries: Mapping[int, JobInquiry]) -> None:
+    """Have each of two jobs that every plan does know which of them comes first."""
+    for job, inquiry in inquiries.items():
+        for other in members(inquiry.before):
+            if other in inquiries:
+                inquiries[other].after |= 1 << job
+        for other in members(inquiry.after):
+            if other in inquiries:
+                inquiries[other].before |= 1 << job
 
-    def _connect(self, start: State, job: int) -> tuple[float, tuple[str, ...]]:
-        """Return the least cost of coming from a state to a job and doing it, and the way."""
-        queue: list[tuple[float, int, State, tuple[str, ...]]] = [(0.0, 0, start, ())]
-        done: set[State] = set()
-        best: tuple[float, tuple[str, ...]] = (math.inf, ())
-        pushed = 0
-        while queue and len(done) < _MAX_CONNECTIONS:
-            cost, _, state, way = heapq.heappop(queue)
-            if cost >= best[0]:
-                break
-            if state in done:
-                continue
-            done.add(state)
-            own = self._cost_of_chain(state, job)
-            if own is not None and cost + own < best[0]:
-                best = (cost + own, way)
-            for skill in self.connectors:
-                if skill.precondition.holds(state):
-                    self._check_connector(skill, state)
-                    pushed += 1
-                    total = cost + skill.cost.at(state)
-                    following = skill.prediction.apply(state)
-                    heapq.heappush(queue, (total, pushed, following, (*way, skill.name)))
-        if math.isinf(best[0]):
-            raise self._no(f"nothing leads to {self.elements[job]} from {start}")
-        return best
 
-    def _cost_of_chain(self, state: State, job: int) -> float | None:
-        """Return the cost of a job's skills from a state, or None where they do not follow."""
-        cost = 0.0
-        chain = self.chains[job]
-        for position, skill in enumerate(chain):
-            # What other jobs have to do first is the precedence relation's business.
-            blocked = [f for f in skill.precondition.why_not(state) if not self._foreign(f, job)]
-            if blocked:
-                return None
-            cost += skill.cost.at(state)
-            state = skill.prediction.apply(state)
-            if position + 1 < len(chain):
-                others = [s.name for s in self.model.applicable(state) if s != chain[position + 1]]
-                if others:
-                    raise self._no(f"{others[0]} may come between the skills of a job")
-        return cost
+def _check_left_out(structure: ElementJobs, done: set[int], costs: NDArray[np.float64]) -> None:
+    """Demand that it never pays to do what nothing asks for.
 
-    def _foreign(self, amiss: str, job: int) -> bool:
-        owner = self.imagination.owner(amiss.removeprefix("not "))
-        return owner in self.elements and owner != self.elements[job]
+    Then every plan that does it can do without, at no more cost: nothing needs it, and from any
+    job before it there is a way to any after it that is no dearer.
+    """
+    for job in sorted(set(range(len(structure.jobs))) - done):
+        around = costs[:, [job]] + costs[[1 + job], :]
+        around[:, job] = around[1 + job, :] = math.inf
+        np.fill_diagonal(around[1:], math.inf)
+        if not (costs <= around + _TOLERANCE).all():
+            element = structure.jobs[job].element
+            raise structure.no(f"{element} is not in the goal, and doing it might pay")

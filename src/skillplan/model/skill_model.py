@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from skillplan.errors import SearchStopped
@@ -144,6 +144,13 @@ class SkillModel:
             self._unknown += 1
         return verdict
 
+    def rule_all(self, questions: Sequence[tuple[Skill, State]], /) -> list[Verdict]:
+        """Return the verdicts on several skills in states, in order; raises as `verdict`."""
+        self._cut_off()
+        verdicts = self.feasibility.rule_all(questions, self._cut_off)
+        self._unknown += sum(v.status is VerdictStatus.UNKNOWN for v in verdicts)
+        return verdicts
+
     def transition(self, state: State, skill: Skill) -> Transition:
         """Return the predicted transition, whether feasible or not.
 
@@ -187,8 +194,7 @@ class SkillModel:
         if found is None:
             skills = self.applicable(state)
             asked = [(skill, state) for skill in skills]
-            verdicts = self.feasibility.rule_all(asked, self._cut_off)
-            self._unknown += sum(v.status is VerdictStatus.UNKNOWN for v in verdicts)
+            verdicts = self.rule_all(asked)
             found = tuple(
                 self.transition(state, skill)
                 for skill, verdict in zip(skills, verdicts, strict=True)

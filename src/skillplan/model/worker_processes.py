@@ -97,6 +97,11 @@ class WorkerProcess:
             far.close()
 
     @property
+    def number(self) -> int | None:
+        """The process number that the system gave it."""
+        return self._process.pid
+
+    @property
     def alive(self) -> bool:
         """Whether it can be given a job."""
         return self._process.is_alive()
@@ -160,10 +165,12 @@ def packed(content: Any, what: str) -> bytes:
         ) from error
 
 
-def first_ready(workers: Iterable[WorkerProcess]) -> list[WorkerProcess]:
-    """Return the processes that have something to say, within `POLL_S`."""
+def first_ready(
+    workers: Iterable[WorkerProcess], patience_s: float = POLL_S
+) -> list[WorkerProcess]:
+    """Return the processes that have something to say, within `patience_s`."""
     by_line = {worker.line: worker for worker in workers}
-    ready = wait(list(by_line), timeout=POLL_S) if by_line else []
+    ready = wait(list(by_line), timeout=patience_s) if by_line else []
     return [worker for line, worker in by_line.items() if line in ready]
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_boxes
 from skillplan.model.collision_staging import LEAST_HIT_M, is_possible, standing_boxes
 from skillplan.model.detector_trial import Trial, Truth
-from skillplan.model.inquiry import Imagination
+from skillplan.model.imagination import Imagination
 from skillplan.task.motion import Event, Visit
 from skillplan.task.scene import Pose
 from skillplan.task.skill import Skill

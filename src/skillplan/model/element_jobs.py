@@ -1,0 +1,279 @@
+"""Jobs: the runs of skills that bring one element of a product each to its goal.
+
+What is worked out here needs no back end: which facts only an element's own skills change, that
+those skills follow each other without anything between, and what holds right after the last.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+from operator import or_
+
+from skillplan.errors import NotASequencing
+from skillplan.model.fact_analysis import (
+    CostBasis,
+    each_bit,
+    effects,
+    exclusive_bits,
+    live_skills,
+    named_bits,
+)
+from skillplan.task.skill import Skill
+from skillplan.task.task import Task
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """The skills that must follow each other to finish one element.
+
+    Parameters
+    ----------
+    element
+        What is finished.
+    chain
+        At least one skill.
+    own
+        Bits of the facts that only these skills change.
+    stages
+        Those of them that hold before each skill and after the last: one more than skills.
+    known
+        For each skill the bits of other facts that are certain to hold, and certain not to,
+        where it is begun.
+    after
+        Bits of the facts that are nobody's own and hold after the last skill.
+    """
+
+    element: str
+    chain: tuple[Skill, ...]
+    own: int
+    stages: tuple[int, ...]
+    known: tuple[tuple[int, int], ...]
+    after: int
+
+    @property
+    def change(self) -> int:
+        """Own bits that differ between the element's being done and not."""
+        return self.stages[0] ^ self.stages[-1]
+
+
+class ElementJobs:
+    """The jobs of a task, and the skills between them.
+
+    Facts that are no job's own make up the *situation*: where an arm stands, which tool it
+    holds. Right after a job the situation is always the same.
+
+    Parameters
+    ----------
+    task
+        What to look at.
+
+    Attributes
+    ----------
+    jobs
+        In the order of the task's elements; also those of elements that are not in the goal.
+    goal
+        Indices of the jobs that the goal asks for.
+    connectors
+        Skills that are part of no job, such as tool changes.
+    situation
+        Bits of the facts that are no job's own.
+
+    Raises
+    ------
+    NotASequencing
+        If the task does not have this structure; the message says what stands against it.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        if not task.deterministic:
+            raise self.no("skills may have several outcomes")
+        if any(skill.cases for skill in task.skills):
+            raise self.no("what a skill brings about depends on the state")
+        self._exclusive = exclusive_bits(task)
+        self._initial = task.initial.bits
+        self._live = live_skills(task)
+        self._named = self._named_bits()
+        chains = self._chains()
+        self.connectors = self._connectors(chains)
+        own = self._own_bits(chains)
+        self.situation = task.facts.all_bits & ~reduce(or_, own.values(), 0)
+        changed = reduce(or_, (effects(skill) for skill in self._live), 0)
+        self._constant = self.situation & ~changed
+        self.jobs = tuple(self._job(name, chain, own[name]) for name, chain in chains.items())
+        wanted = {fact for fact in task.goal.requires if fact not in task.initial}
+        self.goal = tuple(
+            i for i, job in enumerate(self.jobs) if task.operations[job.element] in wanted
+        )
+        self._check_connectors()
+        self._check_runs()
+
+    def no(self, reason: str) -> NotASequencing:
+        """Return the error that says why the task does not have the structure."""
+        return NotASequencing(f"{self.task.name!r} is not a sequencing problem: {reason}.")
+
+    def settled(self, job: int, position: int) -> tuple[int, int]:
+        """Return the bits of the situation that are certain where a skill of a job is begun.
+
+        Those that hold, and those that do not.
+        """
+        holds, lacks = self.jobs[job].known[position]
+        return holds | self._constant & self._initial, lacks | self._constant & ~self._initial
+
+    def _named_bits(self) -> dict[str, int]:
+        """Return the bits of the facts named after each element that no cost depends on."""
+        basis, depended = CostBasis(), 0
+        for skill in self._live:
+            bits = basis.bits(skill.cost)
+            if bits is None:
+                raise self.no(f"nothing is known of what the cost of {skill.name} depends on")
+            depended |= bits
+        return {name: bits & ~depended for name, bits in named_bits(self.task).items()}
+
+    def _chains(self) -> dict[str, tuple[Skill, ...]]:
+        """Return the skills of each element that is not done from the start, in order."""
+        task = self.task
+        goal = task.goal.requires.bits
+        facts = {element: task.facts.bit(fact) for element, fact in task.operations.items()}
+        if goal & ~reduce(or_, facts.values(), 0) or task.goal.forbids.bits:
+            raise self.no("its goal is not just to finish elements of the product")
+        if len(set(facts.values())) != len(facts):
+            raise self.no("one fact finishes several elements")
+        makers: dict[int, list[Skill]] = {}
+        for skill in self._live:
+            for bit in each_bit(skill.prediction.add.bits):
+                makers.setdefault(bit.bit_length(), []).append(skill)
+        chains = {}
+        for element, bit in facts.items():
+            if bit & self._initial:
+                undoing = [s.name for s in self._live if bit & s.prediction.delete.bits]
+                if undoing:
+                    fact = task.operations[element]
+                    raise self.no(f"{fact} holds from the start and {undoing[0]} ends it")
+            elif bit & goal or makers.get(bit.bit_length()):
+                chains[element] = self._chain(bit, self._named[element], makers)
+        return chains
+
+    def _chain(self, bit: int, named: int, makers: dict[int, list[Skill]]) -> tuple[Skill, ...]:
+        """Return the skills that must follow each other to bring about a fact of an element."""
+        chain: list[Skill] = []
+        while True:
+            found = makers.get(bit.bit_length(), [])
+            if len(found) != 1:
+                fact = self.task.facts.names_of(bit)[0]
+                raise self.no(f"{len(found)} skills bring about {fact}")
+            maker = found[0]
+            if any(maker.name == skill.name for skill in chain):
+                raise self.no(f"{maker.name} needs what only {maker.name} leads to")
+            chain.insert(0, maker)
+            bit = maker.precondition.requires.bits & named & ~self._initial
+            if not bit:
+                return tuple(chain)
+            if bit & (bit - 1):
+                names = " and ".join(self.task.facts.names_of(bit))
+                raise self.no(f"{maker.name} needs {names}, which come about apart")
+
+    def _connectors(self, chains: dict[str, tuple[Skill, ...]]) -> tuple[Skill, ...]:
+        inside: dict[str, str] = {}
+        for element, chain in chains.items():
+            for skill in chain:
+                if skill.name in inside:
+                    raise self.no(f"{skill.name} is part of {inside[skill.name]} and {element}")
+                inside[skill.name] = element
+        return tuple(skill for skill in self._live if skill.name not in inside)
+
+    def _own_bits(self, chains: dict[str, tuple[Skill, ...]]) -> dict[str, int]:
+        """Return the bits of the facts that are named after an element and its skills' alone."""
+        touched = {
+            element: reduce(or_, (effects(skill) for skill in chain), 0)
+            for element, chain in chains.items()
+        }
+        shared = reduce(or_, (effects(skill) for skill in self.connectors), 0)
+        seen = 0
+        for bits in touched.values():
+            shared |= seen & bits
+            seen |= bits
+        own = {element: self._named[element] & bits & ~shared for element, bits in touched.items()}
+        for element, bits in own.items():
+            fact = self.task.operations[element]
+            if not self.task.facts.bit(fact) & bits:
+                raise self.no(f"{fact} is changed by more than the skills of {element}")
+        return own
+
+    def _job(self, element: str, chain: tuple[Skill, ...], own: int) -> Job:
+        """Return a job; refuse one whose skills need not, or cannot, be done in order and once."""
+        stages = [self._initial & own]
+        for skill in chain:
+            kept = stages[-1] & ~skill.prediction.delete.bits
+            stages.append(kept | skill.prediction.add.bits & own)
+        for position, stage in enumerate(stages):
+            for turn, skill in enumerate(chain):
+                needs, bars = skill.precondition.requires.bits, skill.precondition.forbids.bits
+                enabled = stage & needs == needs & own and not stage & bars
+                if enabled and turn != position:
+                    raise self.no(f"{skill.name} may be done again, or before its turn")
+                if not enabled and turn == position:
+                    raise self.no(f"{skill.name} cannot follow what {element} needs before")
+        bit = self.task.facts.bit(self.task.operations[element])
+        if any(stage & bit for stage in stages[:-1]) or not stages[-1] & bit:
+            raise self.no(f"{chain[-1].name} is not what finishes {element}")
+        known = []
+        holds = lacks = 0
+        for skill in chain:
+            holds |= skill.precondition.requires.bits & self.situation
+            lacks |= skill.precondition.forbids.bits & self.situation | self._excluded(holds)
+            if holds & lacks:
+                raise self.no(f"{skill.name} cannot follow what {element} needs before")
+            known.append((holds, lacks))
+            holds, lacks = self._after(holds, lacks, skill)
+        after = self._constant & self._initial | holds
+        unsure = self.situation & ~(holds | lacks | self._constant)
+        if unsure:
+            fact = self.task.facts.names_of(unsure)[0]
+            raise self.no(f"whether {fact} holds after {chain[-1].name} depends on what was before")
+        return Job(element, chain, own, tuple(stages), tuple(known), after)
+
+    def _after(self, holds: int, lacks: int, skill: Skill) -> tuple[int, int]:
+        """Return what of the situation is known right after a skill, given what was before."""
+        add = skill.prediction.add.bits & self.situation
+        delete = skill.prediction.delete.bits & self.situation
+        holds = holds & ~delete | add
+        return holds, lacks & ~add | delete | self._excluded(holds)
+
+    def _excluded(self, holds: int) -> int:
+        """Return the bits of what cannot hold beside some facts."""
+        found = (self._exclusive.get(bit.bit_length(), 0) for bit in each_bit(holds))
+        return reduce(or_, found, 0)
+
+    def _check_connectors(self) -> None:
+        owned = self.task.facts.all_bits & ~self.situation
+        for skill in self.connectors:
+            condition = skill.precondition
+            bits = (condition.requires.bits | condition.forbids.bits) & owned
+            if bits:
+                fact = self.task.facts.names_of(bits)[0]
+                raise self.no(f"{skill.name} is no part of a job and depends on {fact}")
+
+    def _check_runs(self) -> None:
+        """Demand that nothing can come between the skills of a job.
+
+        Only what may begin outside of a job need be looked at: skills further on in other jobs
+        wait for their first, which cannot come between either.
+        """
+        starters: dict[tuple[int, int], list[tuple[int, str]]] = {}
+        beginnings = [(-1, skill) for skill in self.connectors]
+        beginnings += [(i, job.chain[0]) for i, job in enumerate(self.jobs)]
+        for owner, skill in beginnings:
+            needs = skill.precondition.requires.bits & self.situation
+            bars = skill.precondition.forbids.bits & self.situation
+            starters.setdefault((needs, bars), []).append((owner, skill.name))
+        for i, job in enumerate(self.jobs):
+            for position, skill in enumerate(job.chain[:-1]):
+                holds, lacks = self._after(*self.settled(i, position), skill)
+                for (needs, bars), those in starters.items():
+                    others = (name for owner, name in those if owner != i)
+                    other = None if needs & lacks or bars & holds else next(others, None)
+                    if other is not None:
+                        following = job.chain[position + 1].name
+                        raise self.no(f"{other} may come between {skill.name} and {following}")

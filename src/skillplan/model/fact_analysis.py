@@ -1,0 +1,104 @@
+"""What can be read off a task about its facts: who may change them, and what depends on them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import reduce
+from operator import or_
+
+from skillplan.task.cost import CaseCost, ConstantCost, Cost, TravelCost
+from skillplan.task.cost_table import TableCost
+from skillplan.task.skill import Skill
+from skillplan.task.task import Task
+
+
+def each_bit(bits: int) -> Iterator[int]:
+    """Yield the bits that are set, lowest first."""
+    while bits:
+        low = bits & -bits
+        yield low
+        bits ^= low
+
+
+def effects(skill: Skill) -> int:
+    """Return the bits of the facts that a skill's nominal outcome adds or deletes."""
+    return skill.prediction.add.bits | skill.prediction.delete.bits
+
+
+def live_skills(task: Task) -> tuple[Skill, ...]:
+    """Return the skills that may come to be applicable.
+
+    All others are certain never to: the delete relaxation, in which what has once held goes on
+    to hold, leaves them without a fact they require, or a fact that they forbid holds from the
+    start and nothing ends it.
+    """
+    live: Sequence[Skill] = task.skills
+    while True:
+        deleted = reduce(or_, (skill.prediction.delete.bits for skill in live), 0)
+        lasting = task.initial.bits & ~deleted
+        reached = task.initial.bits
+        waiting = [skill for skill in live if not skill.precondition.forbids.bits & lasting]
+        found: set[str] = set()
+        while True:
+            ready: list[Skill] = []
+            left: list[Skill] = []
+            for skill in waiting:
+                (left if skill.precondition.requires.bits & ~reached else ready).append(skill)
+            if not ready:
+                break
+            found |= {skill.name for skill in ready}
+            reached = reduce(or_, (skill.prediction.add.bits for skill in ready), reached)
+            waiting = left
+        if len(found) == len(live):
+            return tuple(live)
+        live = [skill for skill in live if skill.name in found]
+
+
+def exclusive_bits(task: Task) -> dict[int, int]:
+    """Return, by the number of a fact's bit, the bits of those that cannot hold beside it."""
+    found: dict[int, int] = {}
+    for group in task.facts.exclusive:
+        bits = [task.facts.bit(fact) for fact in group]
+        together = reduce(or_, bits, 0)
+        for bit in bits:
+            # Powers of two make poor keys, see `State.__hash__`.
+            number = bit.bit_length()
+            found[number] = found.get(number, 0) | together & ~bit
+    return found
+
+
+def named_bits(task: Task) -> dict[str, int]:
+    """Return the bits of the facts named after each element; not of where an arm stands."""
+    stands = {fact for robot in task.scene.robots for fact in robot.places}
+    named = {element: task.facts.bit(fact) for element, fact in task.operations.items()}
+    for fact in task.facts.names:
+        element = fact.rpartition("(")[2].rstrip(")")
+        if element in named and fact not in stands:
+            named[element] |= task.facts.bit(fact)
+    return named
+
+
+class CostBasis:
+    """The facts that costs depend on.
+
+    What costs share is looked at once.
+    """
+
+    def __init__(self) -> None:
+        self._places: dict[int, int] = {}
+
+    def bits(self, cost: Cost) -> int | None:
+        """Return the bits of the facts that a cost depends on, or None where nothing is known."""
+        if isinstance(cost, ConstantCost):
+            return 0
+        if isinstance(cost, TableCost):
+            return cost.places.bits
+        if isinstance(cost, CaseCost):
+            return sum(cost.values)
+        if isinstance(cost, TravelCost):
+            shared = id(cost.places)
+            if shared not in self._places:
+                self._places[shared] = reduce(or_, cost.places)
+            when = (route.when.bits for route in cost.motion.routes)
+            return reduce(or_, when, self._places[shared])
+        return None

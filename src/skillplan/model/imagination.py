@@ -1,0 +1,103 @@
+"""States that need not be reachable, in which back ends are asked about skills."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+
+
+class Imagination:
+    """States that need not be reachable: chosen elements done, the others untouched.
+
+    Attributes
+    ----------
+    stands
+        The facts that say where an arm stands.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        self.stands = {fact for robot in task.scene.robots for fact in robot.places}
+        self._owner = self._own_facts()
+        self._own: dict[str, list[str]] = {}
+        for fact, element in self._owner.items():
+            self._own.setdefault(element, []).append(fact)
+        self._makers: dict[str, list[Skill]] = {}
+        for skill in task.skills:
+            for fact in skill.prediction.add:
+                self._makers.setdefault(fact, []).append(skill)
+        self._finished = self._finished_facts()
+
+    def chain(self, element: str) -> list[Skill]:
+        """Return the skills that bring one element, and no other, to its goal, in order."""
+        fact = self.task.operations[element]
+        skills: list[Skill] = []
+        self._bring(self.task.initial, fact, skills)
+        return [skill for skill in skills if element in skill.parameters.values()]
+
+    def before(self, skill: Skill, done: Iterable[str]) -> State:
+        """Return a state in which `skill` is applicable and the elements in `done` are done."""
+        bits = self.task.initial.bits
+        for element in done:
+            own, after = self._finished[element]
+            bits = bits & ~own | after
+        state = self.task.facts.state(bits)
+        for name in skill.precondition.requires:
+            state = self._bring(state, name, [])
+        # What the skill forbids, such as a part lying on it, is taken away.
+        return state - skill.precondition.forbids
+
+    def settled(self, skill: Skill, before: Iterable[str], after: Iterable[str]) -> set[str]:
+        """Return the facts that are certain where a skill is applicable in a good order."""
+        certain = {*skill.precondition.requires, *skill.precondition.forbids}
+        return certain.union(*(self._own.get(element, ()) for element in {*before, *after}))
+
+    def owner(self, fact: str) -> str | None:
+        """Return the element that a fact is about, or None."""
+        return self._owner.get(fact)
+
+    def elements(self, verdict: Verdict) -> set[str]:
+        """Return the elements that the facts of a verdict are about."""
+        facts = [*(verdict.present or ()), *(verdict.absent or ())]
+        return {self._owner[fact] for fact in facts if fact in self._owner}
+
+    def _own_facts(self) -> dict[str, str]:
+        """Return the element of every fact named after one; not where the arm stands."""
+        found = {}
+        for fact in self.task.facts.names:
+            element = fact.rpartition("(")[2].rstrip(")")
+            if element in self.task.operations and fact not in self.stands:
+                found[fact] = element
+        return found
+
+    def _finished_facts(self) -> dict[str, tuple[int, int]]:
+        """Return, by element, the bits of its own facts and those of them that hold when done."""
+        own = dict.fromkeys(self.task.operations, 0)
+        for fact, element in self._owner.items():
+            own[element] |= self.task.facts.bit(fact)
+        return {
+            element: (mask, self._bring(self.task.initial, goal, []).bits & mask)
+            for (element, goal), mask in zip(
+                self.task.operations.items(), own.values(), strict=True
+            )
+        }
+
+    def _bring(self, state: State, fact: str, skills: list[Skill], depth: int = 0) -> State:
+        """Apply predicted outcomes until `fact` holds, noting the skills used."""
+        if fact in state or depth > 8:
+            return state
+        makers = self._makers.get(fact)
+        if not makers:
+            return state
+        # Of several, as for an empty tool holder, the one that lacks the least here.
+        maker = makers[0]
+        if len(makers) > 1:
+            maker = min(makers, key=lambda s: len(s.precondition.requires - state))
+        for name in maker.precondition.requires - state:
+            state = self._bring(state, name, skills, depth + 1)
+        skills.append(maker)
+        return maker.prediction.apply(state)

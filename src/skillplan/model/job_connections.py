@@ -1,0 +1,281 @@
+"""The ways between jobs: what leads from one to the next at least cost, such as tool changes."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.model.done_jobs import DoneSets
+from skillplan.model.element_jobs import ElementJobs
+from skillplan.model.fact_analysis import each_bit
+from skillplan.model.skill_model import SkillModel
+from skillplan.task.cost_table import NEVER, TableCost
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.verdict import Verdict, VerdictStatus
+
+# So many situations may be met between two jobs, and states imagined for one skill there.
+_MOST_SITUATIONS = 1_000
+_MOST_QUESTIONS = 1_000
+
+
+@dataclass(frozen=True, slots=True)
+class _Stop:
+    """A situation on the way from a job, what came to it, and at what cost."""
+
+    cost: float
+    situation: int
+    way: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """Jobs that can be begun in the same situations.
+
+    Those of one skill with a table of costs by place are kept apart, by the bits of the places.
+    """
+
+    needs: int
+    bars: int
+    jobs: list[int]
+    tables: dict[int, list[int]]
+
+
+class JobConnections:
+    """Least costs of coming to jobs and doing them, and the skills on the way.
+
+    Parameters
+    ----------
+    model
+        Asked whether the skills between jobs are feasible.
+    structure
+        The jobs of its task.
+    sets
+        The states in which it is asked.
+
+    Attributes
+    ----------
+    ways
+        The skills from a job, or the start (-1), to a job, where there are any.
+
+    Raises
+    ------
+    NotASequencing
+        If a skill between jobs depends on what has been done.
+    """
+
+    def __init__(self, model: SkillModel, structure: ElementJobs, sets: DoneSets) -> None:
+        self._model = model
+        self._structure = structure
+        self._sets = sets
+        self._facts = structure.task.facts
+        self._connectors = [
+            (skill, skill.precondition.requires.bits, skill.precondition.forbids.bits)
+            for skill in structure.connectors
+        ]
+        self._passable: dict[str, list[tuple[int, int, bool]]] = {}
+        self._edges: dict[int, list[tuple[float, int, str]]] = {}
+        self._rows: dict[int, NDArray[np.float64]] = {}
+        self._tables: dict[tuple[int, int], NDArray[np.float64]] = {}
+        self._tails: dict[tuple[int, int], float] = {}
+        self._begun_in: list[int] = [-1] * len(structure.jobs)
+        self.ways: dict[tuple[int, int], tuple[str, ...]] = {}
+        self._groups = self._grouped()
+
+    def matrix(self) -> NDArray[np.float64]:
+        """Return the costs from the initial state (row 0) and from each job, shape (n + 1, n).
+
+        They are inf where a job cannot come right after another.
+        """
+        structure = self._structure
+        n = len(structure.jobs)
+        found = np.full((n + 1, n), math.inf)
+        initial = structure.task.initial.bits & structure.situation
+        taken: dict[int, tuple[NDArray[np.float64], list[tuple[str, ...]]]] = {}
+        for source, situation in enumerate([initial, *(job.after for job in structure.jobs)]):
+            if situation not in taken:
+                taken[situation] = self._from(situation)
+            costs, ways = taken[situation]
+            found[source] = costs
+            if source:
+                found[source, source - 1] = math.inf
+            for job, way in enumerate(ways):
+                if way and math.isfinite(found[source, job]):
+                    self.ways[source - 1, job] = way
+        return found
+
+    def begun_in(self, job: int) -> int:
+        """Return the bits of a situation in which a job is begun at least cost.
+
+        Raises
+        ------
+        NotASequencing
+            If nothing leads to the job.
+        """
+        if self._begun_in[job] < 0:
+            structure = self._structure
+            start = self._facts.state(structure.task.initial.bits & structure.situation)
+            raise structure.no(f"nothing leads to {structure.jobs[job].element} from {start}")
+        return self._begun_in[job]
+
+    def _from(self, situation: int) -> tuple[NDArray[np.float64], list[tuple[str, ...]]]:
+        """Return the cost of coming from a situation to each job and doing it, and the ways."""
+        stops = self._stops(situation)
+        costs = np.stack([stop.cost + self._row(stop.situation) for stop in stops])
+        # Of equally dear ways the first found, which has the least to go.
+        chosen = costs.argmin(axis=0)
+        least = costs[chosen, np.arange(len(chosen))]
+        if -1 in self._begun_in:
+            for job, position in enumerate(chosen.tolist()):
+                if self._begun_in[job] < 0 and math.isfinite(least[job]):
+                    self._begun_in[job] = stops[position].situation
+        return least, [stops[position].way for position in chosen.tolist()] if chosen.any() else []
+
+    def _stops(self, situation: int) -> list[_Stop]:
+        """Return the situations that lead on from one without a job, cheapest first."""
+        queue: list[tuple[float, int, int, tuple[str, ...]]] = [(0.0, 0, situation, ())]
+        met: dict[int, _Stop] = {}
+        pushed = 0
+        while queue:
+            cost, _, here, way = heapq.heappop(queue)
+            if here in met:
+                continue
+            if len(met) >= _MOST_SITUATIONS:
+                raise self._structure.no(f"more than {_MOST_SITUATIONS} situations between jobs")
+            met[here] = _Stop(cost, here, way)
+            for more, following, name in self._edges_of(here):
+                if following not in met:
+                    pushed += 1
+                    heapq.heappush(queue, (cost + more, pushed, following, (*way, name)))
+        return list(met.values())
+
+    def _edges_of(self, situation: int) -> list[tuple[float, int, str]]:
+        """Return cost, situation after and name of each skill that may be done between jobs."""
+        if situation not in self._edges:
+            edges = []
+            for skill, needs, bars in self._connectors:
+                if situation & needs == needs and not situation & bars:
+                    cost = self._cost_of(skill, self._facts.state(situation))
+                    if math.isfinite(cost) and self._passes(skill, situation):
+                        following = self._following(skill, situation)
+                        edges.append((cost, following, skill.name))
+            self._edges[situation] = edges
+        return self._edges[situation]
+
+    def _passes(self, skill: Skill, situation: int) -> bool:
+        """Whether a skill between jobs is feasible in a situation, whatever has been done.
+
+        Every job that a verdict names is tried both ways.
+        """
+        kept = self._passable.setdefault(skill.name, [])
+        for basis, value, passes in kept:
+            if situation & basis == value:
+                return passes
+        first = self._verdict(skill, situation, 0)
+        open_sets, asked, basis = [(first, 0, 0)], 1, 0
+        while open_sets:
+            verdict, done, never = open_sets.pop()
+            assert verdict.present is not None
+            assert verdict.absent is not None
+            if verdict.status is not first.status:
+                facts = ", ".join(verdict.facts)
+                raise self._structure.no(f"{skill.name} depends on what has been done: {facts}")
+            basis |= (verdict.present.bits | verdict.absent.bits) & self._structure.situation
+            for other in each_bit(self._sets.named(verdict) & ~(done | never)):
+                asked += 1
+                more = self._verdict(skill, situation, done | other)
+                open_sets.append((more, done | other, never))
+                never |= other
+            if asked > _MOST_QUESTIONS:
+                raise self._structure.no(f"what {skill.name} depends on could not be worked out")
+        kept.append((basis, situation & basis, first.is_feasible))
+        return first.is_feasible
+
+    def _verdict(self, skill: Skill, situation: int, done: int) -> Verdict:
+        state = self._facts.state(situation | self._sets.state_bits(done))
+        verdict = self._model.verdict(state, skill)
+        if verdict.status is VerdictStatus.UNKNOWN:
+            raise self._structure.no(f"whether {skill.name} is feasible is unknown")
+        return verdict
+
+    def _grouped(self) -> list[_Group]:
+        """Return the jobs grouped by the situations in which they can be begun."""
+        groups: dict[tuple[int, int], _Group] = {}
+        for i, job in enumerate(self._structure.jobs):
+            needs = job.chain[0].precondition.requires.bits & self._structure.situation
+            bars = job.chain[0].precondition.forbids.bits & self._structure.situation
+            group = groups.setdefault((needs, bars), _Group(needs, bars, [], {}))
+            cost = job.chain[0].cost
+            if isinstance(cost, TableCost) and len(job.chain) == 1:
+                group.tables.setdefault(cost.places.bits, []).append(i)
+            else:
+                group.jobs.append(i)
+        return list(groups.values())
+
+    def _row(self, situation: int) -> NDArray[np.float64]:
+        """Return the cost of beginning and doing each job in a situation; inf where it cannot."""
+        found = self._rows.get(situation)
+        if found is None:
+            state = self._facts.state(situation)
+            found = np.full(len(self._structure.jobs), math.inf)
+            for group in self._groups:
+                if situation & group.needs == group.needs and not situation & group.bars:
+                    for job in group.jobs:
+                        found[job] = self._cost(job, state)
+                    for places, jobs in group.tables.items():
+                        found[jobs] = self._column(places, jobs, situation)
+            self._rows[situation] = found
+        return found
+
+    def _column(self, places: int, jobs: list[int], situation: int) -> NDArray[np.float64]:
+        """Return the cost of jobs of one skill each from where one stands, by their tables."""
+        key = (places, jobs[0])
+        if key not in self._tables:
+            costs = [self._structure.jobs[job].chain[0].cost for job in jobs]
+            rows = [cost.values for cost in costs if isinstance(cost, TableCost)]
+            table = np.array(rows, dtype=np.float64)
+            self._tables[key] = np.where(table == NEVER, math.inf, table)
+        here = situation & places
+        if not here or here & (here - 1):
+            return np.full(len(jobs), math.inf)
+        return self._tables[key][:, here.bit_length() - (places & -places).bit_length()]
+
+    def _cost(self, job: int, state: State) -> float:
+        """Return the cost of a job that is begun in a situation; inf where it cannot go on."""
+        chain = self._structure.jobs[job].chain
+        cost = self._cost_of(chain[0], state)
+        if len(chain) == 1:
+            return cost
+        situation = self._following(chain[0], state.bits)
+        key = (job, situation)
+        if key not in self._tails:
+            self._tails[key] = self._tail(chain[1:], situation)
+        return cost + self._tails[key]
+
+    def _tail(self, skills: tuple[Skill, ...], situation: int) -> float:
+        """Return the cost of the skills of a job after its first."""
+        cost = 0.0
+        for skill in skills:
+            needs = skill.precondition.requires.bits & self._structure.situation
+            bars = skill.precondition.forbids.bits & self._structure.situation
+            if situation & needs != needs or situation & bars:
+                return math.inf
+            cost += self._cost_of(skill, self._facts.state(situation))
+            situation = self._following(skill, situation)
+        return cost
+
+    def _cost_of(self, skill: Skill, state: State) -> float:
+        try:
+            return skill.cost.at(state)
+        except ValueError as error:
+            why = str(error).rstrip(".")
+            raise self._structure.no(f"the cost of {skill.name} is not told: {why}") from None
+
+    def _following(self, skill: Skill, situation: int) -> int:
+        outcome = skill.prediction
+        kept = situation & ~outcome.delete.bits
+        return kept | outcome.add.bits & self._structure.situation
