@@ -99,7 +99,7 @@ class _Chain:
         # A solver that is made for a stage searches even what has a plan by rule.
         self.searched = {stage for stage, name in self.solvers.items() if _made_for(name) == stage}
         self.policies: dict[tuple[object, ...], Attempt] = {}
-        self.optima: dict[tuple[object, ...], float | None] = {}
+        self.optima: dict[tuple[object, ...], tuple[float | None, str]] = {}
 
     def run(self) -> ChainResult:
         tasks = self.problem.tasks
@@ -190,27 +190,31 @@ class _Chain:
     def _judged(self, task: Task, made: Attempt) -> ChainPart:
         made = replace(made, blank=replace(made.blank, task=task.name))
         result = grade(task, made, self.setup, self.cache, jobs=self.jobs)
-        optimum = self._optimum(task, result)
+        optimum, method = self._optimum(task, result)
         cost, bound = result.cost, result.lower_bound
         if cost is not None and optimum is not None and (bound is None or bound < optimum):
-            result = replace(result, lower_bound=min(optimum, cost))
+            result = replace(result, lower_bound=min(optimum, cost), bound_method=method)
         # Where nothing was searched, or only the optimum beside it, no result tells of it.
         result = replace(result, interrupted=result.interrupted or self.stop.interrupted)
         return ChainPart(task, result, optimum)
 
-    def _optimum(self, task: Task, result: Result) -> float | None:
-        """Return the proved optimum of a task, by exact search where the solver gave no bound."""
+    def _optimum(self, task: Task, result: Result) -> tuple[float | None, str]:
+        """Return the proved optimum of a task and what proved it.
+
+        By exact search where the solver gave no bound.
+        """
         if result.status is Status.OPTIMAL:
-            return result.cost
+            return result.cost, result.bound_method
         if result.lower_bound is not None or not task.deterministic or self.stop():
-            return None
+            return None, ""
         key = (task.initial, task.goal, task.facts.names, task.skills)
         if key not in self.optima:
             stop = self.stop.within(_REFERENCE_S)
             best = solve(
                 task, REFERENCE, self.setup, stop=stop, cache=VerdictCache(), jobs=self.jobs
             )
-            self.optima[key] = best.cost if best.status is Status.OPTIMAL else None
+            proved = best.status is Status.OPTIMAL
+            self.optima[key] = (best.cost, best.bound_method) if proved else (None, "")
         return self.optima[key]
 
 

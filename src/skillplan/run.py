@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +21,15 @@ from skillplan.model.verdict_cache import DiskVerdictCache, VerdictCache
 from skillplan.referee import cross_examine, judge
 from skillplan.report.result import Result, Status
 from skillplan.setup import Setup
-from skillplan.solvers.solution import Solution
+from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
+from skillplan.solvers.warm_start import search_from
 from skillplan.task.back_end import BackEnd
 from skillplan.task.plain_json import json_fault
 from skillplan.task.task import Task
 
-DEFAULT_SOLVER = "exact"
+DEFAULT_SOLVER = "auto"
 
 # Larger tasks are not charted just to say why they have no plan.
 _MOST_CHARTED = 64
@@ -83,6 +85,7 @@ def solve(
     stop: Stop | None = None,
     cache: VerdictCache | None = None,
     jobs: int = 1,
+    start: Plan | None = None,
 ) -> Result:
     """Solve a task and have the solution judged.
 
@@ -101,17 +104,20 @@ def solve(
     cache
         Where verdicts are kept; a fresh one in memory by default.
     jobs
-        In how many processes dear back ends are asked; 1 for this one.
+        How many processes dear back ends, and solvers that can, may use; 1 for this one.
+    start
+        A plan to start from. Where it holds on the model, nothing that costs more is returned;
+        where it does not, the trace says so under ``start``.
 
     Raises
     ------
     OptionError, PluginError
-        If a plugin or option is wrong.
+        If a plugin or option is wrong, or the start plan is of another task.
     BackEndError
         If a back end fails.
     """
     cache = VerdictCache() if cache is None else cache
-    made = attempt(task, solver, setup, seed=seed, stop=stop, cache=cache, jobs=jobs)
+    made = attempt(task, solver, setup, seed=seed, stop=stop, cache=cache, jobs=jobs, start=start)
     return grade(task, made, setup, cache, jobs=jobs)
 
 
@@ -149,6 +155,7 @@ def attempt(
     stop: Stop | None = None,
     cache: VerdictCache | None = None,
     jobs: int = 1,
+    start: Plan | None = None,
 ) -> Attempt:
     """Let a solver work on a task; parameters and errors are those of `solve`."""
     stop = Stop() if stop is None else stop
@@ -156,6 +163,9 @@ def attempt(
         solver = make_solver(solver, setup.options.get(solver, {}), stop)
     else:
         solver.stop = stop
+    solver.jobs = jobs
+    stop.decimals = task.metric.decimals
+    cache = VerdictCache() if cache is None else cache
     model = make_model(task, setup, cache, stop.overdue, jobs=jobs, on_check=stop.checked)
     blank = blank_result(task, solver.name, setup, seed)
     begin_s = time.perf_counter()
@@ -163,8 +173,16 @@ def attempt(
         refusal = solver.refuses(model)
     if refusal is not None:
         return Attempt(replace(blank, status=Status.REFUSED, reason=refusal), Solution())
+    dear = tuple(back_end for back_end in model.feasibility.back_ends if back_end.dear)
     with closing(model.feasibility):
-        solution = _search(solver, model, seed, stop)
+        if start is None:
+            solution = _search(solver, model, seed, stop)
+        else:
+            # What dear back ends say of the start plan is asked once, and kept for the search.
+            fresh = make_model(task, setup, cache if dear else None, jobs=jobs)
+            with closing(fresh.feasibility), _blamed(solver):
+                search = partial(_search, solver, model, seed, stop)
+                solution = search_from(start, fresh, search, stop)
     wall_s = time.perf_counter() - begin_s
     stats = model.stats
     iterations = _count(solution, "iterations", "expanded", "visited")
@@ -178,7 +196,6 @@ def attempt(
         interrupted=stop.interrupted,
         trace=solution.trace,
     )
-    dear = tuple(back_end for back_end in model.feasibility.back_ends if back_end.dear)
     return Attempt(blank, solution, stats.unknown > 0, stop.reason, dear)
 
 
@@ -214,6 +231,11 @@ def grade(task: Task, made: Attempt, setup: Setup, cache: VerdictCache, *, jobs:
         )
     if result.cost is not None:
         result = replace(result, policy=made.solution.policy)
+    if result.lower_bound is not None:
+        # That nothing costs less than 0, nobody has worked out.
+        method = made.blank.solver if result.lower_bound else "no cost being below 0"
+        method = made.solution.trace.get("bound_method") or method
+        result = replace(result, bound_method=str(method))
     if result.status is Status.INFEASIBLE:
         result = replace(result, reason=_why_infeasible(fresh, charted=not dear))
     said = made.solution.trace.get("reason")

@@ -9,6 +9,7 @@ from typing import Any
 
 from skillplan import registry
 from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError
+from skillplan.report.origin import Origin
 from skillplan.task.back_end import BackEnd
 from skillplan.task.load import Problem, TaskDomain, load_task
 from skillplan.task.task import BackEndChoice, Task
@@ -49,6 +50,10 @@ class Setup:
         made = [self._make("physics", self.physics_choice(task), task)]
         made += [self._make("collision", choice, task) for choice in self.collision_choices(task)]
         return made
+
+    def origin(self, file: str, part: str | None, changes: Mapping[str, str]) -> Origin:
+        """Return what a result says of where it comes from."""
+        return Origin(file, part, changes, self.physics, self.collision, self.options)
 
     def physics_choice(self, task: Task) -> BackEndChoice:
         """Return the engine that will be asked."""

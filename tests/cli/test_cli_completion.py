@@ -41,8 +41,9 @@ def test_commands(complete: Any) -> None:
 def test_task_files(complete: Any) -> None:
     """Those here and those in configs."""
     folder = Path(__file__).parents[2] / "configs"
-    known = sorted(f"configs/{path.name}" for path in folder.glob("*.yaml"))
-    assert {"configs/inverter_board.yaml", "configs/swarmitfix_triangular.yaml"} < set(known)
+    files = [path for ending in ("yaml", "sop") for path in sorted(folder.glob(f"*.{ending}"))]
+    known = [f"configs/{path.name}" for path in files]
+    assert {"configs/inverter_board.yaml", "configs/ESC12.sop"} < set(known)
     assert ["mine.yaml", *known] == complete("skillplan check ")
     assert ["configs/motor_drive.yaml"] == complete("skillplan search-optimal configs/m")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -48,9 +49,18 @@ STEP = record(
     cost={"type": "number", "minimum": 0},
     duration_s={"type": "number", "minimum": 0},
 )
+ORIGIN = record(
+    file=TEXT,
+    part=MAYBE_TEXT,
+    set={"type": "object", "additionalProperties": TEXT},
+    physics=MAYBE_TEXT,
+    collision=many(TEXT),
+    options={"type": "object", "additionalProperties": {"type": "object"}},
+)
 RESULT = record(
     schema=one_of("skillplan.result/1"),
     task=TASK,
+    origin=ORIGIN,
     solver=TEXT,
     seed=COUNT,
     physics=TEXT,
@@ -60,6 +70,7 @@ RESULT = record(
     cost=MAYBE_NUMBER,
     cost_unit=TEXT,
     lower_bound=MAYBE_NUMBER,
+    bound_method=TEXT,
     gap=MAYBE_NUMBER,
     makespan=MAYBE_COUNT,
     makespan_s=MAYBE_NUMBER,
@@ -68,6 +79,20 @@ RESULT = record(
     steps=many(STEP),
     stats=record(states=COUNT, expanded=MAYBE_COUNT, checks=COUNT, cache_hits=COUNT, wall_s=NUMBER),
     trace={"type": "object"},
+)
+VERIFICATION = record(
+    schema=one_of("skillplan.verification/1"),
+    file=TEXT,
+    task=TASK,
+    claims=many(
+        record(
+            claim=TEXT,
+            outcome=one_of("holds", "fails", "not checked"),
+            detail=TEXT,
+            method=TEXT,
+        )
+    ),
+    valid=FLAG,
 )
 EVALUATION = record(
     schema=one_of("skillplan.evaluation/1"),
@@ -78,6 +103,9 @@ EVALUATION = record(
     cost_unit=TEXT,
     optimum=MAYBE_NUMBER,
     deviation=MAYBE_NUMBER,
+    lower_bound=MAYBE_NUMBER,
+    bound_method=TEXT,
+    gap=MAYBE_NUMBER,
     makespan=COUNT,
     makespan_s=NUMBER,
     reward=MAYBE_NUMBER,
@@ -208,6 +236,20 @@ def test_stdout_is_one_document_of_the_schema(
     assert (code == 2) == bool(outcome.err)
 
 
+@pytest.mark.parametrize(("shift", "code"), [(0.0, 0), (1.0, 1)])
+def test_a_verification_is_one_document_of_the_schema(
+    cli: Any, board: str, tmp_path: Path, shift: float, code: int
+) -> None:
+    """Whether the claims hold or not."""
+    folder = tmp_path / "run"
+    document = cli("search-optimal", board, "--out", str(folder), "--format", "json").document
+    document["cost"] += shift
+    (folder / "result.json").write_text(json.dumps(document), "utf-8")
+    outcome = cli("verify", str(folder), "--format", "json")
+    assert code == outcome.code
+    jsonschema.Draft202012Validator(VERIFICATION).validate(outcome.document)
+
+
 @pytest.mark.parametrize("spelling", [("--format", "json"), ("--format=json",)])
 def test_a_wrong_file_gives_a_document_with_positions(
     cli: Any, tmp_path: Path, board: str, spelling: tuple[str, ...]
@@ -237,7 +279,7 @@ def test_a_result_is_consistent_in_itself(cli: Any, board: str) -> None:
     assert all(a["goal"][:2] == b["start"][:2] for a, b in pairwise(steps))
     assert document["lower_bound"] == pytest.approx(document["cost"])
     assert 0 == document["gap"]
-    assert ("m", "kinematic", "precedence", "exact") == (
+    assert ("m", "kinematic", "precedence", "auto") == (
         document["cost_unit"],
         document["physics"],
         document["collision"],

@@ -10,6 +10,7 @@ import pytest
 from skillplan.cli.app import COMMANDS, EPILOG, app
 
 OPTIMUM = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
+EXACT = ("--solver", "exact")
 
 
 class TestZero:
@@ -19,7 +20,7 @@ class TestZero:
 
     def test_an_unproved_plan(self, cli: Any, board: str) -> None:
         """Solved with a gap is solved, too."""
-        outcome = cli("search-optimal", board, "-O", "max_labels=1", "--format", "json")
+        outcome = cli("search-optimal", board, *EXACT, "-O", "max_labels=1", "--format", "json")
         assert 0 == outcome.code
         assert "solved" == outcome.document["status"]
 
@@ -102,6 +103,12 @@ class TestTwo:
         assert message in " ".join(outcome.err.split())
         assert "Traceback" not in outcome.err
 
+    def test_an_option_of_a_solver_that_is_not_named(self, cli: Any, board: str) -> None:
+        """The one that chooses has no options."""
+        outcome = cli("search-optimal", board, "-O", "max_labels=3")
+        assert (2, "") == (outcome.code, outcome.out)
+        assert "'auto' has no option 'max_labels'. It has none at all; name the" in outcome.err
+
     @pytest.mark.parametrize(
         ("option", "message"),
         [
@@ -119,7 +126,7 @@ class TestTwo:
     )
     def test_a_wrong_plugin_option(self, cli: Any, board: str, option: str, message: str) -> None:
         """Explained with the nearest name, the range or the form."""
-        outcome = cli("search-optimal", board, "-O", option)
+        outcome = cli("search-optimal", board, *EXACT, "-O", option)
         assert (2, "") == (outcome.code, outcome.out)
         assert message in outcome.err
 

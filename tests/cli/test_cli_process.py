@@ -157,6 +157,17 @@ class TestInterruption:
         assert "bound 0." in shown
         assert "\x1b[2K" in shown[-20:]
 
+    def test_progress_shows_the_speed_after_a_second(
+        self, long_search: tuple[subprocess.Popen[str], Terminal]
+    ) -> None:
+        """Nodes in a second, beside the time that has passed."""
+        process, screen = long_search
+        screen.wait_for(r"[\d,]+ nodes/s")
+        assert re.search(r"0:00:\d\d", screen.read())
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=PATIENCE_S)
+        assert 130 == process.returncode
+
     def test_an_interrupted_comparison_keeps_what_is_done(
         self, environment: dict[str, str], motor: str, deaf_solver: str
     ) -> None:

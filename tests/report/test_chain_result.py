@@ -129,6 +129,7 @@ class TestStatus:
         """Optimal ways to goals that are not the best ones are not the optimum."""
         whole = chain(part(TWO), part(ONE), account=Account(lower_bound=2.0))
         assert (Status.SOLVED, 2.0) == (whole.status, whole.lower_bound)
+        assert "the account of the whole job" == whole.document()["bound_method"]
 
     def test_an_upper_level_that_is_not_optimal_takes_the_proof_away(self) -> None:
         """Even where the last level's sum meets a bound over all choices."""

@@ -11,8 +11,10 @@ import pytest
 
 from skillplan.cli.output import as_json, exit_code
 from skillplan.model.replay import Step
+from skillplan.report.origin import Origin
 from skillplan.report.result import Result, Status, tolerance
-from skillplan.report.result_tables import comparison_table, number, percent
+from skillplan.report.result_tables import comparison_table, number, percent, plan_table
+from skillplan.task.task import Task
 
 STEP = Step(0, "pick(a)", 3, (0.0, 0.0, 0.1), None, 2.0, 4.5, None)
 
@@ -111,6 +113,47 @@ def test_the_document_has_the_steps(optimal: Result) -> None:
     )
     (step,) = document["steps"]
     assert ([0.0, 0.0, 0.1], None) == (step["start"], step["goal"])
+
+
+def test_a_bound_goes_with_the_method_that_proved_it(optimal: Result, unsolved: Result) -> None:
+    """And without a finite bound there is none to name."""
+    named = replace(optimal, bound_method="counting")
+    assert "counting" == named.document()["bound_method"]
+    for bound in (None, -math.inf):
+        empty = replace(unsolved, lower_bound=bound, bound_method="counting")
+        assert "" == empty.document()["bound_method"]
+
+
+def test_the_document_says_where_the_task_is_from(optimal: Result) -> None:
+    """A task that was made by hand is from nowhere."""
+    assert optimal.document()["origin"] is None
+    origin = Origin("lid.yaml", None, {"step_limit": "9"}, "kinematic", ("aabb",), {"aabb": {}})
+    assert {
+        "file": "lid.yaml",
+        "part": None,
+        "set": {"step_limit": "9"},
+        "physics": "kinematic",
+        "collision": ["aabb"],
+        "options": {"aabb": {}},
+    } == replace(optimal, origin=origin).document()["origin"]
+
+
+def test_the_table_tells_of_bound_choice_and_start(
+    optimal: Result, unsolved: Result, board_task: Task
+) -> None:
+    """Each in a line; without a plan the bound says what it means."""
+    trace = {"choice": "exact, as the task is small", "start": "from a plan of 3 m"}
+    notes = plan_table(replace(optimal, bound_method="counting", trace=trace), board_task).notes
+    for line in (
+        "bound      2.00000 m by counting",
+        "choice     exact, as the task is small",
+        "start      from a plan of 3 m",
+    ):
+        assert line in notes
+    notes = plan_table(replace(unsolved, lower_bound=1.0), board_task).notes
+    assert "bound      no plan costs less than 1.00000 m, by exact" in notes
+    notes = plan_table(unsolved, board_task).notes
+    assert not [line for line in notes if line.startswith(("bound", "choice", "start"))]
 
 
 def test_a_number_that_is_not_finite_never_reaches_a_document() -> None:

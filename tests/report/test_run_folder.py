@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 from skillplan.errors import OptionError
-from skillplan.report.run_folder import RunFolder, is_run_folder
+from skillplan.report.run_folder import RunFolder, copy_name, is_run_folder
+from skillplan.setup import load_problem
+from sop_instances import FOLDER
 from tabular_learner import learner_installed
 from training_situations import BOARD, train
 
@@ -60,6 +62,30 @@ def test_the_task_is_loaded_from_where_it_was_or_else_from_the_copy(run_dir: Pat
     manifest["task"]["path"] = str(run_dir / "gone.yaml")
     (run_dir / "manifest.json").write_text(json.dumps(manifest))
     assert str(run_dir / "task.yaml") == RunFolder(run_dir).source
+
+
+def test_a_copy_keeps_the_suffix_by_which_it_is_read(tmp_path: Path) -> None:
+    source = Path(shutil.copy(FOLDER / "ESC07.sop", tmp_path / "learned.sop"))
+    with pytest.MonkeyPatch.context() as patch, learner_installed(tmp_path / "site", patch):
+        train(tmp_path / "run", steps=100, checkpoint_steps=100, source=source)
+    source.unlink()
+    folder = RunFolder(tmp_path / "run")
+    assert str(tmp_path / "run" / "task.sop") == folder.source
+    assert folder.manifest.task.sha256 == load_problem(folder.source).sha256
+
+
+@pytest.mark.parametrize(
+    ("source", "name"),
+    [
+        ("a.yaml", "task.yaml"),
+        ("b/a.yml", "task.yaml"),
+        ("a", "task.yaml"),
+        ("a.json", "task.yaml"),
+        ("A.SOP", "task.sop"),
+    ],
+)
+def test_a_copy_takes_the_name_of_no_other_file(source: str, name: str) -> None:
+    assert name == copy_name(source)
 
 
 def test_a_folder_of_runs_is_told_from_a_task_file(kept: Path, tmp_path: Path) -> None:

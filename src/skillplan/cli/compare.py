@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import click
 
+from skillplan.cli.limit_options import memory_limit_option, stall_option
 from skillplan.cli.options import (
     PluginName,
     asked,
@@ -47,6 +48,8 @@ from skillplan.cli.options import (
 @back_end_options
 @set_option
 @time_limit_option()
+@stall_option
+@memory_limit_option
 @seed_option
 @jobs_option
 @click.option(
@@ -63,6 +66,8 @@ def command(
     options: tuple[str, ...],
     changes: tuple[str, ...],
     time_limit_s: float | None,
+    stall_s: float | None,
+    memory_limit_bytes: int | None,
     seed: int,
     jobs: int,
     warm: bool,
@@ -98,8 +103,10 @@ def command(
 
         if collision is not None:
             raise OptionError("--collision is for --solvers; name detectors in --detectors.")
-        if warm or jobs != 1:
-            raise OptionError(f"{'--warm' if warm else '--jobs'} is for --solvers.")
+        given = {"--warm": warm, "--jobs": jobs != 1, "--stall": stall_s is not None}
+        given["--memory-limit"] = memory_limit_bytes is not None
+        for option in (option for option, present in given.items() if present):
+            raise OptionError(f"{option} is for --solvers.")
         return compare_detectors(
             task,
             detectors,
@@ -113,7 +120,8 @@ def command(
     names = tuple(split_names(solvers or ""))
     if not names:
         raise OptionError("--solvers names no solver.")
-    problem = load_problem(task, asked(physics, collision), settings(changes))
+    changed = settings(changes)
+    problem = load_problem(task, asked(physics, collision), changed)
     last = problem.tasks[-1]
     every = tuple(dict.fromkeys(each for name in names for each in solver_names(name)))
     setup = make_setup(physics, collision, options, every)(last)
@@ -123,7 +131,14 @@ def command(
 
         def make_stop(name: str) -> Stop:
             waiting.pop_all().close()
-            return waiting.enter_context(stoppable(time_limit_s, label=name))
+            return waiting.enter_context(
+                stoppable(
+                    time_limit_s,
+                    label=name,
+                    stall_s=stall_s,
+                    memory_limit_bytes=memory_limit_bytes,
+                )
+            )
 
         title = f"{problem.name}: {setup.physics_choice(last).name} physics, collision "
         title += ",".join(choice.name for choice in setup.collision_choices(last)) or "none"
@@ -144,13 +159,14 @@ def command(
             results = single = solve_all(
                 last, names, setup, seed=seed, make_stop=make_stop, warm=warm, jobs=jobs
             )
-            tables = [comparison_table(single, title)]
+            tables = [comparison_table(single, title, last.metric.decimals)]
+    origin = setup.origin(task, None, changed)
     not_run = list(names[len(results) :])
     document = {
         "schema": "skillplan.comparison/1",
         "warm": warm,
         "not_run": not_run,
-        "rows": [result.document() for result in results],
+        "rows": [replace(result, origin=origin).document() for result in results],
     }
     code = exit_code(results)
     if not_run:

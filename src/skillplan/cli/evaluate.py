@@ -134,8 +134,8 @@ def command(
     """Replay a sequence of skills on TASK, follow a stored policy, or try those of a RUN.
 
     Says whether it is feasible and complete, what it costs, how far that is from the proved
-    optimum, and otherwise which condition fails where. The time limit is for proving the
-    optimum.
+    optimum, or how far it may be at most, and otherwise which condition fails where. The time
+    limit is for proving the optimum.
 
     RUN is a folder that train has written: the policy of every run is followed greedily and by
     drawn actions, beside chance alone. Back ends are those of the training.
@@ -175,11 +175,12 @@ def command(
     from skillplan.model.verdict_cache import VerdictCache
     from skillplan.report.evaluation import Evaluation
     from skillplan.report.policy_file import read_policy, start_state
-    from skillplan.run import make_model, solve, warm_cache
+    from skillplan.run import DEFAULT_SOLVER, make_model, solve, warm_cache
     from skillplan.setup import load_problem
+    from skillplan.solvers.solution import Plan
 
     loaded = load_problem(task, asked(physics, collision), settings(changes)).part(part)
-    setup = make_setup(physics, collision, options, ("exact",))(loaded)
+    setup = make_setup(physics, collision, options, (DEFAULT_SOLVER,))(loaded)
     if (sequence is None) == (policy_file is None):
         raise OptionError("Give either --sequence or --policy.")
     stored = None if policy_file is None else read_policy(policy_file, loaded)
@@ -199,9 +200,12 @@ def command(
                 skills = loaded.parse_sequence(sequence or "")
             walked = replay(model, skills)
     best = None
-    if walked.complete:
+    if walked.complete and loaded.deterministic:
         with stoppable(time_limit_s, label="proving the optimum") as stop:
-            best = solve(loaded, "exact", setup, stop=stop, cache=cache, jobs=jobs)
+            known = Plan(tuple(skill.name for skill in skills), walked.cost)
+            best = solve(
+                loaded, DEFAULT_SOLVER, setup, stop=stop, cache=cache, jobs=jobs, start=known
+            )
     evaluation = Evaluation(loaded, skills, walked, best)
     emit(style, evaluation.document(), [evaluation.table()], failed=not walked.complete)
     if best is not None and best.interrupted:

@@ -149,7 +149,8 @@ def jobs_option(function: _F) -> _F:
         default=1,
         show_default=True,
         metavar="N",
-        help="In how many processes dear back ends check at once; no verdict depends on it.",
+        help="How many processes may be used: dear back ends check in them at once, and solvers "
+        "that can search in them; no verdict depends on it.",
     )(function)
 
 

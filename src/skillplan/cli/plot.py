@@ -102,7 +102,7 @@ class FigureName(click.ParamType[str]):
     type=PluginName("solver"),
     metavar="NAME",
     help="Which solver's answer is drawn; default: sarsa for policy, learning and q-values, "
-    "fleet for fleet, else exact.",
+    "fleet for fleet, auto for rewards, else exact.",
 )
 @back_end_options
 @set_option

@@ -154,7 +154,6 @@ class _Drawn:
 
     def _found(self) -> tuple[Task, float | None]:
         from skillplan.cli.waiting import stoppable
-        from skillplan.report.run_folder import TASK_TEXT
         from skillplan.run import warm_cache
         from skillplan.setup import Setup, load_problem
         from skillplan.training.policy_roll_out import prove_optimum
@@ -165,7 +164,7 @@ class _Drawn:
         source = self._folder.source
         problem = load_problem(source, asked, manifest.task.changes)
         if problem.sha256 != manifest.task.sha256:
-            source = str(self._folder.path / TASK_TEXT)
+            source = str(self._folder.task_copy)
             problem = load_problem(source, asked, manifest.task.changes)
         task = problem.part(manifest.task.part)
         result = self._folder.result()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.training.runs_evaluation import RunsEvaluation
 
 # Options may be given for whoever proves the optimum.
-_PROVERS = ("exact", "value-iteration")
+_PROVERS = ("auto", "value-iteration")
 _LAYOUTS = 20
 
 

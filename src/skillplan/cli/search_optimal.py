@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from skillplan.cli.limit_options import memory_limit_option, stall_option
 from skillplan.cli.options import (
     Fraction,
     PluginName,
@@ -29,8 +30,8 @@ from skillplan.cli.options import (
     type=PluginName("solver"),
     metavar="NAME",
     help="Which solver searches; for a chain also one for each stage, as "
-    "heads=monte-carlo,base=sarsa; default: exact, for several robots fleet, "
-    "under chance value-iteration.",
+    "heads=monte-carlo,base=sarsa; default: auto, which chooses and says why; for the bench "
+    "exact, for several robots on it fleet.",
 )
 @back_end_options
 @set_option
@@ -43,6 +44,15 @@ from skillplan.cli.options import (
     default=0.0,
     show_default=True,
     help="Stop once cost and lower bound are this close, as a fraction of the cost.",
+)
+@stall_option
+@memory_limit_option
+@click.option(
+    "--start",
+    type=click.Path(),
+    metavar="RESULT",
+    help="Start from the plan of an earlier result of the same task: a result.json, or the "
+    "folder that --out named. What is found is never worse.",
 )
 @seed_option
 @jobs_option
@@ -64,6 +74,9 @@ def command(
     part: str | None,
     time_limit_s: float | None,
     gap: float,
+    stall_s: float | None,
+    memory_limit_bytes: int | None,
+    start: str | None,
     seed: int,
     jobs: int,
     no_cache: bool,
@@ -72,8 +85,11 @@ def command(
 ) -> int:
     """Find the best sequence of skills for TASK and prove it.
 
-    Ctrl-C, like the time limit, prints the best plan so far with its lower bound and gap.
+    Ctrl-C, like the limits of time and memory, prints the best plan so far with its lower bound
+    and gap.
     """
+    from dataclasses import replace
+
     from skillplan.chain import solve_chain, solver_names
     from skillplan.cli.output import as_json, emit, exit_code, prepare_folder, save
     from skillplan.cli.waiting import stoppable
@@ -81,29 +97,46 @@ def command(
     from skillplan.report.chain_tables import appendix_tables, chain_tables
     from skillplan.report.policy_file import policy_document
     from skillplan.report.result import Result
+    from skillplan.report.result_file import start_plan
     from skillplan.report.result_tables import plan_table
     from skillplan.report.table import as_csv
     from skillplan.run import solve, warm_cache
     from skillplan.setup import load_problem
 
-    problem = load_problem(task, asked(physics, collision), settings(changes))
+    changed = settings(changes)
+    problem = load_problem(task, asked(physics, collision), changed)
     solver = solver or problem.domain.default_solver(problem.config)
     setup = make_setup(physics, collision, options, solver_names(solver))(problem.tasks[-1])
+    plan = None if start is None else start_plan(start, problem, part)
+    origin = setup.origin(task, part, changed)
     folder = prepare_folder(out)
     result: Result | ChainResult
-    with stoppable(time_limit_s, gap, solver) as stop:
+    with stoppable(
+        time_limit_s, gap, solver, stall_s=stall_s, memory_limit_bytes=memory_limit_bytes
+    ) as stop:
         cache = None if no_cache else warm_cache()
         if problem.is_chain and part is None:
-            result = chain = solve_chain(
+            chain = solve_chain(
                 problem, solver, setup, seed=seed, stop=stop, cache=cache, jobs=jobs
             )
+            result = chain = replace(chain, origin=origin)
             tables, appendix = chain_tables(chain), appendix_tables(chain)
             solved = [(part.task, part.result) for part in chain.parts if not part.reused]
         else:
             task_meant = problem.part(part)
-            result = solve(task_meant, solver, setup, seed=seed, stop=stop, cache=cache, jobs=jobs)
-            tables, appendix = [plan_table(result, task_meant)], {}
-            solved = [(task_meant, result)]
+            found = solve(
+                task_meant,
+                solver,
+                setup,
+                seed=seed,
+                stop=stop,
+                cache=cache,
+                jobs=jobs,
+                start=plan,
+            )
+            result = found = replace(found, origin=origin)
+            tables, appendix = [plan_table(found, task_meant)], {}
+            solved = [(task_meant, found)]
     if folder is not None:
         save(folder, "result.json", as_json(result.document()))
         save(folder, "plan.csv", as_csv(tables[-1]))

@@ -2,25 +2,47 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from skillplan.cli.interruption import heeding
+from skillplan.errors import OptionError
 from skillplan.model.feasibility import CheckCount
+from skillplan.solvers.resident_memory import resident_bytes
 from skillplan.solvers.stop import Progress, Stop, relative_gap
 
 
 @contextmanager
 def stoppable(
-    time_limit_s: float | None, gap: float = 0.0, label: str = "searching"
+    time_limit_s: float | None,
+    gap: float = 0.0,
+    label: str = "searching",
+    *,
+    stall_s: float | None = None,
+    memory_limit_bytes: int | None = None,
 ) -> Iterator[Stop]:
     """Yield a stop that shows progress and heeds Ctrl-C and SIGTERM.
 
-    The first asks the search for the best it has; the second ends the program.
+    The first asks the search for the best it has; the second ends the program. The limits are
+    those of `Stop`.
+
+    Raises
+    ------
+    OptionError
+        If there is a memory limit, and the system does not tell what a process holds.
     """
+    if memory_limit_bytes is not None and resident_bytes() is None:
+        raise OptionError("--memory-limit cannot be kept: this system tells no process its size.")
     with _display(label) as show:
-        stop = Stop(time_limit_s=time_limit_s, gap=gap, on_progress=show)
+        stop = Stop(
+            time_limit_s=time_limit_s,
+            gap=gap,
+            stall_s=stall_s,
+            memory_limit_bytes=memory_limit_bytes,
+            on_progress=show,
+        )
         with heeding(stop.interrupt):
             yield stop
 
@@ -50,38 +72,60 @@ def _display(label: str) -> Iterator[_Silent | _Bar]:
         yield bar
 
 
+def figures_text(progress: Progress) -> str:
+    """Return a search in figures: cost, bound, gap, nodes and their speed, checks."""
+    decimals = 5 if progress.decimals is None else progress.decimals
+    parts = []
+    if progress.best_cost is not None:
+        parts.append(f"best {progress.best_cost:.{decimals}f}")
+    if progress.lower_bound is not None and math.isfinite(progress.lower_bound):
+        # A bound on what is counted may lie between two counts; it is not rounded up.
+        shown = math.floor(progress.lower_bound * 10**decimals + 1e-6) / 10**decimals
+        parts.append(f"bound {shown:.{decimals}f}")
+    gap = relative_gap(progress.best_cost, progress.lower_bound)
+    if gap is not None:
+        parts.append(f"gap {100 * gap:.2f} %")
+    asked = progress.asked
+    if progress.nodes or asked is None:
+        parts.append(f"{progress.nodes:,} nodes")
+        if progress.nodes_per_s is not None:
+            parts.append(f"{progress.nodes_per_s:,.0f} nodes/s")
+    if asked is not None:
+        parts.append(f"{asked.checks:,} checks, {asked.hits:,} reused, {asked.to_go:,} to go")
+    return "  ".join(parts)
+
+
 class _Bar:
-    """A line with the time, the best cost, the bound, the gap, the nodes and the checks."""
+    """A line with the time and the figures of a search.
+
+    A search may report thousands of times a second; what it reported last is put into words
+    only when the line is drawn anew.
+    """
 
     def __init__(self, label: str) -> None:
         # Here and not above: only a terminal pays for importing this.
         from rich.console import Console
         from rich.progress import Progress as RichProgress
-        from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
+        from rich.progress import ProgressColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+        from rich.text import Text
 
+        bar = self
+
+        class Figures(ProgressColumn):
+            def render(self, task: object) -> Text:
+                return Text("" if bar.latest is None else figures_text(bar.latest))
+
+        self.latest: Progress | None = None
         self.progress = RichProgress(
             SpinnerColumn(),
             TextColumn("{task.description}", markup=False),
             TimeElapsedColumn(),
-            TextColumn("{task.fields[figures]}", markup=False),
+            Figures(),
             console=Console(stderr=True),
             transient=True,
         )
-        self._line = self.progress.add_task(label, total=None, figures="")
+        self.progress.add_task(label, total=None)
 
     def __call__(self, progress: Progress) -> None:
-        """Show the figures."""
-        parts = []
-        if progress.best_cost is not None:
-            parts.append(f"best {progress.best_cost:.5f}")
-        if progress.lower_bound is not None:
-            parts.append(f"bound {progress.lower_bound:.5f}")
-        gap = relative_gap(progress.best_cost, progress.lower_bound)
-        if gap is not None:
-            parts.append(f"gap {100 * gap:.2f} %")
-        asked = progress.asked
-        if progress.nodes or asked is None:
-            parts.append(f"{progress.nodes:,} nodes")
-        if asked is not None:
-            parts.append(f"{asked.checks:,} checks, {asked.hits:,} reused, {asked.to_go:,} to go")
-        self.progress.update(self._line, figures="  ".join(parts))
+        """Show the figures, as soon as the line is drawn again."""
+        self.latest = progress

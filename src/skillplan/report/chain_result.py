@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from skillplan.domains.domain import Account
+from skillplan.report.origin import Origin
 from skillplan.report.result import Result, Status, tolerance
 from skillplan.solvers.stop import relative_gap
 from skillplan.task.task import Task
@@ -85,6 +86,8 @@ class ChainResult:
         How often the upper levels were planned anew because a lower one had failed.
     broken
         Why a stage could not be begun with what those before gave; empty where it could.
+    origin
+        The task file and how it was read; None where the tasks are from no file.
 
     Raises
     ------
@@ -102,6 +105,7 @@ class ChainResult:
     account: Account = field(default_factory=Account)
     replans: int = 0
     broken: str = ""
+    origin: Origin | None = None
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.parts) <= self.expected:
@@ -190,6 +194,16 @@ class ChainResult:
             return self.account.bound_given
         return self._sum_of_bounds()
 
+    @property
+    def bound_method(self) -> str:
+        """What proved the lower bound, in words; empty where there is none."""
+        if self.lower_bound is None:
+            return ""
+        if self.account.lower_bound is not None:
+            return "the account of the whole job"
+        methods = [part.result.bound_method for part in self.main]
+        return "; ".join(dict.fromkeys(filter(None, methods)))
+
     def _sum_of_bounds(self) -> float | None:
         bounds = [part.result.lower_bound for part in self.main]
         known = [bound for bound in bounds if bound is not None]
@@ -246,6 +260,7 @@ class ChainResult:
         return {
             "schema": "skillplan.result/1",
             "task": {"name": self.name, "kind": self.kind, "sha256": self.sha256},
+            "origin": None if self.origin is None else self.origin.document(),
             "solver": self.solver,
             "seed": self.seed,
             "physics": self.parts[-1].result.physics,
@@ -255,6 +270,7 @@ class ChainResult:
             "cost": self.cost,
             "cost_unit": self.cost_unit,
             "lower_bound": bound,
+            "bound_method": self.bound_method,
             "gap": self.gap,
             "bound_given_stages_before": self.bound_given,
             "proved_by_level": self.proved_by_level,

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from skillplan.model.replay import Replay
-from skillplan.report.result import Result, Status, step_document
+from skillplan.report.result import Result, Status, step_document, tolerance
 from skillplan.report.result_tables import percent, step_rows
 from skillplan.report.table import Table
+from skillplan.solvers.stop import relative_gap
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 
@@ -25,7 +26,7 @@ class Evaluation:
     walked
         The replay.
     best
-        What an exact solver found on the same task, or None where it was not asked.
+        What a solver found and proved on the same task, or None where it was not asked.
     """
 
     task: Task
@@ -49,6 +50,17 @@ class Evaluation:
             return 0.0 if self.walked.cost == 0 else None
         return self.walked.cost / optimum - 1
 
+    @property
+    def lower_bound(self) -> float | None:
+        """What any plan costs at least, as far as that was proved; None where nothing was."""
+        return None if self.best is None else self.best.lower_bound
+
+    @property
+    def gap(self) -> float | None:
+        """(cost - lower bound) / cost; None where the sequence is no plan, or nothing proved."""
+        cost = self.walked.cost if self.walked.complete else None
+        return relative_gap(cost, self.lower_bound)
+
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.evaluation/1``."""
         task, walked = self.task, self.walked
@@ -61,6 +73,9 @@ class Evaluation:
             "cost_unit": task.metric.unit,
             "optimum": self.optimum,
             "deviation": self.deviation,
+            "lower_bound": self.lower_bound,
+            "bound_method": self.best.bound_method if self.best is not None else "",
+            "gap": self.gap,
             "makespan": len(walked.steps),
             "makespan_s": walked.duration_s,
             "reward": walked.total_reward,
@@ -84,7 +99,8 @@ class Evaluation:
         notes = [f"feasible   {_yes(walked.feasible)}", f"complete   {_yes(walked.complete)}"]
         if walked.steps:
             what = "cost" if walked.complete else "so far"
-            notes.append(f"{what:<10} {task.cost_text(walked.cost)}, {walked.duration_s:.1f} s")
+            lasts = f", {walked.duration_s:.1f} s" if walked.duration_s else ""
+            notes.append(f"{what:<10} {task.cost_text(walked.cost)}{lasts}")
         if self.deviation is not None:
             notes.append(
                 f"deviation  {percent(self.deviation)} of the proved optimum "
@@ -93,6 +109,7 @@ class Evaluation:
         elif walked.complete and self.optimum is None:
             if task.deterministic:
                 notes.append("deviation  unknown: the optimum was not proved in time")
+                notes += self._bound_notes()
             else:
                 notes.append(
                     "deviation  none: under chance a sequence is one way that a policy may go, "
@@ -110,6 +127,17 @@ class Evaluation:
             notes.insert(0, f"from       {', '.join(start)}")
         columns, rows = step_rows(walked.steps, task.metric)
         return Table(f"{task.name}: evaluation", columns, rows, notes)
+
+    def _bound_notes(self) -> list[str]:
+        """Return what is known of an optimum that was not proved."""
+        best, task = self.best, self.task
+        if best is None or best.lower_bound is None:
+            return []
+        least = task.cost_text(best.lower_bound)
+        notes = [f"bound      {least} by {best.bound_method}, gap {percent(self.gap)}"]
+        if best.cost is not None and best.cost < self.walked.cost - tolerance(best.cost):
+            notes.append(f"found      a plan of {task.cost_text(best.cost)}")
+        return notes
 
 
 def _yes(value: bool) -> str:

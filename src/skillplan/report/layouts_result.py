@@ -151,7 +151,7 @@ class LayoutsResult:
         unit, decimals = task.metric.unit, task.metric.decimals
         columns = [
             Column("layout"),
-            Column(f"optimum [{unit}]", right=True),
+            Column(f"optimum [{unit}]" if unit else "optimum", right=True),
             Column("proof [s]", right=True),
             Column("complete", right=True),
             Column("least dev.", right=True),

@@ -30,7 +30,7 @@ class Optimum:
 
     cost: float | None = None
     actions: tuple[int, ...] = ()
-    solver: str = "exact"
+    solver: str = "auto"
     reason: str = ""
     wall_s: float | None = None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from skillplan.errors import OptionError
@@ -35,12 +35,16 @@ def output_path(option: str, out: str, suffixes: Collection[str], what: str) -> 
         said = f"{what} are not saved as {suffix}" if suffix else "does not say which format"
         raise OptionError(f"{option} {out}: {said}; end it in {' or '.join(suffixes)}.")
     try:
+        # A name that no file can have, such as one with a NUL, is for `is_dir` just none.
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.lstat()
         if path.is_dir():
             raise OptionError(f"{option} {out}: is a folder. Name a file.")
         if not path.parent.is_dir():
             raise OptionError(f"{option} {out}: there is no folder {path.parent}. Make it first.")
-    except OSError as error:
-        raise OptionError(f"{option} {out}: cannot be used: {error.strerror}.") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise OptionError(f"{option} {out}: cannot be used: {reason}.") from None
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise OptionError(f"{option} {out}: the folder {path.parent} cannot be written to.")
     return path

@@ -9,6 +9,7 @@ from enum import StrEnum
 from typing import Any
 
 from skillplan.model.replay import Step
+from skillplan.report.origin import Origin
 from skillplan.solvers.stop import relative_gap
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -46,6 +47,8 @@ class Result:
         Of the replayed plan, or expected under the policy; None without one.
     lower_bound
         No plan costs less; None where nothing was proved.
+    bound_method
+        What proved the bound, in words; empty where there is none.
     steps
         The replayed plan.
     makespan_s
@@ -58,6 +61,8 @@ class Result:
         Figures of the search.
     policy
         The policy that the plan follows; None where the solver gave a plan.
+    origin
+        The task file and how it was read; None where the task is from no file.
 
     Raises
     ------
@@ -77,6 +82,7 @@ class Result:
     cost: float | None = None
     cost_unit: str = ""
     lower_bound: float | None = None
+    bound_method: str = ""
     steps: tuple[Step, ...] = ()
     makespan_s: float | None = None
     reason: str = ""
@@ -88,6 +94,7 @@ class Result:
     interrupted: bool = False
     trace: Mapping[str, Any] = field(default_factory=dict)
     policy: Mapping[State, Skill] | None = field(default=None, repr=False, compare=False)
+    origin: Origin | None = None
 
     def __post_init__(self) -> None:
         has_plan = self.status in (Status.OPTIMAL, Status.SOLVED)
@@ -118,9 +125,11 @@ class Result:
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.result/1``."""
         bound = self.lower_bound
+        bound = bound if bound is not None and math.isfinite(bound) else None
         return {
             "schema": "skillplan.result/1",
             "task": {"name": self.task, "kind": self.kind, "sha256": self.sha256},
+            "origin": None if self.origin is None else self.origin.document(),
             "solver": self.solver,
             "seed": self.seed,
             "physics": self.physics,
@@ -129,7 +138,8 @@ class Result:
             "reason": self.reason,
             "cost": self.cost,
             "cost_unit": self.cost_unit,
-            "lower_bound": bound if bound is not None and math.isfinite(bound) else None,
+            "lower_bound": bound,
+            "bound_method": "" if bound is None else self.bound_method,
             "gap": self.gap,
             "makespan": self.makespan,
             "makespan_s": self.makespan_s,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from skillplan.model.replay import Step
@@ -25,17 +26,23 @@ def plan_table(result: Result, task: Task) -> Table:
     title = f"{result.task}: {result.solver}, physics {result.physics}, collision "
     title += result.collision or "none"
     notes = [f"status     {PROOF[result.status]}" + _because(result)]
+    bound = _bound_note(result, task)
     if result.cost is not None:
         actions = ",".join(str(step.action) for step in result.steps)
         notes += [
             f"cost       {task.cost_text(result.cost)}  (lower bound "
             f"{task.cost_text(result.lower_bound)}, gap {percent(result.gap)})",
+            *bound,
             f"sequence   {actions}",
-            f"makespan   {result.makespan} skills, {number(result.makespan_s, 1)} s",
+            f"makespan   {result.makespan} skills"
+            + (f", {number(result.makespan_s, 1)} s" if result.makespan_s else ""),
         ]
-    elif result.lower_bound is not None:
-        notes.append(f"bound      no plan costs less than {task.cost_text(result.lower_bound)}")
-    notes += _trace_notes(result)
+    else:
+        notes += bound
+    notes += [
+        f"{key:<10} {result.trace[key]}" for key in ("choice", "start") if key in result.trace
+    ]
+    notes += _trace_notes(result, task.metric.decimals)
     notes.append(
         f"effort     {result.checks} checks, {result.cache_hits} verdicts reused, "
         f"{result.expanded if result.expanded is not None else '-'} nodes, {result.wall_s:.2f} s"
@@ -43,19 +50,30 @@ def plan_table(result: Result, task: Task) -> Table:
     return Table(title, *step_rows(result.steps, task.metric), notes)
 
 
+def _bound_note(result: Result, task: Task) -> list[str]:
+    """Return what proved the bound; where there is no plan, also what it says."""
+    if result.lower_bound is None or not math.isfinite(result.lower_bound):
+        return []
+    least = task.cost_text(result.lower_bound)
+    claim = least if result.cost is not None else f"no plan costs less than {least},"
+    return [f"bound      {claim} by {result.bound_method or result.solver}"]
+
+
 def step_rows(
     steps: Sequence[Step], metric: Metric
 ) -> tuple[tuple[Column, ...], list[tuple[str, ...]]]:
-    """Return columns and rows of the steps of a plan."""
+    """Return columns and rows of the steps of a plan, without what none of them has."""
     walks = any(step.place is not None for step in steps)
+    moves = any(step.goal is not None for step in steps) or not steps
+    lasts = any(step.duration_s for step in steps) or not steps
     columns = (
         Column("step", right=True),
         Column("action", right=True),
         Column("skill"),
         *([Column("to")] if walks else []),
-        Column("to x y z [m]", right=True),
-        Column(_headed(metric), right=True),
-        Column("time [s]", right=True),
+        *([Column("to x y z [m]", right=True)] if moves else []),
+        Column(metric.heading, right=True),
+        *([Column("time [s]", right=True)] if lasts else []),
     )
     rows: list[tuple[str, ...]] = [
         (
@@ -63,27 +81,22 @@ def step_rows(
             str(step.action),
             step.skill,
             *([step.place or "-"] if walks else []),
-            _point(step.goal),
+            *([_point(step.goal)] if moves else []),
             f"{step.cost:.{metric.decimals}f}",
-            f"{step.duration_s:.1f}",
+            *([f"{step.duration_s:.1f}"] if lasts else []),
         )
         for step in steps
     ]
     return columns, rows
 
 
-def _headed(metric: Metric) -> str:
-    """Return a metric as a heading, with its unit where that is another word."""
-    return metric.name if metric.name == metric.unit else f"{metric.name} [{metric.unit}]"
-
-
-def comparison_table(results: Sequence[Result], title: str) -> Table:
-    """Return several solvers' results side by side."""
+def comparison_table(results: Sequence[Result], title: str, decimals: int = 5) -> Table:
+    """Return several solvers' results side by side, their costs with so many decimals."""
     unit = results[0].cost_unit if results else ""
     columns = (
         Column("solver"),
         Column("status"),
-        Column(f"cost [{unit}]", right=True),
+        Column(f"cost [{unit}]" if unit else "cost", right=True),
         Column("gap", right=True),
         Column("makespan", right=True),
         Column("makespan [s]", right=True, below=True),
@@ -96,7 +109,7 @@ def comparison_table(results: Sequence[Result], title: str) -> Table:
         (
             result.solver,
             result.status.value,
-            number(result.cost, 5),
+            number(result.cost, decimals),
             percent(result.gap),
             "-" if result.makespan is None else str(result.makespan),
             number(result.makespan_s, 1),
@@ -109,7 +122,7 @@ def comparison_table(results: Sequence[Result], title: str) -> Table:
     ]
     notes = [f"{result.solver}: {result.reason}" for result in results if result.reason]
     for result in results:
-        notes += [f"{result.solver}: {note}" for note in _trace_notes(result)]
+        notes += [f"{result.solver}: {note}" for note in _trace_notes(result, decimals)]
     return Table(title, columns, rows, notes)
 
 
@@ -123,7 +136,7 @@ def number(value: float | None, decimals: int) -> str:
     return "-" if value is None else f"{value:.{decimals}f}"
 
 
-def _trace_notes(result: Result) -> list[str]:
+def _trace_notes(result: Result, decimals: int) -> list[str]:
     by_length = result.trace.get("sequences_by_length")
     if not isinstance(by_length, dict):
         return []
@@ -137,8 +150,9 @@ def _trace_notes(result: Result) -> list[str]:
     notes = [f"sequences  {total:,} complete ones{so_far}: {parts} skills"]
     if worst:
         shortest = min(worst)
+        unit = f" {result.cost_unit}" if result.cost_unit else ""
         notes.append(
-            f"worst      {worst[shortest]:.5f} {result.cost_unit} among those of {shortest} skills"
+            f"worst      {worst[shortest]:.{decimals}f}{unit} among those of {shortest} skills"
         )
     return notes
 

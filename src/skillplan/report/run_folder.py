@@ -20,7 +20,7 @@ from skillplan.report.network_policy_file import StoredNetwork, read_network
 from skillplan.solvers.learner import Episode
 
 MANIFEST, RESULT = "manifest.json", "result.json"
-TASK_TEXT, TASK_CONFIG = "task.yaml", "task.json"
+TASK_CONFIG = "task.json"
 PROGRESS, CHECKPOINT = "progress.json", "checkpoint.safetensors"
 MANIFEST_SCHEMA = "skillplan.run/1"
 CONFIG_SCHEMA = "skillplan.resolved-task/1"
@@ -171,6 +171,12 @@ def group_path(folder: Path, group: int) -> Path:
     return folder / "groups" / str(group)
 
 
+def copy_name(source: str) -> str:
+    """Return what the copy of a task file is called: by its suffix it is read."""
+    suffix = Path(source).suffix.lower()
+    return f"task{suffix}" if suffix not in ("", ".yml", ".json", ".tmp") else "task.yaml"
+
+
 class RunFolder:
     """A folder of training runs.
 
@@ -212,7 +218,12 @@ class RunFolder:
     def source(self) -> str:
         """Where to load the task from: the user's file if it is still there, else the copy."""
         there = Path(self.manifest.task.path)
-        return str(there if there.is_file() else self.path / TASK_TEXT)
+        return str(there if there.is_file() else self.task_copy)
+
+    @property
+    def task_copy(self) -> Path:
+        """The copy of the task file as it was when the training began."""
+        return self.path / copy_name(self.manifest.task.path)
 
     def progress(self, group: int) -> GroupProgress | None:
         """Return how far a group has come; None before its first checkpoint.

@@ -43,7 +43,8 @@ def start_table(result: SweepResult) -> Table:
     """Return a row for every setting and start, with the ends of all intervals."""
     plan = result.plan
     columns = [Column(axis.option, right=axis.numeric) for axis in plan.axes]
-    figures = ("steps", f"excess [{plan.cost_unit}]", "learning [s]")
+    excess = f"excess [{plan.cost_unit}]" if plan.cost_unit else "excess"
+    figures = ("steps", excess, "learning [s]")
     headings = ["runs", "arrived", "share", "share low", "share high", "at optimum"]
     for figure in figures:
         headings += [figure, f"{figure} low", f"{figure} high"]
@@ -72,10 +73,11 @@ def _shape(result: SweepResult) -> str:
 def _notes(result: SweepResult) -> list[str]:
     plan = result.plan
     optima = [f"{one.name} {_number(one.optimum) or '?'}" for one in plan.starts]
+    unit = f" {plan.cost_unit}" if plan.cost_unit else ""
     notes = [
         "starts     mean steps of the runs that arrive; in brackets how many, where not all do; "
         f"a run that takes more than {plan.step_limit:,} steps has not arrived",
-        f"optimum    {', '.join(optima)} {plan.cost_unit}, proved by exact search",
+        f"optimum    {', '.join(optima)}{unit}, proved by exact search",
         "excess     mean cost above the optimum, summed over the starts, of the runs that arrive "
         "from all",
         "intervals  95 %: Wilson for shares, Student's t over the runs for means",

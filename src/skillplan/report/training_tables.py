@@ -19,9 +19,9 @@ _MOST_NAMED = 10
 def training_tables(result: TrainingResult) -> list[Table]:
     """Return a row for every run, beside the paper's where the task is the paper's."""
     metric = result.task.metric
-    cost = metric.name if metric.name == metric.unit else f"{metric.name} [{metric.unit}]"
+    cost = metric.heading
     chance = result.chance
-    seen = f"best seen [{metric.unit}]"
+    seen = f"best seen [{metric.unit}]" if metric.unit else "best seen"
     columns = [Column("run", right=True), Column("seed", right=True)]
     columns += [Column("sequence", below=True)]
     columns += [Column(f"expected {cost}" if chance else cost, right=True)]

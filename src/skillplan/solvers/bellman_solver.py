@@ -118,6 +118,7 @@ class BellmanSolver(TabularSolver):
         trace = self.figures(mdp, optimum.iterations, time.perf_counter() - begin_s)
         if self.options.objective == "reward":
             return Solution(policy_of(model, mdp, optimum.chosen), trace=trace)
+        trace["bound_method"] = "Bellman's equations over all states"
         return self._claim(model, mdp, optimum, trace)
 
     def _optimum(self, model: SkillModel, mdp: TabularMDP) -> Optimum:

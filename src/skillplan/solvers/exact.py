@@ -19,6 +19,7 @@ from skillplan.solvers.landmark_bound import LandmarkBound, from_units, to_units
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task import back_end
+from skillplan.task.skill import Skill
 from skillplan.task.state import State
 
 # Times [us] are added below the last bit of the cost; 2 ** 40 us are twelve days.
@@ -86,6 +87,7 @@ class ExactSolver(Solver):
             "expanded": search.expanded,
             "generated": search.generated,
             "ended": "proof" if proved else self.stop.reason,
+            "bound_method": "A* with the landmark bound",
         }
         return Solution(plan, bound, proved=proved, trace=trace)
 
@@ -114,6 +116,7 @@ class _Search:
     def run(self, *, bounded: bool) -> tuple[Plan | None, bool]:
         """Return the best plan and whether it, or its absence, is proved."""
         limit = self.model.step_limit if bounded else None
+        self._adopt(self.stop.best)
         best: dict[int, list[_Label]] = {}
         queue: list[tuple[int, int, int, _Label]] = []
         start = _Label(self.model.initial, 0, 0, 0, None, -1)
@@ -187,12 +190,14 @@ class _Search:
             heapq.heappush(queue, (ahead, -label.steps, self.generated, label))
 
     def _children(self, label: _Label) -> Iterator[_Label]:
-        task = self.model.task
         for skill in self.model.applicable(label.state):
-            state = skill.prediction_in(label.state).apply(label.state)
-            cost = label.cost + to_units(skill.cost.at(label.state))
-            time = label.time + round(skill.duration_s.at(label.state) * 1e6)
-            yield _Label(state, cost, label.steps + 1, time, label, task.action(skill))
+            yield self._child(label, skill)
+
+    def _child(self, label: _Label, skill: Skill) -> _Label:
+        state = skill.prediction_in(label.state).apply(label.state)
+        cost = label.cost + to_units(skill.cost.at(label.state))
+        time = label.time + round(skill.duration_s.at(label.state) * 1e6)
+        return _Label(state, cost, label.steps + 1, time, label, self.model.task.action(skill))
 
     def _feasible(self, label: _Label) -> bool:
         if label.parent is None:
@@ -222,6 +227,16 @@ class _Search:
             for *_, child in sorted(ranked, reverse=True):
                 seen.add(child.state.bits)
                 stack.append(child)
+
+    def _adopt(self, plan: Plan | None) -> None:
+        """Begin with a plan that is known already, as one that was given to start from."""
+        if plan is None or self._plan is not None:
+            return
+        label = _Label(self.model.initial, 0, 0, 0, None, -1)
+        for name in plan.skills:
+            skill = self.model.task.skill(name)
+            label = self._child(label, skill)
+        self._keep(label)
 
     def _keep(self, label: _Label) -> None:
         weight = self._weight(label.cost, label.steps, label.time)

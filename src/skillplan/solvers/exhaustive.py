@@ -86,6 +86,7 @@ class ExhaustiveSolver(Solver):
             bound = 0.0
         trace = {
             "visited": visited,
+            "bound_method": "enumeration of all sequences",
             "sequences": complete.total(),
             "sequences_by_length": dict(sorted(complete.items())),
             "best_cost_by_length": dict(sorted(cheapest.items())),

@@ -245,8 +245,12 @@ class _Run:
         return Solution(plan, bound, proved=proved, trace=trace)
 
     def _trace(self, schedule: ParallelSchedule | None) -> dict[str, Any]:
+        jointly = self.method == "joint" and self.objective is Objective.SWINGS
         trace: dict[str, Any] = {
             "method": self.method,
+            "bound_method": "A* over the places of all agents together"
+            if jointly
+            else "the least cost of every agent alone",
             "objective": str(self.objective),
             **self.figures,
             "ended": self.stop.reason or "by itself",

@@ -35,11 +35,15 @@ class Solver(ABC):
         lists, validates and explains them.
     stage
         Of a chain of tasks the only stage that it searches, as ``goals``; None for all.
+    jobs
+        How many processes it may use at once, >= 1; 1 unless the user allows more. No answer
+        may be worse for being allowed more.
     """
 
     name: ClassVar[str]
     Options: ClassVar[type[BaseModel]] = back_end.Options
     stage: ClassVar[str | None] = None
+    jobs: int = 1
 
     def __init__(self, options: BaseModel | None = None, stop: Stop | None = None) -> None:
         self.options = self.Options() if options is None else options

@@ -8,10 +8,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from skillplan.model.feasibility import CheckCount
+from skillplan.solvers.resident_memory import resident_bytes
 from skillplan.solvers.solution import Plan
 
 # A solver that polls returns long before; one that does not is stopped by the model.
 _GRACE_S = 1.0
+MEMORY_LIMIT = "memory limit"
+# Asking for the resident size takes microseconds; what a search takes in between is little.
+_MEMORY_EVERY_S = 0.01
+# Of the memory limit this part is kept for what follows the search: the plan and its replay.
+_KEPT_MEMORY = 32
+# Over this time the speed of a search is measured, so that it follows what goes on.
+_SPEED_OVER_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +36,18 @@ class Progress:
         Nodes expanded or visited.
     asked
         What has been asked of dear back ends; None where there is none.
+    nodes_per_s
+        How many nodes come in a second at the moment [1/s]; None until that is measured.
+    decimals
+        How many a cost of this task is printed with; None where that is not known.
     """
 
     best_cost: float | None
     lower_bound: float | None
     nodes: int
     asked: CheckCount | None = None
+    nodes_per_s: float | None = None
+    decimals: int | None = None
 
 
 def relative_gap(cost: float | None, lower_bound: float | None) -> float | None:
@@ -45,6 +59,11 @@ def relative_gap(cost: float | None, lower_bound: float | None) -> float | None:
     return (cost - lower_bound) / cost
 
 
+def _rises(low: float, high: float) -> bool:
+    """Whether one figure is above another by more than rounding does."""
+    return high > low + 1e-9 * max(1.0, abs(low))
+
+
 class Stop:
     """Says when to stop; keeps the incumbent and the bound, on which that may depend.
 
@@ -54,8 +73,22 @@ class Stop:
         Stop after this time [s], > 0; None for no limit.
     gap
         Stop once cost and bound are this close, as a fraction of the cost, in [0, 1].
+    stall_s
+        Stop once there is a plan and neither its cost nor the bound has improved for this time
+        [s], > 0; None for no such limit.
+    memory_limit_bytes
+        Stop before this process holds more memory [B], > 0; None for no limit. A solver that
+        reserves much at once asks `memory_left_bytes` before.
     on_progress
         Called with the figures now and then.
+
+    Attributes
+    ----------
+    best, lower_bound
+        What is known so far; None until then. Where a plan was given to start from, `best` is
+        that plan from the beginning.
+    decimals
+        How many a cost of the task at hand is printed with; None where that is not known.
 
     Raises
     ------
@@ -68,22 +101,34 @@ class Stop:
         *,
         time_limit_s: float | None = None,
         gap: float = 0.0,
+        stall_s: float | None = None,
+        memory_limit_bytes: int | None = None,
         on_progress: Callable[[Progress], None] | None = None,
     ) -> None:
         if time_limit_s is not None and not time_limit_s > 0:
             raise ValueError(f"Time limit must be > 0 s, not {time_limit_s}.")
         if not 0 <= gap <= 1:
             raise ValueError(f"Gap must be in [0, 1], not {gap}.")
-        self._begin_s = time.monotonic()
-        self._deadline_s = math.inf if time_limit_s is None else self._begin_s + time_limit_s
+        if stall_s is not None and not stall_s > 0:
+            raise ValueError(f"Stall must be > 0 s, not {stall_s}.")
+        if memory_limit_bytes is not None and not memory_limit_bytes > 0:
+            raise ValueError(f"Memory limit must be > 0 bytes, not {memory_limit_bytes}.")
+        now_s = time.monotonic()
+        self._deadline_s = math.inf if time_limit_s is None else now_s + time_limit_s
         self._told_s: float | None = None
         self._own_reason: str | None = None
         self._gap = gap
+        self._stall_s = math.inf if stall_s is None else stall_s
+        self._improved_s = now_s
+        self._memory_limit_bytes = memory_limit_bytes
+        self._memory_due_s = -math.inf
+        self._speed = _Speed(now_s)
         self._on_progress = on_progress
         self.interrupted = False
         self.best: Plan | None = None
         self.lower_bound: float | None = None
         self.nodes = 0
+        self.decimals: int | None = None
         self._asked: CheckCount | None = None
 
     def __call__(self) -> bool:
@@ -93,8 +138,11 @@ class Stop:
         now_s = time.monotonic()
         if self.interrupted or now_s >= self._deadline_s or self._close_enough():
             self._told_s = now_s
-            return True
-        return False
+        elif self._memory_short(now_s):
+            self.end(MEMORY_LIMIT)
+        elif self.best is not None and now_s >= self._improved_s + self._stall_s:
+            self.end("stalled")
+        return self._told_s is not None
 
     def renew(self) -> None:
         """Forget the best plan and the bound, for the next task of a chain.
@@ -105,13 +153,18 @@ class Stop:
         self.lower_bound = None
         self.nodes = 0
         self._own_reason = None
+        self._improved_s = time.monotonic()
+        self._speed = _Speed(self._improved_s)
         if not self.interrupted and time.monotonic() < self._deadline_s:
             self._told_s = None
 
     def within(self, time_limit_s: float) -> Stop:
         """Return a stop for a search on the side, which ends no later than this one."""
         left_s = self._deadline_s - time.monotonic()
-        return Stop(time_limit_s=max(1e-3, min(time_limit_s, left_s)))
+        return Stop(
+            time_limit_s=max(1e-3, min(time_limit_s, left_s)),
+            memory_limit_bytes=self._memory_limit_bytes,
+        )
 
     def interrupt(self) -> None:
         """Ask the search to stop and hand over the best it has."""
@@ -125,12 +178,33 @@ class Stop:
 
     def overdue(self) -> bool:
         """Whether a solver should have stopped long ago."""
+        now_s = time.monotonic()
+        if self._own_reason == MEMORY_LIMIT and self.memory_left_bytes() == 0:
+            # More patience would be paid in memory.
+            return True
         if self._told_s is None:
-            # A pending gap is no reason to cut a solver off: only time and interruption are.
-            if self.interrupted or time.monotonic() >= self._deadline_s:
-                self._told_s = time.monotonic()
+            # A pending gap is no reason to cut a solver off: time, memory, interruption are.
+            if self.interrupted or now_s >= self._deadline_s:
+                self._told_s = now_s
+            elif self._memory_short(now_s):
+                self.end(MEMORY_LIMIT)
             return False
-        return time.monotonic() > self._told_s + _GRACE_S
+        return now_s > self._told_s + _GRACE_S
+
+    @property
+    def memory_limit_bytes(self) -> int | None:
+        """The most memory that this process should hold [B]; None for no limit."""
+        return self._memory_limit_bytes
+
+    def memory_left_bytes(self) -> int | None:
+        """Return how much memory may still be taken [B], >= 0.
+
+        None where there is no limit, or where the system does not tell what is held.
+        """
+        if self._memory_limit_bytes is None:
+            return None
+        held = resident_bytes()
+        return None if held is None else max(0, self._memory_limit_bytes - held)
 
     @property
     def limited(self) -> bool:
@@ -153,6 +227,8 @@ class Stop:
         if plan.cost is None:
             raise ValueError("An incumbent must name its cost.")
         if self.best is None or self.best.cost is None or plan.cost < self.best.cost:
+            if self.best is None or self.best.cost is None or _rises(plan.cost, self.best.cost):
+                self._improved_s = time.monotonic()
             self.best = plan
             self._report()
 
@@ -163,6 +239,8 @@ class Stop:
         if nodes is not None:
             self.nodes = nodes
         if self.lower_bound is None or lower_bound > self.lower_bound:
+            if self.lower_bound is None or _rises(self.lower_bound, lower_bound):
+                self._improved_s = time.monotonic()
             self.lower_bound = lower_bound
         self._report()
 
@@ -177,7 +255,35 @@ class Stop:
         gap = relative_gap(self.best.cost, self.lower_bound)
         return gap is not None and gap <= self._gap
 
+    def _memory_short(self, now_s: float) -> bool:
+        """Whether little of the memory is left; asked once in a while only."""
+        if self._memory_limit_bytes is None or now_s < self._memory_due_s:
+            return False
+        self._memory_due_s = now_s + _MEMORY_EVERY_S
+        left = self.memory_left_bytes()
+        return left is not None and left < self._memory_limit_bytes // _KEPT_MEMORY
+
     def _report(self) -> None:
         if self._on_progress is not None:
             cost = None if self.best is None else self.best.cost
-            self._on_progress(Progress(cost, self.lower_bound, self.nodes, self._asked))
+            speed = self._speed.at(time.monotonic(), self.nodes)
+            self._on_progress(
+                Progress(cost, self.lower_bound, self.nodes, self._asked, speed, self.decimals)
+            )
+
+
+class _Speed:
+    """How fast a count rises, from one measurement to the next."""
+
+    def __init__(self, now_s: float) -> None:
+        self._since_s = now_s
+        self._count = 0
+        self._per_s: float | None = None
+
+    def at(self, now_s: float, count: int) -> float | None:
+        """Take note of a count and return the speed [1/s], or None while there is none."""
+        passed_s = now_s - self._since_s
+        if passed_s >= _SPEED_OVER_S:
+            self._per_s = max(0, count - self._count) / passed_s
+            self._since_s, self._count = now_s, count
+        return self._per_s

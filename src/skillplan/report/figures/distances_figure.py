@@ -88,8 +88,7 @@ def distances_figure(
     label_axis(axes, against, furthest)
     axes.set_ylim(low, high)
     axes.set_ylabel(
-        f"{metric.name} of a completed sequence"
-        + (f" [{metric.unit}]" if metric.unit != metric.name else "")
+        metric.heading.replace(metric.name, f"{metric.name} of a completed sequence", 1)
     )
     axes.grid(which="major")
     axes.spines[["top", "right"]].set_visible(False)
@@ -136,7 +135,7 @@ def _draw_optimum(axes: Axes, optimum: float, metric: Metric, *, chance: bool) -
         "optimum"
     )
     axes.annotate(
-        f"{what} {optimum:.{metric.decimals}f} {metric.unit}",
+        f"{what} {metric.text(optimum)}",
         (1.0, optimum),
         xycoords=axes.get_yaxis_transform(),
         xytext=(-2, -3),

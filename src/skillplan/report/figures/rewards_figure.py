@@ -30,7 +30,7 @@ from skillplan.report.figures.figure_style import (
 )
 from skillplan.report.result import Result
 
-SOLVER = "exact"
+SOLVER = "auto"
 _RIGHT_IN, _STEP_IN, _MOST_IN = 0.3, 0.42, 14.0
 
 

@@ -275,7 +275,7 @@ def _start_label(result: SweepResult, name: str) -> str:
     optimum = next(start.optimum for start in result.plan.starts if start.name == name)
     if optimum is None:
         return f"from {name}"
-    return f"from {name} (optimum {optimum:.6g} {result.plan.cost_unit})"
+    return f"from {name} ({f'optimum {optimum:.6g} {result.plan.cost_unit}'.rstrip()})"
 
 
 def _name(option: str) -> str:

@@ -1,0 +1,293 @@
+"""When a search ends by itself, what it starts from, and what it shows meanwhile."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+
+from skillplan.cli import waiting
+from skillplan.cli.limit_options import MemorySize
+from skillplan.cli.waiting import figures_text
+from skillplan.solvers.stop import Progress
+
+MIB = 1024**2
+EXACT = ("--solver", "exact", "--format", "json")
+
+
+@pytest.fixture
+def big_board(cli: Any, tmp_path: Path) -> str:
+    """Forty parts in almost any order: exact search would need far more memory than there is."""
+    path = tmp_path / "big_board.yaml"
+    words = ("--parts", "40", "--density", "0.1", "--tools", "1", "--seed", "1")
+    assert 0 == cli("generate", "assembly", *words, "--out", str(path)).code
+    return str(path)
+
+
+class TestMemorySize:
+    @pytest.mark.parametrize(
+        ("text", "size"),
+        [
+            ("2GiB", 2 * 1024**3),
+            ("512MiB", 512 * MIB),
+            ("1.5GB", 1_500_000_000),
+            ("67108864", 64 * MIB),
+            ("100 mb", 100_000_000),
+            ("65536KiB", 64 * MIB),
+            ("1tib", 1024**4),
+            ("100000000B", 100_000_000),
+        ],
+    )
+    def test_it_is_in_bytes_or_with_a_unit(self, text: str, size: int) -> None:
+        """Of powers of 1000 or, with an i, of 1024; in any case of letters."""
+        assert size == MemorySize().convert(text, None, None)
+
+    @pytest.mark.parametrize(
+        "text", ["", "GiB", "2Gib2", "two", "2 G iB", "-2GiB", "1e9", "nan", "2Gi", "\u0662GiB"]
+    )
+    def test_anything_else_is_refused_with_examples(self, text: str) -> None:
+        """Also a negative size, and digits that are not those of a keyboard."""
+        with pytest.raises(click.BadParameter, match=r"is no size of memory\. Write it as 2GiB"):
+            MemorySize().convert(text, None, None)
+
+    @pytest.mark.parametrize("text", ["63MiB", "1", "0", "64MB"])
+    def test_less_than_a_program_needs_is_refused(self, text: str) -> None:
+        """The message names the least."""
+        with pytest.raises(click.BadParameter, match=f"must be at least 64MiB, not {text}"):
+            MemorySize().convert(text, None, None)
+
+    def test_an_endless_number_is_refused(self) -> None:
+        """It does not become infinite."""
+        with pytest.raises(click.BadParameter, match="more memory than any machine has"):
+            MemorySize().convert("9" * 400, None, None)
+
+    @pytest.mark.parametrize("command", ["search-optimal", "compare"])
+    def test_on_the_command_line_it_is_wrong_input(
+        self, cli: Any, board: str, command: str
+    ) -> None:
+        """Exit code 2 and the option's name."""
+        outcome = cli(command, board, "--memory-limit", "2 apples")
+        assert (2, "") == (outcome.code, outcome.out)
+        assert "--memory-limit" in outcome.err
+
+
+# In a process of its own: the peak is that of all children that have ended.
+PEAK = """
+import json, resource, subprocess, sys
+done = subprocess.run(sys.argv[1:], capture_output=True, text=True, check=False)
+factor = 1 if sys.platform == "darwin" else 1024
+peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * factor
+print(json.dumps([done.returncode, json.loads(done.stdout), peak]))
+"""
+
+
+class TestMemoryLimit:
+    def test_exact_search_ends_with_a_bound_within_the_limit(self, big_board: str) -> None:
+        """No more than 10 % above it at any time, and the most of it is used."""
+        words = [sys.executable, "-m", "skillplan", "search-optimal", big_board, *EXACT]
+        words += ["--memory-limit", "80MiB"]
+        measuring = [sys.executable, "-c", PEAK, *words]
+        done = subprocess.run(measuring, capture_output=True, text=True, check=True)
+        code, document, peak = json.loads(done.stdout)
+        assert (0, "solved", "memory limit") == (code, document["status"], document["reason"])
+        assert 0 < document["lower_bound"] < document["cost"]
+        assert 0.9 * 80 * MIB < peak < 1.1 * 80 * MIB
+
+    def test_a_limit_that_is_met_already_leaves_no_plan(self, cli: Any, motor: str) -> None:
+        """The tests hold more than that: the search ends where it begins."""
+        held = bytearray(b"x" * (64 * MIB))
+        outcome = cli("search-optimal", motor, *EXACT, "--memory-limit", "64MiB")
+        document = outcome.document
+        assert (1, "unsolved") == (outcome.code, document["status"])
+        assert document["reason"].startswith("memory limit")
+        assert 64 * MIB == len(held)
+
+    def test_where_it_cannot_be_kept_it_is_refused(
+        self, cli: Any, board: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Rather than given up in silence."""
+        monkeypatch.setattr(waiting, "resident_bytes", lambda: None)
+        outcome = cli("search-optimal", board, "--memory-limit", "1GiB")
+        assert (2, "") == (outcome.code, outcome.out)
+        assert "--memory-limit cannot be kept" in outcome.err
+
+    def test_a_search_that_needs_less_is_not_touched(self, cli: Any, board: str) -> None:
+        """It is proved as ever."""
+        words = ("--memory-limit", "8GiB", "--stall", "60")
+        assert "optimal" == cli("search-optimal", board, *EXACT, *words).document["status"]
+
+
+class TestStall:
+    def test_a_search_that_stalls_ends(self, cli: Any, board: str, tmp_path: Path) -> None:
+        """Brute force has its best plan early and a bound that does not rise."""
+        path = tmp_path / "patient_board.yaml"
+        text = Path(board).read_text("utf-8").replace("step_limit: 20", "step_limit: 60")
+        path.write_text(text, "utf-8")
+        words = ("--solver", "exhaustive", "--stall", "0.3", "--format", "json")
+        outcome = cli("search-optimal", str(path), *words, "--time-limit", "60")
+        document = outcome.document
+        assert (0, "solved", "stalled") == (outcome.code, document["status"], document["reason"])
+        assert 0.3 <= document["stats"]["wall_s"] < 30
+
+    def test_of_compare_each_solver_has_its_own(self, cli: Any, board: str) -> None:
+        """What one waits for is not taken from the next."""
+        words = ("--solvers", "exhaustive,exact", "--stall", "30", "--memory-limit", "8GiB")
+        rows = cli("compare", board, *words, "--format", "json").document["rows"]
+        assert ["optimal", "optimal"] == [row["status"] for row in rows]
+
+    @pytest.mark.parametrize("words", [("--stall", "5"), ("--memory-limit", "2GiB")])
+    def test_detectors_know_no_such_limits(
+        self, cli: Any, board: str, words: tuple[str, ...]
+    ) -> None:
+        """They search nothing."""
+        outcome = cli("compare", board, "--detectors", "aabb,precedence", *words)
+        assert 2 == outcome.code
+        assert f"{words[0]} is for --solvers." in outcome.err
+
+    @pytest.mark.parametrize("value", ["0", "-1", "nan", "soon"])
+    def test_it_is_a_time(self, cli: Any, board: str, value: str) -> None:
+        """Above 0."""
+        assert 2 == cli("search-optimal", board, f"--stall={value}").code
+
+
+class TestStart:
+    @pytest.fixture
+    def earlier(self, cli: Any, motor: str, tmp_path: Path) -> Path:
+        """A folder with a plan of the larger board that is not the best."""
+        folder = tmp_path / "earlier"
+        words = ("--gap", "0.3", "--out", str(folder))
+        assert "solved" == cli("search-optimal", motor, *EXACT, *words).document["status"]
+        return folder
+
+    @pytest.mark.parametrize("named", ["", "result.json"])
+    def test_a_search_goes_on_from_an_earlier_result(
+        self, cli: Any, motor: str, earlier: Path, named: str
+    ) -> None:
+        """By the folder or the file; the optimum is the same."""
+        start = ("--start", str(earlier / named))
+        document = cli("search-optimal", motor, *EXACT, *start).document
+        assert ("optimal", "11.58291") == (document["status"], f"{document['cost']:.5f}")
+        assert document["trace"]["start"].startswith("from a plan of ")
+
+    def test_it_is_never_made_worse(self, cli: Any, motor: str, earlier: Path) -> None:
+        """A search that finds nothing in its time hands over what it was given."""
+        given = json.loads((earlier / "result.json").read_text("utf-8"))
+        words = ("--solver", "exhaustive", "--time-limit", "0.05", "--format", "json")
+        outcome = cli("search-optimal", motor, *words, "--start", str(earlier))
+        assert (0, "solved") == (outcome.code, outcome.document["status"])
+        assert given["actions"] == outcome.document["actions"]
+        assert outcome.document["cost"] == pytest.approx(given["cost"], abs=1e-12)
+
+    def test_the_table_says_so(self, cli: Any, motor: str, earlier: Path) -> None:
+        """In a line of its own."""
+        out = cli("search-optimal", motor, "--solver", "exact", "--start", str(earlier)).out
+        assert "\nstart      from a plan of " in out
+
+    def test_that_of_another_task_is_refused(self, cli: Any, board: str, earlier: Path) -> None:
+        """The message names both."""
+        outcome = cli("search-optimal", board, *EXACT, "--start", str(earlier))
+        assert 2 == outcome.code
+        for word in ("is of another task", "motor-drive", "inverter-board"):
+            assert word in outcome.err
+
+    def test_that_of_the_task_before_a_change_is_refused(
+        self, cli: Any, motor: str, earlier: Path
+    ) -> None:
+        """Its plan may mean something else now."""
+        words = ("--start", str(earlier), "--set", "robot.travel_speed_m_per_s=0.1")
+        outcome = cli("search-optimal", motor, *EXACT, *words)
+        assert 2 == outcome.code
+        assert "has changed since" in outcome.err
+
+    def test_that_without_a_plan_is_refused(self, cli: Any, no_way: str, tmp_path: Path) -> None:
+        """There is nothing to start from."""
+        folder = str(tmp_path / "unsolved")
+        cli("search-optimal", no_way, *EXACT, "--out", folder)
+        outcome = cli("search-optimal", no_way, *EXACT, "--start", folder)
+        assert 2 == outcome.code
+        assert "holds no plan, its status is infeasible" in outcome.err
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("{", "is damaged"),
+            ("[]", "is no document skillplan.result/1"),
+            ('{"schema": "skillplan.chart/1"}', "is no document skillplan.result/1"),
+            ('{"schema": "skillplan.result/9"}', "is of another version"),
+            ('{"schema": "skillplan.result/1"}', "is damaged: solver: Field required"),
+        ],
+    )
+    def test_what_is_no_result_is_refused(
+        self, cli: Any, board: str, tmp_path: Path, text: str, message: str
+    ) -> None:
+        """In words, before anything is searched."""
+        path = tmp_path / "other.json"
+        path.write_text(text)
+        outcome = cli("search-optimal", board, *EXACT, "--start", str(path))
+        assert 2 == outcome.code
+        assert message in outcome.err
+
+    def test_a_chain_is_refused_and_its_parts_are_not(
+        self, cli: Any, board: str, tmp_path: Path
+    ) -> None:
+        """By --part each task of a chain can go on from a result of its own."""
+        bench = str(Path(board).parent / "swarmitfix_triangular.yaml")
+        part = ("--part", "heads-1")
+        folder = str(tmp_path / "part")
+        whole = str(tmp_path / "whole")
+        cli("search-optimal", bench, *EXACT, *part, "--out", folder)
+        cli("search-optimal", bench, *EXACT, "--out", whole)
+        assert 0 == cli("search-optimal", bench, *EXACT, *part, "--start", folder).code
+        outcome = cli("search-optimal", bench, *EXACT, "--start", folder)
+        assert (2, True) == (outcome.code, "Name one of its tasks by --part" in outcome.err)
+        outcome = cli("search-optimal", bench, *EXACT, *part, "--start", whole)
+        assert (2, True) == (outcome.code, "is of the whole chain" in outcome.err)
+        other = ("--part", "heads-2")
+        outcome = cli("search-optimal", bench, *EXACT, *other, "--start", folder)
+        assert (2, True) == (outcome.code, "is of 'heads-1', not of 'heads-2'" in outcome.err)
+
+
+class TestDisplay:
+    @pytest.mark.parametrize(
+        ("progress", "shown"),
+        [
+            (Progress(None, None, 0), "0 nodes"),
+            (Progress(2.0, 1.0, 12345), "best 2.00000  bound 1.00000  gap 50.00 %  12,345 nodes"),
+            (
+                Progress(55.0, 54.0, 7, nodes_per_s=1234.5, decimals=0),
+                "best 55  bound 54  gap 1.82 %  7 nodes  1,234 nodes/s",
+            ),
+            (Progress(None, 54.9, 7, decimals=0), "bound 54  7 nodes"),
+            (Progress(None, 54.999999999, 7, decimals=0), "bound 55  7 nodes"),
+            (Progress(None, float("-inf"), 7), "7 nodes"),
+        ],
+    )
+    def test_it_shows_cost_bound_gap_nodes_and_speed(self, progress: Progress, shown: str) -> None:
+        """With the decimals of the task; a bound is never rounded up."""
+        assert shown == figures_text(progress)
+
+
+def test_solvers_are_told_how_many_processes_they_may_use(
+    cli: Any, board: str, install: Any
+) -> None:
+    """By --jobs; one by default."""
+    source = '''
+        from skillplan import Solution, Solver
+
+        class Counting(Solver):
+            """Say how many processes there may be."""
+
+            name = "counting"
+
+            def solve(self, model, *, seed=0):
+                return Solution(trace={"jobs": self.jobs})
+    '''
+    install("solver", "counting", "counting_solver:Counting", source)
+    words = ("search-optimal", board, "--solver", "counting", "--format", "json")
+    assert 1 == cli(*words).document["trace"]["jobs"]
+    assert 3 == cli(*words, "--jobs", "3").document["trace"]["jobs"]

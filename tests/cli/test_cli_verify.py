@@ -1,0 +1,395 @@
+"""verify: what holds, what fails, what could not be checked, and what is no result at all."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+EXACT = ("--solver", "exact", "--format", "json")
+Tamper = Callable[[dict[str, Any]], None]
+
+
+@pytest.fixture
+def result(cli: Any, board: str, tmp_path: Path) -> Path:
+    """The proved optimum of the inverter board, in a folder."""
+    folder = tmp_path / "run"
+    assert 0 == cli("search-optimal", board, *EXACT, "--out", str(folder)).code
+    return folder / "result.json"
+
+
+@pytest.fixture
+def tampered(result: Path) -> Callable[[Tamper], str]:
+    """The same result after somebody has changed it."""
+
+    def change(how: Tamper) -> str:
+        document = json.loads(result.read_text("utf-8"))
+        how(document)
+        result.write_text(json.dumps(document), "utf-8")
+        return str(result)
+
+    return change
+
+
+def outcomes(document: dict[str, Any]) -> dict[str, str]:
+    return {claim["claim"]: claim["outcome"] for claim in document["claims"]}
+
+
+def details(document: dict[str, Any]) -> str:
+    failing = [claim for claim in document["claims"] if claim["outcome"] == "fails"]
+    return "; ".join(f"{claim['claim']}: {claim['detail']}" for claim in failing)
+
+
+class TestAnHonestResult:
+    def test_every_claim_holds(self, cli: Any, result: Path) -> None:
+        """Replayed, calculated, and proved by another method than A*."""
+        outcome = cli("verify", str(result), "--format", "json")
+        assert (0, True) == (outcome.code, outcome.document["valid"])
+        assert {"plan", "steps", "cost", "bound", "gap", "status", "optimal"} == set(
+            outcomes(outcome.document)
+        )
+        assert {"holds"} == set(outcomes(outcome.document).values())
+        methods = {c["claim"]: c["method"] for c in outcome.document["claims"]}
+        assert "dynamic program over orders of jobs" == methods["optimal"]
+
+    def test_the_folder_is_as_good_as_the_file(self, cli: Any, result: Path) -> None:
+        """As --out was given it."""
+        outcome = cli("verify", str(result.parent))
+        assert 0 == outcome.code
+        assert "\nverdict    valid\n" in outcome.out
+
+    def test_what_was_proved_over_orders_is_proved_over_states(
+        self, cli: Any, tampered: Callable[[Tamper], str]
+    ) -> None:
+        """Never by the method that was claimed, where another is fit."""
+
+        def by_orders(document: dict[str, Any]) -> None:
+            document["bound_method"] = "dynamic programming over feasible subsets"
+
+        outcome = cli("verify", tampered(by_orders), "--format", "json")
+        methods = {c["claim"]: c["method"] for c in outcome.document["claims"]}
+        assert "uniform-cost search over all states" == methods["optimal"]
+
+    def test_a_bound_without_a_proof_is_checked_too(
+        self, cli: Any, motor: str, tmp_path: Path
+    ) -> None:
+        """Against the least cost, where that can be worked out."""
+        folder = str(tmp_path / "gap")
+        cli("search-optimal", motor, *EXACT, "--gap", "0.3", "--out", folder)
+        document = cli("verify", folder, "--format", "json").document
+        assert "holds" == outcomes(document)["lower bound"]
+
+    def test_that_there_is_no_plan_is_checked_too(
+        self, cli: Any, no_way: str, tmp_path: Path
+    ) -> None:
+        """By looking at every state."""
+        folder = str(tmp_path / "none")
+        assert 1 == cli("search-optimal", no_way, *EXACT, "--out", folder).code
+        outcome = cli("verify", folder, "--format", "json")
+        assert 0 == outcome.code
+        assert "holds" == outcomes(outcome.document)["infeasible"]
+
+    def test_changes_and_back_ends_of_the_search_are_used_again(
+        self, cli: Any, board: str, tmp_path: Path
+    ) -> None:
+        """As the result remembers them."""
+        folder = tmp_path / "changed"
+        words = ("--set", "parts.clock.start_m=[0.60, -0.134]", "--collision", "aabb")
+        words += ("-O", "aabb.tolerance_m=0.0001")
+        assert 0 == cli("search-optimal", board, *EXACT, *words, "--out", str(folder)).code
+        origin = json.loads((folder / "result.json").read_text("utf-8"))["origin"]
+        assert {
+            "file": board,
+            "part": None,
+            "set": {"parts.clock.start_m": "[0.60, -0.134]"},
+            "physics": None,
+            "collision": ["aabb"],
+            "options": {"aabb": {"tolerance_m": "0.0001"}},
+        } == origin
+        assert 0 == cli("verify", str(folder)).code
+
+    def test_a_case_too_large_is_not_checked_and_still_valid(
+        self, cli: Any, motor: str, tmp_path: Path
+    ) -> None:
+        """Both methods say why; the replay counts all the same."""
+        path = tmp_path / "large.yaml"
+        words = ("--parts", "40", "--density", "0.1", "--tools", "1", "--seed", "1")
+        cli("generate", "assembly", *words, "--out", str(path))
+        folder = str(tmp_path / "large")
+        cli("search-optimal", str(path), *EXACT, "--time-limit", "1", "--out", folder)
+        outcome = cli("verify", folder, "--time-limit", "2")
+        assert 0 == outcome.code
+        assert "verdict    valid, but for what was not checked: lower bound" in outcome.out
+
+    def test_a_chain_is_verified_part_by_part(self, cli: Any, board: str, tmp_path: Path) -> None:
+        """And then its sum."""
+        bench = str(Path(board).parent / "swarmitfix_triangular.yaml")
+        folder = str(tmp_path / "chain")
+        assert 0 == cli("search-optimal", bench, *EXACT, "--out", folder).code
+        outcome = cli("verify", folder, "--format", "json")
+        found = outcomes(outcome.document)
+        assert (0, True) == (outcome.code, outcome.document["valid"])
+        for claim in ("heads-1: optimal", "goals: plan", "base-1: optimal", "cost"):
+            assert "holds" == found[claim]
+
+    def test_a_part_of_a_chain_is_verified_alone(
+        self, cli: Any, board: str, tmp_path: Path
+    ) -> None:
+        """The result remembers which."""
+        bench = str(Path(board).parent / "swarmitfix_triangular.yaml")
+        folder = str(tmp_path / "part")
+        cli("search-optimal", bench, *EXACT, "--part", "heads-2", "--out", folder)
+        assert 0 == cli("verify", folder).code
+
+    def test_under_chance_the_least_expected_cost_is_worked_out(
+        self, cli: Any, tmp_path: Path, board: str
+    ) -> None:
+        """The plan shows nominal outcomes only, so that its cost is left open."""
+        path = tmp_path / "slippery.yaml"
+        text = Path(board).read_text("utf-8")
+        slippery = text.replace("  clock:\n", "  clock:\n    grasp_failure: 0.1\n")
+        path.write_text(slippery, "utf-8")
+        folder = tmp_path / "run"
+        words = ("--solver", "value-iteration", "--format", "json", "--out", str(folder))
+        assert 0 == cli("search-optimal", str(path), *words).code
+        found = outcomes(cli("verify", str(folder), "--format", "json").document)
+        assert ("not checked", "holds") == (found["cost"], found["optimal"])
+        document = json.loads((folder / "result.json").read_text("utf-8"))
+        document["cost"] = document["lower_bound"] = document["cost"] + 0.01
+        (folder / "result.json").write_text(json.dumps(document), "utf-8")
+        failed = cli("verify", str(folder), "--format", "json")
+        assert (1, "fails") == (failed.code, outcomes(failed.document)["optimal"])
+
+
+def _raise_cost(document: dict[str, Any]) -> None:
+    document["cost"] -= 0.1
+
+
+def _swap_steps(document: dict[str, Any]) -> None:
+    for key in ("skills", "actions", "steps"):
+        document[key][0], document[key][1] = document[key][1], document[key][0]
+
+
+def _swap_in_steps_only(document: dict[str, Any]) -> None:
+    document["steps"][0]["skill"] = document["steps"][1]["skill"]
+
+
+def _drop_the_end(document: dict[str, Any]) -> None:
+    for key in ("skills", "actions", "steps"):
+        document[key].pop()
+    document["makespan"] -= 1
+
+
+def _other_actions(document: dict[str, Any]) -> None:
+    document["actions"][3] += 1
+
+
+def _cheaper_step(document: dict[str, Any]) -> None:
+    document["steps"][3]["cost"] /= 2
+
+
+def _unknown_skill(document: dict[str, Any]) -> None:
+    document["skills"][2] = "fly(pcb)"
+
+
+def _wrong_gap(document: dict[str, Any]) -> None:
+    document["gap"] = 0.25
+
+
+def _bound_above_cost(document: dict[str, Any]) -> None:
+    document["lower_bound"] = document["cost"] + 1
+
+
+def _optimal_without_bound(document: dict[str, Any]) -> None:
+    document["lower_bound"] = document["gap"] = None
+
+
+def _infeasible_with_a_plan(document: dict[str, Any]) -> None:
+    document["status"] = "infeasible"
+
+
+@pytest.mark.parametrize(
+    ("how", "claim", "message"),
+    [
+        (_raise_cost, "cost", "the plan costs 1.867086014, claimed 1.767086014"),
+        (_swap_steps, "plan", "fails at step 1 (place(pcb)): precondition"),
+        (_swap_in_steps_only, "steps", "step 1: is pick(pcb) among skills, place(pcb) among steps"),
+        (_drop_the_end, "plan", "fails at the end: goal: the goal is not reached"),
+        (_other_actions, "steps", "step 4: place(switch_1) is action 3"),
+        (_cheaper_step, "steps", "step 4: place(switch_1) costs"),
+        (_unknown_skill, "plan", "is not one of this task: "),
+        (_wrong_gap, "gap", "is 0, claimed 0.25"),
+        (_bound_above_cost, "bound", "2.867086014 is above the cost 1.867086014"),
+        (_optimal_without_bound, "status", "optimal, and the bound does not meet the cost"),
+        (_infeasible_with_a_plan, "status", "infeasible does not go with a plan"),
+    ],
+)
+def test_a_tampered_result_fails_where_it_was_tampered_with(
+    cli: Any, tampered: Callable[[Tamper], str], how: Tamper, claim: str, message: str
+) -> None:
+    """Exit code 1, the claim and the figures."""
+    outcome = cli("verify", tampered(how), "--format", "json")
+    assert (1, False) == (outcome.code, outcome.document["valid"])
+    assert "fails" == outcomes(outcome.document)[claim]
+    assert message in details(outcome.document)
+
+
+class TestAClaimThatIsNotTrue:
+    @pytest.fixture
+    def dear(self, cli: Any, motor: str, tmp_path: Path) -> Path:
+        """A plan of the larger board that is not the best."""
+        folder = tmp_path / "dear"
+        words = ("--gap", "0.3", "--out", str(folder))
+        assert "solved" == cli("search-optimal", motor, *EXACT, *words).document["status"]
+        return folder / "result.json"
+
+    def test_a_status_raised_to_optimal_fails(self, cli: Any, dear: Path) -> None:
+        """The bound does not meet the cost."""
+        document = json.loads(dear.read_text("utf-8"))
+        dear.write_text(json.dumps({**document, "status": "optimal"}), "utf-8")
+        outcome = cli("verify", str(dear), "--format", "json")
+        assert (1, "fails") == (outcome.code, outcomes(outcome.document)["status"])
+
+    def test_a_proof_made_up_throughout_fails_by_a_cheaper_plan(self, cli: Any, dear: Path) -> None:
+        """Bound, gap and status agree with each other; the second proof finds the better plan."""
+        document = json.loads(dear.read_text("utf-8"))
+        document |= {"status": "optimal", "lower_bound": document["cost"], "gap": 0.0}
+        dear.write_text(json.dumps(document), "utf-8")
+        outcome = cli("verify", str(dear), "--format", "json")
+        failing = {c for c, how in outcomes(outcome.document).items() if how == "fails"}
+        assert (1, {"optimal"}) == (outcome.code, failing)
+        assert "the least cost is 11.58291499: " in details(outcome.document)
+
+    def test_a_bound_above_the_optimum_fails(self, cli: Any, dear: Path) -> None:
+        """Though it is below the cost."""
+        document = json.loads(dear.read_text("utf-8"))
+        bound = (document["cost"] + 11.58291499) / 2
+        gap = (document["cost"] - bound) / document["cost"]
+        dear.write_text(json.dumps({**document, "lower_bound": bound, "gap": gap}), "utf-8")
+        outcome = cli("verify", str(dear))
+        assert 1 == outcome.code
+        assert "verdict    NOT VALID: lower bound" in outcome.out
+
+    def test_a_plan_denied_is_found(self, cli: Any, tampered: Callable[[Tamper], str]) -> None:
+        """What is said to be infeasible is not."""
+
+        def deny(document: dict[str, Any]) -> None:
+            nothing: dict[str, Any] = {"skills": [], "actions": [], "steps": []}
+            document |= {"status": "infeasible", "cost": None, "gap": None, "makespan": None}
+            document |= {"lower_bound": None, "makespan_s": None, **nothing}
+
+        outcome = cli("verify", tampered(deny), "--format", "json")
+        assert 1 == outcome.code
+        assert "claimed is that there is no plan; the least cost is" in details(outcome.document)
+
+    def test_a_part_of_a_chain_made_worse_fails_by_its_name(
+        self, cli: Any, board: str, tmp_path: Path
+    ) -> None:
+        """And so does the sum."""
+        bench = str(Path(board).parent / "swarmitfix_triangular.yaml")
+        folder = tmp_path / "chain"
+        cli("search-optimal", bench, *EXACT, "--out", str(folder))
+        path = folder / "result.json"
+        document = json.loads(path.read_text("utf-8"))
+        document["sequences"][0]["cost"] += 1
+        path.write_text(json.dumps(document), "utf-8")
+        outcome = cli("verify", str(folder), "--format", "json")
+        found = outcomes(outcome.document)
+        assert (1, "fails", "fails") == (outcome.code, found["base-1: cost"], found["cost"])
+
+    def test_parts_of_a_chain_in_another_order_fail(
+        self, cli: Any, board: str, tmp_path: Path
+    ) -> None:
+        """The name says which stands where another should."""
+        bench = str(Path(board).parent / "swarmitfix_triangular.yaml")
+        folder = tmp_path / "chain"
+        cli("search-optimal", bench, *EXACT, "--out", str(folder))
+        path = folder / "result.json"
+        document = json.loads(path.read_text("utf-8"))
+        document["stages"].reverse()
+        path.write_text(json.dumps(document), "utf-8")
+        outcome = cli("verify", str(folder), "--format", "json")
+        assert 1 == outcome.code
+        assert "goals stands where the chain has heads-1" in details(outcome.document)
+
+
+class TestWrongInput:
+    def test_a_result_that_was_cut_off(self, cli: Any, result: Path) -> None:
+        """It is no JSON any more."""
+        result.write_text(result.read_text("utf-8")[:500], "utf-8")
+        outcome = cli("verify", str(result))
+        assert (2, True) == (outcome.code, f"{result}: is damaged" in outcome.err)
+
+    @pytest.mark.parametrize(
+        ("changes", "message"),
+        [
+            ({"schema": "skillplan.chart/1"}, "is no document skillplan.result/1"),
+            ({"schema": "skillplan.result/2"}, "is of another version, skillplan.result/2"),
+            ({"cost": "cheap"}, "is damaged: cost: "),
+            ({"status": "splendid"}, "is damaged: status: "),
+            ({"steps": [{}]}, "is damaged: steps[0].index: "),
+            ({"cost": float("nan")}, "is damaged: cost: "),
+            ({"status": "wrong"}, "claims nothing, its status is wrong"),
+            ({"origin": None}, "does not say which file its task is from. Name it by --task."),
+        ],
+    )
+    def test_what_is_no_sound_result_is_refused(
+        self,
+        cli: Any,
+        tampered: Callable[[Tamper], str],
+        changes: dict[str, Any],
+        message: str,
+    ) -> None:
+        """One message with the key, exit code 2, nothing on stdout."""
+        outcome = cli("verify", tampered(lambda document: document.update(changes)))
+        assert (2, "") == (outcome.code, outcome.out)
+        assert message in outcome.err
+
+    def test_no_such_file(self, cli: Any) -> None:
+        """In words."""
+        outcome = cli("verify", "nowhere.json")
+        assert (2, True) == (outcome.code, "nowhere.json: cannot be read" in outcome.err)
+
+    def test_another_task_is_refused(self, cli: Any, result: Path, motor: str) -> None:
+        """Both are named."""
+        outcome = cli("verify", str(result), "--task", motor)
+        assert 2 == outcome.code
+        assert "the result is of 'inverter-board'" in outcome.err
+        assert "'motor-drive'" in outcome.err
+
+    def test_a_task_that_has_changed_since_is_refused(
+        self, cli: Any, result: Path, board: str, tmp_path: Path
+    ) -> None:
+        """The plan was made for what it was."""
+        changed = tmp_path / "changed.yaml"
+        text = Path(board).read_text("utf-8").replace("step_limit: 20", "step_limit: 21")
+        changed.write_text(text, "utf-8")
+        outcome = cli("verify", str(result), "--task", str(changed))
+        assert (2, True) == (outcome.code, "has changed since" in outcome.err)
+
+    def test_a_task_file_that_is_gone_is_told_of(
+        self, cli: Any, tampered: Callable[[Tamper], str]
+    ) -> None:
+        """And how to name it."""
+        path = tampered(lambda document: document["origin"].update(file="gone/board.yaml"))
+        outcome = cli("verify", path)
+        assert 2 == outcome.code
+        assert "its task gone/board.yaml is neither here nor beside it." in outcome.err
+
+    def test_a_task_beside_the_result_is_found(
+        self, cli: Any, tampered: Callable[[Tamper], str], board: str, result: Path
+    ) -> None:
+        """Where the path from here leads nowhere."""
+        path = tampered(lambda document: document["origin"].update(file="gone/board.yaml"))
+        (result.parent / "board.yaml").write_text(Path(board).read_text("utf-8"), "utf-8")
+        assert 0 == cli("verify", path).code
+
+    def test_a_result_of_no_file_is_verified_with_a_task_named(
+        self, cli: Any, tampered: Callable[[Tamper], str], board: str
+    ) -> None:
+        """With the back ends that it says were asked."""
+        path = tampered(lambda document: document.update(origin=None))
+        assert 0 == cli("verify", path, "--task", board).code

@@ -1,0 +1,62 @@
+"""How much memory the process holds."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from skillplan.solvers import resident_memory
+from skillplan.solvers.resident_memory import resident_bytes, resident_bytes_of
+
+MIB = 1024**2
+
+
+def test_it_grows_with_what_is_held():
+    """By about as much as was written to."""
+    before = resident_bytes()
+    held = bytearray(b"x" * (64 * MIB))
+    after = resident_bytes()
+    assert 60 * MIB < after - before < 80 * MIB
+    assert len(held) == 64 * MIB
+
+
+def test_where_there_is_no_process_file_system_the_largest_size_stands_for_it(monkeypatch):
+    """It is never less."""
+    now = resident_bytes()
+    monkeypatch.setattr(resident_memory, "_STATM", Path("no/such/file"))
+    assert resident_bytes() > 0.9 * now
+
+
+def test_of_another_process_it_is_what_that_process_says_itself():
+    """By a few pages; of one that is gone it is unknown."""
+    if not Path("/proc/self/statm").exists():
+        assert resident_bytes_of(os.getpid()) is None
+        return
+    words = "import sys; held = bytearray(b'x' * 2**27); print(flush=True); sys.stdin.read()"
+    with subprocess.Popen(
+        [sys.executable, "-c", words], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as other:
+        assert other.stdout is not None
+        other.stdout.readline()
+        held = resident_bytes_of(other.pid)
+        assert held is not None
+        assert 128 * MIB < held < 192 * MIB
+        other.kill()
+    assert resident_bytes_of(other.pid) is None
+
+
+def test_where_the_system_tells_nothing_it_is_unknown(monkeypatch):
+    """Not zero."""
+    monkeypatch.setattr(resident_memory, "_STATM", Path("no/such/file"))
+    monkeypatch.setitem(sys.modules, "resource", None)
+    assert resident_bytes() is None
+
+
+@pytest.mark.parametrize("text", ["", "12", "a b c"])
+def test_a_process_file_that_cannot_be_read_is_left_alone(monkeypatch, tmp_path, text):
+    """The largest size is taken instead."""
+    (tmp_path / "statm").write_text(text)
+    monkeypatch.setattr(resident_memory, "_STATM", tmp_path / "statm")
+    assert resident_bytes() > 10 * MIB

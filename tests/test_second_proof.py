@@ -1,0 +1,161 @@
+"""Least costs worked out a second time: the same as by other means, or given up in words."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from situations import (
+    assembly,
+    cheapest_by_length,
+    fake_back_end,
+    make_task,
+    model_of,
+    optimum,
+    small_assemblies,
+    small_tasks,
+    two_roads_task,
+)
+from skillplan.errors import NotASequencing
+from skillplan.model.sequencing import SequencingProblem
+from skillplan.report.result import Status
+from skillplan.run import make_model, solve
+from skillplan.second_proof import ORDERS, STATES, least_cost_of_orders, least_cost_of_states
+from skillplan.task.verdict import Verdict
+
+
+def problem_of(first, costs, precedence=(), step_limit=100):
+    """Return jobs that are one skill each."""
+    n = len(first)
+    names = tuple(f"job_{i}" for i in range(n))
+    ways = {(i, j): () for i in range(-1, n) for j in range(n) if i != j}
+    matrix = np.array(costs, dtype=float).reshape(n, n)
+    np.fill_diagonal(matrix, math.inf)
+    return SequencingProblem(
+        names,
+        tuple((name,) for name in names),
+        np.array(first, dtype=float),
+        matrix,
+        frozenset(precedence),
+        ways,
+        step_limit,
+    )
+
+
+class TestOrders:
+    @given(st.data())
+    def test_it_is_the_least_of_all_orders_that_respect_the_precedence(self, data):
+        """As found by trying them one by one; costs may be infinite."""
+        n = data.draw(st.integers(1, 6))
+        figure = st.sampled_from([0.0, 0.5, 1.0, 2.0, 7.0, math.inf])
+        first = data.draw(st.lists(figure, min_size=n, max_size=n))
+        costs = data.draw(st.lists(figure, min_size=n * n, max_size=n * n))
+        pairs = st.tuples(st.integers(0, n - 1), st.integers(0, n - 1)).filter(
+            lambda p: p[0] < p[1]
+        )
+        precedence = data.draw(st.lists(pairs, max_size=4)) if n > 1 else []
+        problem = problem_of(first, costs, precedence)
+        allowed = [
+            order
+            for order in itertools.permutations(range(n))
+            if all(order.index(i) < order.index(j) for i, j in precedence)
+        ]
+        least = least_cost_of_orders(problem)
+        assert least.cost == min(map(problem.cost, allowed))
+        if math.isfinite(least.cost):
+            order = [problem.jobs.index(name) for name in least.skills]
+            assert tuple(order) in allowed
+            assert problem.cost(order) == least.cost
+
+    def test_a_circle_has_no_order(self):
+        """Then there is no plan at all."""
+        least = least_cost_of_orders(problem_of([1, 1], [0, 1, 1, 0], [(0, 1), (1, 0)]))
+        assert (least.cost, least.skills) == (math.inf, ())
+
+    def test_nothing_to_do_costs_nothing(self):
+        """Nor is there anything to be done."""
+        assert least_cost_of_orders(problem_of([], [])).cost == 0.0
+
+    def test_too_many_sets_are_given_up(self):
+        """With the limit in words."""
+        problem = problem_of([1.0] * 8, [1.0] * 64)
+        least = least_cost_of_orders(problem, most_subsets=100)
+        assert (least.method, least.cost) == (ORDERS, None)
+        assert least.why_not == "too large, more than 100 sets of jobs"
+
+    def test_time_ends_it(self):
+        """At the next poll."""
+        problem = problem_of([1.0] * 8, [1.0] * 64)
+        assert least_cost_of_orders(problem, lambda: True).why_not == "stopped before it was done"
+
+    def test_a_plan_beyond_the_step_limit_proves_nothing(self):
+        """A dearer order might be shorter."""
+        least = least_cost_of_orders(problem_of([1.0] * 3, [1.0] * 9, step_limit=2))
+        assert least.cost is None
+        assert least.why_not == "the cheapest order takes 3 skills, the limit is 2"
+
+
+class TestStates:
+    @given(small_tasks())
+    def test_it_is_the_least_of_all_plans_within_the_step_limit(self, task):
+        """As found by walking all of them; the plan holds and costs as much."""
+        least = least_cost_of_states(model_of(task))
+        best = optimum(cheapest_by_length(model_of(task)))
+        if best is None:
+            assert (least.cost, least.skills) == (math.inf, ())
+        else:
+            assert least.cost == pytest.approx(best[0], abs=1e-9)
+            assert len(least.skills) <= task.step_limit
+
+    def test_a_step_limit_may_need_the_dearer_of_two_ways(self):
+        """To a state as well as to the goal."""
+        assert least_cost_of_states(model_of(two_roads_task())).cost == 3.0
+        least = least_cost_of_states(model_of(two_roads_task(step_limit=2)))
+        assert (least.cost, least.skills) == (4.0, ("to_b", "finish"))
+
+    def test_too_many_states_are_given_up(self, board_task):
+        """With the limit in words."""
+        least = least_cost_of_states(make_model(board_task), most_states=10)
+        assert (least.method, least.cost) == (STATES, None)
+        assert least.why_not == "too large, more than 10 states"
+
+    def test_time_ends_it(self, motor_drive_task):
+        """Also where the model itself says so."""
+        model = make_model(motor_drive_task)
+        assert least_cost_of_states(model, lambda: True).why_not == "stopped before it was done"
+        model = make_model(motor_drive_task, overdue=lambda: True)
+        assert least_cost_of_states(model).why_not == "stopped before it was done"
+
+    def test_what_no_back_end_can_decide_proves_nothing(self):
+        """A skill left out might be on the best way."""
+        task = two_roads_task()
+        unsure = fake_back_end(task, lambda skill, state: Verdict.unknown("cannot tell"))
+        least = least_cost_of_states(model_of(task, unsure))
+        assert (least.cost, least.why_not) == (None, "some verdicts are unknown")
+
+
+@given(small_assemblies())
+def test_both_agree_with_exact_search(content):
+    """On small boards, also those without a plan."""
+    task = assembly(content)
+    exact = solve(task, "exact")
+    states = least_cost_of_states(make_model(task))
+    expected = exact.cost if exact.status is Status.OPTIMAL else math.inf
+    assert states.cost == pytest.approx(expected, abs=1e-9)
+    try:
+        problem = SequencingProblem.from_model(make_model(task))
+    except NotASequencing:
+        return
+    orders = least_cost_of_orders(problem)
+    assert orders.cost is None or orders.cost == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_task_that_is_done_costs_nothing():
+    """In no step."""
+    facts = two_roads_task().facts
+    skills = two_roads_task().skills
+    task = make_task(facts, skills, initial=("done",), goal=("done",))
+    assert least_cost_of_states(model_of(task)).cost == 0.0
