@@ -13,11 +13,12 @@ SOURCES := src tests benchmarks examples plugins
 
 .PHONY: demo test test-all check format bench schema clean
 
-demo: $(INSTALLED)  ## the board to its proven optimum, also by physics and by learning; the bench
+demo: $(INSTALLED)  ## the board to its proven optimum, also by physics and by learning; the bench; an order
 	$(SKILLPLAN) chart $(BOARD) --collision swept
 	$(SKILLPLAN) compare $(BOARD) --solvers exhaustive,exact
 	$(SKILLPLAN) compare $(BENCH) --solvers csp,sarsa,monte-carlo,policy-iteration
 	$(SKILLPLAN) search-optimal $(BOARD)
+	$(SKILLPLAN) search-optimal configs/br17.10.sop
 	if $(HAS_PYBULLET); then $(SKILLPLAN) search-optimal $(BOARD) $(PHYSICS) --no-cache && \
 	  $(SKILLPLAN) simulate $(BOARD) --sequence $(OPTIMUM); fi
 	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && \
@@ -46,11 +47,14 @@ bench: $(INSTALLED)  ## ratios against a baseline of the same run
 	$(BIN)/python benchmarks/env.py
 	$(BIN)/python benchmarks/fleet.py 10
 	$(BIN)/python benchmarks/swept.py
+	$(BIN)/python benchmarks/scaling.py --parts 6,10,20,50 --densities 0.3 --tools 1 --seconds 2
+	$(BIN)/python benchmarks/sequencing.py --names ESC25,ft70.4,p43.1,rbg109a,ry48p.1 --seconds 2
 	if $(HAS_PYBULLET); then $(BIN)/python benchmarks/physics.py; fi
 	$(BIN)/python benchmarks/learning.py
 
 schema: $(INSTALLED)  ## the JSON Schema that editors read
 	$(SKILLPLAN) schema assembly > configs/assembly.schema.json
+	$(SKILLPLAN) schema sop > configs/sop.schema.json
 	$(SKILLPLAN) schema swarmitfix > configs/swarmitfix.schema.json
 
 clean:  ## all that these targets make
@@ -64,5 +68,7 @@ $(INSTALLED): pyproject.toml constraints.txt $(wildcard plugins/*/pyproject.toml
 	PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check \
 	  --editable '.[dev]' --editable plugins/skillplan-template \
 	  --editable plugins/skillplan-pinocchio --editable plugins/skillplan-torch \
+	  --editable plugins/skillplan-ortools \
 	  $$($(HAS_PYBULLET) && echo --editable plugins/skillplan-pybullet)
+	$(BIN)/python -m skillplan.solvers.ordering.warm_up
 	touch $@

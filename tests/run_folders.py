@@ -24,10 +24,10 @@ from skillplan.report.run_folder import (
     PROGRESS,
     PROGRESS_SCHEMA,
     TASK_CONFIG,
-    TASK_TEXT,
     GroupProgress,
     RunManifest,
     TaskReference,
+    copy_name,
     group_path,
     run_path,
 )
@@ -124,7 +124,7 @@ def write_runs(
         machine={},
     )
     (path / MANIFEST).write_text(json_text(MANIFEST_SCHEMA, manifest))
-    (path / TASK_TEXT).write_text(Path(task_file).read_text("utf-8"))
+    (path / copy_name(task_file)).write_text(Path(task_file).read_text("utf-8"))
     (path / TASK_CONFIG).write_text(json_text(CONFIG_SCHEMA, resolved_config(problem)))
     progress = GroupProgress(
         steps=steps if done is None else done,

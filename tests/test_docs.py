@@ -13,6 +13,7 @@ from pydantic import BaseModel
 from skillplan import registry
 from skillplan.chain import solve_chain
 from skillplan.cli.app import COMMANDS
+from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.report.result import Status
 from skillplan.run import solve
 from skillplan.setup import load_problem
@@ -53,13 +54,14 @@ def untimed(text, chain):
 
 @pytest.fixture
 def shop(tmp_path):
-    """A folder with the configs, the README's example, and the same with two faults."""
+    """A folder with the configs, the README's example, the same with two faults, and a board."""
     (tmp_path / "configs").symlink_to(ROOT / "configs")
     (tmp_path / "lid.yaml").write_text(EXAMPLE)
     bad = EXAMPLE.replace("goal_on: box                  #", "goal_on: bxo                  #")
     bad = bad.replace("size_m: [0.1, 0.1, 0.01]", "sise_m: [0.1, 0.1, 0.01]")
     assert bad.count("bxo") == bad.count("sise_m") == 1
     (tmp_path / "bad.yaml").write_text(bad)
+    (tmp_path / "twenty.yaml").write_text(BoardGenerator(20, 0.3, 3, seed=1).text("any"))
     return tmp_path
 
 
@@ -101,6 +103,10 @@ def test_every_command_option_status_and_exit_code_is_in_the_readme():
     for option in ("--video", "--fps", "--speed", "--trace"):
         assert option in README
     for option in ("--runs", "--steps", "--family", "--checkpoint", "--layouts", "--episodes"):
+        assert option in README
+    for option in ("--parts", "--density", "--tools", "--name"):
+        assert option in README
+    for option in ("--stall", "--memory-limit", "--start"):
         assert option in README
     for option in ("--temperature", "--task", "--changed-task", "--against", "--dpi"):
         assert option in README

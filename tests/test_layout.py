@@ -22,7 +22,17 @@ ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "skillplan"
 MODULES = sorted(SOURCE.rglob("*.py"))
 BOARD = ROOT / "configs" / "inverter_board.yaml"
-HEAVY = ("numpy", "torch", "pybullet", "pinocchio", "coal", "numba", "gymnasium")
+HEAVY = (
+    "numpy",
+    "torch",
+    "pybullet",
+    "pinocchio",
+    "coal",
+    "numba",
+    "gymnasium",
+    "highspy",
+    "ortools",
+)
 
 
 def imported_by(statement: str) -> set[str]:
@@ -73,11 +83,17 @@ class TestStarting:
         assert set() == {*HEAVY, "rich"} & loaded
         assert "yaml" in loaded
 
+    def test_the_optimum_beside_a_sequence_of_the_board_needs_none(self) -> None:
+        """It is small, so that exact search proves it."""
+        sequence = ("--sequence", "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15")
+        loaded = imported_by(a_command("evaluate", str(BOARD), *sequence, "--format", "json"))
+        assert set() == {*HEAVY, "rich"} & loaded
+
     def test_the_core_depends_on_nothing_heavy(self) -> None:
         """What pip installs with skillplan is light; the heavy lives in plugins."""
         project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
         names = {re.split(r"[<>=!~ \[]", entry)[0].lower() for entry in project["dependencies"]}
-        assert set() == names & {"torch", "pybullet", "pin", "pinocchio", "coal"}
+        assert set() == names & {"torch", "pybullet", "pin", "pinocchio", "coal", "ortools"}
 
 
 class TestFiles:

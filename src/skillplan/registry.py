@@ -85,7 +85,9 @@ def make_options(kind: str, name: str, plugin: type[Any], values: Mapping[str, A
     model: type[BaseModel] = plugin.Options
     unknown = sorted(set(values) - set(model.model_fields))
     if unknown:
-        hint = name_hint(unknown[0], model.model_fields)
+        hint = f"It has none at all; name the {kind} whose option it is."
+        if model.model_fields:
+            hint = name_hint(unknown[0], model.model_fields)
         raise OptionError(f"The {kind} {name!r} has no option {unknown[0]!r}. {hint}")
     try:
         return model.model_validate(dict(values))

@@ -216,7 +216,7 @@ class TestEnds:
 
     @pytest.mark.parametrize("method", ["joint", "prioritised"])
     def test_a_step_limit_below_the_ways_alone_is_infeasible(self, method: str) -> None:
-        robots = random_robots(BENCH, 3, 0)
+        robots = random_robots(BENCH, 2, 0)
         result = solved(task_of(BENCH, robots, step_limit=3), method=method)
         assert "infeasible" == result.status
 

@@ -139,3 +139,136 @@ def test_it_reports_its_progress():
 def test_the_gap_is_a_fraction_of_the_cost(cost, bound, gap):
     """Never negative; none where either is missing."""
     assert relative_gap(cost, bound) == gap
+
+
+class TestStall:
+    @pytest.mark.parametrize("stall_s", [0.0, -1.0, math.nan])
+    def test_it_is_positive(self, stall_s):
+        """Nothing improves in no time."""
+        with pytest.raises(ValueError, match="Stall must be > 0 s"):
+            Stop(stall_s=stall_s)
+
+    def test_it_ends_the_search_once_nothing_has_improved_for_so_long(self, clock):
+        """Counted anew from every better plan and every better bound."""
+        stop = Stop(stall_s=5.0)
+        stop.incumbent(Plan(("a",), 10.0))
+        clock.now = 4.9
+        stop.bound(3.0)
+        clock.now = 9.0
+        stop.incumbent(Plan(("b",), 9.0))
+        clock.now = 13.9
+        assert not stop()
+        clock.now = 14.0
+        assert stop()
+        assert stop.reason == "stalled"
+
+    def test_without_a_plan_it_waits(self, clock):
+        """There would be nothing to hand over."""
+        stop = Stop(stall_s=5.0)
+        stop.bound(3.0)
+        clock.now = 100.0
+        assert not stop()
+        stop.incumbent(Plan(("a",), 10.0))
+        assert not stop()
+
+    def test_what_is_no_better_does_not_count(self, clock):
+        """Nor does what rounding adds to a bound."""
+        stop = Stop(stall_s=5.0)
+        stop.incumbent(Plan(("a",), 10.0))
+        stop.bound(3.0)
+        clock.now = 4.0
+        stop.incumbent(Plan(("b",), 11.0))
+        stop.bound(2.0)
+        stop.bound(3.0 + 1e-12)
+        clock.now = 5.0
+        assert stop()
+
+    def test_the_next_task_of_a_chain_has_its_own(self, clock):
+        """And goes on after one that has stalled."""
+        stop = Stop(stall_s=5.0)
+        stop.incumbent(Plan(("a",), 10.0))
+        clock.now = 6.0
+        assert stop()
+        stop.renew()
+        assert not stop()
+        stop.incumbent(Plan(("a",), 10.0))
+        clock.now = 10.0
+        assert not stop()
+
+
+class TestMemoryLimit:
+    @pytest.fixture
+    def held(self, monkeypatch):
+        """What the process is made to believe it holds [B]."""
+        held = [100]
+        monkeypatch.setattr(stops, "resident_bytes", lambda: held[0])
+        return held
+
+    def test_it_is_positive(self):
+        """A process always holds something."""
+        with pytest.raises(ValueError, match="Memory limit must be > 0 bytes"):
+            Stop(memory_limit_bytes=0)
+
+    def test_what_is_left_is_told_and_never_below_zero(self, held):
+        """A solver that reserves much at once asks before."""
+        stop = Stop(memory_limit_bytes=1000)
+        assert (stop.memory_limit_bytes, stop.memory_left_bytes()) == (1000, 900)
+        held[0] = 1100
+        assert stop.memory_left_bytes() == 0
+
+    def test_without_a_limit_nothing_is_told(self):
+        """Nor does the size of the process end anything."""
+        stop = Stop()
+        assert stop.memory_limit_bytes is None
+        assert stop.memory_left_bytes() is None
+        assert not stop()
+
+    def test_where_the_system_does_not_tell_there_is_no_limit_to_keep(self, monkeypatch):
+        """The search goes on."""
+        monkeypatch.setattr(stops, "resident_bytes", lambda: None)
+        stop = Stop(memory_limit_bytes=1)
+        assert stop.memory_left_bytes() is None
+        assert not stop()
+
+    def test_the_search_ends_shortly_before_the_limit(self, held, clock):
+        """What is left is for handing over the plan."""
+        stop = Stop(memory_limit_bytes=1000)
+        assert not stop()
+        held[0] = 980
+        clock.now = 1.0
+        assert stop()
+        assert stop.reason == "memory limit"
+        assert not stop.overdue()
+
+    def test_a_solver_that_never_polls_is_cut_off_at_the_limit(self, held, clock):
+        """Without the patience that a time limit has."""
+        stop = Stop(memory_limit_bytes=1000)
+        held[0] = 1001
+        assert not stop.overdue()
+        assert stop.overdue()
+        assert stop.reason == "memory limit"
+
+    def test_a_search_on_the_side_keeps_it_too(self, held):
+        """It is the same process."""
+        assert Stop(memory_limit_bytes=1000).within(1.0).memory_limit_bytes == 1000
+
+
+def test_the_speed_follows_the_search(clock):
+    """Measured about once a second; none before."""
+    seen = []
+    stop = Stop(on_progress=seen.append)
+    for now_s, nodes in ((0.5, 100), (1.0, 300), (1.5, 900), (2.0, 1300)):
+        clock.now = now_s
+        stop.bound(1.0, nodes)
+    assert [progress.nodes_per_s for progress in seen] == [None, 300.0, 300.0, 1000.0]
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that is set by hand [s]."""
+
+    class Clock:
+        now = 0.0
+
+    monkeypatch.setattr(time, "monotonic", lambda: Clock.now)
+    return Clock

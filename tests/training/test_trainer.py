@@ -158,7 +158,7 @@ class TestWhatHappens:
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jobs: int
     ) -> None:
         """What the last checkpoint knows counts, and nothing else changes."""
-        slow = {"pause_s": 0.02}
+        slow = {"pause_s": 0.005}
         more = {"runs": 2, "steps": 300, "checkpoint_steps": 100}
         train(tmp_path / "whole", slow, **more)
         monkeypatch.setattr("skillplan.training.group_workers.GRACE_S", 0.05)

@@ -20,7 +20,7 @@ from skillplan.report.optimum import Optimum
 from skillplan.report.result import Status
 from skillplan.report.training_outcome import GreedyRollOut, Tally
 from skillplan.report.training_result import RandomBaseline
-from skillplan.run import solve
+from skillplan.run import DEFAULT_SOLVER, solve
 from skillplan.setup import Setup
 from skillplan.solvers.network_choice import NetworkChoice
 from skillplan.solvers.network_policy import NetworkPolicy, random_actions
@@ -203,7 +203,7 @@ def prove_optimum(
     BackEndError
         If a back end fails.
     """
-    solver = "exact" if task.deterministic else "value-iteration"
+    solver = DEFAULT_SOLVER if task.deterministic else "value-iteration"
     result = solve(task, solver, setup, stop=stop, cache=cache, jobs=jobs)
     if result.status is not Status.OPTIMAL:
         reason = f"{solver}: {result.status.value}"

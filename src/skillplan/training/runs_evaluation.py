@@ -10,7 +10,7 @@ from skillplan.errors import OptionError
 from skillplan.model.skill_model import SkillModel
 from skillplan.report.network_policy_file import StoredNetwork
 from skillplan.report.optimum import Optimum
-from skillplan.report.run_folder import TASK_TEXT, RunFolder, StoredRun, run_path
+from skillplan.report.run_folder import RunFolder, StoredRun, run_path
 from skillplan.report.task_difference import resolved_config, what_changed
 from skillplan.report.training_outcome import GreedyRollOut, RunOutcome, Tally, training_record
 from skillplan.report.training_result import Sampling, TrainingResult
@@ -37,7 +37,7 @@ def check_same_task(folder: RunFolder, problem: Problem) -> None:
     changed = what_changed(folder.config, resolved_config(problem))
     raise OptionError(
         f"{problem.source}: is not the task that {folder.path} has learned: {changed}. "
-        f"--task {folder.path / TASK_TEXT} is what it was; --changed-task evaluates on this one."
+        f"--task {folder.task_copy} is what it was; --changed-task evaluates on this one."
     )
 
 

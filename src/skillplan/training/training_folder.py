@@ -26,10 +26,10 @@ from skillplan.report.run_folder import (
     MANIFEST_SCHEMA,
     RESULT,
     TASK_CONFIG,
-    TASK_TEXT,
     RunFolder,
     RunManifest,
     TaskReference,
+    copy_name,
     run_path,
 )
 from skillplan.report.task_difference import differences, resolved_config, what_changed
@@ -147,8 +147,9 @@ class TrainingFolder:
 
     def _opened(self, asked: RunManifest, problem: Problem, resume: bool) -> RunManifest:
         there = {one.name for one in self.path.iterdir()}
+        copy = copy_name(problem.source)
         # A program that was ended before it wrote the manifest has done nothing yet.
-        begun = {name for name in there if name.endswith(".tmp")} | {TASK_TEXT, TASK_CONFIG}
+        begun = {name for name in there if name.endswith(".tmp")} | {copy, TASK_CONFIG}
         if there and not resume:
             raise OptionError(
                 f"--out {self.path}: is not empty. Name a new folder, or go on with --resume."
@@ -162,7 +163,7 @@ class TrainingFolder:
         if there - begun:
             raise OptionError(f"--out {self.path}: holds no {MANIFEST}, so nothing to resume.")
         source = Path(problem.source)
-        write_whole(self.path / TASK_TEXT, source.read_bytes())
+        write_whole(self.path / copy, source.read_bytes())
         write_whole(self.path / TASK_CONFIG, json_text(CONFIG_SCHEMA, resolved_config(problem)))
         write_whole(self.path / MANIFEST, json_text(MANIFEST_SCHEMA, asked))
         return asked

@@ -1,0 +1,208 @@
+"""Boards from the generator, ever larger: time to proof, or the gap at the time limit.
+
+Brute force as in the paper (`exhaustive`), `exact`, `auto` (which takes the portfolio where a board
+is large) and, if its plugin is installed, `cp-sat`. Every solver has a process of its own on one
+core; imports and compiling are not counted.
+
+Run from the repository: ``python benchmarks/scaling.py [--out FILE]``, and then
+``python benchmarks/scaling.py --out FILE --plot benchmarks/scaling.png`` for the picture, which
+measures nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import statistics
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fresh_process import Answer, Question, last_core
+from record_file import RecordFile
+
+from skillplan import registry
+from skillplan.domains.assembly.board_generator import BoardGenerator
+from skillplan.report.table import Column, Table, render
+from skillplan.solvers.stop import relative_gap
+
+PARTS = (6, 10, 15, 20, 30, 50, 100)
+DENSITIES = (0.1, 0.3)
+TOOLS = (1, 3)
+SOLVERS = ("exhaustive", "exact", "auto", "cp-sat")
+
+
+@dataclass(frozen=True)
+class Size:
+    """Of which size boards are; there is one for every seed."""
+
+    parts: int
+    density: float
+    tools: int
+
+    def board(self, seed: int) -> BoardGenerator:
+        """Return the board of a seed."""
+        name = f"board-{self.parts}-parts-{100 * self.density:.0f}-of-100-{self.tools}-tools-{seed}"
+        return BoardGenerator(self.parts, self.density, self.tools, seed, name)
+
+
+@dataclass(frozen=True)
+class Showing:
+    """What a solver made of the boards of a size, one for every seed.
+
+    Parameters
+    ----------
+    answers
+        At least one.
+    """
+
+    answers: tuple[Answer, ...]
+
+    @property
+    def taken_s(self) -> float | None:
+        """Median time to proof [s]; None unless most of the boards were proved."""
+        proved_s = sorted(found.taken_s for found in self.answers if found.status == "optimal")
+        middle = (len(self.answers) + 1) // 2
+        return proved_s[middle - 1] if len(proved_s) >= middle else None
+
+    @property
+    def gap(self) -> float | None:
+        """Median gap, a proof's 0; None where most of the boards have no plan or no bound."""
+        gaps = [relative_gap(found.cost, found.bound) for found in self.answers]
+        worst = sorted(2.0 if gap is None else gap for gap in gaps)
+        median = statistics.median_low(worst)
+        return None if median > 1 else median
+
+    @property
+    def proofs(self) -> int:
+        """How many boards were proved."""
+        return sum(found.status == "optimal" for found in self.answers)
+
+    def cell(self) -> str:
+        """Return the time to proof, or the gap, or a dash; of several boards the medians."""
+        if self.taken_s is not None:
+            text = f"{_short(self.taken_s)} s"
+        else:
+            text = "-" if self.gap is None else f"{_short(100 * self.gap)} %"
+        several = len(self.answers) > 1
+        return f"{text} ({self.proofs}/{len(self.answers)})" if several else text
+
+    def faults(self) -> Iterator[str]:
+        """Yield what no solver should come to."""
+        for found in self.answers:
+            if found.status not in ("optimal", "solved", "unsolved"):
+                yield f"{found.status}: {found.reason}"
+
+
+def _short(value: float) -> str:
+    """Return a figure with two digits, or all those before the point; or that it is next to 0."""
+    if value < 0.001:
+        return "<0.001"
+    return f"{value:.0f}" if value >= 9.95 else f"{value:.2g}"
+
+
+def contradictions(boards: Sequence[tuple[str, Answer]]) -> Iterator[str]:
+    """Yield which solver's bound is above which other's cost, on one board."""
+    for (one, low), (other, high) in itertools.permutations(boards, 2):
+        if low.bound is not None and high.cost is not None and low.bound > high.cost * (1 + 1e-9):
+            yield f"{one}'s bound {low.bound:.9g} is above {other}'s cost {high.cost:.9g}"
+
+
+def table(
+    found: dict[Size, dict[str, Showing]], solvers: Sequence[str], title: str, seeds: int
+) -> tuple[Table, bool]:
+    """Return a row for every size, and whether nothing contradicts itself."""
+    rows, notes = [], []
+    for size, showings in found.items():
+        cells = [showings[solver].cell() if solver in showings else "" for solver in solvers]
+        rows.append([str(size.parts), f"{size.density:g}", str(size.tools), *cells])
+        where = f"FAULT {size.parts} parts, density {size.density:g}, tools {size.tools}"
+        for solver, showing in showings.items():
+            notes += [f"{where}: {solver} {fault}" for fault in showing.faults()]
+        for seed in range(seeds):
+            board = [(name, showing.answers[seed]) for name, showing in showings.items()]
+            notes += [f"{where}: {fault}" for fault in contradictions(board)]
+    columns = [Column(name, right=True) for name in ("parts", "density", "tools", *solvers)]
+    words = "seconds are to proof; a percentage is the gap at the limit; - means no plan"
+    if seeds > 1:
+        words += f"; medians over {seeds} boards, and how many were proved"
+    return Table(title, columns, rows, [words, *notes]), not notes
+
+
+def arguments() -> argparse.Namespace:
+    """Return what the command line says."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    add = parser.add_argument
+    add("--parts", default=",".join(map(str, PARTS)), help="after commas")
+    add("--densities", default=",".join(map(str, DENSITIES)), help="after commas")
+    add("--tools", default=",".join(map(str, TOOLS)), help="after commas")
+    add("--solvers", default=" ".join(SOLVERS), help="after blanks, each NAME[:KEY=VALUE,...]")
+    add("--seeds", type=int, default=1, help="so many boards of each size")
+    add("--seconds", type=float, default=10.0, help="time limit of each [s]")
+    add("--by-cpu", action="store_true", help="count the seconds that a process computes")
+    add("--core", type=int, default=last_core(), help="which all processes run on")
+    add("--out", help="file of JSON lines; what it holds already is not measured again")
+    add("--plot", help="draw what --out holds to this PNG or SVG, and measure nothing")
+    add("--format", choices=("table", "md", "csv"), default="table")
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Print a row for every size of boards, and draw them if asked to."""
+    args = arguments()
+    if args.plot and not args.out:
+        print("--plot draws what --out FILE holds: name it.", file=sys.stderr)
+        return 2
+    if args.plot and Path(args.plot).suffix not in (".png", ".svg"):
+        print(f"--plot {args.plot}: a picture is a .png or a .svg.", file=sys.stderr)
+        return 2
+    asked = args.solvers.split()
+    solvers = [name for name in asked if name.partition(":")[0] in registry.names("solver")]
+    for name in sorted(set(asked) - set(solvers)):
+        print(f"{name} is left out: no such solver is installed.", file=sys.stderr)
+    sizes = [
+        Size(int(parts), float(density), int(tools))
+        for density in args.densities.split(",")
+        for tools in args.tools.split(",")
+        for parts in args.parts.split(",")
+    ]
+    records = RecordFile(args.out)
+    found: dict[Size, dict[str, Showing]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for size in sizes:
+            boards = [size.board(seed) for seed in range(1, args.seeds + 1)]
+            for solver in solvers:
+                answers = []
+                for board in boards:
+                    path = Path(folder) / f"{board.task_name}.yaml"
+                    path.write_text(board.text(), "utf-8")
+                    question = Question(str(path), solver, args.seconds, args.by_cpu, 0, args.core)
+                    if args.plot:
+                        answer = records.known(board.task_name, question)
+                    else:
+                        answer = records.answer(board.task_name, question)
+                    if answer is not None:
+                        answers.append(answer)
+                if len(answers) == len(boards):
+                    found.setdefault(size, {})[solver] = showing = Showing(tuple(answers))
+                    if not args.plot:
+                        line = (size.parts, size.density, size.tools, solver, showing.cell())
+                        print(*line, file=sys.stderr, flush=True)
+    if not found:
+        print(f"{args.out} holds nothing of this.", file=sys.stderr)
+        return 2
+    clock = "CPU seconds" if args.by_cpu else "seconds"
+    title = f"boards from the generator, {args.seconds:g} {clock} on one core"
+    shown, sound = table(found, solvers, title, args.seeds)
+    print(render([shown], args.format, sys.stdout), end="")
+    if args.plot:
+        from scaling_figure import save
+
+        save(found, solvers, args.seconds, args.seeds, args.by_cpu, Path(args.plot))
+    return int(not sound)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,202 @@
+"""The order of jobs by constraint programming: OR-Tools' CP-SAT.
+
+Perron, Didier and Gay, "The CP-SAT-LP solver", CP 2023: lazy clause generation, with linear
+relaxations and large neighbourhood search. A peer of the solvers that skillplan brings along,
+which shares nothing with them but the sequencing problem.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import Field
+
+from skillplan.errors import NotASequencing, SearchStopped
+from skillplan.model.precedence_chart import derive_chart
+from skillplan.model.sequencing import SequencingProblem
+from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.solution import Plan, Solution
+from skillplan.solvers.solver import Solver
+from skillplan.task import back_end
+from skillplan_ortools.order_circuit import OrderCircuit
+from skillplan_ortools.watched_search import SearchOutcome, WatchedSearch
+from skillplan_ortools.whole_costs import WholeCosts
+
+_METHOD = "constraint programming (CP-SAT)"
+# Larger tasks are not asked what stands against every order.
+_MOST_CHARTED = 64
+# Cost and bound of a proof may differ by so much, as a fraction of the cost or of 1.
+_PROOF_TOLERANCE = 1e-9
+
+
+class CpSatSolver(Solver):
+    """Prove the cheapest order of jobs by constraint programming (OR-Tools' CP-SAT); anytime."""
+
+    name = "cp-sat"
+
+    class Options(back_end.Options):
+        """How it searches."""
+
+        workers: int | None = Field(
+            default=None,
+            ge=1,
+            le=256,
+            description="threads; with one, the same seed gives the same plan; by default as many "
+            "as jobs are allowed [-]",
+        )
+        interleave: bool = Field(
+            default=True,
+            description="have one worker take the strategies of many in turn: tighter bounds, "
+            "often dearer plans [-]",
+        )
+        start: bool = Field(
+            default=True,
+            description="begin with an order that always goes on to the cheapest next job [-]",
+        )
+
+    options: Options
+    _known: tuple[SkillModel, SequencingProblem | NotASequencing] | None = None
+
+    def refuses(self, model: SkillModel) -> str | None:
+        """Return why not, where the model is no sequencing problem.
+
+        One that has no order at all is served: what stands against every order is its answer.
+        """
+        try:
+            found = self._recognised(model)
+            if isinstance(found, SequencingProblem) or self._obstacle(model) is not None:
+                return None
+        except SearchStopped:
+            # The search ends for the same reason, and is asked for what it has.
+            return None
+        instead = "exact" if model.task.deterministic else "value-iteration"
+        return f"cp-sat puts jobs into an order, and {found} Take {instead}."
+
+    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
+        """Search for the cheapest order; whatever is found and proved on the way is told at once.
+
+        Raises
+        ------
+        NotASequencing
+            If the model is no sequencing problem, which `refuses` says before.
+        """
+        found = self._recognised(model)
+        if isinstance(found, SequencingProblem):
+            return _OrderSearch(self, found, seed).solution()
+        obstacle = self._obstacle(model)
+        if obstacle is None:
+            raise found
+        return Solution(trace={"reason": obstacle, "ended": "no order"})
+
+    def _recognised(self, model: SkillModel) -> SequencingProblem | NotASequencing:
+        """Return the sequencing problem of a model, or why it is none; worked out once."""
+        if self._known is None or self._known[0] is not model:
+            found: SequencingProblem | NotASequencing
+            try:
+                found = SequencingProblem.from_model(model)
+            except NotASequencing as error:
+                found = error
+            self._known = model, found
+        return self._known[1]
+
+    def _obstacle(self, model: SkillModel) -> str | None:
+        """Return what stands against every order of a small task, in words, if anything does."""
+        task = model.task
+        if not task.deterministic or len(task.operations) > _MOST_CHARTED:
+            return None
+        return derive_chart(model.feasibility).obstacle()
+
+
+class _OrderSearch:
+    """One search: the problem, and the best of it so far."""
+
+    def __init__(self, solver: CpSatSolver, problem: SequencingProblem, seed: int) -> None:
+        self._problem = problem
+        self._network = WholeCosts(problem)
+        self._stop = solver.stop
+        self._start = solver.options.start
+        self._workers = solver.options.workers or solver.jobs
+        self._interleave = solver.options.interleave
+        self._seed = seed % (1 << 31)
+        self._order: tuple[int, ...] | None = None
+        self._plan: Plan | None = None
+        self._bound: float | None = None
+        self._branches = 0
+        self._conflicts = 0
+
+    def solution(self) -> Solution:
+        """Search without regard to the step limit first; that is a relaxation.
+
+        Only where the cheapest order takes too many skills, the limit becomes a constraint. What
+        it proves then holds for the cheapest ways between jobs only, so that the bound stays.
+        """
+        if not self._network.n:
+            return Solution(Plan((), 0.0), 0.0, proved=True, trace=self._trace("proof"))
+        self._begin()
+        outcome = self._search(None)
+        complete = outcome.complete
+        if complete and outcome.order is not None and not self._problem.fits(outcome.order):
+            outcome = self._search(self._problem.step_limit)
+        plan, bound = self._plan, self._bound
+        proved = (
+            complete
+            and plan is not None
+            and plan.cost is not None
+            and bound is not None
+            and plan.cost - bound <= _PROOF_TOLERANCE * max(1.0, abs(plan.cost))
+        )
+        trace = self._trace("proof" if proved else self._stop.reason or "without a proof")
+        if outcome.impossible:
+            within = f" whose plan has {self._problem.step_limit} skills at most"
+            trace["reason"] = f"there is no order of the jobs{within if complete else ''}"
+        return Solution(plan, bound, proved=proved, trace=trace)
+
+    def _begin(self) -> None:
+        """Take the cheaper of the plan that is there already and the nearest next job."""
+        if self._stop.best is not None:
+            self._take(self._problem.order(self._stop.best.skills))
+        if self._start:
+            self._take(self._network.nearest_order())
+
+    def _search(self, most_skills: int | None) -> SearchOutcome:
+        circuit = OrderCircuit(self._network, most_skills)
+        if self._order is not None:
+            circuit.suggest(self._order)
+        search = WatchedSearch(
+            circuit, workers=self._workers, seed=self._seed, interleave=self._interleave
+        )
+        relaxed = most_skills is None
+        outcome = search.run(self._stop, self._take, self._prove if relaxed else _ignore)
+        self._branches += outcome.branches
+        self._conflicts += outcome.conflicts
+        return outcome
+
+    def _take(self, order: tuple[int, ...] | None) -> None:
+        """Keep an order if its plan is the cheapest so far and not too long."""
+        if order is None or not self._network.allows(order) or not self._problem.fits(order):
+            return
+        cost = self._problem.cost(order)
+        if self._plan is None or self._plan.cost is None or cost < self._plan.cost:
+            self._order = order
+            self._plan = Plan(self._problem.plan(order), cost)
+            self._stop.incumbent(self._plan)
+
+    def _prove(self, bound: float) -> None:
+        """Take note of a bound on the whole cost."""
+        self._bound = max(0.0, self._network.in_problem_units(bound))
+        self._stop.bound(self._bound)
+
+    def _trace(self, ended: str) -> dict[str, Any]:
+        return {
+            "bound_method": _METHOD,
+            "expanded": self._branches,
+            "conflicts": self._conflicts,
+            "jobs": self._network.n,
+            "arcs": len(self._network.arcs),
+            "workers": self._workers,
+            "ended": ended,
+        }
+
+
+def _ignore(bound: float) -> None:
+    """Drop a bound that holds under a constraint that the task does not have."""

@@ -1,0 +1,139 @@
+"""A sequencing problem in whole numbers: what constraint programming can work on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.model.sequencing import SequencingProblem
+
+# Bounds come as floats, which hold whole numbers up to here without rounding.
+_MOST_BITS = 52
+# A proof holds to this, as a fraction of the cost or of 1; rounding may take a tenth of it.
+_TOLERANCE = 1e-9
+# The way from the initial state is an arc from here.
+START = -1
+
+
+@dataclass(frozen=True)
+class WholeCosts:
+    """The arcs that orders of n jobs may take, and what they cost in whole units.
+
+    Every cost is rounded down, so that what bounds the whole cost of an order from below also
+    bounds its cost.
+
+    Parameters
+    ----------
+    problem
+        Jobs, costs and precedence.
+
+    Attributes
+    ----------
+    before
+        Whether job i must come before job j, shape (n, n), closed by transitivity.
+    arcs
+        The whole cost of every arc, by its ends; `START` stands before all jobs.
+    exponent
+        The unit is ``2 ** -exponent`` of the problem's: 0 where costs are whole already.
+    """
+
+    problem: SequencingProblem
+    before: NDArray[np.bool_] = field(init=False)
+    arcs: dict[tuple[int, int], int] = field(init=False)
+    exponent: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        before = np.zeros((self.n, self.n), dtype=np.bool_)
+        for i, j in self.problem.precedence:
+            before[i, j] = True
+        for via in range(self.n):
+            before |= np.outer(before[:, via], before[via])
+        object.__setattr__(self, "before", before)
+        costs = self._possible()
+        exponent = _exponent(costs.values(), self.n)
+        object.__setattr__(self, "exponent", exponent)
+        arcs = {arc: math.floor(math.ldexp(cost, exponent)) for arc, cost in costs.items()}
+        object.__setattr__(self, "arcs", arcs)
+
+    @property
+    def n(self) -> int:
+        """Number of jobs."""
+        return len(self.problem.jobs)
+
+    def in_problem_units(self, bound: float) -> float:
+        """Return a bound on the whole cost of orders as one on their cost."""
+        return math.ldexp(bound, -self.exponent)
+
+    def ranks(self, job: int) -> tuple[int, int]:
+        """Return the first and the last place of an order that a job can have, from 0."""
+        return int(self.before[:, job].sum()), self.n - 1 - int(self.before[job].sum())
+
+    def neighbours(self) -> list[tuple[int, int]]:
+        """Return the pairs of the precedence relation that do not follow from others."""
+        direct = self.before & ~_between(self.before)
+        return [(int(i), int(j)) for i, j in np.argwhere(direct)]
+
+    def nearest_order(self) -> tuple[int, ...] | None:
+        """Return an order that always goes on to the cheapest job that may come next.
+
+        None where that ends at a job from which nothing leads on.
+        """
+        order: list[int] = []
+        waits_for = self.before.sum(axis=0)
+        left = set(range(self.n))
+        while left:
+            here = order[-1] if order else START
+            ways = [
+                (self.arcs[here, j], j) for j in left if not waits_for[j] and (here, j) in self.arcs
+            ]
+            if not ways:
+                return None
+            _, job = min(ways)
+            order.append(job)
+            left.remove(job)
+            waits_for = waits_for - self.before[job]
+        return tuple(order)
+
+    def allows(self, order: Sequence[int]) -> bool:
+        """Whether an order holds every job once, breaks no precedence and takes known arcs."""
+        if sorted(order) != list(range(self.n)):
+            return False
+        place = {job: position for position, job in enumerate(order)}
+        ahead = all(place[i] < place[j] for i, j in self.problem.precedence)
+        return ahead and all(arc in self.arcs for arc in zip((START, *order), order, strict=False))
+
+    def _possible(self) -> dict[tuple[int, int], float]:
+        """Return the cost of every arc that some order may take."""
+        between = _between(self.before)
+        first = {
+            (START, j): float(self.problem.first[j])
+            for j in range(self.n)
+            if not self.before[:, j].any()
+        }
+        later = {
+            (i, j): float(self.problem.costs[i, j])
+            for i in range(self.n)
+            for j in range(self.n)
+            if i != j and not self.before[j, i] and not (self.before[i, j] and between[i, j])
+        }
+        return {arc: cost for arc, cost in (first | later).items() if math.isfinite(cost)}
+
+
+def _between(before: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return for which pairs a third job has to come after the one and before the other."""
+    count = before.astype(np.float32)
+    between: NDArray[np.bool_] = count @ count > 0.5
+    return between
+
+
+def _exponent(costs: Collection[float], n: int) -> int:
+    """Return which unit serves a proof without making sums too large to be exact."""
+    most = math.ceil(max(costs, default=0.0)) * max(1, n)
+    finest = _MOST_BITS - most.bit_length()
+    if all(cost.is_integer() for cost in costs):
+        return min(0, finest)
+    return min(math.ceil(math.log2(n / (0.1 * _TOLERANCE))), finest)

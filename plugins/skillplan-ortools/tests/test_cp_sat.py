@@ -1,0 +1,233 @@
+"""The solver cp-sat: what it proves, what it refuses, and how it stops."""
+
+import os
+import random
+import signal
+import threading
+import time
+from dataclasses import replace
+
+import pytest
+from hypothesis import event, given, settings
+from hypothesis import strategies as st
+
+from sequencing_problems import SOP
+from situations import assembly, retry_task, small_assemblies
+from skillplan import Plan, Status, load_problem, make_model, solve
+from skillplan.cli.interruption import heeding
+from skillplan.setup import Setup
+from skillplan.solvers.resident_memory import resident_bytes
+from skillplan.solvers.stop import Stop
+from skillplan.testing import SolverSuite, lid_task, shut_box_task
+from skillplan_ortools.cp_sat import CpSatSolver
+
+CONFIGS = SOP.parents[2] / "configs"
+
+
+def instance(name):
+    return load_problem(SOP / f"{name}.sop").task
+
+
+class TestCpSatSolver(SolverSuite):
+    solver = "cp-sat"
+
+
+@pytest.mark.parametrize("collision", [("precedence",), ("aabb",)])
+@pytest.mark.parametrize(
+    "config", ["inverter_board", "motor_drive", "relay_rail", "battery_module"]
+)
+def test_it_proves_what_exact_search_proves(config, collision):
+    """Two methods that share nothing but the model."""
+    task = load_problem(CONFIGS / f"{config}.yaml").task
+    setup = Setup(collision=collision)
+    result, exact = solve(task, "cp-sat", setup), solve(task, "exact", setup)
+    assert result.status == exact.status == Status.OPTIMAL, result.reason
+    assert result.cost == pytest.approx(exact.cost, abs=1e-9)
+    assert result.lower_bound == pytest.approx(exact.cost, abs=1e-9)
+
+
+@pytest.mark.parametrize(("name", "optimum"), [("ESC07", 2125), ("ESC12", 1675), ("br17.10", 55)])
+def test_it_proves_the_benchmark(name, optimum):
+    """The optima that the field has published."""
+    result = solve(instance(name), "cp-sat")
+    assert result.status is Status.OPTIMAL, result.reason
+    assert result.cost == result.lower_bound == optimum
+    assert "CP-SAT" in result.trace["bound_method"]
+    assert result.trace["ended"] == "proof"
+
+
+@settings(max_examples=60)
+@given(content=small_assemblies(), spare=st.integers(0, 3))
+def test_it_never_says_more_than_exact_search(content, spare):
+    """Also where the step limit binds, and an order that is cheapest takes too many skills."""
+    task = assembly(content)
+    least = 2 * len(content["parts"]) + len(content["screws"])
+    task = task.replace(step_limit=least + spare)
+    result, exact = solve(task, "cp-sat"), solve(task, "exact")
+    event(f"{result.status.value} where exact search says {exact.status.value}")
+    if result.status is Status.REFUSED:
+        return
+    if exact.status is Status.INFEASIBLE:
+        assert result.status is Status.UNSOLVED
+        return
+    assert exact.status is Status.OPTIMAL
+    if result.lower_bound is not None:
+        assert result.lower_bound <= exact.cost + 1e-9
+    if result.cost is not None:
+        assert result.cost >= exact.cost - 1e-9
+    if result.status is Status.OPTIMAL:
+        assert result.cost == pytest.approx(exact.cost, abs=1e-9)
+
+
+@settings(max_examples=60)
+@given(content=small_assemblies())
+def test_without_a_step_limit_that_binds_it_proves_or_refuses(content):
+    """It leaves nothing open that exact search solves."""
+    task = assembly(content).replace(step_limit=100)
+    result, exact = solve(task, "cp-sat"), solve(task, "exact")
+    event(result.status.value)
+    if result.status is not Status.REFUSED and exact.status is Status.OPTIMAL:
+        assert result.status is Status.OPTIMAL, result.reason
+        assert result.cost == pytest.approx(exact.cost, abs=1e-9)
+
+
+def test_chance_is_refused_in_words():
+    """And a solver is named that serves it."""
+    result = solve(retry_task(0.5), "cp-sat")
+    assert result.status is Status.REFUSED
+    assert "several outcomes" in result.reason
+    assert "value-iteration" in result.reason
+
+
+def test_what_is_no_sequencing_problem_is_refused_in_words():
+    """The task is named, and what stands against it."""
+    problem = load_problem(CONFIGS / "swarmitfix_polygonal.yaml")
+    model = make_model(problem.part("base-1"))
+    refusal = CpSatSolver().refuses(model)
+    assert "is not a sequencing problem" in refusal
+    assert refusal.endswith("Take exact.")
+
+
+def test_the_structure_is_recognised_once(monkeypatch):
+    """Asking physics twice would be dear."""
+    from skillplan.model.sequencing import SequencingProblem
+
+    asked = []
+    recognise = SequencingProblem.from_model.__func__
+
+    def counting(cls, model):
+        asked.append(model)
+        return recognise(cls, model)
+
+    monkeypatch.setattr(SequencingProblem, "from_model", classmethod(counting))
+    assert solve(lid_task(), "cp-sat").status is Status.OPTIMAL
+    assert len(asked) == 1
+
+
+def test_what_stands_against_every_order_is_named():
+    """A circle of orders is an answer, no proof."""
+    result = solve(shut_box_task(), "cp-sat", Setup(collision=("precedence", "aabb")))
+    assert result.status is Status.UNSOLVED
+    assert "before" in result.reason
+
+
+def test_a_task_with_nothing_to_do_is_solved_by_doing_nothing():
+    """The plan without skills costs nothing and is proved."""
+    task = lid_task()
+    done = task.replace(goal=replace(task.goal, requires=task.facts.none))
+    result = solve(done, "cp-sat")
+    assert result.status is Status.OPTIMAL, result.reason
+    assert result.steps == ()
+
+
+@pytest.mark.parametrize("name", ["ry48p.4", "rbg253a", "kro124p.1"])
+def test_a_search_that_runs_out_of_time_has_a_plan_and_a_bound_and_no_proof(name):
+    """On instances large and small it ends within a fraction of a second."""
+    task, stop = instance(name), Stop(time_limit_s=1.5)
+    begin_s = time.monotonic()
+    result = solve(task, "cp-sat", stop=stop)
+    assert time.monotonic() - begin_s < 3.5
+    assert result.status is Status.SOLVED, result.reason
+    assert result.reason == "time limit"
+    assert result.trace["ended"] == "time limit"
+    assert (result.lower_bound or 0) < result.cost
+
+
+def test_ctrl_c_ends_the_search_at_once():
+    """The signal is heeded while CP-SAT searches, not when it is done."""
+    stop = Stop()
+    task = instance("ry48p.4")
+    told_s = []
+
+    def interrupt():
+        told_s.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    timer = threading.Timer(1.0, interrupt)
+    with heeding(stop.interrupt):
+        timer.start()
+        solution = CpSatSolver(stop=stop).solve(make_model(task))
+        ended_s = time.monotonic()
+    timer.join()
+    assert ended_s - told_s[0] < 1
+    assert stop.interrupted
+    assert solution.plan is not None
+    assert not solution.proved
+
+
+def test_it_stops_once_the_gap_is_small_enough():
+    """Half the cost is enough here, and no proof."""
+    stop = Stop(gap=0.5, time_limit_s=60)
+    result = solve(instance("ry48p.4"), "cp-sat", stop=stop)
+    assert result.status is Status.SOLVED
+    assert result.reason == "gap reached"
+    assert (result.cost - result.lower_bound) / result.cost <= 0.5
+
+
+def test_it_stops_before_memory_runs_out():
+    """With a tenth of the limit left it ends with what it has."""
+    stop = Stop(memory_limit_bytes=int(resident_bytes() * 1.05), time_limit_s=60)
+    result = solve(instance("ry48p.4"), "cp-sat", stop=stop)
+    assert result.status is Status.SOLVED
+    assert result.reason == "memory limit"
+
+
+def test_it_begins_with_the_plan_that_it_was_given():
+    """A search without time to find another returns that one."""
+    task = instance("ESC12")
+    best = solve(task, "cp-sat")
+    stop = Stop()
+    stop.incumbent(Plan(tuple(step.skill for step in best.steps), best.cost))
+    stop.interrupt()
+    solution = CpSatSolver(CpSatSolver.Options(start=False), stop).solve(make_model(task))
+    assert solution.plan.cost == best.cost
+    assert not solution.proved
+
+
+def test_with_one_worker_the_same_seed_searches_in_the_same_way():
+    """To the last branch."""
+    first, second = (solve(instance("ESC12"), "cp-sat", seed=5) for _ in range(2))
+    assert first.trace == second.trace
+    assert first.steps == second.steps
+
+
+def test_several_workers_prove_the_same():
+    """Whatever order they find it in."""
+    setup = Setup(options={"cp-sat": {"workers": 2}})
+    result = solve(instance("ESC12"), "cp-sat", setup)
+    assert result.status is Status.OPTIMAL
+    assert result.cost == 1675
+    assert result.trace["workers"] == 2
+
+
+def test_as_many_workers_search_as_jobs_are_allowed():
+    """Unless an option says otherwise."""
+    solver = CpSatSolver()
+    solver.jobs = 2
+    assert solver.solve(make_model(instance("ESC07"))).trace["workers"] == 2
+
+
+def test_a_seed_of_any_size_is_taken():
+    """CP-SAT's own are of 31 bits."""
+    seed = random.Random(1).getrandbits(63)
+    assert solve(instance("ESC07"), "cp-sat", seed=seed).status is Status.OPTIMAL

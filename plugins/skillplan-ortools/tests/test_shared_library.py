@@ -1,0 +1,22 @@
+"""OR-Tools and highspy both bring HiGHS, and are to live in one process."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+INSTANCE = Path(__file__).parents[3] / "configs" / "ESC12.sop"
+
+
+@pytest.mark.parametrize("solvers", ["cp-sat,branch-and-cut", "branch-and-cut,cp-sat"])
+def test_a_comparison_may_hold_both_in_any_order(solvers: str) -> None:
+    """In a process of its own, as what is loaded first stays."""
+    words = ["compare", str(INSTANCE), "--solvers", solvers, "--format", "csv"]
+    done = subprocess.run(
+        [sys.executable, "-m", "skillplan", *words], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.count(",optimal,1675,") == 2

@@ -1,0 +1,117 @@
+"""The choice of a solver: what suits a model is tried, and the choice is said in words.
+
+Nothing heavy is imported before a search of the model itself has failed to prove its optimum
+quickly, so that small boards are solved at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from skillplan.errors import NotASequencing
+from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.exact import ExactSolver
+from skillplan.solvers.solution import Plan, Solution
+from skillplan.solvers.solver import Solver
+from skillplan.solvers.stop import Stop
+from skillplan.task import back_end
+
+# Up to here a search of the model itself is tried first, and so many arrows are looked at.
+_SMALL = 24
+_LABELS = 6_000
+
+
+class AutoSolver(Solver):
+    """Choose: exact for what is small, the portfolio for jobs in an order, else exact again."""
+
+    name = "auto"
+
+    class Options(back_end.Options):
+        """None: name a solver to set its options."""
+
+    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
+        """Solve with what suits the model; the trace says under ``choice`` what and why."""
+        if not model.task.deterministic:
+            from skillplan.solvers.value_iteration import ValueIterationSolver
+
+            chosen: Solver = ValueIterationSolver(stop=self.stop)
+            refusal = chosen.refuses(model)
+            if refusal is not None:
+                return Solution(trace={"reason": refusal, "choice": "none fits"})
+            return self._by(chosen, model, seed, "value-iteration, as skills may fail by chance")
+        small = len(model.task.operations) <= _SMALL
+        if small:
+            solution = self._try_exact(model, seed)
+            if solution.proved or self.stop():
+                return _because(solution, "exact, as it is small")
+        else:
+            solution = Solution()
+        from skillplan.solvers.sequencing_solver import PortfolioSolver
+
+        portfolio = PortfolioSolver(stop=self.stop)
+        portfolio.jobs = self.jobs
+        try:
+            portfolio.problem(model)
+        except NotASequencing as error:
+            return self._by(ExactSolver(stop=self.stop), model, seed, f"exact, as {error}")
+        after = f"no proof by exact within {_LABELS:,} arrows" if small else "many jobs"
+        found = portfolio.solve(model, seed=seed)
+        found = _with_bound(found, solution)
+        found = _because(found, f"portfolio, as it puts jobs into an order; {after}")
+        if found.plan is None and not found.proved and not self.stop():
+            # Every order met has too many skills: only the model itself knows of the limit.
+            return self._by(
+                ExactSolver(stop=self.stop), model, seed, "exact, as the step limit binds"
+            )
+        return found
+
+    def _try_exact(self, model: SkillModel, seed: int) -> Solution:
+        """Search the model itself for a while; what it finds and proves counts in any case."""
+        trial = Trial(self.stop)
+        options = ExactSolver.Options(max_labels=_LABELS)
+        return ExactSolver(options, trial).solve(model, seed=seed)
+
+    def _by(self, solver: Solver, model: SkillModel, seed: int, why: str) -> Solution:
+        solver.jobs = self.jobs
+        return _because(solver.solve(model, seed=seed), why)
+
+
+class Trial(Stop):
+    """The stop of a search on the side: what it finds is told on, its own limits are not.
+
+    Parameters
+    ----------
+    whole
+        The stop of the whole search.
+    """
+
+    def __init__(self, whole: Stop) -> None:
+        super().__init__(memory_limit_bytes=whole.memory_limit_bytes)
+        self._whole = whole
+        self.best = whole.best
+
+    def __call__(self) -> bool:
+        """Whether the trial has ended, or the whole search is to stop."""
+        return super().__call__() or self._whole()
+
+    def incumbent(self, plan: Plan) -> None:
+        """Keep a plan, and tell it on."""
+        super().incumbent(plan)
+        self._whole.incumbent(plan)
+
+    def bound(self, lower_bound: float, nodes: int | None = None) -> None:
+        """Keep a bound, and tell it on."""
+        super().bound(lower_bound, nodes)
+        self._whole.bound(lower_bound, nodes)
+
+
+def _with_bound(found: Solution, trial: Solution) -> Solution:
+    """Return a solution with the better of its own bound and that of a trial before."""
+    if trial.lower_bound is None or trial.lower_bound <= (found.lower_bound or 0.0):
+        return found
+    method = {"bound_method": trial.trace["bound_method"]}
+    return replace(found, lower_bound=trial.lower_bound, trace={**found.trace, **method})
+
+
+def _because(solution: Solution, why: str) -> Solution:
+    return replace(solution, trace={**solution.trace, "choice": why})

@@ -1,0 +1,1 @@
+"""Jobs into an order at the least cost: the sequential ordering problem, compiled."""

@@ -1,0 +1,83 @@
+"""A sequencing problem as an ordering of nodes, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from skillplan.model.sequencing import SequencingProblem
+from skillplan.solvers.ordering.ordering_instance import Integers, OrderingInstance
+
+
+@dataclass(frozen=True)
+class JobOrders:
+    """Orders of jobs as orders of nodes: node 0 is the initial state, node j + 1 is job j.
+
+    Where no job comes after all others, one more node that costs nothing does.
+
+    Parameters
+    ----------
+    problem
+        Jobs, costs and precedence; at least one job.
+
+    Attributes
+    ----------
+    instance
+        The ordering of the nodes.
+
+    Raises
+    ------
+    ValueError
+        If there is no job, a cost is too large, or the precedence has a circle.
+    """
+
+    problem: SequencingProblem
+    instance: OrderingInstance = field(init=False)
+    _nodes: Integers = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        problem = self.problem
+        jobs = len(problem.jobs)
+        before = np.zeros((jobs, jobs), dtype=np.bool_)
+        if problem.precedence:
+            pairs = np.array(sorted(problem.precedence))
+            before[pairs[:, 0], pairs[:, 1]] = True
+        last = _last(before)
+        nodes = np.array([job for job in range(jobs) if job != last], dtype=np.int64)
+        if last is not None:
+            nodes = np.append(nodes, last)
+        inner = len(nodes)
+        n = inner + 1 + (last is None)
+        costs = np.full((n, n), np.inf)
+        costs[0, 1 : inner + 1] = problem.first[nodes]
+        costs[1 : inner + 1, 1 : inner + 1] = problem.costs[np.ix_(nodes, nodes)]
+        if last is None:
+            costs[1 : inner + 1, n - 1] = 0.0
+        relation = np.zeros((n, n), dtype=np.bool_)
+        relation[1 : inner + 1, 1 : inner + 1] = before[np.ix_(nodes, nodes)]
+        object.__setattr__(self, "_nodes", nodes)
+        object.__setattr__(self, "instance", OrderingInstance(costs, relation))
+
+    def jobs(self, order: Integers) -> tuple[int, ...]:
+        """Return the order of jobs that an order of nodes stands for."""
+        known = len(self._nodes)
+        return tuple(int(self._nodes[node - 1]) for node in order if 0 < node <= known)
+
+    def nodes(self, order: Sequence[int]) -> Integers:
+        """Return the order of nodes that stands for an order of all jobs."""
+        place = np.empty(len(self._nodes), dtype=np.int64)
+        place[self._nodes] = np.arange(1, len(self._nodes) + 1)
+        inner = place[np.asarray(order, dtype=np.int64)]
+        end = [self.instance.n - 1] if len(inner) + 2 == self.instance.n else []
+        return np.concatenate(([0], inner, end)).astype(np.int64)
+
+
+def _last(before: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> int | None:
+    """Return the job that comes after all others, if there is one."""
+    closed = before.copy()
+    for via in range(len(closed)):
+        closed[closed[:, via]] |= closed[via]
+    found = np.nonzero(closed.sum(axis=0) == len(closed) - 1)[0]
+    return int(found[0]) if len(found) else None

@@ -1,0 +1,140 @@
+"""The sequential ordering problem as arrays: what the compiled solvers work on.
+
+Escudero (1988): the cheapest path from the first node through all others to the last that
+respects a precedence relation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Integers = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+# Cost of an arc that no order takes, and the most that an arc may cost.
+NO_ARC = 1e15
+MOST = 2.0**40
+
+
+@dataclass(frozen=True)
+class OrderingInstance:
+    """Nodes 0 to n - 1 to be put into an order that begins with 0 and ends with n - 1.
+
+    Parameters
+    ----------
+    costs
+        Cost of going from node i to node j, shape (n, n), in [0, `MOST`]; inf where that cannot
+        be done. The diagonal is not looked at.
+    before
+        Whether node i must come before node j, shape (n, n); closed by transitivity here.
+
+    Attributes
+    ----------
+    costs
+        With `NO_ARC` wherever no order takes an arc.
+    before
+        The transitive closure, with node 0 before all and node n - 1 after all.
+    step, offset
+        Every order costs `offset` plus a multiple of `step`; the step is 0 where costs are not
+        whole numbers.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit, there are fewer than two nodes, a cost is out of range, or
+        the relation has a circle.
+    """
+
+    costs: Floats
+    before: Booleans
+    step: float = field(init=False)
+    offset: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        n = len(self.costs)
+        if n < 2 or self.costs.shape != (n, n) or self.before.shape != (n, n):
+            raise ValueError(f"An ordering of n = {n} nodes needs n >= 2 and (n, n) arrays.")
+        before = self.before.copy()
+        before[0, 1:] = before[:-1, n - 1] = True
+        before = _closure(before)
+        if before.diagonal().any():
+            raise ValueError("The precedence relation has a circle.")
+        arcs = _arcs(before) & (self.costs < np.inf)
+        used = self.costs[arcs]
+        if used.size and not (used.min() >= 0 and used.max() <= MOST):
+            raise ValueError(f"Costs must be in [0, {MOST:g}].")
+        costs = np.where(arcs, self.costs, NO_ARC)
+        object.__setattr__(self, "before", before)
+        object.__setattr__(self, "costs", np.ascontiguousarray(costs, dtype=np.float64))
+        step, offset = _lattice(self.costs)
+        object.__setattr__(self, "step", step)
+        object.__setattr__(self, "offset", offset)
+
+    @property
+    def n(self) -> int:
+        """Number of nodes."""
+        return len(self.costs)
+
+    def cost(self, order: Integers) -> float:
+        """Return the cost of an order of all nodes."""
+        return float(self.costs[order[:-1], order[1:]].sum())
+
+    def feasible(self, order: Integers) -> bool:
+        """Whether an order holds every node once, and none before what it comes after."""
+        if sorted(order.tolist()) != list(range(self.n)):
+            return False
+        ranked = self.before[np.ix_(order, order)]
+        return not np.tril(ranked).any() and self.cost(order) < NO_ARC
+
+    def rounded_up(self, bound: float) -> float:
+        """Return the least cost that an order can have which is not below a bound.
+
+        Bounds are computed with rounding errors, for which some tolerance is left.
+        """
+        if not self.step:
+            return bound
+        steps = np.ceil((bound - self.offset) / self.step - 1e-6)
+        return float(self.offset + max(0.0, steps) * self.step)
+
+    def cutoff(self, cost: float) -> float:
+        """Return the bound from which on no order is cheaper than one of this cost."""
+        if cost == np.inf:
+            return cost
+        if not self.step:
+            return cost - 1e-10 * max(1.0, abs(cost))
+        return cost - self.step * (1 - 1e-5)
+
+
+def _closure(before: Booleans) -> Booleans:
+    closed = before.copy()
+    for via in range(len(closed)):
+        closed[closed[:, via]] |= closed[via]
+    return closed
+
+
+def _arcs(before: Booleans) -> Booleans:
+    """Return which arcs an order may take: not backwards, and not past what comes between."""
+    count = before.astype(np.float32)
+    between = (count @ count) > 0.5
+    arcs: Booleans = ~before.T & ~(before & between)
+    arcs[:, 0] = arcs[-1, :] = False
+    np.fill_diagonal(arcs, False)
+    return arcs
+
+
+def _lattice(costs: Floats) -> tuple[float, float]:
+    """Return the step and the offset of what orders can cost."""
+    left = costs[:-1, 1:]
+    used = left < NO_ARC
+    if (left[used] != np.rint(left[used])).any():
+        return 0.0, 0.0
+    rows = np.where(used, left, MOST).min(axis=1)
+    left = left - rows[:, None]
+    columns = np.where(used, left, MOST).min(axis=0)
+    left = (left - columns)[used].astype(np.int64)
+    step = float(np.gcd.reduce(left)) if left.size else 0.0
+    return (step, float(rows.sum() + columns.sum())) if step else (1.0, 0.0)

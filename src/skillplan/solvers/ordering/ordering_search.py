@@ -1,0 +1,344 @@
+"""One search made of several methods, none of which is best everywhere.
+
+Local search for orders; a linear relaxation with cuts for a bound and for arcs that need not be
+looked at; then in turns, each time with more effort, dynamic programming over feasible subsets
+from both ends, a beam over the same subsets, and branch and cut. What one finds helps the others.
+All effort is counted, not timed, so that the same seed makes the same moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from skillplan.solvers.ordering.branch_and_cut import BranchAndCut
+from skillplan.solvers.ordering.cut_relaxation import CutRelaxation
+from skillplan.solvers.ordering.cut_rounds import tighten
+from skillplan.solvers.ordering.ordering_instance import NO_ARC, Integers, OrderingInstance
+from skillplan.solvers.ordering.reduced_costs import Duals
+from skillplan.solvers.ordering.ruin_and_recreate import improve
+from skillplan.solvers.ordering.subset_search import beam
+from skillplan.solvers.ordering.two_ended_search import TwoEndedSearch
+
+Method = Literal["local-search", "subset-dp", "tree-search", "branch-and-cut"]
+METHODS: tuple[Method, ...] = ("local-search", "subset-dp", "tree-search", "branch-and-cut")
+
+_NEAR = 40
+# Of the annealings in turn: the first heat as a share of the cost per node, and the share of
+# moves that shift a string as it is; and how far the heat falls.
+_ANNEALINGS = ((1.0, 0.5), (2.0, 0.9), (1.0, 0.9), (2.0, 0.3), (0.5, 0.6))
+_COOLS = 300.0
+# Work of branch and cut in the first round.
+_WORK = 25_000_000
+# Of one state of the dynamic program, the tables at their largest included [bytes].
+_STATE_BYTES = 110
+
+
+@dataclass
+class Effort:
+    """What the methods did, for the record.
+
+    Parameters
+    ----------
+    nodes
+        Ways, parts and orders looked at.
+    bound_method
+        In words, what proved the bound.
+    """
+
+    nodes: int = 0
+    bound_method: str = ""
+    states: int = 0
+    parts: int = 0
+    programs: int = 0
+    rounds: int = 0
+
+
+@dataclass(frozen=True)
+class News:
+    """What became known elsewhere.
+
+    Parameters
+    ----------
+    order
+        An order, or None where there is none that is new.
+    bound
+        No order costs less.
+    bound_method
+        In words, what proved that.
+    """
+
+    order: Integers | None = None
+    bound: float = 0.0
+    bound_method: str = ""
+
+
+class OrderingSearch:
+    """The search on one instance.
+
+    Parameters
+    ----------
+    instance
+        The ordering.
+    methods
+        Those that take part; the relaxation always does.
+    seed
+        Governs all randomness.
+    stop
+        Whether to stop now.
+    on_order, on_bound
+        Called with every better order and bound.
+    memory_bytes
+        Returns how much memory may still be taken, or None for no limit.
+    start
+        An order that is known already.
+    rounds
+        The most rounds; None for as many as it takes.
+    news
+        Returns what became known elsewhere since it was last asked, or None; asked as often as
+        `stop`.
+
+    Attributes
+    ----------
+    order, cost
+        The best order found, None and inf while there is none.
+    bound
+        No order costs less; inf where there is no order at all.
+    ended
+        Why the search gave up by itself; empty while it did not.
+    """
+
+    def __init__(
+        self,
+        instance: OrderingInstance,
+        methods: tuple[Method, ...] = METHODS,
+        *,
+        seed: int = 0,
+        stop: Callable[[], bool] = lambda: False,
+        on_order: Callable[[Integers, float], None] = lambda order, cost: None,
+        on_bound: Callable[[float, int], None] = lambda bound, nodes: None,
+        memory_bytes: Callable[[], int | None] = lambda: None,
+        start: Integers | None = None,
+        rounds: int | None = None,
+        news: Callable[[], News | None] = lambda: None,
+    ) -> None:
+        self.instance = instance
+        self.methods = methods
+        self.stop = stop
+        self.on_order, self.on_bound = on_order, on_bound
+        self.memory_bytes = memory_bytes
+        self.news = news
+        self.effort = Effort()
+        self.order: Integers | None = None
+        self.cost = np.inf
+        self.bound = 0.0
+        self._random = np.array([0x9E3779B97F4A7C15 ^ (seed * 2 + 1)], dtype=np.uint64)
+        both = np.minimum(instance.costs, instance.costs.T)
+        self._near = np.ascontiguousarray(
+            np.argsort(both, axis=1, kind="stable")[:, : min(_NEAR, instance.n - 1)]
+        )
+        used = instance.costs[instance.costs < NO_ARC]
+        self._typical = used.mean() if used.size else 1.0
+        self._anneals = 0
+        # How often in a row annealing has found nothing better.
+        self._barren = 0
+        self.rounds = rounds
+        self.ended = ""
+        self.duals: Duals | None = None
+        self._branched: BranchAndCut | None = None
+        if start is not None:
+            self._keep(start)
+
+    @property
+    def proved(self) -> bool:
+        """Whether no order is cheaper than the best, or there is none."""
+        return self.bound >= self.instance.cutoff(self.cost)
+
+    def run(self) -> None:
+        """Search until the best order is proved, or it was stopped."""
+        self._begin = self._greedy() if self.order is None else self.order
+        self._keep(self._begin)
+        if "local-search" in self.methods:
+            self._anneal(self._moves)
+        if self._over():
+            return
+        relaxation = CutRelaxation(self.instance, self.instance.costs < NO_ARC, self.order)
+        self._relax(relaxation)
+        while not self._over():
+            scale = 1 << self.effort.rounds
+            self.effort.rounds += 1
+            exhausted = True
+            if "local-search" in self.methods:
+                self._anneal((scale * 24_000_000 // self.instance.n) >> self._barren)
+                exhausted = False
+            if "tree-search" in self.methods and not self._over():
+                exhausted &= not self._beam(250 * (scale if len(self.methods) > 1 else scale**2))
+            if "subset-dp" in self.methods and not self._over():
+                exhausted &= not self._two_ended(1_000_000 * scale)
+            if "branch-and-cut" in self.methods and not self._over():
+                self._branched = self._branched or self._branching(relaxation)
+                self._branch(self._branched, _WORK * scale)
+                exhausted = False
+            if exhausted:
+                self.ended = "memory limit"
+                return
+            if self.effort.rounds == self.rounds:
+                self.ended = f"limit of {self.rounds} rounds"
+                return
+
+    @property
+    def _moves(self) -> int:
+        """How many moves the first annealing makes: some tenths of a second, less for few nodes."""
+        return min(8_000_000 // self.instance.n, 2_000 * self.instance.n)
+
+    def _over(self) -> bool:
+        """Whether to go no further; what became known elsewhere is taken over first."""
+        told = self.news()
+        if told is not None:
+            if told.order is not None:
+                self._keep(told.order)
+            if told.bound > self.bound:
+                self._raise(told.bound, told.bound_method)
+            if self._branched is not None:
+                self._branched.cost = min(self._branched.cost, self.cost)
+        return self.proved or self.stop()
+
+    def _keep(self, order: Integers) -> None:
+        cost = self.instance.cost(order)
+        if cost < self.cost and self.instance.feasible(order):
+            self.cost, self.order = cost, order.copy()
+            self.on_order(self.order, cost)
+
+    def _raise(self, bound: float, method: str) -> None:
+        """Take note of a bound on every order."""
+        if bound >= self.instance.cutoff(self.cost):
+            bound = self.cost
+        bound = min(self.cost, self.instance.rounded_up(bound))
+        if bound > self.bound:
+            self.bound = bound
+            self.effort.bound_method = method
+        self.on_bound(self.bound, self.effort.nodes)
+
+    def _greedy(self) -> Integers:
+        """Return an order that goes to the cheapest open node that leaves a way on."""
+        n = self.instance.n
+        costs, before = self.instance.costs, self.instance.before
+        lacking = before.sum(axis=0) - before[0]
+        order, done = [0], np.zeros(n, dtype=np.bool_)
+        done[0] = True
+        while len(order) < n:
+            free = np.nonzero(~done & (lacking == 0))[0]
+            chosen = int(free[np.argmin(costs[order[-1], free])])
+            done[chosen] = True
+            order.append(chosen)
+            lacking = lacking - before[chosen]
+        return np.array(order)
+
+    def _anneal(self, iterations: int) -> None:
+        """Improve the best order, hot at first; in portions, so that it can be stopped."""
+        # Where there are few orders, seconds of it would be a waste.
+        iterations = min(iterations, (100 << self.effort.rounds) * self.instance.n**3)
+        order = self._begin if self.order is None else self.order
+        share = min(self.cost, self.instance.n * float(self._typical)) / self.instance.n
+        share_of_cost, moves = _ANNEALINGS[self._anneals % len(_ANNEALINGS)]
+        heat = share_of_cost * max(1e-9, share)
+        self._anneals += 1
+        portions = 8
+        now, best = order.copy(), order.copy()
+        known = self.cost
+        self._barren += 1
+        for portion in range(portions):
+            hot = heat * _COOLS ** (-portion / portions)
+            improve(
+                now,
+                best,
+                self.instance.costs,
+                self.instance.before,
+                self._near,
+                iterations // portions,
+                hot,
+                hot * _COOLS ** (-1 / portions),
+                moves,
+                self._random,
+            )
+            self.effort.nodes += iterations // portions
+            self._keep(best)
+            if self.cost < known:
+                self._barren = 0
+            self.on_bound(self.bound, self.effort.nodes)
+            if self._over():
+                return
+
+    def _relax(self, relaxation: CutRelaxation) -> None:
+        def told(duals: Duals) -> None:
+            self._raise(duals.bound, "linear relaxation with precedence cuts")
+
+        self.duals = tighten(relaxation, self.instance.cutoff(self.cost), self._over, told)
+        told(self.duals)
+        relaxation.fix(self.duals, self.instance.cutoff(self.cost))
+        self.effort.programs = relaxation.solves
+
+    def _fixed(self) -> Duals:
+        """Return the duals with all arcs left out that no better order takes."""
+        assert self.duals is not None
+        reduced = self.duals.reduced.copy()
+        reduced[self.duals.bound + reduced >= self.instance.cutoff(self.cost)] = np.inf
+        return Duals(self.duals.bound, reduced)
+
+    def _states(self, wanted: int) -> int:
+        """Return how many states memory allows, at most those wanted."""
+        left = self.memory_bytes()
+        if left is None:
+            return wanted
+        words = (self.instance.n + 63) // 64
+        return int(min(wanted, max(0, left) * 0.8 / (_STATE_BYTES + 16 * words)))
+
+    def _two_ended(self, states: int) -> bool:
+        """Search from both ends; return whether more states would be allowed."""
+        allowed = self._states(2 * states) // 2
+        search = TwoEndedSearch(self.instance, self._fixed(), self.instance.cutoff(self.cost))
+        met = search.run(allowed, self._over)
+        self.effort.nodes += search.made
+        self.effort.states += search.made
+        if met.order is not None:
+            self._keep(met.order)
+        self._raise(met.bound, "dynamic programming over feasible subsets")
+        return allowed >= states
+
+    def _beam(self, width: int) -> bool:
+        """Search with a beam; return whether a wider one would be allowed."""
+        allowed = self._states(width * self.instance.n) // self.instance.n
+        cutoff = self.instance.cutoff(self.cost)
+        found = beam(self.instance, self._fixed(), cutoff, max(1, allowed), self._over)
+        if found is not None:
+            self.effort.nodes += found.made
+            self.effort.states += found.made
+            if found.order is not None:
+                self._keep(found.order)
+            self._raise(found.bound, "beam search over feasible subsets")
+        return allowed >= width
+
+    def _branching(self, relaxation: CutRelaxation) -> BranchAndCut:
+        assert self.duals is not None
+        relaxation.fix(self.duals, self.instance.cutoff(self.cost))
+        return BranchAndCut(
+            relaxation,
+            self.cost,
+            self._over,
+            self._keep,
+            lambda bound, parts: self._raise(bound, "branch and cut"),
+        )
+
+    def _branch(self, branching: BranchAndCut, work: int) -> None:
+        branching.cost = min(branching.cost, self.cost)
+        parts = branching.parts
+        branching.run(work)
+        self.effort.nodes += branching.parts - parts
+        self.effort.parts, self.effort.programs = branching.parts, branching.relaxation.solves
+        root = branching.root
+        if root is not None and (self.duals is None or root.bound > self.duals.bound):
+            self.duals = root
+        self._raise(branching.bound, "branch and cut")

@@ -1,0 +1,216 @@
+"""Cuts that a fractional order violates, found by maximum flow.
+
+Balas, Fischetti and Pulleyblank, "The precedence-constrained asymmetric traveling salesman
+polytope" (1995): where i comes before j, an order goes from i to j past no node that comes before
+i or after j. So at least one arc leaves any set with i and without j, those nodes left out on
+both sides. Separated as by Ascheuer, Juenger and Reinelt (2000).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.solvers.compiled import compiled
+
+Integers = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+
+# Cuts that are nearly tight are looked at, too: once lifted they may be violated.
+_TIGHT = 1.3
+
+
+@compiled
+def _flow(
+    source: int,
+    sink: int,
+    barred: Booleans,
+    first: Integers,
+    target: Integers,
+    twin: Integers,
+    left: Floats,
+    reached: Integers,
+    queue: Integers,
+    stamp: int,
+    enough: float,
+) -> float:
+    """Push flow from source to sink until it is enough; `reached` is stamped by the last search."""
+    total = 0.0
+    while True:
+        head, tail = 0, 1
+        queue[0] = source
+        reached[source] = stamp
+        came = queue[len(reached) :]
+        found = False
+        while head < tail and not found:
+            node = queue[head]
+            head += 1
+            for arc in range(first[node], first[node + 1]):
+                other = target[arc]
+                if left[arc] > 1e-9 and reached[other] != stamp and not barred[other]:
+                    reached[other] = stamp
+                    came[other] = arc
+                    if other == sink:
+                        found = True
+                        break
+                    queue[tail] = other
+                    tail += 1
+        if not found:
+            return total
+        least = np.inf
+        node = sink
+        while node != source:
+            arc = came[node]
+            least = min(least, left[arc])
+            node = target[twin[arc]]
+        node = sink
+        while node != source:
+            arc = came[node]
+            left[arc] -= least
+            left[twin[arc]] += least
+            node = target[twin[arc]]
+        total += least
+        if total >= enough:
+            return total
+        stamp += 1
+
+
+@compiled
+def separate(
+    tails: Integers,
+    heads: Integers,
+    values: Floats,
+    before: Booleans,
+    pairs: Integers,
+    violation: float,
+    most: int,
+) -> tuple[Booleans, Booleans]:
+    """Return violated cuts: the sets that at least one arc must go between.
+
+    Parameters
+    ----------
+    tails, heads, values
+        The arcs of the fractional order and how much of each is taken, in (0, 1], shape (m,).
+    before
+        The closed relation, shape (n, n).
+    pairs
+        Pairs of nodes, the first before the second, that are to be looked at, shape (p, 2).
+    violation
+        By how much a cut must be violated at least.
+    most
+        How many cuts at most.
+
+    Returns
+    -------
+    tuple
+        Sets to leave and to reach, shape (k, n) each.
+    """
+    n = len(before)
+    m = len(tails)
+    degree = np.zeros(n + 1, dtype=np.int64)
+    for a in range(m):
+        degree[tails[a] + 1] += 1
+        degree[heads[a] + 1] += 1
+    first = np.cumsum(degree)
+    place = first[:n].copy()
+    target = np.empty(2 * m, dtype=np.int64)
+    twin = np.empty(2 * m, dtype=np.int64)
+    full = np.zeros(2 * m)
+    for a in range(m):
+        one, other = place[tails[a]], place[heads[a]]
+        place[tails[a]] += 1
+        place[heads[a]] += 1
+        target[one], target[other] = heads[a], tails[a]
+        twin[one], twin[other] = other, one
+        full[one] = values[a]
+    leave = np.zeros((most, n), dtype=np.bool_)
+    reach = np.zeros((most, n), dtype=np.bool_)
+    barred = np.zeros(n, dtype=np.bool_)
+    reached = np.zeros(n, dtype=np.int64)
+    queue = np.zeros(2 * n + 1, dtype=np.int64)
+    count = 0
+    for p in range(len(pairs)):
+        if count == most:
+            break
+        i, j = pairs[p, 0], pairs[p, 1]
+        for node in range(n):
+            barred[node] = before[node, i] or before[j, node]
+        left = full.copy()
+        reached[:] = 0
+        flow = _flow(i, j, barred, first, target, twin, left, reached, queue, 1, _TIGHT)
+        if flow >= _TIGHT:
+            continue
+        # The last search stamped the side of i highest.
+        stamp = reached[i]
+        side = reached == stamp
+        _lift(side, barred, before, i, j)
+        cut = 0.0
+        for a in range(m):
+            one, other = tails[a], heads[a]
+            if side[one] and not side[other] and not barred[one] and not barred[other]:
+                cut += values[a]
+        if cut > 1.0 - violation:
+            continue
+        for node in range(n):
+            leave[count, node] = side[node] and not barred[node]
+            reach[count, node] = not side[node] and not barred[node]
+        count += 1
+    return leave[:count], reach[:count]
+
+
+@compiled
+def _lift(side: Booleans, barred: Booleans, before: Booleans, i: int, j: int) -> None:
+    """Bar more nodes: whatever comes before or after others that the order must go between."""
+    n = len(before)
+    sources = np.empty(n, dtype=np.int64)
+    sinks = np.empty(n, dtype=np.int64)
+    sources[0], sinks[0] = i, j
+    many, several = 1, 1
+    for node in range(n):
+        if node in (i, j) or barred[node]:
+            continue
+        if side[node]:
+            fits = True
+            for k in range(several):
+                if not before[node, sinks[k]]:
+                    fits = False
+                    break
+            if fits:
+                sources[many] = node
+                many += 1
+                for other in range(n):
+                    if before[other, node]:
+                        barred[other] = True
+        else:
+            fits = True
+            for k in range(many):
+                if not before[sources[k], node]:
+                    fits = False
+                    break
+            if fits:
+                sinks[several] = node
+                several += 1
+                for other in range(n):
+                    if before[node, other]:
+                        barred[other] = True
+
+
+def pairs_of(before: Booleans) -> tuple[Integers, Integers]:
+    """Return the pairs to separate for: with the first or the last node, and the others.
+
+    The others with few nodes in between come first; shape (pairs, 2) both.
+    """
+    n = len(before)
+    inner = np.arange(1, n - 1)
+    core = np.concatenate(
+        (
+            np.stack((np.zeros_like(inner), inner), axis=1),
+            np.stack((inner, np.full_like(inner, n - 1)), axis=1),
+        )
+    )
+    rest = np.argwhere(before[1:-1, 1:-1]) + 1
+    between = before.astype(np.float32) @ before.astype(np.float32)
+    near = np.argsort(between[rest[:, 0], rest[:, 1]], kind="stable")
+    return core, np.ascontiguousarray(rest[near])

@@ -1,0 +1,36 @@
+"""Compile the kernels of the ordering search ahead of their first use.
+
+Compiling all of them takes half a minute, once per machine. So that no user's first search waits
+for it, ``python -m skillplan.solvers.ordering.warm_up`` is a step of ``make``'s installation; what
+it compiles is kept where `solvers.compiled` says.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skillplan.solvers.ordering.ordering_instance import OrderingInstance
+from skillplan.solvers.ordering.ordering_search import METHODS, OrderingSearch
+
+_NODES = 16
+
+
+def warm_up() -> None:
+    """Search a small instance by each method in turn, which compiles what any search calls."""
+    instance = _instance()
+    for method in METHODS:
+        OrderingSearch(instance, (method,), rounds=1).run()
+
+
+def _instance() -> OrderingInstance:
+    """Return places on a grid, some before others; the relaxation alone does not prove them."""
+    nodes = np.arange(_NODES)
+    x, y = 7 * nodes % 31, 11 * nodes**2 % 31
+    costs = np.abs(x[:, None] - x) + np.abs(y[:, None] - y) + 0.0
+    before = np.zeros((_NODES, _NODES), dtype=np.bool_)
+    before[[1, 2, 3, 5, 6], [4, 4, 9, 8, 10]] = True
+    return OrderingInstance(costs, before)
+
+
+if __name__ == "__main__":
+    warm_up()

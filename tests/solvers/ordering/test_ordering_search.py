@@ -1,0 +1,144 @@
+"""The whole search, each method by itself and all together, against the sets already visited."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ordering_instances import StopAfter, all_orders, instance_of, least_cost, orderings
+from skillplan.solvers.ordering.ordering_search import METHODS, OrderingSearch
+
+PROVING = tuple((method,) for method in METHODS if method != "local-search")
+EXACT = METHODS[1:]
+
+
+def search_of(instance, methods, **more):
+    """Return a search that has ended, and what it told."""
+    told = {"orders": [], "bounds": []}
+    search = OrderingSearch(
+        instance,
+        methods,
+        on_order=lambda order, cost: told["orders"].append(cost),
+        on_bound=lambda bound, nodes: told["bounds"].append(bound),
+        **more,
+    )
+    search.run()
+    return search, told
+
+
+def slack(value):
+    return 1e-9 * max(1.0, value) if np.isfinite(value) else 0.0
+
+
+def assert_sound(search, told, least):
+    """Assert that bound <= optimum <= cost, and that a proof is one."""
+    assert search.bound <= least + slack(least)
+    assert search.cost >= least - slack(least)
+    assert told["orders"] == sorted(told["orders"], reverse=True)
+    assert told["bounds"] == sorted(told["bounds"])
+    assert all(bound <= least + slack(least) for bound in told["bounds"])
+    if search.order is not None:
+        assert search.instance.feasible(search.order)
+        assert search.instance.cost(search.order) == search.cost
+    if search.proved:
+        assert search.cost == pytest.approx(least, rel=1e-9, abs=1e-9)
+        assert search.bound == pytest.approx(least, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("methods", PROVING)
+@settings(max_examples=150)
+@given(instance=orderings(most=9))
+def test_each_method_proves_the_optimum_or_that_there_is_none(methods, instance):
+    """By itself: whole numbers and others, ties, nothing, costs far apart, arcs forbidden."""
+    search, told = search_of(instance, methods)
+    assert search.proved
+    assert_sound(search, told, least_cost(instance))
+
+
+@pytest.mark.parametrize("methods", [*PROVING, EXACT])
+@settings(max_examples=30)
+@given(st.integers(10, 13), st.integers(0, 10**6), st.sampled_from(["few", "real", "spread"]))
+def test_they_do_so_beyond_the_arcs_considered_first(methods, n, seed, kind):
+    """Nodes with more neighbours than the relaxation begins with, and few feasible orders."""
+    instance = instance_of(n, seed, kind=kind, forbidden=0.4 * (seed % 2), density=0.2)
+    search, told = search_of(instance, methods)
+    assert search.proved
+    assert_sound(search, told, least_cost(instance))
+
+
+@pytest.mark.parametrize("methods", [METHODS, ("local-search",)])
+@settings(max_examples=12)
+@given(instance=orderings(most=8, kinds=("whole", "real", "few")))
+def test_with_local_search_they_do_as_well(methods, instance):
+    """Alone it has the relaxation's bound, and ends after the rounds it was given."""
+    search, told = search_of(instance, methods, rounds=2)
+    least = least_cost(instance)
+    assert_sound(search, told, least)
+    assert search.proved or methods != METHODS
+    if np.isfinite(least):
+        assert search.cost == pytest.approx(least, rel=1e-9, abs=1e-9)
+    if not search.proved:
+        assert search.ended == "limit of 2 rounds"
+
+
+@pytest.mark.parametrize("methods", [*PROVING, EXACT])
+@settings(max_examples=100)
+@given(instance=orderings(least=4, most=9), polls=st.integers(0, 40))
+def test_wherever_it_is_stopped_what_it_says_holds(methods, instance, polls):
+    """Bound <= optimum <= cost, after any number of questions whether to stop."""
+    search, told = search_of(instance, methods, stop=StopAfter(polls))
+    assert_sound(search, told, least_cost(instance))
+
+
+@settings(max_examples=60)
+@given(orderings(least=3, most=8), st.integers(0, 10**6), st.integers(0, 12))
+def test_an_order_to_start_from_is_never_made_worse(instance, which, polls):
+    """Also where it is stopped at once."""
+    orders = all_orders(instance)
+    if not orders:
+        return
+    cost, order = orders[which % len(orders)]
+    search, told = search_of(instance, EXACT, start=np.array(order), stop=StopAfter(polls))
+    assert search.cost <= cost + slack(cost)
+    assert_sound(search, told, orders[0][0])
+
+
+def test_an_order_to_start_from_that_is_none_is_not_used():
+    """Nodes twice, or against the precedence."""
+    instance = instance_of(7, 2, density=0.4)
+    for wrong in (np.zeros(7, dtype=np.int64), all_orders(instance)[0][1][::-1]):
+        search, told = search_of(instance, EXACT, start=np.array(wrong))
+        assert search.proved
+        assert_sound(search, told, least_cost(instance))
+
+
+@pytest.mark.parametrize("methods", [METHODS, *PROVING])
+@pytest.mark.parametrize("kind", ["whole", "real"])
+def test_the_same_seed_makes_the_same_moves(methods, kind):
+    """Order, bound and every figure of the effort."""
+    instance = instance_of(14, 1, kind=kind, density=0.1)
+    runs = [search_of(instance, methods, seed=3) for _ in range(2)]
+    (one, told), (other, told_again) = runs
+    assert np.array_equal(one.order, other.order)
+    assert (one.bound, one.effort) == (other.bound, other.effort)
+    assert told == told_again
+
+
+@pytest.mark.parametrize("methods", [*PROVING, EXACT])
+def test_without_memory_it_ends_with_a_bound(methods):
+    """Branch and cut alone needs none to speak of."""
+    instance = instance_of(12, 5, density=0.05)
+    search, told = search_of(instance, methods, memory_bytes=lambda: 0)
+    assert_sound(search, told, least_cost(instance))
+    assert search.ended in ("", "memory limit")
+    assert search.proved or search.ended == "memory limit"
+
+
+@pytest.mark.parametrize("kind", ["whole", "real"])
+def test_where_no_order_can_be_the_bound_is_infinite(kind):
+    """Whatever the costs are like, and whatever finds out."""
+    instance = instance_of(8, 4, kind=kind, forbidden=0.8)
+    assert least_cost(instance) == np.inf
+    for methods in (METHODS, *PROVING):
+        search, _ = search_of(instance, methods)
+        assert (search.proved, search.bound, search.order) == (True, np.inf, None)

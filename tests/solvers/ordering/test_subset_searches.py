@@ -1,0 +1,157 @@
+"""Searches over feasible subsets: from one end and from both, and the bounds they rest on."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
+from skillplan.solvers.ordering.completion_bounds import CompletionBounds
+from skillplan.solvers.ordering.cut_relaxation import CutRelaxation
+from skillplan.solvers.ordering.cut_rounds import tighten
+from skillplan.solvers.ordering.ordering_instance import NO_ARC, OrderingInstance
+from skillplan.solvers.ordering.reduced_costs import Duals
+from skillplan.solvers.ordering.subset_search import beam
+from skillplan.solvers.ordering.two_ended_search import TwoEndedSearch
+
+
+def never():
+    return False
+
+
+def duals_of(instance, rounds):
+    """Return the duals of the relaxation after some rounds of cuts; 0: no bound at all."""
+    if not rounds:
+        return Duals(0.0, np.where(instance.costs < NO_ARC, instance.costs, np.inf))
+    relaxation = CutRelaxation(instance, instance.costs < NO_ARC)
+    return tighten(relaxation, np.inf, never, lambda duals: None, rounds=rounds)
+
+
+def slack(value):
+    return 1e-9 * max(1.0, abs(value)) if np.isfinite(value) else 0.0
+
+
+@settings(max_examples=60)
+@given(orderings(most=7), st.integers(0, 2), st.integers(0, 6))
+def test_what_is_ahead_is_never_more_than_any_completion_spends(instance, rounds, bits):
+    """Of every feasible order, cut after every node, with the neighbours that are left there."""
+    duals = duals_of(instance, rounds)
+    if not np.isfinite(duals.bound):
+        return
+    bounds = CompletionBounds(instance, duals, bits)
+    for _, order in all_orders(instance):
+        spends = duals.reduced[arcs_of(order)]
+        for place, node in enumerate(order):
+            row = bounds.slot[place, node]
+            assert row >= 0
+            known = bounds.near[node]
+            left = sum(1 << b for b, other in enumerate(known) if other in order[place + 1 :])
+            rest = spends[place:].sum()
+            assert bounds.ahead[row, left] <= rest + slack(rest)
+
+
+@settings(max_examples=150)
+@given(orderings(most=9), st.integers(0, 2), st.integers(0, 3), st.integers(1, 12))
+def test_a_beam_keeps_its_word(instance, rounds, place, width):
+    """A whole one has the optimum below the cutoff; a narrow one a bound, and maybe an order."""
+    least = least_cost(instance)
+    costs = [cost for cost, _ in all_orders(instance)] if place else []
+    cutoff = instance.cutoff(costs[min(place, len(costs)) - 1]) if costs else np.inf
+    duals = duals_of(instance, rounds)
+    if not np.isfinite(duals.bound) or cutoff <= duals.bound:
+        return
+    for wide in (width, 10**5):
+        found = beam(instance, duals, cutoff, wide, never)
+        assert found.bound <= min(least, cutoff) + slack(least)
+        if found.order is not None:
+            assert instance.feasible(found.order)
+            assert instance.cost(found.order) >= least - slack(least)
+    assert found.whole
+    if least < cutoff:
+        assert instance.cost(found.order) == pytest.approx(least, rel=1e-9, abs=1e-9)
+        assert found.bound == pytest.approx(least, rel=1e-9, abs=1e-9)
+    else:
+        assert found.bound == cutoff
+
+
+def test_a_beam_in_which_all_ways_are_alike_still_leads_somewhere():
+    """Where every order costs nothing, the narrowest finds one."""
+    instance = instance_of(9, 4, kind="zero", density=0.2)
+    found = beam(instance, duals_of(instance, 1), np.inf, 1, never)
+    assert instance.feasible(found.order)
+
+
+def test_a_beam_that_is_stopped_says_nothing():
+    """Not even a bound."""
+    instance = instance_of(8, 2)
+    assert beam(instance, duals_of(instance, 1), np.inf, 10, StopAfter(2)) is None
+
+
+@settings(max_examples=150)
+@given(orderings(most=9), st.integers(0, 2), st.integers(0, 3))
+def test_from_both_ends_it_finds_the_optimum_below_the_cutoff_or_proves_there_is_none(
+    instance, rounds, place
+):
+    """Also where no order is known at all, and the cutoff is infinite."""
+    least = least_cost(instance)
+    costs = [cost for cost, _ in all_orders(instance)] if place else []
+    cutoff = instance.cutoff(costs[min(place, len(costs)) - 1]) if costs else np.inf
+    duals = duals_of(instance, rounds)
+    if not np.isfinite(duals.bound) or cutoff <= duals.bound:
+        return
+    met = TwoEndedSearch(instance, duals, cutoff).run(10**6, never)
+    assert met.whole
+    if least < cutoff:
+        assert instance.feasible(met.order)
+        assert instance.cost(met.order) == pytest.approx(least, rel=1e-9, abs=1e-9)
+        assert met.bound == pytest.approx(least, rel=1e-9, abs=1e-9)
+    else:
+        assert met.order is None
+        assert met.bound == cutoff
+
+
+@settings(max_examples=150)
+@given(orderings(least=4, most=9), st.integers(0, 2), st.integers(0, 30), st.integers(1, 200))
+def test_from_both_ends_its_bound_holds_wherever_it_ends(instance, rounds, polls, states):
+    """By a stop, before either end was searched or between the two, or for want of states."""
+    least = least_cost(instance)
+    duals = duals_of(instance, rounds)
+    if not np.isfinite(duals.bound):
+        return
+    for limits in ((states, never), (10**6, StopAfter(polls))):
+        met = TwoEndedSearch(instance, duals, np.inf).run(*limits)
+        assert met.bound <= least + slack(least)
+        if met.order is not None:
+            assert instance.feasible(met.order)
+
+
+@settings(max_examples=40)
+@given(orderings(least=3, most=8))
+def test_read_backwards_an_instance_has_the_same_optimum(instance):
+    """By every search, the costs of arcs turned around."""
+    costs = np.where(instance.costs < NO_ARC, instance.costs, np.inf)
+    mirrored = OrderingInstance(costs[::-1, ::-1].T, instance.before[::-1, ::-1].T)
+    for one in (instance, mirrored):
+        duals = duals_of(one, 1)
+        if np.isfinite(duals.bound):
+            met = TwoEndedSearch(one, duals, np.inf).run(10**6, never)
+            assert met.bound == pytest.approx(least_cost(instance), rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("n", [63, 64, 65, 66, 127, 128, 129, 130, 200])
+def test_sets_may_fill_any_number_of_words(n):
+    """Two chains that are to be woven; a small program of our own knows the optimum."""
+    rng = np.random.default_rng(n)
+    costs = rng.integers(1, 50, (n, n)).astype(np.float64)
+    before = np.zeros((n, n), dtype=np.bool_)
+    one = np.arange(1, n - 3)
+    before[one, one + 2] = True
+    instance = OrderingInstance(costs, before)
+    least = least_cost(instance)
+    duals = duals_of(instance, 1)
+    found = beam(instance, duals, np.inf, 10**5, never)
+    assert found.whole
+    assert instance.cost(found.order) == found.bound == least
+    met = TwoEndedSearch(instance, duals, least + 1).run(10**6, never)
+    assert met.whole
+    assert met.bound == least

@@ -1,0 +1,62 @@
+"""What is compiled at installation is what searches call."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from skillplan.domains.assembly.board_generator import BoardGenerator
+
+INSTANCES = Path(__file__).parents[2] / "instances" / "sop"
+
+# In a process of its own: other tests compile kernels for types of their own.
+SCRIPT = """
+import json, sys
+from numba.core.dispatcher import Dispatcher
+from skillplan import Setup, load_problem, solve
+from skillplan.solvers.ordering.warm_up import warm_up
+
+def compiled():
+    return {
+        f"{kernel.py_func.__module__}.{kernel.py_func.__name__}": len(kernel.signatures)
+        for name, module in list(sys.modules.items())
+        if name.startswith("skillplan.solvers.ordering.")
+        for kernel in vars(module).values()
+        if isinstance(kernel, Dispatcher)
+    }
+
+warm_up()
+before = compiled()
+for path in sys.argv[1:]:
+    solve(load_problem(path).task, "portfolio", Setup(options={"portfolio": {"rounds": 1}}))
+print(json.dumps([before, compiled()]))
+"""
+
+
+@pytest.fixture(scope="module")
+def counts(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, int]]:
+    """How many types every kernel is compiled for, after warming up and after real searches."""
+    board = tmp_path_factory.mktemp("boards") / "board.yaml"
+    board.write_text(BoardGenerator(14, 0.2, 2).text("test"), "utf-8")
+    paths = [board, INSTANCES / "ry48p.1.sop", INSTANCES / "rbg109a.sop"]
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, *map(str, paths)], capture_output=True, text=True, check=True
+    )
+    found: list[dict[str, int]] = json.loads(done.stdout)
+    return found
+
+
+def test_every_kernel_that_python_calls_is_compiled(counts: list[dict[str, int]]) -> None:
+    """What only other kernels call is compiled into those, and begins with an underscore."""
+    called = {name: n for name, n in counts[0].items() if not name.split(".")[-1].startswith("_")}
+    assert len(called) >= 8
+    assert set(called.values()) == {1}
+
+
+def test_real_searches_compile_nothing_more(counts: list[dict[str, int]]) -> None:
+    """Costs of metres or whole numbers, sets of one word or two, start or none."""
+    assert counts[0] == counts[1]
