@@ -104,7 +104,7 @@ def test_a_name_with_two_providers_is_an_error_that_names_both(
     """Neither silently wins."""
     source = "from skillplan.solvers.exact import ExactSolver as Exact\n"
     install("solver", "exact", "second_exact:Exact", source)
-    outcome = cli("search-optimal", board)
+    outcome = cli("search-optimal", board, "--solver", "exact")
     assert 2 == outcome.code
     assert f"skillplan {__version__}" in outcome.err
     assert "second-exact 1.5" in outcome.err

@@ -15,6 +15,8 @@ from skillplan.cli import writing
 from skillplan.cli.output import save
 from skillplan.errors import OptionError
 
+EXACT = ("--solver", "exact")
+
 
 def test_a_time_limit_gives_plan_bound_and_gap(cli: Any, board: str, tmp_path: Path) -> None:
     """The best so far, and how far it may be from the optimum; brute force would take for ever."""
@@ -139,13 +141,13 @@ class TestOut:
 class TestOptions:
     def test_an_option_reaches_the_solver(self, cli: Any, board: str) -> None:
         """With one label the search ends at once, unproved."""
-        words = ("-O", "max_labels=1", "--format", "json")
+        words = (*EXACT, "-O", "max_labels=1", "--format", "json")
         document = cli("search-optimal", board, *words).document
         assert ("solved", 1) == (document["status"], document["stats"]["expanded"])
 
     def test_several_options_reach_their_plugins(self, cli: Any, board: str) -> None:
         """By name: solver, detector of the file and detector of the command line."""
-        words = ("-O", "exact.max_labels=1", "-O", "exact.dives=false")
+        words = (*EXACT, "-O", "exact.max_labels=1", "-O", "exact.dives=false")
         words += ("-O", "precedence.hold_back_picks=true", "--format", "json")
         document = cli("search-optimal", board, *words).document
         assert "unsolved" == document["status"]
@@ -159,7 +161,7 @@ class TestOptions:
 
     def test_the_last_of_two_values_holds(self, cli: Any, board: str) -> None:
         """As on any command line."""
-        words = ("-O", "max_labels=1", "-O", "max_labels=100000", "--format", "json")
+        words = (*EXACT, "-O", "max_labels=1", "-O", "max_labels=100000", "--format", "json")
         assert "optimal" == cli("search-optimal", board, *words).document["status"]
 
 

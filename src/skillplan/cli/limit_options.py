@@ -63,6 +63,6 @@ memory_limit_option = click.option(
     "memory_limit_bytes",
     type=MemorySize(),
     metavar="SIZE",
-    help="Stop with the best plan, its bound and its gap before the process, with those that search "
-    "beside it, holds more memory than this, such as 2GiB or 512MiB; 64MiB at least.",
+    help="Stop with the best plan, its bound and its gap before the process, and those that "
+    "search beside it, hold more memory than this, such as 2GiB or 512MiB; 64MiB at least.",
 )

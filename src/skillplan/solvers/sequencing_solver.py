@@ -149,7 +149,7 @@ class SequencingSolver(Solver):
 
     def _solution(self, search: OrderingSearch, plan: Plan | None) -> Solution:
         effort = search.effort
-        bound = search.bound
+        bound: float | None = max(0.0, search.bound)
         # The cheapest order may have a plan that is too long: then it is a bound only.
         met = plan is not None and plan.cost is not None and plan.cost <= search.cost * (1 + 1e-12)
         proved = search.proved and met
@@ -165,12 +165,14 @@ class SequencingSolver(Solver):
             "programs": effort.programs,
             "ended": "proof" if proved else self.stop.reason or "without a proof",
         }
-        if search.proved and not met:
+        if search.proved and search.order is None:
+            trace["reason"], bound = "there is no order of the jobs", None
+        elif search.proved and not met:
             trace["reason"] = (
                 "the plan of the cheapest order has more skills than the step limit allows; "
                 "take exact"
             )
-        return Solution(plan, max(0.0, bound), proved=proved, trace=trace)
+        return Solution(plan, bound, proved=proved, trace=trace)
 
     def _memory_bytes(self) -> int | None:
         left = self.stop.memory_left_bytes()

@@ -67,7 +67,7 @@ def test_a_step_that_all_costs_share_is_found(density):
 
 @given(instance=orderings(most=7), place=st.floats(-0.2, 1.2))
 def test_rounding_up_and_cutting_off_lose_no_order(instance, place):
-    """No order lies between a bound and what it is rounded up to, nor below a cost and its cutoff."""
+    """No order lies between a bound and what that becomes, nor between a cutoff and its cost."""
     costs = [cost for cost, _ in all_orders(instance)]
     if not costs:
         return

@@ -423,8 +423,8 @@ class TestEndings:
         assert said == ""
 
 
-def test_the_gap_and_the_stall_are_this_process_s_business(at_once):
-    """What others find counts for both."""
+def test_what_others_find_counts_for_the_gap(at_once):
+    """It is asked for in one process only."""
     task = instance("ft70.1").tasks[-1]
     result = solve(task, "portfolio", jobs=2, stop=Stop(gap=0.2, time_limit_s=PATIENCE_S))
     assert result.reason == "gap reached"

@@ -8,6 +8,9 @@ from skillplan.solvers.ordering.neighbourhood_paths import backward, memory_tabl
 from skillplan.solvers.ordering.ordering_instance import Floats, Integers, OrderingInstance
 from skillplan.solvers.ordering.reduced_costs import Duals
 
+# Of working the tables out: some tenths of a second, and as many bytes at the very most.
+_MOST_STEPS = 200_000_000
+
 
 class CompletionBounds:
     """The cheapest walks to the end by position, node and the neighbours that are left to visit.
@@ -19,7 +22,8 @@ class CompletionBounds:
     duals
         Reduced costs; inf where an arc need not be looked at.
     bits
-        How many neighbours of a node are told apart at most, >= 0.
+        How many neighbours of a node are told apart at most, >= 0; fewer where there are many
+        arcs, for the sake of time and memory.
 
     Attributes
     ----------
@@ -33,6 +37,9 @@ class CompletionBounds:
 
     def __init__(self, instance: OrderingInstance, duals: Duals, bits: int) -> None:
         n = instance.n
+        arcs = int(np.isfinite(duals.reduced).sum())
+        while bits and (arcs * n) << bits > _MOST_STEPS:
+            bits -= 1
         self.near = _neighbours(duals.reduced, min(bits, n - 1))
         before = instance.before
         positions = np.arange(n)[:, None]

@@ -18,6 +18,8 @@ Booleans = NDArray[np.bool_]
 # Cost of an arc that no order takes, and the most that an arc may cost.
 NO_ARC = 1e15
 MOST = 2.0**40
+# Sums of whole numbers up to here are told apart by bounds that are rounded.
+_EXACT = 1e9
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class OrderingInstance:
         The transitive closure, with node 0 before all and node n - 1 after all.
     step, offset
         Every order costs `offset` plus a multiple of `step`; the step is 0 where costs are not
-        whole numbers.
+        whole numbers, or very large.
 
     Raises
     ------
@@ -130,7 +132,8 @@ def _lattice(costs: Floats) -> tuple[float, float]:
     """Return the step and the offset of what orders can cost."""
     left = costs[:-1, 1:]
     used = left < NO_ARC
-    if (left[used] != np.rint(left[used])).any():
+    whole = (left[used] == np.rint(left[used])).all()
+    if not whole or len(costs) * left[used].max(initial=0.0) > _EXACT:
         return 0.0, 0.0
     rows = np.where(used, left, MOST).min(axis=1)
     left = left - rows[:, None]

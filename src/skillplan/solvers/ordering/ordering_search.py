@@ -31,10 +31,15 @@ _NEAR = 40
 # moves that shift a string as it is; and how far the heat falls.
 _ANNEALINGS = ((1.0, 0.5), (2.0, 0.9), (1.0, 0.9), (2.0, 0.3), (0.5, 0.6))
 _COOLS = 300.0
+# Moves times nodes of a portion of it: some tenths of a second.
+_PORTION = 10_000_000
 # Work of branch and cut in the first round.
 _WORK = 25_000_000
-# Of one state of the dynamic program, the tables at their largest included [bytes].
-_STATE_BYTES = 110
+# Of one state beside the words of its set; and of its line in the history of a beam [bytes].
+_STATE_BYTES = 32
+_HISTORY_BYTES = 6
+# So much of the memory that is left may be planned with.
+_MEMORY_SHARE = 0.8
 
 
 @dataclass
@@ -246,7 +251,7 @@ class OrderingSearch:
         share_of_cost, moves = _ANNEALINGS[self._anneals % len(_ANNEALINGS)]
         heat = share_of_cost * max(1e-9, share)
         self._anneals += 1
-        portions = 8
+        portions = max(8, iterations * self.instance.n // _PORTION)
         now, best = order.copy(), order.copy()
         known = self.cost
         self._barren += 1
@@ -288,17 +293,19 @@ class OrderingSearch:
         reduced[self.duals.bound + reduced >= self.instance.cutoff(self.cost)] = np.inf
         return Duals(self.duals.bound, reduced)
 
-    def _states(self, wanted: int) -> int:
-        """Return how many states memory allows, at most those wanted."""
+    def _allowed(self, wanted: int, sets: int, lines: int) -> int:
+        """Return how many of what is wanted memory allows, each of so many sets and lines."""
         left = self.memory_bytes()
         if left is None:
             return wanted
         words = (self.instance.n + 63) // 64
-        return int(min(wanted, max(0, left) * 0.8 / (_STATE_BYTES + 16 * words)))
+        each = sets * (8 * words + _STATE_BYTES) + lines * _HISTORY_BYTES
+        return min(wanted, int(_MEMORY_SHARE * max(0, left) / each))
 
     def _two_ended(self, states: int) -> bool:
         """Search from both ends; return whether more states would be allowed."""
-        allowed = self._states(2 * states) // 2
+        # Either end may come to twice as many.
+        allowed = self._allowed(states, 4, 0)
         search = TwoEndedSearch(self.instance, self._fixed(), self.instance.cutoff(self.cost))
         met = search.run(allowed, self._over)
         self.effort.nodes += search.made
@@ -310,7 +317,8 @@ class OrderingSearch:
 
     def _beam(self, width: int) -> bool:
         """Search with a beam; return whether a wider one would be allowed."""
-        allowed = self._states(width * self.instance.n) // self.instance.n
+        # Two layers at a time, the tables and copies of one that grows; then only its history.
+        allowed = self._allowed(width, 10, self.instance.n)
         cutoff = self.instance.cutoff(self.cost)
         found = beam(self.instance, self._fixed(), cutoff, max(1, allowed), self._over)
         if found is not None:

@@ -29,7 +29,7 @@ from skillplan.solvers.resident_memory import resident_bytes_of
 
 _WHAT = "the search"
 # What is proved sooner is not worth a process.
-_PATIENCE_S = 0.3
+_PATIENCE_S = 1.0
 _EVERY_S = 0.02
 # What a process takes before it searches, and what it needs to be of use [bytes].
 _PROCESS_BYTES = 400 * 1024**2

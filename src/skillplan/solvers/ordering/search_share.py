@@ -144,6 +144,7 @@ class ShareSearch:
         self._search: OrderingSearch | None = None
         self._most_bytes: int | None = None
         self._look_s = 0.0
+        self._was_short = False
         self._allow(share.memory_bytes)
         threading.Thread(target=self._run, args=(share,), daemon=True).start()
 
@@ -229,9 +230,9 @@ class ShareSearch:
         return None if most is None or held is None else max(0, most - held)
 
     def _short(self) -> bool:
-        """Whether more memory is held than is allowed; looked at once in a while only."""
+        """Whether more memory was held than is allowed; looked at once in a while only."""
         now_s = time.monotonic()
-        if now_s < self._look_s:
-            return False
-        self._look_s = now_s + _MEMORY_EVERY_S
-        return self._left_bytes() == 0
+        if not self._was_short and now_s >= self._look_s:
+            self._look_s = now_s + _MEMORY_EVERY_S
+            self._was_short = self._left_bytes() == 0
+        return self._was_short

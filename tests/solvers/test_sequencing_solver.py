@@ -1,0 +1,237 @@
+"""The solvers that put jobs into an order, on models and on the field's own instances."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ordering_instances import instance_of
+from situations import (
+    assembly,
+    cheapest_by_length,
+    model_of,
+    optimum,
+    retry_task,
+    small_assemblies,
+    small_tasks,
+)
+from skillplan.collision.precedence import PrecedenceDetector
+from skillplan.errors import NotASequencing
+from skillplan.model.replay import replay
+from skillplan.model.sequencing import SequencingProblem
+from skillplan.report.result import Status
+from skillplan.run import make_model, solve
+from skillplan.run import make_solver as made_solver
+from skillplan.setup import Setup, load_problem
+from skillplan.solvers.solution import Plan
+from skillplan.solvers.stop import Stop
+from skillplan.testing import SolverSuite
+from sop_instances import BEST_KNOWN, FOLDER, instance, tsplib_text
+
+PROVING = ["portfolio", "subset-dp", "tree-search", "branch-and-cut"]
+CHART = Setup(collision=("precedence",))
+ASSEMBLIES = ["battery_module", "inverter_board", "motor_drive", "relay_rail", "sensor_stack"]
+
+
+class TestPortfolioSolver(SolverSuite):
+    solver = "portfolio"
+
+
+class TestSubsetDpSolver(SolverSuite):
+    solver = "subset-dp"
+
+
+class TestTreeSearchSolver(SolverSuite):
+    solver = "tree-search"
+
+
+class TestLocalSearchSolver(SolverSuite):
+    solver = "local-search"
+    options = {"rounds": 2}  # noqa: RUF012
+
+
+class TestBranchAndCutSolver(SolverSuite):
+    solver = "branch-and-cut"
+
+
+def make_solver(name, stop=None):
+    """Return a solver with its default options."""
+    return made_solver(name, {}, stop)
+
+
+class CountedStop(Stop):
+    """Is interrupted at the n-th poll."""
+
+    def __init__(self, polls):
+        super().__init__()
+        self.polls = polls
+
+    def __call__(self):
+        self.polls -= 1
+        if self.polls <= 0:
+            self.interrupt()
+        return super().__call__()
+
+
+@pytest.mark.parametrize("detector", ["precedence", "aabb"])
+@pytest.mark.parametrize("config", ASSEMBLIES)
+def test_it_proves_what_exact_search_proves(config, detector):
+    """On every board that is a sequencing problem; on others it says why not, and names exact."""
+    task = load_problem(f"configs/{config}.yaml").task
+    setup = Setup(collision=(detector,))
+    model = make_model(task, setup)
+    refusal = make_solver("subset-dp").refuses(model)
+    if refusal is not None:
+        with pytest.raises(NotASequencing):
+            SequencingProblem.from_model(model)
+        assert "Take exact" in refusal
+        return
+    found = solve(task, "subset-dp", setup)
+    assert found.status == Status.OPTIMAL
+    assert found.cost == pytest.approx(solve(task, "exact", setup).cost, abs=1e-9)
+
+
+@settings(max_examples=40)
+@given(content=small_assemblies(), solver=st.sampled_from(PROVING[1:]))
+def test_it_is_never_wrong_whatever_the_step_limit(content, solver):
+    """Where the cheapest order has a plan that is too long, nothing is said to be optimal."""
+    task = assembly(content)
+    model = model_of(task, PrecedenceDetector(task))
+    found = make_solver(solver)
+    if found.refuses(model) is not None:
+        return
+    best = optimum(cheapest_by_length(model_of(task, PrecedenceDetector(task))))
+    solution = found.solve(model)
+    if solution.plan is not None:
+        walked = replay(model, [task.skill(name) for name in solution.plan.skills])
+        assert walked.violations == ()
+        assert solution.plan.cost == pytest.approx(walked.cost, abs=1e-9)
+        assert best[0] <= walked.cost + 1e-9
+    if best is not None and solution.lower_bound is not None:
+        assert solution.lower_bound <= best[0] + 1e-9
+    if solution.proved:
+        assert (solution.plan is None) == (best is None)
+        if best is not None:
+            assert solution.plan.cost == pytest.approx(best[0], abs=1e-9)
+
+
+def test_a_step_limit_that_binds_leaves_a_bound_and_words(board_task):
+    """Fourteen skills are too few for any order of the board."""
+    result = solve(board_task.replace(step_limit=14), "subset-dp", CHART)
+    assert result.status == Status.UNSOLVED
+    assert "more skills than the step limit allows" in result.reason
+
+
+@given(task=small_tasks())
+@settings(max_examples=30)
+def test_what_is_no_sequencing_problem_is_refused_in_words(task):
+    """One sentence, with another solver to take."""
+    refusal = make_solver("portfolio").refuses(model_of(task))
+    assert refusal is None or refusal.endswith("Take exact.")
+
+
+def test_under_chance_another_solver_is_named():
+    """As no order is a plan there."""
+    refusal = make_solver("portfolio").refuses(model_of(retry_task(0.5)))
+    assert refusal.endswith("Take value-iteration.")
+
+
+@pytest.mark.parametrize("polls", [1, 2, 3, 5, 9, 20])
+@pytest.mark.parametrize("solver", PROVING[1:])
+def test_what_a_stopped_search_says_holds(solver, polls):
+    """On an instance that takes more polls than these to prove."""
+    model = make_model(instance("br17.10").task)
+    searching = make_solver(solver, stop=CountedStop(polls))
+    searching.problem(model)
+    solution = searching.solve(model)
+    assert solution.lower_bound <= 55
+    if solution.plan is not None:
+        assert solution.plan.cost >= 55
+    assert not solution.proved or solution.plan.cost == solution.lower_bound == 55
+
+
+def test_a_plan_to_start_from_is_where_it_begins():
+    """Stopped at once it has that plan and no worse."""
+    task = instance("ESC25").task
+    first = solve(task, "tree-search", stop=CountedStop(40))
+    known = Plan(tuple(step.skill for step in first.steps))
+    again = solve(task, "tree-search", stop=CountedStop(2), start=known)
+    assert again.cost <= first.cost
+
+
+@pytest.mark.parametrize("solver", [*PROVING[1:], "local-search"])
+def test_the_same_seed_gives_the_same_figures(solver):
+    """Of plan, bound and effort."""
+    task = instance("ESC12").task
+    model = make_model(task)
+    one, other = (make_solver(solver).solve(model, seed=5) for _ in range(2))
+    assert one == other
+
+
+@pytest.mark.parametrize("name", ["ESC07", "ESC12", "br17.10", "rbg109a", "rbg150a"])
+def test_the_dynamic_program_proves_what_is_published(name):
+    """Of the smaller and the tighter instances."""
+    result = solve(instance(name).task, "subset-dp")
+    assert (result.status, result.cost) == (Status.OPTIMAL, float(BEST_KNOWN[name]["best_known"]))
+    assert "dynamic programming" in result.bound_method or "relaxation" in result.bound_method
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["ESC47", "ft53.4", "ft70.1", "p43.1", "prob.42", "ft53.1", "rbg253a"]
+)
+def test_the_portfolio_proves_what_is_published(name):
+    """Within a minute each."""
+    result = solve(instance(name).task, "portfolio", stop=Stop(time_limit_s=60))
+    assert (result.status, result.cost) == (Status.OPTIMAL, float(BEST_KNOWN[name]["best_known"]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(path.stem for path in FOLDER.glob("*.sop")))
+def test_no_bound_is_above_and_no_cost_below_what_is_published(name):
+    """Within ten seconds each, whether proved or not."""
+    known = BEST_KNOWN[name]
+    result = solve(instance(name).task, "portfolio", stop=Stop(time_limit_s=10))
+    assert result.cost >= float(known["lower_bound"])
+    assert result.lower_bound <= float(known["best_known"])
+    if result.status == Status.OPTIMAL:
+        assert result.cost == float(known["best_known"])
+
+
+def searched(folder, n, limit_mib, time_limit_s):
+    """Return the result of a search in a process of its own, and its largest size [MiB]."""
+    drawn = instance_of(n, 1, density=3 / n)
+    costs = [[0 if i == j else int(min(drawn.costs[i, j], 99)) for j in range(n)] for i in range(n)]
+    for i in range(n):
+        for j in range(n):
+            if drawn.before[i, j]:
+                costs[j][i] = -1
+    file = folder / "large.sop"
+    file.write_text(tsplib_text(costs), encoding="utf-8")
+    words = ["search-optimal", str(file), "--solver", "portfolio", "--format", "json"]
+    words += ["--memory-limit", f"{limit_mib}MiB", "--time-limit", str(time_limit_s)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "skillplan", *words], stdout=subprocess.PIPE, text=True
+    )
+    text = process.stdout.read()
+    process.stdout.close()
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 0
+    return json.loads(text), usage.ru_maxrss / 1024
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="sizes are told in KiB on Linux")
+@pytest.mark.parametrize(
+    ("n", "limit_mib", "time_limit_s"),
+    [(60, 400, 4), pytest.param(380, 600, 25, marks=pytest.mark.slow)],
+)
+def test_a_memory_limit_is_kept_and_leaves_a_plan_and_a_bound(tmp_path, n, limit_mib, time_limit_s):
+    """To within a tenth, as the largest size that the process ever had."""
+    document, largest_mib = searched(tmp_path, n, limit_mib, time_limit_s)
+    assert largest_mib <= 1.1 * limit_mib
+    assert 0 < document["lower_bound"] <= document["cost"]
