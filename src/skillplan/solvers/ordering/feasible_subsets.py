@@ -55,6 +55,7 @@ def expand(
     most: float,
     room: float,
     width: int,
+    whole: bool,
 ) -> tuple[Words, NDArray[np.int16], Floats, Floats, Floats, NDArray[np.int32], float, int]:
     """Return the ways that are one node longer.
 
@@ -75,6 +76,8 @@ def expand(
         Ways are left out that spend as much so far, or to the end.
     width
         At most so many are kept, those that spend least to the end.
+    whole
+        Whether to give up, with nothing kept, where there are more.
 
     Returns
     -------
@@ -85,7 +88,9 @@ def expand(
     """
     words = sets.shape[1]
     bits = near.shape[1]
-    capacity = min(2 * width, max(1024, 2 * len(sets)))
+    # A beam sorts out now and then what it does not keep.
+    most_held = width if whole else 2 * width
+    capacity = min(most_held, max(1024, 2 * len(sets)))
     size = 1
     while size < 2 * capacity:
         size *= 2
@@ -164,8 +169,8 @@ def expand(
                     new_ends[found] = end
                     parents[found] = s
                 continue
-            if count == capacity and capacity < 2 * width:
-                capacity = min(2 * width, 2 * capacity)
+            if count == capacity and capacity < most_held:
+                capacity = min(most_held, 2 * capacity)
                 more_sets = np.empty((capacity, words), dtype=np.uint64)
                 more_sets[:count] = new_sets
                 new_sets = more_sets
@@ -188,6 +193,17 @@ def expand(
                     size *= 2
                 table = _table(new_sets, new_lasts, count, size)
                 at = np.int64(-1)
+            elif count == capacity and whole:
+                return (
+                    new_sets[:0].copy(),
+                    new_lasts[:0].copy(),
+                    new_costs[:0].copy(),
+                    new_spent[:0].copy(),
+                    new_ends[:0].copy(),
+                    parents[:0].copy(),
+                    0.0,
+                    made,
+                )
             elif count == capacity:
                 limit = _rank(new_ends, count, width)
                 kept = 0

@@ -304,8 +304,8 @@ class OrderingSearch:
 
     def _two_ended(self, states: int) -> bool:
         """Search from both ends; return whether more states would be allowed."""
-        # Either end may come to twice as many.
-        allowed = self._allowed(states, 4, 0)
+        # Either end may come to twice as many, most of them in one layer that is copied to grow.
+        allowed = self._allowed(states, 10, 0)
         search = TwoEndedSearch(self.instance, self._fixed(), self.instance.cutoff(self.cost))
         met = search.run(allowed, self._over)
         self.effort.nodes += search.made

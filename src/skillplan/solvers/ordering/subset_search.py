@@ -82,6 +82,7 @@ def beam(
             room,
             room,
             width,
+            False,
         )
         least = min(least, dropped)
         made += tried

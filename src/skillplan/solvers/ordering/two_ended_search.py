@@ -93,6 +93,7 @@ class _End:
                 most,
                 self.room,
                 max(1, left),
+                True,
             )
             sets, lasts, costs, spent, _, parents, dropped, tried = found
             made(tried)
