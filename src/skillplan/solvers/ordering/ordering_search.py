@@ -154,6 +154,9 @@ class OrderingSearch:
         self.ended = ""
         self.duals: Duals | None = None
         self._branched: BranchAndCut | None = None
+        # The search from both ends, and the duals that it rests on: goes on while they stay.
+        self._ends: TwoEndedSearch | None = None
+        self._searched: Duals | None = None
         if start is not None:
             self._keep(start)
 
@@ -306,10 +309,15 @@ class OrderingSearch:
         """Search from both ends; return whether more states would be allowed."""
         # Either end may come to twice as many, most of them in one layer that is copied to grow.
         allowed = self._allowed(states, 10, 0)
-        search = TwoEndedSearch(self.instance, self._fixed(), self.instance.cutoff(self.cost))
+        cutoff = self.instance.cutoff(self.cost)
+        search = self._ends
+        if search is None or search.cutoff != cutoff or self._searched is not self.duals:
+            self._ends = search = TwoEndedSearch(self.instance, self._fixed(), cutoff)
+            self._searched = self.duals
+        made = search.made
         met = search.run(allowed, self._over)
-        self.effort.nodes += search.made
-        self.effort.states += search.made
+        self.effort.nodes += search.made - made
+        self.effort.states += search.made - made
         if met.order is not None:
             self._keep(met.order)
         self._raise(met.bound, "dynamic programming over feasible subsets")

@@ -23,6 +23,8 @@ from skillplan.solvers.ordering.reduced_costs import Duals
 _BITS = 6
 # Of the growth where it is not known yet.
 _POWER = 1.0
+# Where so many times the states allowed are expected, no more of them are looked at.
+_HOPELESS = 8
 
 
 @dataclass
@@ -163,6 +165,8 @@ class TwoEndedSearch:
         def count(tried: int) -> None:
             self.made += tried
 
+        if np.isfinite(self.expected) and self.expected > _HOPELESS * states:
+            return self._meet(whole=False)
         for end in self.ends:
             self._sound(end, states // 2, stop, count)
         grid = np.linspace(0.0, 1.0, 33)[1:-1] * self.room
