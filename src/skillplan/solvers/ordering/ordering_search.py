@@ -14,25 +14,18 @@ from typing import Literal
 
 import numpy as np
 
+from skillplan.solvers.ordering.annealing import Annealing
 from skillplan.solvers.ordering.branch_and_cut import BranchAndCut
 from skillplan.solvers.ordering.cut_relaxation import CutRelaxation
 from skillplan.solvers.ordering.cut_rounds import tighten
 from skillplan.solvers.ordering.ordering_instance import NO_ARC, Integers, OrderingInstance
 from skillplan.solvers.ordering.reduced_costs import Duals
-from skillplan.solvers.ordering.ruin_and_recreate import improve
 from skillplan.solvers.ordering.subset_search import beam
 from skillplan.solvers.ordering.two_ended_search import TwoEndedSearch
 
 Method = Literal["local-search", "subset-dp", "tree-search", "branch-and-cut"]
 METHODS: tuple[Method, ...] = ("local-search", "subset-dp", "tree-search", "branch-and-cut")
 
-_NEAR = 40
-# Of the annealings in turn: the first heat as a share of the cost per node, and the share of
-# moves that shift a string as it is; and how far the heat falls.
-_ANNEALINGS = ((1.0, 0.5), (2.0, 0.9), (1.0, 0.9), (2.0, 0.3), (0.5, 0.6))
-_COOLS = 300.0
-# Moves times nodes of a portion of it: some tenths of a second.
-_PORTION = 10_000_000
 # Work of branch and cut in the first round.
 _WORK = 25_000_000
 # Of one state beside the words of its set; and of its line in the history of a beam [bytes].
@@ -140,14 +133,7 @@ class OrderingSearch:
         self.order: Integers | None = None
         self.cost = np.inf
         self.bound = 0.0
-        self._random = np.array([0x9E3779B97F4A7C15 ^ (seed * 2 + 1)], dtype=np.uint64)
-        both = np.minimum(instance.costs, instance.costs.T)
-        self._near = np.ascontiguousarray(
-            np.argsort(both, axis=1, kind="stable")[:, : min(_NEAR, instance.n - 1)]
-        )
-        used = instance.costs[instance.costs < NO_ARC]
-        self._typical = used.mean() if used.size else 1.0
-        self._anneals = 0
+        self._annealing = Annealing(instance, seed)
         # How often in a row annealing has found nothing better.
         self._barren = 0
         self.rounds = rounds
@@ -250,29 +236,10 @@ class OrderingSearch:
         # Where there are few orders, seconds of it would be a waste.
         iterations = min(iterations, (100 << self.effort.rounds) * self.instance.n**3)
         order = self._begin if self.order is None else self.order
-        share = min(self.cost, self.instance.n * float(self._typical)) / self.instance.n
-        share_of_cost, moves = _ANNEALINGS[self._anneals % len(_ANNEALINGS)]
-        heat = share_of_cost * max(1e-9, share)
-        self._anneals += 1
-        portions = max(8, iterations * self.instance.n // _PORTION)
-        now, best = order.copy(), order.copy()
         known = self.cost
         self._barren += 1
-        for portion in range(portions):
-            hot = heat * _COOLS ** (-portion / portions)
-            improve(
-                now,
-                best,
-                self.instance.costs,
-                self.instance.before,
-                self._near,
-                iterations // portions,
-                hot,
-                hot * _COOLS ** (-1 / portions),
-                moves,
-                self._random,
-            )
-            self.effort.nodes += iterations // portions
+        for best, moves in self._annealing.portions(order, self.cost, iterations):
+            self.effort.nodes += moves
             self._keep(best)
             if self.cost < known:
                 self._barren = 0
