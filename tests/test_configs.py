@@ -245,7 +245,7 @@ class TestExpectedFigures:
     def test_the_expected_optimum_is_proved_at_the_expected_cost(self, path: Path) -> None:
         """By both dynamic programs and the referee, to half a unit of the fifth decimal."""
         problem = load_problem(path)
-        assert problem.domain.default_solver(problem.config) == "value-iteration"
+        assert problem.domain.default_solver(problem.config) == "auto"
         for solver in ("value-iteration", "policy-iteration"):
             result = solve(problem.task, solver)
             assert result.status is Status.OPTIMAL

@@ -130,7 +130,7 @@ class TestTheInverterWhoseGraspsFail:
         parts = ("switch_1", "switch_2", "clock", "transformer")
         changes = {f"parts.{part}.grasp_failure": "0" for part in parts}
         problem = load_problem(FOLDER / "inverter_grasps.yaml", changes=changes)
-        assert "exact" == problem.domain.default_solver(problem.config)
+        assert "auto" == problem.domain.default_solver(problem.config)
         assert "1.86709" == f"{solve(problem.task).cost:.5f}"
 
     def test_if_misses_cost_no_way_it_costs_what_the_board_does(self) -> None:

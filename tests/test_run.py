@@ -29,7 +29,7 @@ def test_a_path_becomes_a_judged_result():
     """Load, solve, judge; the result says by what and of which content."""
     problem = load_problem(BOARD)
     result = solve(problem.task)
-    assert (result.status, result.solver, result.seed) == ("optimal", "exact", 0)
+    assert (result.status, result.solver, result.seed) == ("optimal", "auto", 0)
     assert (result.physics, result.collision) == ("kinematic", "precedence")
     assert (result.task, result.kind, result.sha256) == (
         "inverter-board",

@@ -360,7 +360,7 @@ class TestEndings:
     def start(self, *words: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
             [
-                *(sys.executable, "-m", "skillplan", "search-optimal", str(SOP / "ft70.1.sop")),
+                *(sys.executable, "-m", "skillplan", "search-optimal", str(SOP / "kro124p.1.sop")),
                 *("--solver", "portfolio", "--jobs", "3", "--format", "json", *words),
             ],
             stdout=subprocess.PIPE,
