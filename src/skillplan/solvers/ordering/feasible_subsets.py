@@ -33,9 +33,38 @@ def words_of(relation: NDArray[np.bool_]) -> Words:
 
 
 @compiled
-def _rank(values: Floats, count: int, kept: int) -> float:
-    """Return the value that `kept` of the first `count` do not exceed."""
-    return float(np.partition(values[:count], kept - 1)[kept - 1])
+def _sort_out(
+    sets: Words,
+    lasts: NDArray[np.int16],
+    costs: Floats,
+    spent: Floats,
+    ends: Floats,
+    parents: NDArray[np.int32],
+    count: int,
+    width: int,
+) -> tuple[int, float, float]:
+    """Move to the front those of the first `count` ways that spend least to the end.
+
+    Returns
+    -------
+    tuple
+        How many there are, the most that one of them spends, and the least that one spends
+        which is left out.
+    """
+    limit = np.partition(ends[:count], width - 1)[width - 1]
+    kept, left_out = 0, np.inf
+    for r in range(count):
+        if ends[r] > limit or kept == width:
+            left_out = min(left_out, ends[r])
+            continue
+        sets[kept] = sets[r]
+        lasts[kept] = lasts[r]
+        costs[kept] = costs[r]
+        spent[kept] = spent[r]
+        ends[kept] = ends[r]
+        parents[kept] = parents[r]
+        kept += 1
+    return kept, limit, left_out
 
 
 @compiled
@@ -107,7 +136,10 @@ def expand(
     limit = room
     trial = np.empty(words, dtype=np.uint64)
     one = np.uint64(1)
+    full = False
     for s in range(len(sets)):
+        if full:
+            break
         last = lasts[s]
         for a in range(out_first[last], out_first[last + 1]):
             j = heads[a]
@@ -194,31 +226,13 @@ def expand(
                 table = _table(new_sets, new_lasts, count, size)
                 at = np.int64(-1)
             elif count == capacity and whole:
-                return (
-                    new_sets[:0].copy(),
-                    new_lasts[:0].copy(),
-                    new_costs[:0].copy(),
-                    new_spent[:0].copy(),
-                    new_ends[:0].copy(),
-                    parents[:0].copy(),
-                    0.0,
-                    made,
-                )
+                count, dropped, full = 0, 0.0, True
+                break
             elif count == capacity:
-                limit = _rank(new_ends, count, width)
-                kept = 0
-                for r in range(count):
-                    if new_ends[r] > limit or kept == width:
-                        dropped = min(dropped, new_ends[r])
-                        continue
-                    new_sets[kept] = new_sets[r]
-                    new_lasts[kept] = new_lasts[r]
-                    new_costs[kept] = new_costs[r]
-                    new_spent[kept] = new_spent[r]
-                    new_ends[kept] = new_ends[r]
-                    parents[kept] = parents[r]
-                    kept += 1
-                count = kept
+                count, limit, left_out = _sort_out(
+                    new_sets, new_lasts, new_costs, new_spent, new_ends, parents, count, width
+                )
+                dropped = min(dropped, left_out)
                 table = _table(new_sets, new_lasts, count, size)
                 at = np.int64(-1)
                 if end >= limit:
@@ -237,20 +251,10 @@ def expand(
             parents[count] = s
             count += 1
     if count > width:
-        limit = _rank(new_ends, count, width)
-        kept = 0
-        for r in range(count):
-            if new_ends[r] > limit or kept == width:
-                dropped = min(dropped, new_ends[r])
-                continue
-            new_sets[kept] = new_sets[r]
-            new_lasts[kept] = new_lasts[r]
-            new_costs[kept] = new_costs[r]
-            new_spent[kept] = new_spent[r]
-            new_ends[kept] = new_ends[r]
-            parents[kept] = parents[r]
-            kept += 1
-        count = kept
+        count, limit, left_out = _sort_out(
+            new_sets, new_lasts, new_costs, new_spent, new_ends, parents, count, width
+        )
+        dropped = min(dropped, left_out)
     return (
         new_sets[:count].copy(),
         new_lasts[:count].copy(),
