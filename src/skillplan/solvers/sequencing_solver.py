@@ -6,6 +6,7 @@ What a job is and when a model has this structure, `model.sequencing` says; the 
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -20,7 +21,6 @@ from skillplan.task import back_end
 
 if TYPE_CHECKING:
     from skillplan.model.sequencing import SequencingProblem
-    from skillplan.solvers.ordering.job_orders import JobOrders
     from skillplan.solvers.ordering.ordering_search import Method, OrderingSearch
 
 # Of the memory that is free where no limit is given.
@@ -28,29 +28,8 @@ _SHARE = 0.7
 _PROOF_TOLERANCE = 1e-9
 
 
-class SequencingSolver(Solver):
-    """Base of the solvers that put jobs into an order.
-
-    Attributes
-    ----------
-    methods
-        Those of `ordering_search` that take part; all where it is empty.
-    """
-
-    methods: ClassVar[tuple[Method, ...]] = ()
-
-    class Options(back_end.Options):
-        """Limits of the search."""
-
-        rounds: int | None = Field(
-            default=None,
-            ge=1,
-            le=64,
-            description="the most rounds, each with twice the effort of the one before; left out: "
-            "until there is a proof [-]",
-        )
-
-    options: Options
+class JobOrderSolver(Solver):
+    """Base of the solvers that put jobs into an order: recognises them, or refuses in words."""
 
     def refuses(self, model: SkillModel) -> str | None:
         """Return why not, where the model is no sequencing problem.
@@ -93,8 +72,6 @@ class SequencingSolver(Solver):
         NotASequencing
             If the model is no sequencing problem, which `refuses` says before.
         """
-        from skillplan.solvers.ordering.job_orders import JobOrders
-
         try:
             problem = self.problem(model)
         except NotASequencing:
@@ -104,12 +81,43 @@ class SequencingSolver(Solver):
             return Solution(trace={"reason": reason, "ended": "no order"})
         if not problem.jobs:
             return Solution(Plan((), 0.0), 0.0, proved=True, trace={"bound_method": "no job"})
-        return self._search(JobOrders(problem), seed)
+        return self.search(problem, seed)
 
-    def _search(self, orders: JobOrders, seed: int) -> Solution:
+    @abstractmethod
+    def search(self, problem: SequencingProblem, seed: int) -> Solution:
+        """Search a problem of at least one job."""
+
+
+class SequencingSolver(JobOrderSolver):
+    """Base of the solvers whose methods are those of `ordering_search`.
+
+    Attributes
+    ----------
+    methods
+        Those of `ordering_search` that take part; all where it is empty.
+    """
+
+    methods: ClassVar[tuple[Method, ...]] = ()
+
+    class Options(back_end.Options):
+        """Limits of the search."""
+
+        rounds: int | None = Field(
+            default=None,
+            ge=1,
+            le=64,
+            description="the most rounds, each with twice the effort of the one before; left out: "
+            "until there is a proof [-]",
+        )
+
+    options: Options
+
+    def search(self, problem: SequencingProblem, seed: int) -> Solution:
+        """Search with the methods; what is found and proved on the way is told at once."""
+        from skillplan.solvers.ordering.job_orders import JobOrders
         from skillplan.solvers.ordering.ordering_search import METHODS, OrderingSearch
 
-        problem = orders.problem
+        orders = JobOrders(problem)
         found: list[Plan] = []
 
         def on_order(order: Any, cost: float) -> None:

@@ -11,25 +11,20 @@ from typing import Any
 
 from pydantic import Field
 
-from skillplan.errors import NotASequencing, SearchStopped
-from skillplan.model.precedence_chart import derive_chart
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.sequencing_solver import JobOrderSolver
 from skillplan.solvers.solution import Plan, Solution
-from skillplan.solvers.solver import Solver
 from skillplan.task import back_end
 from skillplan_ortools.order_circuit import OrderCircuit
 from skillplan_ortools.watched_search import SearchOutcome, WatchedSearch
 from skillplan_ortools.whole_costs import WholeCosts
 
 _METHOD = "constraint programming (CP-SAT)"
-# Larger tasks are not asked what stands against every order.
-_MOST_CHARTED = 64
 # Cost and bound of a proof may differ by so much, as a fraction of the cost or of 1.
 _PROOF_TOLERANCE = 1e-9
 
 
-class CpSatSolver(Solver):
+class CpSatSolver(JobOrderSolver):
     """Prove the cheapest order of jobs by constraint programming (OR-Tools' CP-SAT); anytime."""
 
     name = "cp-sat"
@@ -55,56 +50,10 @@ class CpSatSolver(Solver):
         )
 
     options: Options
-    _known: tuple[SkillModel, SequencingProblem | NotASequencing] | None = None
 
-    def refuses(self, model: SkillModel) -> str | None:
-        """Return why not, where the model is no sequencing problem.
-
-        One that has no order at all is served: what stands against every order is its answer.
-        """
-        try:
-            found = self._recognised(model)
-            if isinstance(found, SequencingProblem) or self._obstacle(model) is not None:
-                return None
-        except SearchStopped:
-            # The search ends for the same reason, and is asked for what it has.
-            return None
-        instead = "exact" if model.task.deterministic else "value-iteration"
-        return f"cp-sat puts jobs into an order, and {found} Take {instead}."
-
-    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Search for the cheapest order; whatever is found and proved on the way is told at once.
-
-        Raises
-        ------
-        NotASequencing
-            If the model is no sequencing problem, which `refuses` says before.
-        """
-        found = self._recognised(model)
-        if isinstance(found, SequencingProblem):
-            return _OrderSearch(self, found, seed).solution()
-        obstacle = self._obstacle(model)
-        if obstacle is None:
-            raise found
-        return Solution(trace={"reason": obstacle, "ended": "no order"})
-
-    def _recognised(self, model: SkillModel) -> SequencingProblem | NotASequencing:
-        """Return the sequencing problem of a model, or why it is none; worked out once."""
-        if self._known is None or self._known[0] is not model:
-            found: SequencingProblem | NotASequencing
-            try:
-                found = SequencingProblem.from_model(model)
-            except NotASequencing as error:
-                found = error
-            self._known = model, found
-        return self._known[1]
-
-    def _obstacle(self, model: SkillModel) -> str | None:
-        """Return what stands against every order of a small task, in words, if anything does."""
-        task = model.task
-        if not task.deterministic or len(task.operations) > _MOST_CHARTED:
-            return None
-        return derive_chart(model.feasibility).obstacle()
+    def search(self, problem: SequencingProblem, seed: int) -> Solution:
+        """Search for the cheapest order; whatever is found and proved is told at once."""
+        return _OrderSearch(self, problem, seed).solution()
 
 
 class _OrderSearch:
@@ -130,8 +79,6 @@ class _OrderSearch:
         Only where the cheapest order takes too many skills, the limit becomes a constraint. What
         it proves then holds for the cheapest ways between jobs only, so that the bound stays.
         """
-        if not self._network.n:
-            return Solution(Plan((), 0.0), 0.0, proved=True, trace=self._trace("proof"))
         self._begin()
         outcome = self._search(None)
         complete = outcome.complete

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.model.sequencing import SequencingProblem
+from skillplan.solvers.ordering.ordering_instance import closed_relation
 
 # Bounds come as floats, which hold whole numbers up to here without rounding.
 _MOST_BITS = 52
@@ -50,8 +51,7 @@ class WholeCosts:
         before = np.zeros((self.n, self.n), dtype=np.bool_)
         for i, j in self.problem.precedence:
             before[i, j] = True
-        for via in range(self.n):
-            before |= np.outer(before[:, via], before[via])
+        before = closed_relation(before)
         object.__setattr__(self, "before", before)
         costs = self._possible()
         exponent = _exponent(costs.values(), self.n)

@@ -52,7 +52,6 @@ class CutRelaxation:
         self.leave = np.zeros((0, instance.n), dtype=np.bool_)
         self.reach = np.zeros((0, instance.n), dtype=np.bool_)
         self._slack = np.zeros(0, dtype=np.int64)
-        self.rounds = 0
         self.solves = 0
         # Simplex steps and what starting takes, times the size: what the time goes with.
         self.work = 0

@@ -16,17 +16,15 @@ def tighten(
     stop: Callable[[], bool],
     on_bound: Callable[[Duals], None],
     *,
-    rounds: int = 10_000,
     enough: float = 1e-4,
 ) -> Duals:
     """Add cuts until nothing is gained, the bound reaches the cutoff or `stop` says so."""
     best: Duals | None = None
     stalled = 0
-    for _ in range(rounds):
+    while True:
         if not relaxation.settle(relaxation.arcs, stop):
             return Duals(np.inf, np.full_like(relaxation.instance.costs, np.inf))
         duals = relaxation.duals()
-        relaxation.rounds += 1
         if best is None or duals.bound > best.bound:
             gained = np.inf if best is None else duals.bound - best.bound
             stalled = 0 if gained > enough * max(1.0, abs(cutoff - duals.bound)) else stalled + 1
@@ -35,10 +33,8 @@ def tighten(
         else:
             stalled += 1
         if duals.bound >= cutoff or stop() or stalled >= 8:
-            break
+            return best
         relaxation.fix(duals, cutoff)
         relaxation.drop()
         if not relaxation.cut(100):
-            break
-    assert best is not None
-    return best
+            return best

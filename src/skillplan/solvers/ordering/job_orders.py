@@ -8,7 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.solvers.ordering.ordering_instance import Integers, OrderingInstance
+from skillplan.solvers.ordering.ordering_instance import (
+    Integers,
+    OrderingInstance,
+    closed_relation,
+)
 
 
 @dataclass(frozen=True)
@@ -76,8 +80,6 @@ class JobOrders:
 
 def _last(before: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> int | None:
     """Return the job that comes after all others, if there is one."""
-    closed = before.copy()
-    for via in range(len(closed)):
-        closed[closed[:, via]] |= closed[via]
+    closed = closed_relation(before)
     found = np.nonzero(closed.sum(axis=0) == len(closed) - 1)[0]
     return int(found[0]) if len(found) else None

@@ -62,7 +62,7 @@ class OrderingInstance:
             raise ValueError(f"An ordering of n = {n} nodes needs n >= 2 and (n, n) arrays.")
         before = self.before.copy()
         before[0, 1:] = before[:-1, n - 1] = True
-        before = _closure(before)
+        before = closed_relation(before)
         if before.diagonal().any():
             raise ValueError("The precedence relation has a circle.")
         arcs = _arcs(before) & (self.costs < np.inf)
@@ -111,7 +111,8 @@ class OrderingInstance:
         return cost - self.step * (1 - 1e-5)
 
 
-def _closure(before: Booleans) -> Booleans:
+def closed_relation(before: Booleans) -> Booleans:
+    """Return the transitive closure of a relation, shape (n, n)."""
     closed = before.copy()
     for via in range(len(closed)):
         closed[closed[:, via]] |= closed[via]
