@@ -20,11 +20,12 @@ def never():
 
 
 def duals_of(instance, rounds):
-    """Return the duals of the relaxation after some rounds of cuts; 0: no bound at all."""
+    """Return the duals of the relaxation once it gave so many bounds; 0: no bound at all."""
     if not rounds:
         return Duals(0.0, np.where(instance.costs < NO_ARC, instance.costs, np.inf))
     relaxation = CutRelaxation(instance, instance.costs < NO_ARC)
-    return tighten(relaxation, np.inf, never, lambda duals: None, rounds=rounds)
+    bounds = []
+    return tighten(relaxation, np.inf, lambda: len(bounds) >= rounds, bounds.append)
 
 
 def slack(value):
