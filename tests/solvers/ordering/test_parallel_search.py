@@ -18,8 +18,9 @@ from skillplan.run import make_model, solve
 from skillplan.solvers.ordering import parallel_search
 from skillplan.solvers.ordering.job_orders import JobOrders
 from skillplan.solvers.ordering.ordering_instance import OrderingInstance
-from skillplan.solvers.ordering.ordering_search import METHODS, News, OrderingSearch
+from skillplan.solvers.ordering.ordering_search import METHODS, OrderingSearch
 from skillplan.solvers.ordering.parallel_search import ParallelSearch, emphases
+from skillplan.solvers.ordering.search_news import News
 from skillplan.solvers.ordering.search_share import Share, ShareSearch, Word
 from skillplan.solvers.stop import Stop
 from sop_instances import BEST_KNOWN, instance

@@ -5,17 +5,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ordering_instances import all_orders, instance_of, orderings
+from skillplan.solvers.ordering.annealing import followers, nearest
+from skillplan.solvers.ordering.ordering_instance import OrderingInstance
 from skillplan.solvers.ordering.ruin_and_recreate import improve
 
 
-def improved(instance, order, seed, iterations=300, moves=0.5):
+def improved(instance, order, seed, iterations=300, exchanges=0.5, moves=0.5):
     """Return the last and the best order, and the cost that was told."""
     now, best = np.array(order), np.array(order)
-    near = np.argsort(np.minimum(instance.costs, instance.costs.T), axis=1, kind="stable")
     random = np.array([2 * seed + 1], dtype=np.uint64)
-    near = np.ascontiguousarray(near[:, : instance.n - 1])
-    arrays = (instance.costs, instance.before, near)
-    told = improve(now, best, *arrays, iterations, 10.0, 0.01, moves, random)
+    arrays = (instance.costs, instance.before, nearest(instance), followers(instance))
+    told = improve(now, best, *arrays, iterations, 10.0, 0.01, exchanges, moves, random)
     return now, best, told
 
 
@@ -24,14 +24,16 @@ def improved(instance, order, seed, iterations=300, moves=0.5):
     orderings(most=8, kinds=("whole", "real", "few", "zero")),
     st.integers(0, 10**6),
     st.sampled_from([0.0, 0.5, 1.0]),
+    st.sampled_from([0.0, 0.5, 1.0]),
 )
-def test_orders_stay_feasible_and_cost_what_is_told(instance, seed, moves):
+def test_orders_stay_feasible_and_cost_what_is_told(instance, seed, exchanges, moves):
     """The last as well as the best, by either kind of move."""
     orders = all_orders(instance)
     if not orders:
         return
-    cost, order = orders[-1]
-    now, best, told = improved(instance, order, seed, moves=moves)
+    order = np.array(orders[-1][1])
+    cost = instance.cost(order)
+    now, best, told = improved(instance, order, seed, exchanges=exchanges, moves=moves)
     assert instance.feasible(best)
     assert sorted(now.tolist()) == list(range(instance.n))
     ranked = instance.before[np.ix_(now, now)]
@@ -58,3 +60,24 @@ def test_the_same_state_of_chance_makes_the_same_moves():
     runs = [improved(instance, order, 5) for _ in range(2)]
     for one, other in zip(*runs, strict=True):
         assert np.array_equal(one, other)
+
+
+def test_exchanges_alone_find_the_best_order_both_ways_alike():
+    """Costs are the same in either direction, so that strings have to be turned round."""
+    chance = np.random.default_rng(4)
+    costs = chance.integers(1, 100, (9, 9)).astype(float)
+    before = np.zeros((9, 9), dtype=bool)
+    before[[1, 2, 4], [2, 3, 5]] = True
+    instance = OrderingInstance(np.minimum(costs, costs.T), before)
+    orders = all_orders(instance)
+    for seed in range(5):
+        _, best, _ = improved(instance, orders[-1][1], seed, iterations=3_000, exchanges=1.0)
+        assert instance.cost(best) == orders[0][0]
+
+
+def test_followers_leave_out_what_is_implied():
+    """Of 1 before 2 before 3 and 1 before 3, the last goes without saying."""
+    before = np.zeros((6, 6), dtype=bool)
+    before[[1, 2, 1, 1], [2, 3, 3, 4]] = True
+    follow = followers(OrderingInstance(np.ones((6, 6)), before))
+    assert [[node for node in row if node >= 0] for row in follow] == [[], [2, 4], [3], [], [], []]

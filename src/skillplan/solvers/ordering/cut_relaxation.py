@@ -28,6 +28,27 @@ _SLACK_ROUNDS = 4
 _SETTLED = (highspy.HighsModelStatus.kOptimal, highspy.HighsModelStatus.kInfeasible)
 
 
+def assignment_program(n: int) -> highspy.Highs:
+    """Return a program without columns: rows 0 to n - 2 leave a node once, the others reach one."""
+    highs = highspy.Highs()
+    for key, value in (
+        ("output_flag", False),
+        ("threads", 1),
+        ("presolve", "off"),
+        ("solver", "simplex"),
+        ("simplex_strategy", 1),
+        ("random_seed", 0),
+        ("dual_feasibility_tolerance", 1e-9),
+        ("primal_feasibility_tolerance", 1e-9),
+    ):
+        highs.setOptionValue(key, value)
+    rows = 2 * (n - 1)
+    ones = np.ones(rows)
+    none = np.zeros(0, dtype=np.int32)
+    highs.addRows(rows, ones, ones, 0, np.zeros(rows, dtype=np.int32), none, np.zeros(0))
+    return highs
+
+
 class CutRelaxation:
     """The relaxation of an instance, made tighter round by round.
 
@@ -59,31 +80,10 @@ class CutRelaxation:
         self.heads = np.zeros(0, dtype=np.int64)
         self._upper = np.zeros(0)
         self._column = np.full((instance.n, instance.n), -1, dtype=np.int64)
-        self._highs = self._model()
+        self._highs = assignment_program(instance.n)
         self._add(self._first_arcs(start))
         self._pairs = pairs_of(instance.before)
         self._next = 0
-
-    def _model(self) -> highspy.Highs:
-        highs = highspy.Highs()
-        for key, value in (
-            ("output_flag", False),
-            ("threads", 1),
-            ("presolve", "off"),
-            ("solver", "simplex"),
-            ("simplex_strategy", 1),
-            ("random_seed", 0),
-            ("dual_feasibility_tolerance", 1e-9),
-            ("primal_feasibility_tolerance", 1e-9),
-        ):
-            highs.setOptionValue(key, value)
-        n = self.instance.n
-        none = np.zeros(0, dtype=np.int32)
-        ones = np.ones(2 * (n - 1))
-        # An artificial column keeps the relaxation feasible while arcs are missing.
-        starts = np.zeros(2 * (n - 1), dtype=np.int32)
-        highs.addRows(2 * (n - 1), ones, ones, 0, starts, none, np.zeros(0))
-        return highs
 
     def _first_arcs(self, start: Integers | None) -> Booleans:
         instance = self.instance

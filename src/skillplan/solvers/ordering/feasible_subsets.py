@@ -10,26 +10,18 @@ of equally cheap ones that which has spent least.
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.solvers.compiled import compiled
+from skillplan.solvers.ordering.reduced_costs import Charges
 
 Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Words = NDArray[np.uint64]
-
-
-@compiled
-def words_of(relation: NDArray[np.bool_]) -> Words:
-    """Return the columns of a relation as bit sets, shape (n, words)."""
-    n = len(relation)
-    words = np.zeros((n, (n + 63) // 64), dtype=np.uint64)
-    for j in range(n):
-        for i in range(n):
-            if relation[i, j]:
-                words[j, i >> 6] |= np.uint64(1) << np.uint64(i & 63)
-    return words
+S = TypeVar("S", bound=np.generic)
 
 
 @compiled
@@ -45,11 +37,7 @@ def _sort_out(
 ) -> tuple[int, float, float]:
     """Move to the front those of the first `count` ways that spend least to the end.
 
-    Returns
-    -------
-    tuple
-        How many there are, the most that one of them spends, and the least that one spends
-        which is left out.
+    Return how many, the most that one of them spends, and the least that one left out spends.
     """
     limit = np.partition(ends[:count], width - 1)[width - 1]
     kept, left_out = 0, np.inf
@@ -68,6 +56,68 @@ def _sort_out(
 
 
 @compiled
+def _grown(array: NDArray[S], capacity: int) -> NDArray[S]:
+    """Return a longer array that begins with another."""
+    longer = np.empty((capacity, *array.shape[1:]), dtype=array.dtype)
+    longer[: len(array)] = array
+    return longer
+
+
+@compiled
+def _open(visited: Words, preds: Words, node: int) -> bool:
+    """Return whether a node is still to be visited, and all that comes before it was."""
+    fits = not (visited[node >> 6] >> np.uint64(node & 63)) & np.uint64(1)
+    for w in range(len(visited)):
+        fits &= not preds[w] & ~visited[w]
+    return fits
+
+
+@compiled
+def _charged(visited: Words, last: int, node: int, charges: Charges) -> float:
+    """Return what a way is charged for its next node."""
+    one = np.uint64(1)
+    total = 0.0
+    for c in range(charges.first[node], charges.first[node + 1]):
+        has, lacks = charges.has[c], charges.lacks[c]
+        if not (visited[has >> 6] >> np.uint64(has & 63)) & one or charges.after[c] == last:
+            continue
+        if lacks < 0 or not (visited[lacks >> 6] >> np.uint64(lacks & 63)) & one:
+            total += charges.amounts[c]
+    return total
+
+
+@compiled
+def _mixed(visited: Words, last: int) -> int:
+    """Return a number in which the set and the last node are mixed."""
+    mixed = np.uint64(last) * np.uint64(0x9E3779B97F4A7C15)
+    for word in visited:
+        mixed = (mixed ^ word) * np.uint64(0xFF51AFD7ED558CCD)
+        mixed ^= mixed >> np.uint64(32)
+    return int(mixed >> np.uint64(1))
+
+
+@compiled
+def _place(
+    table: NDArray[np.int32],
+    sets: Words,
+    lasts: NDArray[np.int16],
+    visited: Words,
+    last: int,
+) -> int:
+    """Return where in the table a way over a set to a node stands, or is to stand."""
+    at = _mixed(visited, last) & (len(table) - 1)
+    while table[at] >= 0:
+        found = table[at]
+        same = lasts[found] == last
+        for w in range(len(visited)):
+            same &= sets[found, w] == visited[w]
+        if same:
+            break
+        at = (at + 1) & (len(table) - 1)
+    return at
+
+
+@compiled
 def expand(
     sets: Words,
     lasts: NDArray[np.int16],
@@ -81,6 +131,7 @@ def expand(
     near: Integers,
     slot: Integers,
     ahead: Floats,
+    charges: Charges,
     most: float,
     room: float,
     width: int,
@@ -101,6 +152,8 @@ def expand(
         Least spending to the end: neighbours remembered, shape (n, bits); the row of a node in this
         layer or -1, shape (n,); by row and the neighbours that are left, shape (rows, 2 **
         bits).
+    charges
+        What is spent beside arcs.
     most, room
         Ways are left out that spend as much so far, or to the end.
     width
@@ -146,15 +199,7 @@ def expand(
             row = slot[j]
             if row < 0:
                 continue
-            word, bit = j >> 6, one << np.uint64(j & 63)
-            if sets[s, word] & bit:
-                continue
-            fits = True
-            for w in range(words):
-                if preds[j, w] & ~sets[s, w]:
-                    fits = False
-                    break
-            if not fits:
+            if not _open(sets[s], preds[j], j):
                 continue
             left = 0
             for b in range(bits):
@@ -163,6 +208,9 @@ def expand(
                     left |= 1 << b
             cost = costs[s] + arc_costs[a]
             spends = spent[s] + arc_reduced[a]
+            if spends >= most or spends + ahead[row, left] >= room:
+                continue
+            spends += _charged(sets[s], last, j, charges)
             if spends >= most:
                 continue
             end = spends + ahead[row, left]
@@ -171,31 +219,13 @@ def expand(
                 if end < room and end < dropped:
                     dropped = end
                 continue
-            mixed = np.uint64(j) * np.uint64(0x9E3779B97F4A7C15)
-            for w in range(words):
-                trial[w] = sets[s, w]
-                if w == word:
-                    trial[w] |= bit
-                mixed = (mixed ^ trial[w]) * np.uint64(0xFF51AFD7ED558CCD)
-                mixed ^= mixed >> np.uint64(32)
-            at = np.int64(mixed & np.uint64(size - 1))
-            while True:
-                found = table[at]
-                if found < 0:
-                    break
-                same = new_lasts[found] == j
-                if same:
-                    for w in range(words):
-                        if new_sets[found, w] != trial[w]:
-                            same = False
-                            break
-                if same:
-                    break
-                at = (at + 1) & (size - 1)
+            trial[:] = sets[s]
+            trial[j >> 6] |= one << np.uint64(j & 63)
+            at = _place(table, new_sets, new_lasts, trial, j)
+            found = table[at]
             if found >= 0:
-                if cost < new_costs[found] or (
-                    cost == new_costs[found] and spends < new_spent[found]
-                ):
+                dearer = cost > new_costs[found]
+                if not dearer and (cost < new_costs[found] or spends < new_spent[found]):
                     new_costs[found] = cost
                     new_spent[found] = spends
                     new_ends[found] = end
@@ -203,28 +233,16 @@ def expand(
                 continue
             if count == capacity and capacity < most_held:
                 capacity = min(most_held, 2 * capacity)
-                more_sets = np.empty((capacity, words), dtype=np.uint64)
-                more_sets[:count] = new_sets
-                new_sets = more_sets
-                more_lasts = np.empty(capacity, dtype=np.int16)
-                more_lasts[:count] = new_lasts
-                new_lasts = more_lasts
-                more_costs = np.empty(capacity)
-                more_costs[:count] = new_costs
-                new_costs = more_costs
-                more_spent = np.empty(capacity)
-                more_spent[:count] = new_spent
-                new_spent = more_spent
-                more_ends = np.empty(capacity)
-                more_ends[:count] = new_ends
-                new_ends = more_ends
-                more_parents = np.empty(capacity, dtype=np.int32)
-                more_parents[:count] = parents
-                parents = more_parents
+                new_sets = _grown(new_sets, capacity)
+                new_lasts = _grown(new_lasts, capacity)
+                new_costs = _grown(new_costs, capacity)
+                new_spent = _grown(new_spent, capacity)
+                new_ends = _grown(new_ends, capacity)
+                parents = _grown(parents, capacity)
                 while size < 2 * capacity:
                     size *= 2
                 table = _table(new_sets, new_lasts, count, size)
-                at = np.int64(-1)
+                at = _place(table, new_sets, new_lasts, trial, j)
             elif count == capacity and whole:
                 count, dropped, full = 0, 0.0, True
                 break
@@ -234,14 +252,10 @@ def expand(
                 )
                 dropped = min(dropped, left_out)
                 table = _table(new_sets, new_lasts, count, size)
-                at = np.int64(-1)
+                at = _place(table, new_sets, new_lasts, trial, j)
                 if end >= limit:
                     dropped = min(dropped, end)
                     continue
-            if at < 0:
-                at = np.int64(mixed & np.uint64(size - 1))
-                while table[at] >= 0:
-                    at = (at + 1) & (size - 1)
             table[at] = count
             new_sets[count] = trial
             new_lasts[count] = j
@@ -272,9 +286,14 @@ def meet(
     sets: Words,
     lasts: NDArray[np.int16],
     costs: Floats,
+    spent: Floats,
     out_first: Integers,
     heads: Integers,
     arc_costs: Floats,
+    arc_reduced: Floats,
+    preds: Words,
+    charges: Charges,
+    most: float,
     behind_sets: Words,
     behind_lasts: NDArray[np.int16],
     behind_costs: Floats,
@@ -283,23 +302,22 @@ def meet(
 ) -> tuple[float, int, int]:
     """Return the cheapest order below `room` that ways from both ends make up, by one arc.
 
-    The ways from the end name nodes backwards: n - 1 - i for node i.
+    The ways from the end name nodes backwards: n - 1 - i for node i. Ways from the start that may
+    be longer by a node without spending `most` are left to the next layer.
 
     Returns
     -------
     tuple
         Its cost, and the numbers of the two ways; -1 where there is none.
     """
-    words = sets.shape[1]
     size = 2
     while size < 2 * len(behind_sets):
         size *= 2
     table = _table(behind_sets, behind_lasts, len(behind_sets), size)
     least, one, other = room, -1, -1
-    rest = np.empty(words, dtype=np.uint64)
+    rest = np.empty(sets.shape[1], dtype=np.uint64)
     for s in range(len(sets)):
-        for w in range(words):
-            rest[w] = np.uint64(0)
+        rest[:] = np.uint64(0)
         for i in range(n):
             if not (sets[s, i >> 6] >> np.uint64(i & 63)) & np.uint64(1):
                 mirror = n - 1 - i
@@ -307,29 +325,15 @@ def meet(
         last = lasts[s]
         for a in range(out_first[last], out_first[last + 1]):
             cost = costs[s] + arc_costs[a]
-            if cost >= least:
+            if cost >= least or not _open(sets[s], preds[heads[a]], heads[a]):
+                continue
+            spends = spent[s] + arc_reduced[a]
+            if spends < most and spends + _charged(sets[s], last, heads[a], charges) < most:
                 continue
             j = n - 1 - heads[a]
-            if not (rest[j >> 6] >> np.uint64(j & 63)) & np.uint64(1):
-                continue
-            mixed = np.uint64(j) * np.uint64(0x9E3779B97F4A7C15)
-            for w in range(words):
-                mixed = (mixed ^ rest[w]) * np.uint64(0xFF51AFD7ED558CCD)
-                mixed ^= mixed >> np.uint64(32)
-            at = np.int64(mixed & np.uint64(size - 1))
-            while table[at] >= 0:
-                found = table[at]
-                same = behind_lasts[found] == j
-                if same:
-                    for w in range(words):
-                        if behind_sets[found, w] != rest[w]:
-                            same = False
-                            break
-                if same:
-                    if cost + behind_costs[found] < least:
-                        least, one, other = cost + behind_costs[found], s, found
-                    break
-                at = (at + 1) & (size - 1)
+            found = table[_place(table, behind_sets, behind_lasts, rest, j)]
+            if found >= 0 and cost + behind_costs[found] < least:
+                least, one, other = cost + behind_costs[found], s, found
     return least, one, other
 
 
@@ -338,11 +342,7 @@ def _table(sets: Words, lasts: NDArray[np.int16], count: int, size: int) -> NDAr
     """Return a fresh table of where ways are found."""
     table = np.full(size, -1, dtype=np.int32)
     for r in range(count):
-        mixed = np.uint64(lasts[r]) * np.uint64(0x9E3779B97F4A7C15)
-        for w in range(sets.shape[1]):
-            mixed = (mixed ^ sets[r, w]) * np.uint64(0xFF51AFD7ED558CCD)
-            mixed ^= mixed >> np.uint64(32)
-        at = np.int64(mixed & np.uint64(size - 1))
+        at = _mixed(sets[r], lasts[r]) & (size - 1)
         while table[at] >= 0:
             at = (at + 1) & (size - 1)
         table[at] = r

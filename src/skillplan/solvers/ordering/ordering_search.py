@@ -9,69 +9,46 @@ All effort is counted, not timed, so that the same seed makes the same moves.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from skillplan.solvers.ordering.annealing import Annealing
+from skillplan.solvers.ordering.annealing import Annealing, cheapest_first
 from skillplan.solvers.ordering.branch_and_cut import BranchAndCut
 from skillplan.solvers.ordering.cut_relaxation import CutRelaxation
 from skillplan.solvers.ordering.cut_rounds import tighten
 from skillplan.solvers.ordering.ordering_instance import NO_ARC, Integers, OrderingInstance
+from skillplan.solvers.ordering.pair_program import open_pairs
+from skillplan.solvers.ordering.pair_relaxation import PairRelaxation
 from skillplan.solvers.ordering.reduced_costs import Duals
+from skillplan.solvers.ordering.search_news import Effort, News
 from skillplan.solvers.ordering.subset_search import beam
 from skillplan.solvers.ordering.two_ended_search import TwoEndedSearch
 
 Method = Literal["local-search", "subset-dp", "tree-search", "branch-and-cut"]
 METHODS: tuple[Method, ...] = ("local-search", "subset-dp", "tree-search", "branch-and-cut")
 
-# Work of branch and cut in the first round.
-_WORK = 25_000_000
+# Moves of local search in the first round.
+_MOVES = 1_000_000
+# Work of branch and cut, and of the relaxation over pairs, in the first round.
+_WORK = 40_000_000
+_PAIRS_WORK = 75_000_000
+# Where branch and cut has closed such a share of the gap, pairs are left alone.
+_ENOUGH = 1 / 3
+# States of the dynamic program in the first round.
+_STATES = 1_000_000
+# So many turns pairs have to close such a share of the gap, and more than branch and cut does.
+_TURNS = 2
+_WORTH = 0.2
+# With more pairs of nodes in either order, their relaxation takes too long to be of use.
+_MOST_PAIRS = 4_000
+# Where the dynamic program expects no more than so many times its states, it is worth waiting for.
+_NEAR = 64
 # Of one state beside the words of its set; and of its line in the history of a beam [bytes].
 _STATE_BYTES = 32
 _HISTORY_BYTES = 6
 # So much of the memory that is left may be planned with.
 _MEMORY_SHARE = 0.8
-
-
-@dataclass
-class Effort:
-    """What the methods did, for the record.
-
-    Parameters
-    ----------
-    nodes
-        Ways, parts and orders looked at.
-    bound_method
-        In words, what proved the bound.
-    """
-
-    nodes: int = 0
-    bound_method: str = ""
-    states: int = 0
-    parts: int = 0
-    programs: int = 0
-    rounds: int = 0
-
-
-@dataclass(frozen=True)
-class News:
-    """What became known elsewhere.
-
-    Parameters
-    ----------
-    order
-        An order, or None where there is none that is new.
-    bound
-        No order costs less.
-    bound_method
-        In words, what proved that.
-    """
-
-    order: Integers | None = None
-    bound: float = 0.0
-    bound_method: str = ""
 
 
 class OrderingSearch:
@@ -140,6 +117,9 @@ class OrderingSearch:
         self.ended = ""
         self.duals: Duals | None = None
         self._branched: BranchAndCut | None = None
+        self._pairs: PairRelaxation | None = None
+        # What the relaxation proved before anything was branched on.
+        self._rooted = 0.0
         # The search from both ends, and the duals that it rests on: goes on while they stay.
         self._ends: TwoEndedSearch | None = None
         self._searched: Duals | None = None
@@ -153,7 +133,7 @@ class OrderingSearch:
 
     def run(self) -> None:
         """Search until the best order is proved, or it was stopped."""
-        self._begin = self._greedy() if self.order is None else self.order
+        self._begin = cheapest_first(self.instance) if self.order is None else self.order
         self._keep(self._begin)
         if "local-search" in self.methods:
             self._anneal(self._moves)
@@ -166,16 +146,19 @@ class OrderingSearch:
             self.effort.rounds += 1
             exhausted = True
             if "local-search" in self.methods:
-                self._anneal((scale * 24_000_000 // self.instance.n) >> self._barren)
+                self._anneal((scale * _MOVES) >> self._barren)
                 exhausted = False
             if "tree-search" in self.methods and not self._over():
                 exhausted &= not self._beam(250 * (scale if len(self.methods) > 1 else scale**2))
             if "subset-dp" in self.methods and not self._over():
-                exhausted &= not self._two_ended(1_000_000 * scale)
+                exhausted &= not self._two_ended(_STATES * scale)
             if "branch-and-cut" in self.methods and not self._over():
-                self._branched = self._branched or self._branching(relaxation)
-                self._branch(self._branched, _WORK * scale)
                 exhausted = False
+                self._branched = self._branched or self._branching(relaxation)
+                if not self._subsets_lead(_STATES * scale):
+                    self._branch(self._branched, _WORK * scale)
+            if self._over_subsets and not self._over():
+                self._relax_pairs(relaxation, _PAIRS_WORK * scale)
             if exhausted:
                 self.ended = "memory limit"
                 return
@@ -186,7 +169,7 @@ class OrderingSearch:
     @property
     def _moves(self) -> int:
         """How many moves the first annealing makes: some tenths of a second, less for few nodes."""
-        return min(8_000_000 // self.instance.n, 2_000 * self.instance.n)
+        return min(_MOVES // 6, 2_000 * self.instance.n)
 
     def _over(self) -> bool:
         """Whether to go no further; what became known elsewhere is taken over first."""
@@ -216,21 +199,6 @@ class OrderingSearch:
             self.effort.bound_method = method
         self.on_bound(self.bound, self.effort.nodes)
 
-    def _greedy(self) -> Integers:
-        """Return an order that goes to the cheapest open node that leaves a way on."""
-        n = self.instance.n
-        costs, before = self.instance.costs, self.instance.before
-        lacking = before.sum(axis=0) - before[0]
-        order, done = [0], np.zeros(n, dtype=np.bool_)
-        done[0] = True
-        while len(order) < n:
-            free = np.nonzero(~done & (lacking == 0))[0]
-            chosen = int(free[np.argmin(costs[order[-1], free])])
-            done[chosen] = True
-            order.append(chosen)
-            lacking = lacking - before[chosen]
-        return np.array(order)
-
     def _anneal(self, iterations: int) -> None:
         """Improve the best order, hot at first; in portions, so that it can be stopped."""
         # Where there are few orders, seconds of it would be a waste.
@@ -253,15 +221,63 @@ class OrderingSearch:
 
         self.duals = tighten(relaxation, self.instance.cutoff(self.cost), self._over, told)
         told(self.duals)
+        self._rooted = self.duals.bound
         relaxation.fix(self.duals, self.instance.cutoff(self.cost))
         self.effort.programs = relaxation.solves
 
-    def _fixed(self) -> Duals:
-        """Return the duals with all arcs left out that no better order takes."""
+    @property
+    def _known(self) -> Duals:
+        """The best bound so far and what proved it."""
         assert self.duals is not None
-        reduced = self.duals.reduced.copy()
-        reduced[self.duals.bound + reduced >= self.instance.cutoff(self.cost)] = np.inf
-        return Duals(self.duals.bound, reduced)
+        return self.duals
+
+    @property
+    def _over_subsets(self) -> bool:
+        """Whether a method takes part that the relaxation over pairs helps."""
+        return "subset-dp" in self.methods or "tree-search" in self.methods
+
+    def _relax_pairs(self, relaxation: CutRelaxation, work: int) -> None:
+        """Go on with the relaxation over pairs, unless branch and cut is ahead of it."""
+        cutoff = self.instance.cutoff(self.cost)
+        if self._pairs is None:
+            well_branched = self._rooted + _ENOUGH * (cutoff - self._rooted)
+            if self.order is None or self._branched_bound >= well_branched:
+                return
+            if open_pairs(self.instance).sum() // 2 > _MOST_PAIRS:
+                return
+            self._pairs = PairRelaxation(relaxation)
+        pairs = self._pairs
+        if self.effort.rounds > _TURNS:
+            little = self._pairs_bound < self._rooted + _WORTH * (cutoff - self._rooted)
+            if little or self._pairs_bound < self._branched_bound:
+                pairs.exhausted = True
+        if pairs.exhausted:
+            return
+
+        def told(duals: Duals) -> None:
+            self._raise(duals.bound, "linear relaxation over arcs and pairs")
+
+        pairs.run(work, cutoff, self._over, told)
+        if pairs.duals is not None and pairs.duals.bound > self._known.bound:
+            self.duals = pairs.duals
+            relaxation.fix(pairs.duals, cutoff)
+
+    @property
+    def _pairs_bound(self) -> float:
+        """What the relaxation over pairs proved; inf before it did."""
+        duals = None if self._pairs is None else self._pairs.duals
+        return np.inf if duals is None else duals.bound
+
+    @property
+    def _branched_bound(self) -> float:
+        return -np.inf if self._branched is None else self._branched.bound
+
+    def _subsets_lead(self, states: int) -> bool:
+        """Whether pairs are ahead of branch and cut, and they or the subsets may get further."""
+        pairs, ends = self._pairs, self._ends
+        if pairs is None or self.effort.rounds == 1 or self._pairs_bound < self._branched_bound:
+            return False
+        return not pairs.exhausted or (ends is not None and ends.expected <= _NEAR * states)
 
     def _allowed(self, wanted: int, sets: int, lines: int) -> int:
         """Return how many of what is wanted memory allows, each of so many sets and lines."""
@@ -279,7 +295,7 @@ class OrderingSearch:
         cutoff = self.instance.cutoff(self.cost)
         search = self._ends
         if search is None or search.cutoff != cutoff or self._searched is not self.duals:
-            self._ends = search = TwoEndedSearch(self.instance, self._fixed(), cutoff)
+            self._ends = search = TwoEndedSearch(self.instance, self._known.without(cutoff), cutoff)
             self._searched = self.duals
         made = search.made
         met = search.run(allowed, self._over)
@@ -295,7 +311,9 @@ class OrderingSearch:
         # Two layers at a time, the tables and copies of one that grows; then only its history.
         allowed = self._allowed(width, 10, self.instance.n)
         cutoff = self.instance.cutoff(self.cost)
-        found = beam(self.instance, self._fixed(), cutoff, max(1, allowed), self._over)
+        found = beam(
+            self.instance, self._known.without(cutoff), cutoff, max(1, allowed), self._over
+        )
         if found is not None:
             self.effort.nodes += found.made
             self.effort.states += found.made
@@ -305,8 +323,7 @@ class OrderingSearch:
         return allowed >= width
 
     def _branching(self, relaxation: CutRelaxation) -> BranchAndCut:
-        assert self.duals is not None
-        relaxation.fix(self.duals, self.instance.cutoff(self.cost))
+        relaxation.fix(self._known, self.instance.cutoff(self.cost))
         return BranchAndCut(
             relaxation,
             self.cost,
@@ -322,6 +339,6 @@ class OrderingSearch:
         self.effort.nodes += branching.parts - parts
         self.effort.parts, self.effort.programs = branching.parts, branching.relaxation.solves
         root = branching.root
-        if root is not None and (self.duals is None or root.bound > self.duals.bound):
+        if root is not None and root.bound > self._known.bound:
             self.duals = root
         self._raise(branching.bound, "branch and cut")

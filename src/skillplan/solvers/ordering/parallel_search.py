@@ -18,12 +18,8 @@ import numpy as np
 from skillplan.errors import SkillplanError
 from skillplan.model.worker_processes import Ended, WorkerProcess, first_ready, packed
 from skillplan.solvers.ordering.ordering_instance import Integers
-from skillplan.solvers.ordering.ordering_search import (
-    METHODS,
-    Method,
-    News,
-    OrderingSearch,
-)
+from skillplan.solvers.ordering.ordering_search import METHODS, Method, OrderingSearch
+from skillplan.solvers.ordering.search_news import News
 from skillplan.solvers.ordering.search_share import Finding, Share, Word, prepare
 from skillplan.solvers.resident_memory import resident_bytes_of
 

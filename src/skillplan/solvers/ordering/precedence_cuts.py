@@ -78,6 +78,31 @@ def _flow(
 
 
 @compiled
+def _network(
+    nodes: int, tails: Integers, heads: Integers
+) -> tuple[Integers, Integers, Integers, Integers]:
+    """Return a network for `_flow`, every arc there and back, and where each arc stands in it."""
+    m = len(tails)
+    degree = np.zeros(nodes + 1, dtype=np.int64)
+    for a in range(m):
+        degree[tails[a] + 1] += 1
+        degree[heads[a] + 1] += 1
+    first = np.cumsum(degree)
+    free = first[:nodes].copy()
+    target = np.empty(2 * m, dtype=np.int64)
+    twin = np.empty(2 * m, dtype=np.int64)
+    place = np.empty(m, dtype=np.int64)
+    for a in range(m):
+        one, other = free[tails[a]], free[heads[a]]
+        free[tails[a]] += 1
+        free[heads[a]] += 1
+        target[one], target[other] = heads[a], tails[a]
+        twin[one], twin[other] = other, one
+        place[a] = one
+    return first, target, twin, place
+
+
+@compiled
 def separate(
     tails: Integers,
     heads: Integers,
@@ -109,22 +134,9 @@ def separate(
     """
     n = len(before)
     m = len(tails)
-    degree = np.zeros(n + 1, dtype=np.int64)
-    for a in range(m):
-        degree[tails[a] + 1] += 1
-        degree[heads[a] + 1] += 1
-    first = np.cumsum(degree)
-    place = first[:n].copy()
-    target = np.empty(2 * m, dtype=np.int64)
-    twin = np.empty(2 * m, dtype=np.int64)
+    first, target, twin, place = _network(n, tails, heads)
     full = np.zeros(2 * m)
-    for a in range(m):
-        one, other = place[tails[a]], place[heads[a]]
-        place[tails[a]] += 1
-        place[heads[a]] += 1
-        target[one], target[other] = heads[a], tails[a]
-        twin[one], twin[other] = other, one
-        full[one] = values[a]
+    full[place] = values
     leave = np.zeros((most, n), dtype=np.bool_)
     reach = np.zeros((most, n), dtype=np.bool_)
     barred = np.zeros(n, dtype=np.bool_)
@@ -214,3 +226,67 @@ def pairs_of(before: Booleans) -> tuple[Integers, Integers]:
     between = before.astype(np.float32) @ before.astype(np.float32)
     near = np.argsort(between[rest[:, 0], rest[:, 1]], kind="stable")
     return core, np.ascontiguousarray(rest[near])
+
+
+@compiled
+def separate_between(
+    tails: Integers,
+    heads: Integers,
+    values: Floats,
+    earlier: Floats,
+    pairs: Integers,
+    violation: float,
+) -> tuple[Booleans, Booleans, Floats]:
+    """Look for cuts between nodes that come one before the other only to some part.
+
+    As much as i comes before j has to flow from i to j, through every other node no more than
+    that comes between the two.
+
+    Parameters
+    ----------
+    tails, heads, values
+        The arcs of the fractional order and how much of each is taken, in (0, 1], shape (m,).
+    earlier
+        How much one node comes before another, in [0, 1], shape (n, n).
+    pairs
+        Pairs of nodes that are to be looked at, shape (p, 2).
+    violation
+        By how much a cut must be violated at least.
+
+    Returns
+    -------
+    tuple
+        The nodes that are reached and those that are left on the side of i, shape (p, n) each,
+        and by how much the cut is violated, 0 where it is not, shape (p,).
+    """
+    n = len(earlier)
+    m = len(tails)
+    # Every node twice, where it is reached and where it is left; what flows through lies between.
+    starts = np.concatenate((tails + n, np.arange(n)))
+    ends = np.concatenate((heads, np.arange(n) + n))
+    first, target, twin, place = _network(2 * n, starts, ends)
+    full = np.zeros(2 * len(starts))
+    barred = np.zeros(2 * n, dtype=np.bool_)
+    reached = np.zeros(2 * n, dtype=np.int64)
+    queue = np.zeros(4 * n + 1, dtype=np.int64)
+    arrive = np.zeros((len(pairs), n), dtype=np.bool_)
+    depart = np.zeros((len(pairs), n), dtype=np.bool_)
+    violated = np.zeros(len(pairs))
+    for p in range(len(pairs)):
+        i, j = pairs[p, 0], pairs[p, 1]
+        enough = earlier[i, j] - violation
+        if enough <= 0.0:
+            continue
+        full[:] = 0.0
+        full[place[:m]] = values
+        for node in range(n):
+            full[place[m + node]] = min(earlier[i, node], earlier[node, j])
+        reached[:] = 0
+        flow = _flow(i + n, j, barred, first, target, twin, full, reached, queue, 1, enough)
+        if flow >= enough:
+            continue
+        side = reached == reached[i + n]
+        arrive[p] = side[:n]
+        depart[p] = side[n:]
+        violated[p] = earlier[i, j] - flow
+    return arrive, depart, violated

@@ -20,12 +20,8 @@ from skillplan.solvers.resident_memory import resident_bytes
 
 if TYPE_CHECKING:
     from skillplan.solvers.ordering.ordering_instance import Integers, OrderingInstance
-    from skillplan.solvers.ordering.ordering_search import (
-        Effort,
-        Method,
-        News,
-        OrderingSearch,
-    )
+    from skillplan.solvers.ordering.ordering_search import Method, OrderingSearch
+    from skillplan.solvers.ordering.search_news import Effort, News
 
 # So long a process waits for something to tell; and so often it looks how much it holds.
 _EVERY_S = 0.02
@@ -155,7 +151,7 @@ class ShareSearch:
 
     def finding(self) -> Finding:
         """Return what there is to tell, as soon as there is anything new or after a while."""
-        from skillplan.solvers.ordering.ordering_search import Effort
+        from skillplan.solvers.ordering.search_news import Effort
 
         self._changed.wait(_EVERY_S)
         self._changed.clear()
@@ -210,7 +206,7 @@ class ShareSearch:
 
     def _news(self) -> News | None:
         """Return all that was heard since it was last asked for."""
-        from skillplan.solvers.ordering.ordering_search import News
+        from skillplan.solvers.ordering.search_news import News
 
         news = None
         while self._heard:

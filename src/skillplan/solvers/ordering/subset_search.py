@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skillplan.solvers.ordering.bit_sets import words_of
 from skillplan.solvers.ordering.completion_bounds import CompletionBounds
-from skillplan.solvers.ordering.feasible_subsets import expand, words_of
+from skillplan.solvers.ordering.feasible_subsets import expand
 from skillplan.solvers.ordering.ordering_instance import Floats, Integers, OrderingInstance
-from skillplan.solvers.ordering.reduced_costs import Duals
+from skillplan.solvers.ordering.reduced_costs import Duals, charges_of
 
 _BITS = 8
 
@@ -26,7 +27,7 @@ class Beam:
     Parameters
     ----------
     order
-        The cheapest order met that costs less than the cutoff, or None.
+        The cheapest order met, or None.
     bound
         No order costs less than this or the cutoff, whichever is less.
     whole
@@ -58,6 +59,7 @@ def beam(
     arc_reduced = duals.reduced[tails, heads]
     arc_costs = instance.costs[tails, heads]
     preds = words_of(instance.before)
+    charges = charges_of(duals)
     sets = np.zeros((1, preds.shape[1]), dtype=np.uint64)
     sets[0, 0] = 1
     lasts = np.zeros(1, dtype=np.int16)
@@ -79,6 +81,7 @@ def beam(
             bounds.near,
             bounds.slot[layer],
             bounds.ahead,
+            charges,
             room,
             room,
             width,

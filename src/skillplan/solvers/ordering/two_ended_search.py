@@ -15,16 +15,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.solvers.ordering.bit_sets import words_of
 from skillplan.solvers.ordering.completion_bounds import CompletionBounds
-from skillplan.solvers.ordering.feasible_subsets import Words, expand, meet, words_of
+from skillplan.solvers.ordering.feasible_subsets import Words, expand, meet
 from skillplan.solvers.ordering.ordering_instance import NO_ARC, Floats, Integers, OrderingInstance
-from skillplan.solvers.ordering.reduced_costs import Duals
+from skillplan.solvers.ordering.reduced_costs import Duals, charges_of
 
 _BITS = 6
 # Of the growth where it is not known yet.
 _POWER = 1.0
 # Where so many times the states allowed are expected, no more of them are looked at.
-_HOPELESS = 8
+_HOPELESS = 2
+# Where there were too many, how many times too many there are taken to have been.
+_MORE = 2
+# Such a share of the states is enough to tell from how many there will be.
+_SOUNDING = 2
 
 
 @dataclass
@@ -48,6 +53,7 @@ class _End:
         self.arc_costs = np.ascontiguousarray(instance.costs[tails, self.heads])
         self.arc_reduced = np.ascontiguousarray(duals.reduced[tails, self.heads])
         self.preds = words_of(instance.before)
+        self.charges = charges_of(duals)
         sets = np.zeros((1, self.preds.shape[1]), dtype=np.uint64)
         sets[0, 0] = 1
         nothing = np.zeros(1, dtype=np.int32)
@@ -57,17 +63,21 @@ class _End:
         self.spent = 0.0
         self.count = 0
         self.known: list[tuple[float, int]] = []
+        # What was too much to spend, and about how many ways that would have made.
+        self.beyond: tuple[float, int] | None = None
 
     def expected(self, most: float) -> float:
         """Return about how many ways spend less, from the last two numbers that are known.
 
         They grow with a power of what is spent while there is little of it, later more slowly.
         """
-        if len(self.known) < 2:
+        points = [*self.known[-2:], *([self.beyond] if self.beyond else [])]
+        if len(points) < 2:
             return np.inf
-        (before, few), (now, many) = self.known[-2:]
+        (before, few), (now, many) = points[-2:]
         power = _POWER
-        if len(self.known) > 2:
+        # What spending next to nothing leads to says nothing of how it grows.
+        if before > self.known[0][0]:
             power = np.log(max(many, 2) / max(few, 1)) / np.log(now / before)
         return float(many * (most / now) ** max(0.0, power))
 
@@ -92,6 +102,7 @@ class _End:
                 self.bounds.near,
                 self.bounds.slot[layer],
                 self.bounds.ahead,
+                self.charges,
                 most,
                 self.room,
                 max(1, left),
@@ -99,15 +110,17 @@ class _End:
             )
             sets, lasts, costs, spent, _, parents, dropped, tried = found
             made(tried)
-            if np.isfinite(dropped) or stop():
-                return False
             left -= len(lasts)
-            if left <= 0:
+            if np.isfinite(dropped) or left <= 0:
+                self.beyond = most, max(_MORE * states, self.count + 1)
+                return False
+            if stop():
                 return False
             if not len(lasts):
                 break
             layers.append(_Layer(sets, lasts, costs, spent, parents))
         self.layers, self.spent, self.count = layers, most, states - left
+        self.beyond = None
         self.known.append((most, self.count))
         return True
 
@@ -151,10 +164,9 @@ class TwoEndedSearch:
         # While no order is known, what none can cost stands for it: spending has to end somewhere.
         self.most = min(cutoff, max(_beyond(instance), duals.bound + 1.0))
         self.room = self.most - duals.bound
-        mirrored = Duals(duals.bound, np.ascontiguousarray(duals.reduced[::-1, ::-1].T))
         self.ends = (
             _End(instance, duals, self.most),
-            _End(_mirror(instance), mirrored, self.most),
+            _End(_mirror(instance), duals.mirrored(), self.most),
         )
         self.made = 0
         self.expected = np.inf
@@ -166,7 +178,7 @@ class TwoEndedSearch:
             self.made += tried
 
         if np.isfinite(self.expected) and self.expected > _HOPELESS * states:
-            return self._meet(whole=False)
+            return Meeting(None, self._proved(self.cutoff, whole=False), whole=False)
         for end in self.ends:
             self._sound(end, states // 2, stop, count)
         grid = np.linspace(0.0, 1.0, 33)[1:-1] * self.room
@@ -180,7 +192,9 @@ class TwoEndedSearch:
         if self.expected > states:
             return self._meet(whole=False)
         for end, most in zip(self.ends, (grid[chosen], self.room - grid[chosen]), strict=True):
-            if stop() or not (end.spent >= most or end.spend(float(most), 2 * states, stop, count)):
+            if stop():
+                return self._meet(whole=False)
+            if end.spent < most and not end.spend(float(most), 2 * states, stop, count):
                 return self._meet(whole=False)
         return self._meet(whole=True)
 
@@ -189,7 +203,7 @@ class TwoEndedSearch:
     ) -> None:
         """Find out how many ways there are that spend little, beginning with next to nothing."""
         most = self.room * 1e-6 if not end.known else max(2 * end.known[-1][0], self.room / 64)
-        while not stop() and most < self.room and end.count < states // 2:
+        while not stop() and most < self.room and end.count < states // _SOUNDING:
             if not end.spend(most, states if end.known else states // 4, stop, count):
                 return
             most = max(2 * most, self.room / 64)
@@ -207,9 +221,15 @@ class TwoEndedSearch:
                 one.sets,
                 one.lasts,
                 one.costs,
+                one.spent,
                 ahead.out_first,
                 ahead.heads,
                 ahead.arc_costs,
+                ahead.arc_reduced,
+                ahead.preds,
+                ahead.charges,
+                # The end itself is reached by whatever way is left.
+                ahead.spent if opposite else -np.inf,
                 other.sets,
                 other.lasts,
                 other.costs,
@@ -219,13 +239,13 @@ class TwoEndedSearch:
             if first >= 0:
                 least, at = cost, (layer, first, second)
         if at[0] < 0:
-            return Meeting(None, self._proved(self.cutoff, whole), whole)
+            return Meeting(None, self._proved(self.cutoff, whole=whole), whole)
         layer, first, second = at
         start = _walk_back(ahead.layers, layer, first)[::-1]
         end = [n - 1 - node for node in _walk_back(behind.layers, n - 2 - layer, second)]
-        return Meeting(np.array(start + end), self._proved(least, whole), whole)
+        return Meeting(np.array(start + end), self._proved(least, whole=whole), whole)
 
-    def _proved(self, least: float, whole: bool) -> float:
+    def _proved(self, least: float, *, whole: bool) -> float:
         """Return the bound: what both ends have spent together, nothing cheaper having been met."""
         spent = sum(end.spent for end in self.ends)
         return least if whole else min(least, self.duals.bound + spent)

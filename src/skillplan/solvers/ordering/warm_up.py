@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from skillplan.solvers.ordering.ordering_instance import OrderingInstance
+from skillplan.solvers.ordering.cut_relaxation import CutRelaxation
+from skillplan.solvers.ordering.ordering_instance import NO_ARC, OrderingInstance
 from skillplan.solvers.ordering.ordering_search import METHODS, OrderingSearch
+from skillplan.solvers.ordering.pair_relaxation import PairRelaxation
 
 _NODES = 16
+_WORK = 1_000_000
 
 
 def warm_up() -> None:
@@ -20,6 +23,9 @@ def warm_up() -> None:
     instance = _instance()
     for method in METHODS:
         OrderingSearch(instance, (method,), rounds=1).run()
+    # What a search turns to where those do not come to an end soon.
+    relaxation = CutRelaxation(instance, instance.costs < NO_ARC)
+    PairRelaxation(relaxation).run(_WORK, np.inf, lambda: False, lambda duals: None)
 
 
 def _instance() -> OrderingInstance:
