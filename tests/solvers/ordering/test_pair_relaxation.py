@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
 from skillplan.solvers.ordering.cut_relaxation import CutRelaxation
 from skillplan.solvers.ordering.cut_rounds import tighten
-from skillplan.solvers.ordering.ordering_instance import NO_ARC
+from skillplan.solvers.ordering.ordering_instance import NO_ARC, OrderingInstance
 from skillplan.solvers.ordering.pair_program import open_pairs
 from skillplan.solvers.ordering.pair_relaxation import PairRelaxation
 from skillplan.solvers.ordering.precedence_cuts import separate_between
-from skillplan.solvers.ordering.reduced_costs import charges_of
+from skillplan.solvers.ordering.reduced_costs import Duals, PairPrices, charges_of
 from skillplan.solvers.ordering.subset_search import beam
 from skillplan.solvers.ordering.transitivity_cuts import violated_triples
 from skillplan.solvers.ordering.two_ended_search import TwoEndedSearch
@@ -206,3 +206,40 @@ def test_work_may_be_done_in_portions():
         rounds += 1
     assert rounds > 3
     assert portions.duals.bound == pytest.approx(whole.duals.bound)
+
+
+@pytest.mark.parametrize("free", range(4))
+def test_a_triple_around_the_node_where_both_ends_would_meet_hides_no_order(free):
+    """Either end is charged for it there; the optimum lies just below the cutoff."""
+    n = 2 * free + 5
+    first, middle, last = free + 1, free + 2, free + 3
+    before = np.zeros((n, n), dtype=np.bool_)
+    before[: first + 1, first:middle] = before[: middle + 1, middle:last] = True
+    before[: last + 1, last : last + 1] = before[last, last:] = True
+    np.fill_diagonal(before, False)
+    instance = OrderingInstance(np.full((n, n), 10.0), before)
+    cost = 10.0 * (n - 1)
+    triple = PairPrices(
+        np.zeros((0, 2), dtype=np.int64),
+        np.zeros(0),
+        np.array([[last, middle, first]]),
+        np.array([6.0]),
+    )
+    duals = Duals(cost - 6, np.where(instance.costs < NO_ARC, 0.0, np.inf), triple)
+    met = TwoEndedSearch(instance, duals, cost + 1).run(10**5, never)
+    assert met.whole
+    assert met.bound == instance.cost(met.order) == cost
+
+
+@settings(max_examples=60)
+@given(orderings(least=6, most=9, kinds=("real",)), st.sampled_from([10_000, 30_000, 100_000]))
+def test_an_optimum_right_below_the_cutoff_is_found(instance, work):
+    """Where there is hardly any room, with prices of a relaxation that is not at its end."""
+    least = least_cost(instance)
+    cutoff = least * (1 + 5e-4) + 1e-6
+    duals = pairs_of(instance, work, cutoff).duals if np.isfinite(least) else None
+    if duals is None or cutoff <= duals.bound:
+        return
+    met = TwoEndedSearch(instance, duals.without(cutoff), cutoff).run(10**6, never)
+    assert met.bound == pytest.approx(least, rel=1e-9)
+    assert instance.cost(met.order) == pytest.approx(least, rel=1e-9)

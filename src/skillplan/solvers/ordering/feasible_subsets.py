@@ -155,7 +155,7 @@ def expand(
     charges
         What is spent beside arcs.
     most, room
-        Ways are left out that spend as much so far, or to the end.
+        Ways are left out that spend as much with their last arc, or to the end.
     width
         At most so many are kept, those that spend least to the end.
     whole
@@ -210,9 +210,8 @@ def expand(
             spends = spent[s] + arc_reduced[a]
             if spends >= most or spends + ahead[row, left] >= room:
                 continue
+            # Whether it spends too much is told before its charges: the other end has them, too.
             spends += _charged(sets[s], last, j, charges)
-            if spends >= most:
-                continue
             end = spends + ahead[row, left]
             made += 1
             if end >= limit:
@@ -292,7 +291,6 @@ def meet(
     arc_costs: Floats,
     arc_reduced: Floats,
     preds: Words,
-    charges: Charges,
     most: float,
     behind_sets: Words,
     behind_lasts: NDArray[np.int16],
@@ -327,8 +325,7 @@ def meet(
             cost = costs[s] + arc_costs[a]
             if cost >= least or not _open(sets[s], preds[heads[a]], heads[a]):
                 continue
-            spends = spent[s] + arc_reduced[a]
-            if spends < most and spends + _charged(sets[s], last, heads[a], charges) < most:
+            if spent[s] + arc_reduced[a] < most:
                 continue
             j = n - 1 - heads[a]
             found = table[_place(table, behind_sets, behind_lasts, rest, j)]

@@ -123,6 +123,7 @@ class OrderingSearch:
         # The search from both ends, and the duals that it rests on: goes on while they stay.
         self._ends: TwoEndedSearch | None = None
         self._searched: Duals | None = None
+        self._states = 0
         if start is not None:
             self._keep(start)
 
@@ -146,7 +147,9 @@ class OrderingSearch:
             self.effort.rounds += 1
             exhausted = True
             if "local-search" in self.methods:
-                self._anneal((scale * _MOVES) >> self._barren)
+                # Twice as long where it gained last time; the others make use of longer turns.
+                longer = scale if len(self.methods) == 1 else min(scale, 2)
+                self._anneal(longer * _MOVES >> min(self._barren, longer - 1))
                 exhausted = False
             if "tree-search" in self.methods and not self._over():
                 exhausted &= not self._beam(250 * (scale if len(self.methods) > 1 else scale**2))
@@ -155,7 +158,7 @@ class OrderingSearch:
             if "branch-and-cut" in self.methods and not self._over():
                 exhausted = False
                 self._branched = self._branched or self._branching(relaxation)
-                if not self._subsets_lead(_STATES * scale):
+                if not self._subsets_lead():
                     self._branch(self._branched, _WORK * scale)
             if self._over_subsets and not self._over():
                 self._relax_pairs(relaxation, _PAIRS_WORK * scale)
@@ -264,20 +267,20 @@ class OrderingSearch:
 
     @property
     def _pairs_bound(self) -> float:
-        """What the relaxation over pairs proved; inf before it did."""
+        """What the relaxation over pairs proved; -inf before it did."""
         duals = None if self._pairs is None else self._pairs.duals
-        return np.inf if duals is None else duals.bound
+        return -np.inf if duals is None else duals.bound
 
     @property
     def _branched_bound(self) -> float:
         return -np.inf if self._branched is None else self._branched.bound
 
-    def _subsets_lead(self, states: int) -> bool:
+    def _subsets_lead(self) -> bool:
         """Whether pairs are ahead of branch and cut, and they or the subsets may get further."""
         pairs, ends = self._pairs, self._ends
         if pairs is None or self.effort.rounds == 1 or self._pairs_bound < self._branched_bound:
             return False
-        return not pairs.exhausted or (ends is not None and ends.expected <= _NEAR * states)
+        return not pairs.exhausted or (ends is not None and ends.expected <= _NEAR * self._states)
 
     def _allowed(self, wanted: int, sets: int, lines: int) -> int:
         """Return how many of what is wanted memory allows, each of so many sets and lines."""
@@ -291,7 +294,7 @@ class OrderingSearch:
     def _two_ended(self, states: int) -> bool:
         """Search from both ends; return whether more states would be allowed."""
         # Either end may come to twice as many, most of them in one layer that is copied to grow.
-        allowed = self._allowed(states, 10, 0)
+        self._states = allowed = self._allowed(states, 10, 0)
         cutoff = self.instance.cutoff(self.cost)
         search = self._ends
         if search is None or search.cutoff != cutoff or self._searched is not self.duals:

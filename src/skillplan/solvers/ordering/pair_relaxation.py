@@ -53,7 +53,10 @@ class PairRelaxation:
         self._program = PairProgram(instance, relaxation.arcs, relaxation.scale)
         ones = np.ones(len(relaxation.leave))
         self._program.add_cuts(relaxation.leave, relaxation.reach, ones, terms_of())
-        core = np.array([(0, k) for k in range(1, n - 1)] + [(k, n - 1) for k in range(1, n - 1)])
+        inner = np.arange(1, n - 1)
+        core = np.concatenate(
+            (np.stack((0 * inner, inner), 1), np.stack((inner, 0 * inner + n - 1), 1))
+        )
         possible = ~instance.before.T
         np.fill_diagonal(possible, False)
         rest = np.argwhere(possible[1:-1, 1:-1]) + 1
@@ -121,7 +124,8 @@ class PairRelaxation:
     def _tie(self, taken: Floats, earlier: Floats) -> None:
         """Let arcs and pairs agree: i right before j is before j, and before is transitive."""
         program = self._program
-        i, j = np.nonzero((taken - earlier > _TIE_VIOLATION) & program.varies)
+        untied = (taken - earlier > _TIE_VIOLATION) & program.varies & (program.arc >= 0)
+        i, j = np.nonzero(untied)
         row = np.arange(len(i))
         program.add(
             np.zeros(len(i)), (row, program.arc[i, j], -np.ones(len(i))), terms_of((row, i, j, 1.0))

@@ -102,9 +102,10 @@ class Charges(NamedTuple):
 def charges_of(duals: Duals) -> Charges:
     """Return the charges on ways from the start.
 
-    No order is charged more by its first part from the start and its last part from the end, in
-    the mirror, than it spends: a pair is charged where both lie in one part, a triple with its
-    middle node.
+    An order spends at least what is charged on its first part from the start, and on the rest from
+    the end in the mirror: a pair is charged where both lie in one part, a triple with its middle
+    node. That holds of two parts without a common node; a node that ends the one and begins the
+    other would be charged twice.
     """
     prices = duals.prices
     first, second = prices.pairs.T

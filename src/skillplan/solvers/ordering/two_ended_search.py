@@ -42,7 +42,12 @@ class _Layer:
 
 
 class _End:
-    """The ways from one end that spend less than so much."""
+    """The ways from one end that spend less than so much, charges for their last node apart.
+
+    A triple is charged with its middle node, by either end. So the longest way of an order that
+    is kept from the start spends, with the arc that follows, what is left to this end; what comes
+    after that arc spends less than is left to the other, its charges included.
+    """
 
     def __init__(self, instance: OrderingInstance, duals: Duals, cutoff: float) -> None:
         self.instance = instance
@@ -227,7 +232,6 @@ class TwoEndedSearch:
                 ahead.arc_costs,
                 ahead.arc_reduced,
                 ahead.preds,
-                ahead.charges,
                 # The end itself is reached by whatever way is left.
                 ahead.spent if opposite else -np.inf,
                 other.sets,
