@@ -133,6 +133,7 @@ def expand(
     ahead: Floats,
     charges: Charges,
     most: float,
+    strict: bool,
     room: float,
     width: int,
     whole: bool,
@@ -154,8 +155,9 @@ def expand(
         bits).
     charges
         What is spent beside arcs.
-    most, room
-        Ways are left out that spend as much with their last arc, or to the end.
+    most, strict, room
+        Ways are left out that spend `most` with their last arc, or where it is strict with the
+        charges of their last node; or `room` to the end.
     width
         At most so many are kept, those that spend least to the end.
     whole
@@ -210,8 +212,9 @@ def expand(
             spends = spent[s] + arc_reduced[a]
             if spends >= most or spends + ahead[row, left] >= room:
                 continue
-            # Whether it spends too much is told before its charges: the other end has them, too.
             spends += _charged(sets[s], last, j, charges)
+            if strict and spends >= most:
+                continue
             end = spends + ahead[row, left]
             made += 1
             if end >= limit:

@@ -36,7 +36,7 @@ _PAIRS_WORK = 75_000_000
 # Where branch and cut has closed such a share of the gap, pairs are left alone.
 _ENOUGH = 1 / 3
 # States of the dynamic program in the first round.
-_STATES = 1_000_000
+_STATES = 1_200_000
 # So many turns pairs have to close such a share of the gap, and more than branch and cut does.
 _TURNS = 2
 _WORTH = 0.2

@@ -83,6 +83,7 @@ def beam(
             bounds.ahead,
             charges,
             room,
+            False,
             room,
             width,
             False,

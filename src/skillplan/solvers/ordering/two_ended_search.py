@@ -26,6 +26,8 @@ _BITS = 6
 _POWER = 1.0
 # Where so many times the states allowed are expected, no more of them are looked at.
 _HOPELESS = 2
+# Up to so many times the states it is tried, which ends at twice as many.
+_DARING = 1.5
 # Where there were too many, how many times too many there are taken to have been.
 _MORE = 2
 # Such a share of the states is enough to tell from how many there will be.
@@ -42,14 +44,18 @@ class _Layer:
 
 
 class _End:
-    """The ways from one end that spend less than so much, charges for their last node apart.
+    """The ways from one end that spend less than so much.
 
-    A triple is charged with its middle node, by either end. So the longest way of an order that
-    is kept from the start spends, with the arc that follows, what is left to this end; what comes
-    after that arc spends less than is left to the other, its charges included.
+    A triple is charged with its middle node, by either end. So one of them is not strict: it does
+    not count the charges of the last node. Then the longest way of an order that it keeps spends,
+    with the arc that follows, all that is left to it; and what comes after that arc spends less
+    than is left to the other, all charges included.
     """
 
-    def __init__(self, instance: OrderingInstance, duals: Duals, cutoff: float) -> None:
+    def __init__(
+        self, instance: OrderingInstance, duals: Duals, cutoff: float, *, strict: bool
+    ) -> None:
+        self.strict = strict
         self.instance = instance
         self.room = cutoff - duals.bound
         self.bounds = CompletionBounds(instance, duals, _BITS)
@@ -109,6 +115,7 @@ class _End:
                 self.bounds.ahead,
                 self.charges,
                 most,
+                self.strict,
                 self.room,
                 max(1, left),
                 True,
@@ -170,8 +177,8 @@ class TwoEndedSearch:
         self.most = min(cutoff, max(_beyond(instance), duals.bound + 1.0))
         self.room = self.most - duals.bound
         self.ends = (
-            _End(instance, duals, self.most),
-            _End(_mirror(instance), duals.mirrored(), self.most),
+            _End(instance, duals, self.most, strict=False),
+            _End(_mirror(instance), duals.mirrored(), self.most, strict=True),
         )
         self.made = 0
         self.expected = np.inf
@@ -194,7 +201,7 @@ class TwoEndedSearch:
         worst = np.maximum(ahead, behind)
         chosen = int(np.argmin(worst))
         self.expected = float(worst[chosen])
-        if self.expected > states:
+        if self.expected > _DARING * states:
             return self._meet(whole=False)
         for end, most in zip(self.ends, (grid[chosen], self.room - grid[chosen]), strict=True):
             if stop():
