@@ -118,6 +118,7 @@ class OrderingSearch:
         self.duals: Duals | None = None
         self._branched: BranchAndCut | None = None
         self._pairs: PairRelaxation | None = None
+        self._pairs_turns = 0
         # What the relaxation proved before anything was branched on.
         self._rooted = 0.0
         # The search from both ends, and the duals that it rests on: goes on while they stay.
@@ -250,7 +251,7 @@ class OrderingSearch:
                 return
             self._pairs = PairRelaxation(relaxation)
         pairs = self._pairs
-        if self.effort.rounds > _TURNS:
+        if self._pairs_turns >= _TURNS:
             little = self._pairs_bound < self._rooted + _WORTH * (cutoff - self._rooted)
             if little or self._pairs_bound < self._branched_bound:
                 pairs.exhausted = True
@@ -261,6 +262,7 @@ class OrderingSearch:
             self._raise(duals.bound, "linear relaxation over arcs and pairs")
 
         pairs.run(work, cutoff, self._over, told)
+        self._pairs_turns += 1
         if pairs.duals is not None and pairs.duals.bound > self._known.bound:
             self.duals = pairs.duals
             relaxation.fix(pairs.duals, cutoff)
