@@ -17,6 +17,7 @@ from skillplan.model.feasibility import Feasibility
 from skillplan.model.skill_model import SkillModel
 from skillplan.setup import Setup
 from skillplan.solvers.solver import Solver
+from skillplan.solvers.stop import Stop
 from skillplan.task.condition import Condition
 from skillplan.task.cost import ConstantCost
 from skillplan.task.scene import Scene
@@ -418,3 +419,17 @@ def costs_to_go(model):
 def any_state(facts: Facts, bits: int) -> State:
     """Return a state from any integer."""
     return facts.state(bits & facts.all_bits)
+
+
+class PatientStop(Stop):
+    """Is interrupted at the n-th poll."""
+
+    def __init__(self, polls):
+        super().__init__()
+        self.polls = polls
+
+    def __call__(self):
+        self.polls -= 1
+        if self.polls <= 0:
+            self.interrupt()
+        return super().__call__()

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from situations import (
+    PatientStop,
     assembly,
     cheapest_by_length,
     config_content,
@@ -41,20 +42,6 @@ class TestExactSolver(SolverSuite):
 class TestExactSolverWithoutDives(SolverSuite):
     solver = "exact"
     options: ClassVar = {"dives": False}
-
-
-class PatientStop(Stop):
-    """Stops at the n-th poll."""
-
-    def __init__(self, polls):
-        super().__init__()
-        self.polls = polls
-
-    def __call__(self):
-        self.polls -= 1
-        if self.polls <= 0:
-            self.interrupt()
-        return super().__call__()
 
 
 def charted(task):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from ordering_instances import instance_of
 from situations import (
+    PatientStop,
     assembly,
     cheapest_by_length,
     model_of,
@@ -60,20 +61,6 @@ class TestBranchAndCutSolver(SolverSuite):
 def make_solver(name, stop=None):
     """Return a solver with its default options."""
     return made_solver(name, {}, stop)
-
-
-class CountedStop(Stop):
-    """Is interrupted at the n-th poll."""
-
-    def __init__(self, polls):
-        super().__init__()
-        self.polls = polls
-
-    def __call__(self):
-        self.polls -= 1
-        if self.polls <= 0:
-            self.interrupt()
-        return super().__call__()
 
 
 @pytest.mark.parametrize("detector", ["precedence", "aabb"])
@@ -144,7 +131,7 @@ def test_under_chance_another_solver_is_named():
 def test_what_a_stopped_search_says_holds(solver, polls):
     """On an instance that takes more polls than these to prove."""
     model = make_model(instance("br17.10").task)
-    searching = make_solver(solver, stop=CountedStop(polls))
+    searching = make_solver(solver, stop=PatientStop(polls))
     searching.problem(model)
     solution = searching.solve(model)
     assert solution.lower_bound <= 55
@@ -156,9 +143,9 @@ def test_what_a_stopped_search_says_holds(solver, polls):
 def test_a_plan_to_start_from_is_where_it_begins():
     """Stopped at once it has that plan and no worse."""
     task = instance("ESC25").task
-    first = solve(task, "tree-search", stop=CountedStop(40))
+    first = solve(task, "tree-search", stop=PatientStop(40))
     known = Plan(tuple(step.skill for step in first.steps))
-    again = solve(task, "tree-search", stop=CountedStop(2), start=known)
+    again = solve(task, "tree-search", stop=PatientStop(2), start=known)
     assert again.cost <= first.cost
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from skillplan.solvers.ordering.cut_relaxation import CutRelaxation
 from skillplan.solvers.ordering.ordering_instance import Floats, Integers
 from skillplan.solvers.ordering.pair_program import PairProgram, terms_of
-from skillplan.solvers.ordering.precedence_cuts import separate_between
+from skillplan.solvers.ordering.precedence_cuts import pairs_of, separate_between
 from skillplan.solvers.ordering.reduced_costs import Duals
 from skillplan.solvers.ordering.transitivity_cuts import violated_triples
 
@@ -49,18 +49,14 @@ class PairRelaxation:
 
     def __init__(self, relaxation: CutRelaxation) -> None:
         self.instance = instance = relaxation.instance
-        n = instance.n
         self._program = PairProgram(instance, relaxation.arcs, relaxation.scale)
         ones = np.ones(len(relaxation.leave))
         self._program.add_cuts(relaxation.leave, relaxation.reach, ones, terms_of())
-        inner = np.arange(1, n - 1)
-        core = np.concatenate(
-            (np.stack((0 * inner, inner), 1), np.stack((inner, 0 * inner + n - 1), 1))
-        )
         possible = ~instance.before.T
         np.fill_diagonal(possible, False)
         rest = np.argwhere(possible[1:-1, 1:-1]) + 1
-        self._core, self._rest = core, np.random.default_rng(0).permutation(rest)
+        self._core, _ = pairs_of(instance.before)
+        self._rest = np.random.default_rng(0).permutation(rest)
         self._next = 0
         self._bounds: list[float] = []
         self.duals: Duals | None = None
