@@ -14,11 +14,11 @@ import sys
 from typing import Any
 
 from skillplan import solve
-from skillplan.domains.swarmitfix.bench import Bench
-from skillplan.domains.swarmitfix.fleet_simulator import FleetSwing, simulate, simulate_timed
-from skillplan.domains.swarmitfix.fleet_task import fleet_task
-from skillplan.domains.swarmitfix.step_timings import Timings
-from skillplan.solvers.fleet import FleetSolver
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.domains.swarmitfix.bench.step_timings import Timings
+from skillplan.domains.swarmitfix.fleet.simulator import FleetSwing, simulate, simulate_timed
+from skillplan.domains.swarmitfix.fleet.task import fleet_task
+from skillplan.solvers.multiagent.fleet import FleetSolver
 
 BENCH = Bench(6, 13, 0.34)
 

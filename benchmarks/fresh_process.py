@@ -141,8 +141,8 @@ def answer(question: Question) -> Answer:
     warm_up(question.plugin)
 
     from skillplan import Setup, Stop, load_problem
-    from skillplan.model.verdict_cache import VerdictCache
-    from skillplan.run import attempt, grade
+    from skillplan.checks.verdict_cache import VerdictCache
+    from skillplan.pipeline.run import attempt, grade
     from skillplan.solvers import stop as clocked
 
     task, cache = load_problem(question.path).task, VerdictCache()
@@ -173,7 +173,7 @@ def answer(question: Question) -> Answer:
 def warm_up(solver: str) -> None:
     """Solve small tasks, so that what is imported and compiled on demand is there."""
     from skillplan import Stop, load_problem, solve
-    from skillplan.run import make_solver
+    from skillplan.pipeline.run import make_solver
 
     for path in WARM_TASKS:
         task = load_problem(path).task

@@ -238,8 +238,8 @@ def work(
 def train_dqn(way: Way, runs: int, steps: int, seed: int) -> Share:
     """Train runs side by side, as `skillplan train` does."""
     from skillplan.env.skill_vector_env import SkillVectorEnv
-    from skillplan.run import make_model, make_solver
-    from skillplan.setup import load_problem
+    from skillplan.pipeline.run import make_model, make_solver
+    from skillplan.pipeline.setup import load_problem
 
     env = SkillVectorEnv(make_model(load_problem(BOARD).task), runs, **PRESENTATION)
     learner = make_solver("dqn", PRESENTATION)

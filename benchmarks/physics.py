@@ -13,11 +13,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from skillplan import Setup, load_problem, registry, solve
+from skillplan import Setup, load_problem, solve
+from skillplan.checks.single_check import introduce
+from skillplan.checks.verdict_cache import DiskVerdictCache
 from skillplan.model.enumeration import enumerate_feasibility
-from skillplan.model.single_check import introduce
-from skillplan.model.verdict_cache import DiskVerdictCache
-from skillplan.run import make_feasibility
+from skillplan.pipeline import registry
+from skillplan.pipeline.run import make_feasibility
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task

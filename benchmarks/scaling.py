@@ -23,10 +23,10 @@ from pathlib import Path
 from fresh_process import Answer, Question, last_core
 from record_file import RecordFile
 
-from skillplan import registry
 from skillplan.domains.assembly.board_generator import BoardGenerator
-from skillplan.report.table import Column, Table, render
+from skillplan.pipeline import registry
 from skillplan.solvers.stop import relative_gap
+from skillplan.views.tables.table import Column, Table, render
 
 PARTS = (6, 10, 15, 20, 30, 50, 100)
 DENSITIES = (0.1, 0.3)

@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from PIL import Image
 
-from skillplan.report.figures.figure_file import figure_bytes
-from skillplan.report.figures.figure_style import (
+from skillplan.views.figures.figure_file import figure_bytes
+from skillplan.views.figures.figure_style import (
     BLUE,
     FAINT,
     GREEN,

@@ -19,9 +19,9 @@ from pathlib import Path
 from fresh_process import ROOT, Answer, Question, last_core
 from record_file import RecordFile
 
-from skillplan import registry
-from skillplan.report.table import Column, Table, render
+from skillplan.pipeline import registry
 from skillplan.solvers.stop import relative_gap
+from skillplan.views.tables.table import Column, Table, render
 
 FOLDER = ROOT / "tests" / "instances" / "sop"
 CLOSE = 0.005

@@ -10,10 +10,11 @@ import time
 from collections.abc import Iterable
 from typing import Any
 
-from skillplan import Setup, load_problem, registry, solve
-from skillplan.model.feasibility import Feasibility
-from skillplan.model.precedence_chart import derive_chart
+from skillplan import Setup, load_problem, solve
+from skillplan.chart.precedence_chart import derive_chart
+from skillplan.checks.feasibility import Feasibility
 from skillplan.model.skill_model import SkillModel
+from skillplan.pipeline import registry
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task

@@ -16,11 +16,11 @@ import time
 import numpy as np
 from timing import against_baseline
 
-from skillplan.domains.swarmitfix.base_task import BaseGrounding
-from skillplan.domains.swarmitfix.bench import Bench
+from skillplan.domains.swarmitfix.base.task import BaseGrounding
+from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.run import make_model, make_solver
-from skillplan.solvers.label_setting import costs_to_go
+from skillplan.pipeline.run import make_model, make_solver
+from skillplan.solvers.mdp.label_setting import costs_to_go
 
 PITCH_M = 0.34
 SWING_S = {60: 7.47, 120: 11.63, 180: 15.8}
@@ -35,7 +35,7 @@ BUDGETS_MS = {
 }
 SEEDS = 5
 START = (
-    "import sys; sys.argv=['']; from skillplan.solvers.episode_kernels import random_bits; "
+    "import sys; sys.argv=['']; from skillplan.solvers.learning.episode_kernels import random_bits; "
     "import numpy; random_bits(numpy.zeros(1, dtype=numpy.uint64))"
 )
 

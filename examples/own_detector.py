@@ -10,8 +10,8 @@ Run from the repository: ``python examples/own_detector.py``.
 from pathlib import Path
 
 from skillplan import Detector, Setup, Skill, SkillModel, State, Verdict, load_problem
-from skillplan.model.feasibility import Feasibility
-from skillplan.solvers.exact import ExactSolver
+from skillplan.checks.feasibility import Feasibility
+from skillplan.solvers.search.exact import ExactSolver
 
 BOARD = Path(__file__).parents[1] / "configs" / "inverter_board.yaml"
 

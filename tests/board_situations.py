@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from skillplan.setup import load_problem
+from skillplan.pipeline.setup import load_problem
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task

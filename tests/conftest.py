@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from skillplan import testing
-from skillplan.setup import load_problem
+from skillplan.pipeline.setup import load_problem
 
 settings.register_profile(
     "repeatable",

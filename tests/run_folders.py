@@ -12,12 +12,15 @@ import numpy as np
 
 from skillplan import __version__
 from skillplan.env.observation import Observation
+from skillplan.files.json_file import json_text
 from skillplan.model.replay import replay
-from skillplan.report.json_file import json_text
-from skillplan.report.metrics_file import METRICS, metrics_line
-from skillplan.report.network_policy_file import write_network
-from skillplan.report.policy_file import fingerprint
-from skillplan.report.run_folder import (
+from skillplan.pipeline.run import make_model
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.records.policy_file import fingerprint
+from skillplan.records.task_difference import resolved_config
+from skillplan.records.training.metrics_file import METRICS, metrics_line
+from skillplan.records.training.network_policy_file import write_network
+from skillplan.records.training.run_folder import (
     CONFIG_SCHEMA,
     MANIFEST,
     MANIFEST_SCHEMA,
@@ -31,11 +34,8 @@ from skillplan.report.run_folder import (
     group_path,
     run_path,
 )
-from skillplan.report.task_difference import resolved_config
-from skillplan.run import make_model
-from skillplan.setup import Setup, load_problem
-from skillplan.solvers.learner import Episode
-from skillplan.solvers.network_policy import NetworkPolicy
+from skillplan.solvers.learning.learner import Episode
+from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.task.task import Task
 
 OPTIMAL = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"

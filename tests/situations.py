@@ -10,12 +10,13 @@ from pathlib import Path
 
 from hypothesis import strategies as st
 
+from skillplan.checks.feasibility import Feasibility
 from skillplan.collision.detector import Detector
 from skillplan.domains.assembly.grounding import ground
 from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.model.feasibility import Feasibility
+from skillplan.files.yaml import parse
 from skillplan.model.skill_model import SkillModel
-from skillplan.setup import Setup
+from skillplan.pipeline.setup import Setup
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
 from skillplan.task.condition import Condition
@@ -25,7 +26,6 @@ from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import Facts, State
 from skillplan.task.task import Metric, Task
 from skillplan.task.verdict import Verdict
-from skillplan.task.yaml import parse
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 

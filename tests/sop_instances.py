@@ -6,8 +6,8 @@ import csv
 from functools import cache
 from pathlib import Path
 
-from skillplan.setup import load_problem
-from skillplan.task.load import Problem
+from skillplan.domains.load import Problem
+from skillplan.pipeline.setup import load_problem
 
 FOLDER = Path(__file__).parent / "instances" / "sop"
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 
-from skillplan.domains.swarmitfix.base_path import BasePath
-from skillplan.domains.swarmitfix.base_task import BaseGrounding
-from skillplan.domains.swarmitfix.bench import Bench
-from skillplan.domains.swarmitfix.step_timings import Timings
+from skillplan.domains.swarmitfix.base.path import BasePath
+from skillplan.domains.swarmitfix.base.task import BaseGrounding
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.domains.swarmitfix.bench.step_timings import Timings
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task

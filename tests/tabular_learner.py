@@ -17,10 +17,10 @@ import numpy as np
 import pytest
 from pydantic import Field
 
-from skillplan import registry
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.model.skill_model import SkillModel
-from skillplan.solvers.learner import (
+from skillplan.pipeline import registry
+from skillplan.solvers.learning.learner import (
     End,
     Episode,
     Learned,
@@ -29,7 +29,7 @@ from skillplan.solvers.learner import (
     Snapshot,
     Training,
 )
-from skillplan.solvers.network_policy import NetworkPolicy
+from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.solvers.solution import Solution
 
 TESTS = Path(__file__).parent

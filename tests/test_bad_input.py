@@ -13,8 +13,8 @@ import pytest
 
 from skillplan.cli.app import main
 from skillplan.errors import TaskError
-from skillplan.setup import load_problem
-from skillplan.task.yaml import MAX_BYTES, MAX_VALUES
+from skillplan.files.yaml import MAX_BYTES, MAX_VALUES
+from skillplan.pipeline.setup import load_problem
 
 CORPUS = sorted((Path(__file__).parent / "bad_input").glob("*.yaml"))
 BOARD = Path(__file__).parents[1] / "configs" / "inverter_board.yaml"

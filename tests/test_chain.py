@@ -6,13 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.chain import solve_chain, solve_chain_with_all, solver_names, solvers_by_stage
+from skillplan.domains.load import Problem
 from skillplan.errors import OptionError, PluginError
-from skillplan.report.chain_result import ChainResult
-from skillplan.report.result import Status
-from skillplan.setup import Setup, load_problem
+from skillplan.pipeline.chain import (
+    solve_chain,
+    solve_chain_with_all,
+    solver_names,
+    solvers_by_stage,
+)
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.records.chain_result import ChainResult
+from skillplan.records.result import Status
 from skillplan.solvers.stop import Stop
-from skillplan.task.load import Problem
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 GOALS = """\

@@ -15,10 +15,10 @@ import pytest
 import yaml
 
 from skillplan import Setup, SkillModel, Status, Task, load_problem, make_model, solve
-from skillplan.model.precedence_chart import derive_chart
+from skillplan.chart.precedence_chart import derive_chart
 from skillplan.model.replay import Replay, replay
-from skillplan.physics.panda import FINGER_PROFILE_M
-from skillplan.run import make_feasibility
+from skillplan.pipeline.run import make_feasibility
+from skillplan.robots.panda import FINGER_PROFILE_M
 from skillplan.task.motion import Point
 from skillplan.task.shape import Box, Cylinder, Mesh
 from skillplan.task.task import Literal

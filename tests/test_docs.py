@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from skillplan import registry
-from skillplan.chain import solve_chain
 from skillplan.cli.app import COMMANDS
 from skillplan.domains.assembly.board_generator import BoardGenerator
-from skillplan.report.result import Status
-from skillplan.run import solve
-from skillplan.setup import load_problem
+from skillplan.pipeline import registry
+from skillplan.pipeline.chain import solve_chain
+from skillplan.pipeline.run import solve
+from skillplan.pipeline.setup import load_problem
+from skillplan.records.result import Status
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text("utf-8")

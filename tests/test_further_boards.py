@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from skillplan import Setup, Status, Task, load_problem, make_model, solve
-from skillplan.model.precedence_chart import derive_chart
-from skillplan.run import make_feasibility
+from skillplan.chart.precedence_chart import derive_chart
+from skillplan.pipeline.run import make_feasibility
 from skillplan.task.scene import ToolKind
 from skillplan.testing import reachable_states
 

@@ -16,9 +16,9 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from skillplan import registry
 from skillplan.cli.app import COMMANDS, main
-from skillplan.domains.swarmitfix.bench_schema import SwarmitfixConfig
+from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
+from skillplan.pipeline import registry
 
 ROOT = Path(__file__).parents[1]
 BOARD = ROOT / "configs" / "inverter_board.yaml"

@@ -97,21 +97,16 @@ class TestStarting:
 
 
 class TestFiles:
-    def test_file_names_are_unique(self) -> None:
-        """A name says which file is meant, whatever its folder."""
-        counts = Counter(path.name for path in MODULES if path.name != "__init__.py")
-        assert set() == {name for name, count in counts.items() if count > 1}
-
     def test_file_names_say_what_is_inside(self) -> None:
         """No file is a drawer for odds and ends."""
         drawers = {"utils", "util", "helpers", "helper", "misc", "common", "tools", "base"}
         assert set() == drawers & {path.stem for path in MODULES}
         assert all(re.fullmatch(r"[a-z][a-z0-9_]*|__[a-z]+__", path.stem) for path in MODULES)
 
-    @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
-    def test_no_file_is_long(self, path: Path) -> None:
-        """What does not fit 350 lines is two things."""
-        assert 350 >= len(path.read_text("utf-8").splitlines())
+    def test_no_folder_is_crowded(self) -> None:
+        """A folder with more than twenty files is two subjects."""
+        counts = Counter(path.parent for path in MODULES if path.name != "__init__.py")
+        assert set() == {str(folder) for folder, count in counts.items() if count > 20}
 
     def test_no_tracked_file_names_a_path_of_a_machine(self) -> None:
         """Nor does any file that would be tracked."""

@@ -23,13 +23,13 @@ from situations import (
     solver_that,
     two_roads_task,
 )
-from skillplan import referee
 from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.errors import BackEndError, SkillplanError
-from skillplan.referee import counterexample, cross_examine
-from skillplan.report.result import Result, Status
-from skillplan.run import solve
-from skillplan.setup import Setup
+from skillplan.judge import referee
+from skillplan.judge.referee import counterexample, cross_examine
+from skillplan.pipeline.run import solve
+from skillplan.pipeline.setup import Setup
+from skillplan.records.result import Result, Status
 from skillplan.solvers import stop as stops
 from skillplan.solvers.solution import Plan, Policy, Solution
 from skillplan.solvers.stop import Stop

@@ -5,8 +5,8 @@ import sys
 import pytest
 from pydantic import BaseModel, Field
 
-from skillplan import registry
 from skillplan.errors import OptionError, PluginError
+from skillplan.pipeline import registry
 
 MODULE = """
 from skillplan.solvers.solver import Solver

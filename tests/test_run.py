@@ -6,12 +6,12 @@ import pytest
 
 from dear_back_ends import DearEngine
 from situations import CONFIGS, FakeSetup, fake_back_end, solver_that, two_roads_task
-from skillplan import registry
+from skillplan.checks.verdict_cache import DiskVerdictCache
 from skillplan.collision.detector import Detector
 from skillplan.errors import BackEndError, OptionError, PluginError, TaskError
-from skillplan.model.verdict_cache import DiskVerdictCache
-from skillplan.run import cache_folder, make_model, make_solver, solve, solve_all
-from skillplan.setup import Setup, load_problem
+from skillplan.pipeline import registry
+from skillplan.pipeline.run import cache_folder, make_model, make_solver, solve, solve_all
+from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import BackEndChoice
@@ -125,10 +125,11 @@ def test_a_comparison_holds_the_claims_together(monkeypatch):
     """Whoever is refuted by another's plan is wrong, even where the audit found nothing."""
     liar = solver_that(lambda s, m: Solution(Plan(("to_b", "finish"), 4.0), 4.0, proved=True))
     honest = solver_that(lambda s, m: Solution(Plan(("to_a", "a_to_b", "finish"), 3.0)), "honest")
-    monkeypatch.setattr("skillplan.referee.AUDIT_STATES", 0)
+    monkeypatch.setattr("skillplan.judge.referee.AUDIT_STATES", 0)
     task, setup = two_roads_task(), FakeSetup()
     monkeypatch.setattr(
-        "skillplan.run.make_solver", lambda name, *rest: {"liar": liar, "honest": honest}[name]
+        "skillplan.pipeline.run.make_solver",
+        lambda name, *rest: {"liar": liar, "honest": honest}[name],
     )
     assert solve(task, "liar", setup).status == "optimal"
     judged = solve_all(task, ["liar", "honest"], setup)

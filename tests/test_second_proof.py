@@ -20,10 +20,10 @@ from situations import (
     two_roads_task,
 )
 from skillplan.errors import NotASequencing
+from skillplan.judge.second_proof import ORDERS, STATES, least_cost_of_orders, least_cost_of_states
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.report.result import Status
-from skillplan.run import make_model, solve
-from skillplan.second_proof import ORDERS, STATES, least_cost_of_orders, least_cost_of_states
+from skillplan.pipeline.run import make_model, solve
+from skillplan.records.result import Status
 from skillplan.task.verdict import Verdict
 
 

@@ -4,10 +4,10 @@ import sys
 
 import pytest
 
-from skillplan import registry
 from skillplan.cli.app import main
 from skillplan.errors import BackEndError, OptionError, TaskError
-from skillplan.setup import Setup, load_problem
+from skillplan.pipeline import registry
+from skillplan.pipeline.setup import Setup, load_problem
 
 TASK = """kind: assembly
 name: single

@@ -20,18 +20,18 @@ from hypothesis import strategies as st
 
 from skillplan import Setup, Task, load_problem
 from skillplan.errors import OptionError, SkillplanError
-from skillplan.report.figures.figure_file import figure_bytes
-from skillplan.report.figures.sweep_figure import sweep_figure
-from skillplan.report.interval import Estimate, mean, share, t_quantile
-from skillplan.report.result import Status
-from skillplan.report.sweep_plan import GRID, Axis, Start, SweepPlan, setting_text
-from skillplan.report.sweep_record import StartOutcome, SweepRecord, record_of
-from skillplan.report.sweep_result import SweepResult
-from skillplan.report.sweep_tables import setting_table, start_table
+from skillplan.records.interval import Estimate, mean, share, t_quantile
+from skillplan.records.result import Status
+from skillplan.records.sweep.plan import GRID, Axis, Start, SweepPlan, setting_text
+from skillplan.records.sweep.record import StartOutcome, SweepRecord, record_of
+from skillplan.records.sweep.result import SweepResult
 from skillplan.sweep.parameter_study import do_study, plan_study
 from skillplan.sweep.parameter_values import read_values, spaced
 from skillplan.sweep.study_folder import StudyFolder
 from skillplan.sweep.study_run import StudyJob, do_run
+from skillplan.views.figures.figure_file import figure_bytes
+from skillplan.views.figures.sweep_figure import sweep_figure
+from skillplan.views.tables.sweep import setting_table, start_table
 
 CASES = Path(__file__).parents[1] / "configs" / "swarmitfix_cases.yaml"
 QUICK = [("episodes", "300")]

@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from skillplan.report.training_result import TrainingResult
-from skillplan.setup import Setup, load_problem
-from skillplan.task.load import Problem
+from skillplan.domains.load import Problem
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.records.training.result import TrainingResult
 from skillplan.training.trainer import Trainer
 from skillplan.training.training_folder import TrainingFolder
 from skillplan.training.training_plan import TrainingPlan, plan_training

@@ -15,7 +15,7 @@ _HOMES = {
     "Account": "skillplan.domains.domain",
     "BackEnd": "skillplan.task.back_end",
     "Case": "skillplan.task.skill",
-    "ChainResult": "skillplan.report.chain_result",
+    "ChainResult": "skillplan.records.chain_result",
     "Condition": "skillplan.task.condition",
     "Detector": "skillplan.collision.detector",
     "Domain": "skillplan.domains.domain",
@@ -24,10 +24,10 @@ _HOMES = {
     "Outcome": "skillplan.task.skill",
     "Plan": "skillplan.solvers.solution",
     "Policy": "skillplan.solvers.solution",
-    "Problem": "skillplan.task.load",
-    "Result": "skillplan.report.result",
+    "Problem": "skillplan.domains.load",
+    "Result": "skillplan.records.result",
     "Scene": "skillplan.task.scene",
-    "Setup": "skillplan.setup",
+    "Setup": "skillplan.pipeline.setup",
     "Skill": "skillplan.task.skill",
     "SkillEnv": "skillplan.env.skill_env",
     "SkillModel": "skillplan.model.skill_model",
@@ -36,16 +36,16 @@ _HOMES = {
     "Solution": "skillplan.solvers.solution",
     "Solver": "skillplan.solvers.solver",
     "State": "skillplan.task.state",
-    "Status": "skillplan.report.result",
+    "Status": "skillplan.records.result",
     "Stop": "skillplan.solvers.stop",
     "Task": "skillplan.task.task",
     "TaskError": "skillplan.errors",
     "Transition": "skillplan.model.skill_model",
     "Verdict": "skillplan.task.verdict",
-    "load_problem": "skillplan.setup",
-    "make_model": "skillplan.run",
-    "solve": "skillplan.run",
-    "solve_chain": "skillplan.chain",
+    "load_problem": "skillplan.pipeline.setup",
+    "make_model": "skillplan.pipeline.run",
+    "solve": "skillplan.pipeline.run",
+    "solve_chain": "skillplan.pipeline.chain",
 }
 
 __all__ = [
@@ -86,24 +86,24 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from skillplan.chain import solve_chain
     from skillplan.collision.detector import Detector
     from skillplan.domains.domain import Account, Domain
+    from skillplan.domains.load import Problem
     from skillplan.env.skill_env import SkillEnv
     from skillplan.env.skill_vector_env import SkillVectorEnv
     from skillplan.errors import SkillplanError, TaskError
     from skillplan.model.skill_model import SkillModel, Transition
     from skillplan.physics.engine import Engine
-    from skillplan.report.chain_result import ChainResult
-    from skillplan.report.result import Result, Status
-    from skillplan.run import make_model, solve
-    from skillplan.setup import Setup, load_problem
+    from skillplan.pipeline.chain import solve_chain
+    from skillplan.pipeline.run import make_model, solve
+    from skillplan.pipeline.setup import Setup, load_problem
+    from skillplan.records.chain_result import ChainResult
+    from skillplan.records.result import Result, Status
     from skillplan.solvers.solution import Plan, Policy, Solution
     from skillplan.solvers.solver import Solver
     from skillplan.solvers.stop import Stop
     from skillplan.task.back_end import BackEnd
     from skillplan.task.condition import Condition
-    from skillplan.task.load import Problem
     from skillplan.task.scene import Scene
     from skillplan.task.skill import Case, Outcome, Skill
     from skillplan.task.state import Facts, State

@@ -18,17 +18,17 @@ from typing import Any, ClassVar
 
 from pydantic import BaseModel
 
-from skillplan import registry
 from skillplan.domains.assembly.grounding import ground
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.domain import Domain
+from skillplan.files.plain_json import json_fault
 from skillplan.model.skill_model import SkillModel
-from skillplan.report.result import Status
-from skillplan.run import make_model, make_solver, solve
-from skillplan.setup import Setup
+from skillplan.pipeline import registry
+from skillplan.pipeline.run import make_model, make_solver, solve
+from skillplan.pipeline.setup import Setup
+from skillplan.records.result import Status
 from skillplan.solvers.stop import Stop
 from skillplan.task.back_end import BackEnd
-from skillplan.task.plain_json import json_fault
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task

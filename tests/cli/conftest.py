@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from skillplan import registry
 from skillplan.cli.app import main
+from skillplan.pipeline import registry
 
 ROOT = Path(__file__).parents[2]
 BOARD = str(ROOT / "configs" / "inverter_board.yaml")

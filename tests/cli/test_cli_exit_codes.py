@@ -193,7 +193,7 @@ class TestThree:
         self, cli: Any, board: str, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """It is owned up to, and the way to more is named; JSON stays one document."""
-        monkeypatch.setattr("skillplan.setup.load_problem", lambda *_: 1 / 0)
+        monkeypatch.setattr("skillplan.pipeline.setup.load_problem", lambda *_: 1 / 0)
         monkeypatch.delenv("SKILLPLAN_DEBUG", raising=False)
         outcome = cli("check", board, "--format", "json")
         assert 3 == outcome.code
@@ -205,7 +205,7 @@ class TestThree:
         """With SKILLPLAN_DEBUG the exception comes through."""
         from skillplan.cli.app import main
 
-        monkeypatch.setattr("skillplan.setup.load_problem", lambda *_: 1 / 0)
+        monkeypatch.setattr("skillplan.pipeline.setup.load_problem", lambda *_: 1 / 0)
         monkeypatch.setenv("SKILLPLAN_DEBUG", "1")
         with pytest.raises(ZeroDivisionError):
             main(["check", board])

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from skillplan import registry
+from skillplan.pipeline import registry
 
 OPTIMUM = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 # Command to its words and the number of rows of its table.

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from skillplan.cli.plot import FIGURES
+from skillplan.cli.commands.plot import FIGURES
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 POLYGONAL = str(CONFIGS / "swarmitfix_polygonal.yaml")

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from skillplan import __version__, registry
+from skillplan import __version__
+from skillplan.pipeline import registry
 
 BUILT_IN = {
     ("domain", "assembly"),
@@ -102,7 +103,7 @@ def test_a_name_with_two_providers_is_an_error_that_names_both(
     cli: Any, board: str, install: Any
 ) -> None:
     """Neither silently wins."""
-    source = "from skillplan.solvers.exact import ExactSolver as Exact\n"
+    source = "from skillplan.solvers.search.exact import ExactSolver as Exact\n"
     install("solver", "exact", "second_exact:Exact", source)
     outcome = cli("search-optimal", board, "--solver", "exact")
     assert 2 == outcome.code

@@ -14,7 +14,7 @@ import imageio_ffmpeg
 import pytest
 from PIL import Image
 
-from skillplan import registry
+from skillplan.pipeline import registry
 
 OPTIMUM = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from situations import assembly, config_content
 from skillplan.collision.aabb import AabbDetector
-from skillplan.run import make_model, solve
-from skillplan.setup import Setup
+from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.setup import Setup
 from skillplan.testing import DetectorSuite, lid_content, reachable_states
 
 

@@ -28,14 +28,14 @@ from situations import (
     small_tasks,
     two_roads_task,
 )
+from skillplan.checks.feasibility import Feasibility
 from skillplan.env.observation import Observation
-from skillplan.env.payment import Payment
+from skillplan.env.reward import Payment
 from skillplan.env.skill_env import SkillEnv
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.errors import BackEndError, OptionError
-from skillplan.model.feasibility import Feasibility
 from skillplan.model.skill_model import SkillModel
-from skillplan.run import make_model
+from skillplan.pipeline.run import make_model
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import Facts, State
 from skillplan.task.task import Task

@@ -14,8 +14,8 @@ from situations import (
     retry_task,
     small_tasks,
 )
+from skillplan.checks.feasibility import Feasibility
 from skillplan.model.enumeration import enumerate_feasibility
-from skillplan.model.feasibility import Feasibility
 from skillplan.task.state import Facts
 from skillplan.task.verdict import Verdict
 from skillplan.testing import lid_task

@@ -9,10 +9,10 @@ import pytest
 
 from fleet_instances import random_robots, task_of
 from situations import make_skill, make_task
-from skillplan.domains.swarmitfix.bench import Bench
+from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.errors import NotMultiAgent
 from skillplan.model.multi_agent import MultiAgentProblem
-from skillplan.run import make_model
+from skillplan.pipeline.run import make_model
 from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost, ConstantCost
 from skillplan.task.skill import Case, Outcome, Skill

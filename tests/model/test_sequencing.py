@@ -20,13 +20,13 @@ from situations import (
     make_skill,
     small_assemblies,
 )
+from skillplan.chart.partial_order import closure
+from skillplan.chart.precedence_chart import derive_chart
 from skillplan.errors import NotASequencing
-from skillplan.model.partial_order import closure
-from skillplan.model.precedence_chart import derive_chart
 from skillplan.model.replay import replay
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.run import make_model, solve
-from skillplan.setup import Setup, load_problem
+from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.task.condition import Condition
 from skillplan.task.skill import Outcome
 from skillplan.task.verdict import Verdict

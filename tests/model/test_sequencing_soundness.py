@@ -9,9 +9,9 @@ from situations import FakeSetup, assembly, crowded_assemblies, small_assemblies
 from skillplan.errors import NotASequencing
 from skillplan.model.replay import replay
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.report.result import Status
-from skillplan.run import make_model, solve
-from skillplan.setup import Setup
+from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.setup import Setup
+from skillplan.records.result import Status
 
 
 def check_against_exact_search(task, setup):

@@ -13,8 +13,8 @@ from situations import (
     small_assemblies,
     two_roads_task,
 )
+from skillplan.checks.feasibility import Feasibility
 from skillplan.errors import SearchStopped
-from skillplan.model.feasibility import Feasibility
 from skillplan.model.skill_model import SkillModel, Transition
 from skillplan.task.state import Facts
 from skillplan.task.verdict import Verdict

@@ -18,9 +18,9 @@ from situations import (
 )
 from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.model.replay import replay
-from skillplan.report.result import Status
-from skillplan.run import make_solver, solve
-from skillplan.setup import Setup, load_problem
+from skillplan.pipeline.run import make_solver, solve
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.records.result import Status
 from skillplan.solvers.solution import Plan
 from skillplan.solvers.stop import Stop
 from skillplan.testing import SolverSuite

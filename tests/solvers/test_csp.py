@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from situations import make_skill, make_task, retry_task
-from skillplan.run import make_model, solve
-from skillplan.solvers.csp import CspSolver
+from skillplan.pipeline.run import make_model, solve
+from skillplan.solvers.search.csp import CspSolver
 from skillplan.solvers.stop import Stop
 from skillplan.task.condition import Condition
 from skillplan.task.cost import ConstantCost

@@ -24,9 +24,9 @@ from situations import (
 )
 from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.model.replay import replay
-from skillplan.run import make_model, solve
-from skillplan.setup import Setup
-from skillplan.solvers.exact import ExactSolver
+from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.setup import Setup
+from skillplan.solvers.search.exact import ExactSolver
 from skillplan.solvers.stop import Stop
 from skillplan.task.state import Facts
 from skillplan.task.verdict import Verdict

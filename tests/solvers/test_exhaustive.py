@@ -19,9 +19,9 @@ from situations import (
     two_roads_task,
 )
 from skillplan.collision.precedence import PrecedenceDetector
-from skillplan.run import make_model, solve
-from skillplan.setup import Setup
-from skillplan.solvers.exhaustive import ExhaustiveSolver
+from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.setup import Setup
+from skillplan.solvers.search.exhaustive import ExhaustiveSolver
 from skillplan.solvers.stop import Stop
 from skillplan.task.state import Facts
 from skillplan.testing import SolverSuite

@@ -12,15 +12,18 @@ from hypothesis import strategies as st
 
 from fleet_instances import Robots, fewest, random_robots, task_of
 from situations import FakeSetup, fake_back_end
-from skillplan.domains.swarmitfix.bench import Bench
-from skillplan.domains.swarmitfix.fleet_simulator import FleetSwing, simulate, simulate_timed
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.domains.swarmitfix.fleet.simulator import FleetSwing, simulate, simulate_timed
 from skillplan.model.multi_agent import MultiAgentProblem
-from skillplan.report.result import Result
-from skillplan.run import make_model, solve
-from skillplan.solvers.configuration_search import ConfigurationSearch, search_with_restarts
-from skillplan.solvers.fleet import FleetSolver
-from skillplan.solvers.joint_search import Objective, search_jointly
-from skillplan.solvers.schedule_improvement import ScheduleImprovement
+from skillplan.pipeline.run import make_model, solve
+from skillplan.records.result import Result
+from skillplan.solvers.multiagent.configuration_search import (
+    ConfigurationSearch,
+    search_with_restarts,
+)
+from skillplan.solvers.multiagent.fleet import FleetSolver
+from skillplan.solvers.multiagent.joint_search import Objective, search_jointly
+from skillplan.solvers.multiagent.schedule_improvement import ScheduleImprovement
 from skillplan.solvers.stop import Stop
 from skillplan.task.skill import Skill
 from skillplan.task.state import State

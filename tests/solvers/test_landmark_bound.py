@@ -13,7 +13,7 @@ from situations import (
     small_tasks,
     two_roads_task,
 )
-from skillplan.solvers.landmark_bound import COST_UNIT, LandmarkBound, from_units, to_units
+from skillplan.solvers.search.landmark_bound import COST_UNIT, LandmarkBound, from_units, to_units
 from skillplan.task.state import Facts
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from situations import fake_back_end, make_skill, make_task, model_of, retry_task, two_roads_task
 from skillplan.env.observation import Observation
-from skillplan.solvers.network_choice import NetworkChoice, policy_on_its_way
-from skillplan.solvers.network_policy import NetworkPolicy
+from skillplan.solvers.learning.network_choice import NetworkChoice, policy_on_its_way
+from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.task.state import Facts
 from skillplan.task.verdict import Verdict
 

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 
 from situations import cheapest_by_length, make_skill, make_task, model_of, optimum, small_tasks
 from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.report.result import Status
-from skillplan.run import make_model, solve
-from skillplan.setup import Setup
-from skillplan.solvers.bellman_solver import BellmanSolver
-from skillplan.solvers.policy_iteration import PolicyIterationSolver
+from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.setup import Setup
+from skillplan.records.result import Status
+from skillplan.solvers.mdp.bellman_solver import BellmanSolver
+from skillplan.solvers.mdp.policy_iteration import PolicyIterationSolver
+from skillplan.solvers.mdp.value_iteration import ValueIterationSolver
 from skillplan.solvers.stop import Stop
-from skillplan.solvers.value_iteration import ValueIterationSolver
 from skillplan.task.state import Facts
 from skillplan.testing import SolverSuite
 from swarm_situations import base_task
@@ -168,7 +168,7 @@ class TestClaims:
     def test_too_many_cells_leave_an_honest_bound(
         self, name: str, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        from skillplan.solvers import finite_horizon
+        from skillplan.solvers.mdp import finite_horizon
 
         monkeypatch.setattr(finite_horizon, "MOST_CELLS", 1)
         task = base_task(66, 1).replace(step_limit=2)

@@ -10,9 +10,9 @@ import pytest
 from situations import CONFIGS
 from skillplan import load_problem
 from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.run import make_model, make_solver, solve
-from skillplan.setup import Setup
-from skillplan.solvers.episodic_solver import greedy_rows
+from skillplan.pipeline.run import make_model, make_solver, solve
+from skillplan.pipeline.setup import Setup
+from skillplan.solvers.learning.episodic_solver import greedy_rows
 from skillplan.testing import SolverSuite, lid_task
 from swarm_situations import base_task, minimal_starts
 

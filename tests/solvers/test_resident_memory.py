@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.solvers import resident_memory
-from skillplan.solvers.resident_memory import resident_bytes, resident_bytes_of
+from skillplan.workers import resident_memory
+from skillplan.workers.resident_memory import resident_bytes, resident_bytes_of
 
 MIB = 1024**2
 

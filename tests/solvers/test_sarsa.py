@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from skillplan.run import make_model, make_solver
-from skillplan.solvers.sarsa import SarsaSolver
+from skillplan.pipeline.run import make_model, make_solver
+from skillplan.solvers.learning.sarsa import SarsaSolver
 from skillplan.testing import SolverSuite
 from swarm_situations import base_task, minimal_starts
 

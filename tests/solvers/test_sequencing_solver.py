@@ -23,10 +23,10 @@ from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.errors import NotASequencing
 from skillplan.model.replay import replay
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.report.result import Status
-from skillplan.run import make_model, solve
-from skillplan.run import make_solver as made_solver
-from skillplan.setup import Setup, load_problem
+from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.run import make_solver as made_solver
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.records.result import Status
 from skillplan.solvers.solution import Plan
 from skillplan.solvers.stop import Stop
 from skillplan.testing import SolverSuite

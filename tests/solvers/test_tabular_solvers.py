@@ -9,14 +9,14 @@ import pytest
 from situations import make_skill, make_task, model_of, retry_task
 from skillplan.errors import ModelTooLarge, OptionError, SearchStopped
 from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.report.result import Status
-from skillplan.run import make_model, make_solver, solve
-from skillplan.setup import Setup
+from skillplan.pipeline.run import make_model, make_solver, solve
+from skillplan.pipeline.setup import Setup
+from skillplan.records.result import Status
 from skillplan.solvers import compiled as compiled_module
 from skillplan.solvers.compiled import compiled
-from skillplan.solvers.episode_kernels import random_bits
+from skillplan.solvers.learning.episode_kernels import random_bits
+from skillplan.solvers.mdp.tabular_solver import payments
 from skillplan.solvers.stop import Stop
-from skillplan.solvers.tabular_solver import payments
 from skillplan.task.state import Facts
 from skillplan.testing import lid_task
 from swarm_situations import base_task, legs_of_table_3, minimal_starts

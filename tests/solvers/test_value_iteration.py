@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.bench import Bench
-from skillplan.run import make_model, solve
-from skillplan.setup import Setup
-from skillplan.solvers.label_setting import costs_to_go
-from skillplan.solvers.value_iteration import ValueIterationSolver
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.setup import Setup
+from skillplan.solvers.mdp.label_setting import costs_to_go
+from skillplan.solvers.mdp.value_iteration import ValueIterationSolver
 from skillplan.task.reward import DistanceReward
 from skillplan.task.task import Task
 from skillplan.testing import SolverSuite

@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import make_skill, make_task
+from skillplan.checks.feasibility import Feasibility
 from skillplan.errors import NotASequencing
-from skillplan.model.feasibility import Feasibility
 from skillplan.model.sequencing import SequencingProblem
 from skillplan.model.skill_model import SkillModel
 from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.run import solve
+from skillplan.pipeline.run import solve
 from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost, ConstantCost
 from skillplan.task.reachability import unreachable_facts

@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from skillplan.domains.domain import Domain, Strict
+from skillplan.domains.load import Problem, load_task
 from skillplan.domains.sop import SopDomain
 from skillplan.errors import OptionError, PluginError, TaskError
-from skillplan.setup import load_problem
-from skillplan.task.load import Problem, load_task
-from skillplan.task.yaml import Document
+from skillplan.files.yaml import Document
+from skillplan.pipeline.setup import load_problem
 from sop_instances import instance_text
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from skillplan.errors import OptionError, TaskError
-from skillplan.setup import load_problem
-from skillplan.task.overrides import overridden
-from skillplan.task.yaml import Document, parse
+from skillplan.files.overrides import overridden
+from skillplan.files.yaml import Document, parse
+from skillplan.pipeline.setup import load_problem
 
 TEXT = """\
 kind: swarmitfix

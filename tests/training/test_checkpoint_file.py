@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 
 from skillplan.errors import OptionError
-from skillplan.solvers.learner import Snapshot
+from skillplan.solvers.learning.learner import Snapshot
 from skillplan.training.checkpoint_file import Checkpoint, read_checkpoint, write_checkpoint
 
 NOTES = {"chance": {"state": 2**127, "words": ["a", "ä"]}, "none": None}

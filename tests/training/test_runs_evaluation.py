@@ -9,12 +9,12 @@ import pytest
 
 from run_folders import HOPELESS, OPTIMAL, SWITCHED, changed, write_runs
 from skillplan.errors import OptionError
-from skillplan.report.optimum import Optimum
-from skillplan.report.run_folder import RunFolder
-from skillplan.report.training_outcome import RunStatus, Tally
-from skillplan.report.training_result import Sampling, TrainingResult
-from skillplan.run import make_model
-from skillplan.setup import Setup, load_problem
+from skillplan.pipeline.run import make_model
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.records.optimum import Optimum
+from skillplan.records.training.outcome import RunStatus, Tally
+from skillplan.records.training.result import Sampling, TrainingResult
+from skillplan.records.training.run_folder import RunFolder
 from skillplan.training.runs_evaluation import RunsEvaluation, check_same_task
 
 CONFIGS = Path(__file__).parents[2] / "configs"

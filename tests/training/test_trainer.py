@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from skillplan.errors import OptionError, PluginError
-from skillplan.report.run_folder import RunFolder
-from skillplan.report.training_outcome import RunStatus
-from skillplan.setup import Setup, load_problem
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.records.training.outcome import RunStatus
+from skillplan.records.training.run_folder import RunFolder
 from skillplan.training.group_training import GroupTraining
 from skillplan.training.training_folder import TrainingFolder
 from skillplan.training.training_plan import plan_training

@@ -15,10 +15,10 @@ from sequencing_problems import SOP
 from situations import assembly, retry_task, small_assemblies
 from skillplan import Plan, Status, load_problem, make_model, solve
 from skillplan.cli.interruption import heeding
-from skillplan.setup import Setup
-from skillplan.solvers.resident_memory import resident_bytes
+from skillplan.pipeline.setup import Setup
 from skillplan.solvers.stop import Stop
 from skillplan.testing import SolverSuite, lid_task, shut_box_task
+from skillplan.workers.resident_memory import resident_bytes
 from skillplan_ortools.cp_sat import CpSatSolver
 
 CONFIGS = SOP.parents[2] / "configs"

@@ -10,11 +10,11 @@ from itertools import combinations
 import pytest
 
 from situations import assembly, config_content
-from skillplan import registry
+from skillplan.chart.precedence_chart import derive_chart
+from skillplan.checks.feasibility import Feasibility
 from skillplan.collision.aabb import AabbDetector
 from skillplan.collision.precedence import PrecedenceDetector
-from skillplan.model.feasibility import Feasibility
-from skillplan.model.precedence_chart import derive_chart
+from skillplan.pipeline import registry
 from skillplan_pinocchio.swept import SweptDetector
 
 NOTHING = frozenset()

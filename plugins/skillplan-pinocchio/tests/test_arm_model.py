@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from skillplan.physics import panda
+from skillplan.robots import panda
 from skillplan_pinocchio.arm_model import CAPSULES, ArmModel, closing_yaw_rad, pose_down
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from skillplan.model.precedence_chart import derive_chart
-from skillplan.run import make_feasibility, solve
-from skillplan.setup import Setup, load_problem
+from skillplan.chart.precedence_chart import derive_chart
+from skillplan.pipeline.run import make_feasibility, solve
+from skillplan.pipeline.setup import Setup, load_problem
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 SWEPT = Setup(collision=("swept",))

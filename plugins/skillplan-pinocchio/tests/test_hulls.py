@@ -6,8 +6,8 @@ import coal
 import numpy as np
 import pytest
 
-from skillplan.physics import panda
 from skillplan.physics.jaws import widest_m
+from skillplan.robots import panda
 from skillplan.task.scene import Box, Robot, Tool, ToolKind
 from skillplan_pinocchio.hulls import hand_parts
 from skillplan_pinocchio.shapes import ConvexPiece

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skillplan.physics.strokes import Stroke
+from skillplan.physics.linear_motions import Stroke
 from skillplan.task.motion import Event, Visit
 from skillplan.task.shape import Box
 from skillplan_pinocchio.arm_clearance import LinkSweep

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from situations import assembly
 from skillplan.model.skill_model import SkillModel
-from skillplan.run import make_feasibility, solve
-from skillplan.setup import Setup
+from skillplan.pipeline.run import make_feasibility, solve
+from skillplan.pipeline.setup import Setup
 from skillplan.task.scene import Cylinder, Grasp, GraspKind
 from skillplan.testing import DetectorSuite, lid_task, reachable_states
 from skillplan_pinocchio.swept import SweptDetector

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from skillplan.physics import panda
+from skillplan.robots import panda
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.arm_motion import stroke_paths, travel_path
 from skillplan_pinocchio.inverse_kinematics import Unreachable, elbows

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from board_situations import BOARD, imagined
 from situations import assembly, config_content
-from skillplan.setup import load_problem
+from skillplan.pipeline.setup import load_problem
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from situations import assembly, config_content
-from skillplan.model.single_check import introduce
+from skillplan.checks.single_check import introduce
 from skillplan_pybullet.collision_signs import frame_means
 from skillplan_pybullet.contact_force import ContactForceDetector
 from skillplan_pybullet.contact_pairs import ContactPairsDetector

@@ -13,12 +13,12 @@ import pytest
 
 from board_situations import BOARD, OPTIMAL, changed_product
 from situations import config_content
-from skillplan.model.partial_order import closure, reduction
-from skillplan.model.precedence_chart import DerivedChart, derive_chart
-from skillplan.model.verdict_cache import VerdictCache
-from skillplan.report.result import Result, Status
-from skillplan.run import make_feasibility, solve
-from skillplan.setup import Setup, load_problem
+from skillplan.chart.partial_order import closure, reduction
+from skillplan.chart.precedence_chart import DerivedChart, derive_chart
+from skillplan.checks.verdict_cache import VerdictCache
+from skillplan.pipeline.run import make_feasibility, solve
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.records.result import Result, Status
 from skillplan.task.task import Precedence, Task
 
 SETUPS = {

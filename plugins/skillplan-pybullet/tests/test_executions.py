@@ -11,7 +11,7 @@ import pytest
 
 from board_situations import imagined
 from situations import assembly, config_content
-from skillplan.physics.strokes import strokes
+from skillplan.physics.linear_motions import strokes
 from skillplan.task.scene import Body, Box
 from skillplan.task.shape import Cylinder, Mesh
 from skillplan.task.verdict import VerdictStatus

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skillplan.physics import panda
+from skillplan.robots import panda
 from skillplan_pybullet.dynamics import HAND_LINK, PinocchioDynamics, PybulletDynamics
 from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.panda_kinematics import (

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from board_situations import BOARD, OPTIMAL, state_after
-from skillplan.setup import load_problem
+from skillplan.pipeline.setup import load_problem
 from skillplan_pybullet.camera import HEIGHT, WIDTH
 from skillplan_pybullet.engine import PybulletEngine
 

@@ -13,7 +13,7 @@ import pytest
 
 from board_situations import BOARD, OPTIMAL, imagined, state_after
 from skillplan.errors import TaskError
-from skillplan.setup import load_problem
+from skillplan.pipeline.setup import load_problem
 from skillplan.task.scene import Grasp, GraspKind
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -107,7 +107,7 @@ class TestThePapersBoard:
 
 IN_A_PROCESS_OF_ITS_OWN = """
 import json, sys
-from skillplan.setup import load_problem
+from skillplan.pipeline.setup import load_problem
 from skillplan_pybullet.engine import PybulletEngine
 task = load_problem(sys.argv[1]).task
 for name, actions in json.loads(sys.argv[2]):

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import pytest
 
 from board_situations import BOARD
+from skillplan.checks.single_check import introduce
 from skillplan.collision.boxes import world_boxes
-from skillplan.model.single_check import introduce
 from skillplan.model.skill_model import SkillModel
-from skillplan.physics.strokes import Stroke
-from skillplan.run import make_model
-from skillplan.setup import Setup, load_problem
+from skillplan.physics.linear_motions import Stroke
+from skillplan.pipeline.run import make_model
+from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.task.motion import Point
 from skillplan.task.scene import WORLD
 from skillplan.task.skill import Skill

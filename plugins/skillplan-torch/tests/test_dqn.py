@@ -14,10 +14,10 @@ from situations import make_skill, make_task, retry_task, two_roads_task
 from skillplan import load_problem
 from skillplan.env.observation import Observation
 from skillplan.env.skill_vector_env import SkillVectorEnv
-from skillplan.report.result import Status
-from skillplan.run import make_model, solve
-from skillplan.solvers.learner import Snapshot
-from skillplan.solvers.network_policy import NetworkPolicy
+from skillplan.pipeline.run import make_model, solve
+from skillplan.records.result import Status
+from skillplan.solvers.learning.learner import Snapshot
+from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.task.state import Facts
 from skillplan.task.task import Literal
 from skillplan.testing import SolverSuite, lid_task

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from skillplan.solvers.network_policy import NetworkPolicy
+from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan_torch.kept_policies import KeptPolicies, Walk
 
 

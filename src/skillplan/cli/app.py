@@ -63,7 +63,7 @@ class LazyGroup(CommandGroup):
         if cmd_name not in COMMANDS:
             return None
         name = MODULES.get(cmd_name, cmd_name.replace("-", "_"))
-        module = importlib.import_module(f"skillplan.cli.{name}")
+        module = importlib.import_module(f"skillplan.cli.commands.{name}")
         command: click.Command = module.command
         return command
 

@@ -10,9 +10,9 @@ from skillplan.cli.counting import counting
 from skillplan.cli.options import split_names
 from skillplan.cli.output import emit
 from skillplan.errors import EXIT_INTERRUPTED, EXIT_SOLVED, OptionError
-from skillplan.model.detector_trials import try_detectors
-from skillplan.report.detector_tables import detectors_document, detectors_tables
-from skillplan.setup import load_problem
+from skillplan.pipeline.setup import load_problem
+from skillplan.trials.detector_trials import try_detectors
+from skillplan.views.tables.detectors import detectors_document, detectors_tables
 
 
 def compare_detectors(

@@ -54,7 +54,7 @@ class PluginName(click.ParamType[str]):
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
         """Return the installed names that begin like the last one typed."""
-        from skillplan import registry
+        from skillplan.pipeline import registry
 
         head, comma, last = incomplete.rpartition(",") if self.several else ("", "", incomplete)
         taken = head.split(",")
@@ -75,7 +75,7 @@ class SkillName(click.ParamType[str]):
     ) -> list[CompletionItem]:
         """Return the task's skills that begin like what was typed."""
         from skillplan.errors import SkillplanError
-        from skillplan.setup import load_problem
+        from skillplan.pipeline.setup import load_problem
 
         try:
             task = load_problem(ctx.params["task"]).part(ctx.params.get("part"))
@@ -293,7 +293,7 @@ def make_setup(
         If an option has a wrong form or names a plugin that takes no part.
     """
     from skillplan.errors import name_hint
-    from skillplan.setup import Setup
+    from skillplan.pipeline.setup import Setup
 
     if physics is not None and not physics.strip():
         raise OptionError("--physics names no engine.")

@@ -16,10 +16,10 @@ from skillplan.errors import (
     EXIT_WRONG_INPUT,
     OptionError,
 )
-from skillplan.report.chain_result import ChainResult
-from skillplan.report.result import Result, Status
-from skillplan.report.table import Table, render
-from skillplan.task.atomic_file import write_whole
+from skillplan.files.atomic_file import write_whole
+from skillplan.records.chain_result import ChainResult
+from skillplan.records.result import Result, Status
+from skillplan.views.tables.table import Table, render
 
 _EXIT = {
     Status.OPTIMAL: EXIT_SOLVED,

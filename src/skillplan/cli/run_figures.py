@@ -10,9 +10,9 @@ from skillplan.errors import OptionError
 if TYPE_CHECKING:  # --help pays for no imports
     from matplotlib.figure import Figure
 
-    from skillplan.report.figures.figure_style import Heading
-    from skillplan.report.run_folder import RunFolder
+    from skillplan.records.training.run_folder import RunFolder
     from skillplan.task.task import Task
+    from skillplan.views.figures.figure_style import Heading
 
 # Figure to the line that the help shows.
 RUN_FIGURES = {
@@ -53,7 +53,7 @@ def plot_run_folder(
     """
     from skillplan.cli.writing import write_out
     from skillplan.errors import EXIT_SOLVED
-    from skillplan.report.figures.figure_file import SUFFIXES, checked_path, save_figure
+    from skillplan.views.figures.figure_file import SUFFIXES, checked_path, save_figure
 
     if out is not None and figure is None:
         raise OptionError(f"--out is for one figure; name it: {' or '.join(RUN_FIGURES)}.")
@@ -82,7 +82,7 @@ class _Drawn:
     """The runs of a folder, and what figures of them need beside."""
 
     def __init__(self, folder: RunFolder, against: str, time_limit_s: float) -> None:
-        from skillplan.report.figures.run_curve import run_curve
+        from skillplan.views.figures.training.run_curve import run_curve
 
         self._folder, self._against, self._time_limit_s = folder, against, time_limit_s
         runs = folder.runs()
@@ -107,9 +107,9 @@ class _Drawn:
 
     def figure(self, name: str) -> Figure:
         """Return a figure by name."""
-        from skillplan.report.figures.distances_figure import distances_figure
-        from skillplan.report.figures.success_figure import success_figure
-        from skillplan.report.published_runs import SUCCESS_RATE, published_runs
+        from skillplan.records.training.published_runs import SUCCESS_RATE, published_runs
+        from skillplan.views.figures.training.distances_figure import distances_figure
+        from skillplan.views.figures.training.success_figure import success_figure
 
         task, optimum = self._task()
         against: Any = self._against
@@ -136,7 +136,7 @@ class _Drawn:
         )
 
     def _heading(self, title: str, *more: str) -> Heading:
-        from skillplan.report.figures.figure_style import Heading
+        from skillplan.views.figures.figure_style import Heading
 
         manifest = self._folder.manifest
         runs = f"{self._runs} run" if self._runs == 1 else f"{self._runs} runs"
@@ -154,8 +154,8 @@ class _Drawn:
 
     def _found(self) -> tuple[Task, float | None]:
         from skillplan.cli.waiting import stoppable
-        from skillplan.run import warm_cache
-        from skillplan.setup import Setup, load_problem
+        from skillplan.pipeline.run import warm_cache
+        from skillplan.pipeline.setup import Setup, load_problem
         from skillplan.training.policy_roll_out import prove_optimum
 
         manifest = self._folder.manifest

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # --help pays for no imports
-    from skillplan.report.layouts_result import LayoutsResult
-    from skillplan.report.run_folder import RunFolder
-    from skillplan.setup import Setup
-    from skillplan.task.load import Problem
+    from skillplan.domains.load import Problem
+    from skillplan.pipeline.setup import Setup
+    from skillplan.records.training.layouts_result import LayoutsResult
+    from skillplan.records.training.run_folder import RunFolder
     from skillplan.task.task import Task
     from skillplan.training.runs_evaluation import RunsEvaluation
 
@@ -69,16 +69,16 @@ def evaluate_run_folder(folder: RunFolder, asked: Asked, style: str) -> int:
     from contextlib import closing
     from dataclasses import replace
 
+    from skillplan.checks.verdict_cache import VerdictCache
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import showing_checks, stoppable
     from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
-    from skillplan.model.verdict_cache import VerdictCache
-    from skillplan.report.training_result import Sampling
-    from skillplan.report.training_tables import training_tables
-    from skillplan.run import make_model, warm_cache
+    from skillplan.pipeline.run import make_model, warm_cache
+    from skillplan.records.training.result import Sampling
     from skillplan.training.layouts_evaluation import unseen_layouts
     from skillplan.training.policy_roll_out import prove_optimum
     from skillplan.training.runs_evaluation import RunsEvaluation, check_same_task
+    from skillplan.views.tables.training import training_tables
 
     problem, setup = _loaded(folder, asked)
     if not asked.changed_task:
@@ -117,7 +117,7 @@ def _tried_layouts(
 ) -> tuple[LayoutsResult, bool]:
     """Return what the policies do on layouts they have not seen, and whether it was interrupted."""
     from skillplan.cli.counting import counting
-    from skillplan.report.layouts_result import LayoutsResult
+    from skillplan.records.training.layouts_result import LayoutsResult
     from skillplan.solvers.stop import Stop
     from skillplan.training.layouts_evaluation import layout_outcomes
 
@@ -147,7 +147,7 @@ def _loaded(folder: RunFolder, asked: Asked) -> tuple[Problem, Setup]:
 
     from skillplan.cli.options import asked as named
     from skillplan.cli.options import make_setup
-    from skillplan.setup import load_problem
+    from skillplan.pipeline.setup import load_problem
 
     manifest = folder.manifest
     physics = manifest.physics if asked.physics is None else asked.physics

@@ -7,15 +7,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from skillplan import registry
 from skillplan.errors import BackEndError, OptionError, SkillplanError
+from skillplan.files.output_path import output_path
 from skillplan.physics.engine import Engine
 from skillplan.physics.performance import Performer
-from skillplan.report.output_path import output_path
-from skillplan.report.video_file import ANIMATIONS, PICTURES, save_picture, video_file
+from skillplan.pipeline import registry
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
+from skillplan.views.video_file import ANIMATIONS, PICTURES, save_picture, video_file
 
 # GIFs count in hundredths of a second.
 _FRAMES_PER_S = 12.5

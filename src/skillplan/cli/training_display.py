@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from typing import Any
 
 from skillplan.cli.interruption import heeding
-from skillplan.report.optimum import Optimum
-from skillplan.report.training_outcome import deviation
+from skillplan.records.optimum import Optimum
+from skillplan.records.training.outcome import deviation
 from skillplan.training.group_job import GroupReport
 from skillplan.training.training_plan import TrainingPlan
 

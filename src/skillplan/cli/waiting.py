@@ -7,11 +7,11 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from skillplan.checks.feasibility import CheckCount
 from skillplan.cli.interruption import heeding
 from skillplan.errors import OptionError
-from skillplan.model.feasibility import CheckCount
-from skillplan.solvers.resident_memory import resident_bytes
 from skillplan.solvers.stop import Progress, Stop, relative_gap
+from skillplan.workers.resident_memory import resident_bytes
 
 
 @contextmanager

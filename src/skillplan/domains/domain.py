@@ -10,8 +10,8 @@ from typing import Annotated, Any, ClassVar
 from pydantic import BaseModel, ConfigDict, Field
 
 from skillplan.errors import Issue, OptionError
+from skillplan.files.yaml import MAX_BYTES, Document, parse
 from skillplan.task.task import Task
-from skillplan.task.yaml import MAX_BYTES, Document, parse
 
 
 class Strict(BaseModel):

@@ -11,6 +11,6 @@ if ENVIRONMENT not in registry:
     # By name: what loads task files stands above this floor and is imported when it is called.
     register(
         ENVIRONMENT,
-        entry_point="skillplan.gymnasium_entry:make_env",
-        vector_entry_point="skillplan.gymnasium_entry:make_vector_env",
+        entry_point="skillplan.pipeline.gymnasium_entry:make_env",
+        vector_entry_point="skillplan.pipeline.gymnasium_entry:make_vector_env",
     )

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from skillplan.env.action_mask import allowed_actions
 from skillplan.env.observation import Observation
-from skillplan.env.payment import Payment
 from skillplan.env.presentation import MaskKind, checked_name
+from skillplan.env.reward import Payment
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import State

@@ -12,10 +12,10 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from skillplan.env.env_record import PlaceRecord
 from skillplan.env.model_family import family_observations
-from skillplan.env.payment import Payment
-from skillplan.env.place_record import PlaceRecord
 from skillplan.env.presentation import MaskKind, checked_name
+from skillplan.env.reward import Payment
 from skillplan.env.transition_table import OUT_OF_TIME, TransitionTable
 from skillplan.model.skill_model import SkillModel
 
@@ -29,7 +29,7 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
     An action is a skill's number. A skill that is not applicable, not feasible, or on which back
     ends cannot rule ends the episode where it is and pays the reward of the infeasible; reaching
     the goal ends it; reaching the step limit truncates it. Rewards are those of
-    `skillplan.env.payment`; nothing shapes them.
+    `skillplan.env.reward`; nothing shapes them.
 
     An episode that ends is followed by the next one in the same step: what is returned is the
     next one's first observation, and what the last one came to is in the infos. They are arrays

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from skillplan.env.action_mask import allowed_actions
 from skillplan.env.observation import Observation
-from skillplan.env.payment import Payment
 from skillplan.env.presentation import MaskKind
+from skillplan.env.reward import Payment
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.state import State
 

@@ -7,7 +7,7 @@ from functools import reduce
 from graphlib import CycleError, TopologicalSorter
 from operator import or_
 
-from skillplan.model.element_jobs import ElementJobs
+from skillplan.model.component_jobs import ElementJobs
 from skillplan.model.fact_analysis import each_bit
 from skillplan.task.verdict import Verdict
 

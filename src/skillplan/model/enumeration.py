@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from skillplan.model.feasibility import Feasibility
+from skillplan.checks.feasibility import Feasibility
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.state import State
 from skillplan.task.verdict import VerdictStatus

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.model.component_jobs import ElementJobs
 from skillplan.model.done_jobs import DoneSets
-from skillplan.model.element_jobs import ElementJobs
 from skillplan.model.fact_analysis import each_bit
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.cost_table import NEVER, TableCost

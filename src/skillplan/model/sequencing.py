@@ -16,11 +16,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.chart.precedence_query import Questions, inquire
+from skillplan.model.component_jobs import ElementJobs
 from skillplan.model.done_jobs import DoneSets, closed, members
-from skillplan.model.element_jobs import ElementJobs
-from skillplan.model.inquiry import Questions, inquire
 from skillplan.model.job_connections import JobConnections
-from skillplan.model.job_inquiry import JobInquiry
+from skillplan.model.job_precedence import JobInquiry
 from skillplan.model.skill_model import SkillModel
 
 # What a way may be dearer for leaving a job out, as rounding has it.

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from skillplan.checks.feasibility import Feasibility
 from skillplan.errors import SearchStopped
-from skillplan.model.feasibility import Feasibility
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task

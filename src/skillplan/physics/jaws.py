@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from skillplan.physics import panda
-from skillplan.physics.strokes import grasp_of
+from skillplan.physics.linear_motions import grasp_of
+from skillplan.robots import panda
 from skillplan.task.motion import Event, Visit
 from skillplan.task.scene import Grasp, GraspKind, Robot, Scene, Tool
 from skillplan.task.skill import Skill

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from skillplan.physics import panda
+from skillplan.robots import panda
 from skillplan.task.scene import Tool, ToolKind
 from skillplan.task.shape import Cylinder, Shape
 

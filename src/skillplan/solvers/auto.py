@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from skillplan.errors import NotASequencing
 from skillplan.model.skill_model import SkillModel
-from skillplan.solvers.exact import ExactSolver
+from skillplan.solvers.search.exact import ExactSolver
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
@@ -32,7 +32,7 @@ class AutoSolver(Solver):
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Solve with what suits the model; the trace says under ``choice`` what and why."""
         if not model.task.deterministic:
-            from skillplan.solvers.value_iteration import ValueIterationSolver
+            from skillplan.solvers.mdp.value_iteration import ValueIterationSolver
 
             chosen: Solver = ValueIterationSolver(stop=self.stop)
             refusal = chosen.refuses(model)
@@ -46,7 +46,7 @@ class AutoSolver(Solver):
                 return _because(solution, "exact, as it is small")
         else:
             solution = Solution()
-        from skillplan.solvers.sequencing_solver import PortfolioSolver
+        from skillplan.solvers.ordering.solver import PortfolioSolver
 
         portfolio = PortfolioSolver(stop=self.stop)
         portfolio.jobs = self.jobs

@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from skillplan.model.feasibility import CheckCount
-from skillplan.solvers.resident_memory import resident_bytes
+from skillplan.checks.feasibility import CheckCount
 from skillplan.solvers.solution import Plan
+from skillplan.workers.resident_memory import resident_bytes
 
 # A solver that polls returns long before; one that does not is stopped by the model.
 _GRACE_S = 1.0

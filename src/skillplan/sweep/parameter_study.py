@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from skillplan import registry
 from skillplan.errors import OptionError
-from skillplan.report.sweep_plan import ONE_AT_A_TIME, Start, SweepPlan
-from skillplan.report.sweep_record import SweepRecord
-from skillplan.report.sweep_result import SweepResult
-from skillplan.run import make_model, make_solver
-from skillplan.setup import Setup
+from skillplan.pipeline import registry
+from skillplan.pipeline.run import make_model, make_solver
+from skillplan.pipeline.setup import Setup
+from skillplan.records.sweep.plan import ONE_AT_A_TIME, Start, SweepPlan
+from skillplan.records.sweep.record import SweepRecord
+from skillplan.records.sweep.result import SweepResult
 from skillplan.sweep.parameter_values import read_values
 from skillplan.sweep.study_folder import StudyFolder
 from skillplan.sweep.study_run import StudyJob, from_starts

@@ -11,9 +11,9 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel
 
-from skillplan import registry
 from skillplan.errors import OptionError
-from skillplan.report.sweep_plan import Axis, Value
+from skillplan.pipeline import registry
+from skillplan.records.sweep.plan import Axis, Value
 
 _MOST_VALUES = 1_000
 

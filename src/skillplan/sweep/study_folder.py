@@ -15,9 +15,9 @@ from typing import IO, Any
 
 from skillplan import __version__
 from skillplan.errors import OptionError
-from skillplan.report.sweep_plan import SweepPlan, same
-from skillplan.report.sweep_record import SweepRecord, record_of
-from skillplan.task.atomic_file import write_whole
+from skillplan.files.atomic_file import write_whole
+from skillplan.records.sweep.plan import SweepPlan, same
+from skillplan.records.sweep.record import SweepRecord, record_of
 
 MANIFEST, RUNS = "manifest.json", "runs.jsonl"
 SCHEMA = "skillplan.sweep-manifest/1"

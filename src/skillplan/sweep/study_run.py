@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import OptionError, SkillplanError
-from skillplan.model.verdict_cache import VerdictCache
-from skillplan.report.policy_file import start_state
-from skillplan.report.result import Result, Status
-from skillplan.report.sweep_record import StartOutcome, SweepRecord
-from skillplan.run import attempt, grade, solve, warm_cache
-from skillplan.setup import Setup
+from skillplan.pipeline.run import attempt, grade, solve, warm_cache
+from skillplan.pipeline.setup import Setup
+from skillplan.records.policy_file import start_state
+from skillplan.records.result import Result, Status
+from skillplan.records.sweep.record import StartOutcome, SweepRecord
 from skillplan.solvers.stop import Stop
 from skillplan.task.state import State
 from skillplan.task.task import Task

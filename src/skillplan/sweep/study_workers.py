@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from skillplan.model.worker_processes import Answer, WorkerProcess, first_ready, packed
-from skillplan.report.sweep_record import SweepRecord
+from skillplan.records.sweep.record import SweepRecord
 from skillplan.sweep.study_run import StudyJob, do_run
+from skillplan.workers.worker_processes import Answer, WorkerProcess, first_ready, packed
 
 _WHAT = "the runs"
 

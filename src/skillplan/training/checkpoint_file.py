@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.errors import OptionError
-from skillplan.solvers.learner import Snapshot
-from skillplan.task.atomic_file import write_whole
+from skillplan.files.atomic_file import write_whole
+from skillplan.solvers.learning.learner import Snapshot
 
 SCHEMA = "skillplan.checkpoint/1"
 _KEY = "skillplan"

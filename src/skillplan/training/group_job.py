@@ -6,10 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from skillplan.report.json_file import json_text
-from skillplan.report.run_folder import PROGRESS, PROGRESS_SCHEMA, GroupProgress, group_path
-from skillplan.report.training_outcome import GreedyRollOut
-from skillplan.task.atomic_file import write_whole
+from skillplan.files.atomic_file import write_whole
+from skillplan.files.json_file import json_text
+from skillplan.records.training.outcome import GreedyRollOut
+from skillplan.records.training.run_folder import (
+    PROGRESS,
+    PROGRESS_SCHEMA,
+    GroupProgress,
+    group_path,
+)
 from skillplan.training.run_log import writing
 from skillplan.training.training_plan import TrainingPlan
 

@@ -9,15 +9,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.errors import OptionError, SkillplanError
+from skillplan.files.folder_lock import FolderLock
 from skillplan.model.skill_model import SkillModel
-from skillplan.model.verdict_cache import VerdictCache
-from skillplan.report.run_folder import CHECKPOINT, GroupProgress, RunFolder, group_path
-from skillplan.run import make_model, warm_cache
-from skillplan.solvers.learner import Training
+from skillplan.pipeline.run import make_model, warm_cache
+from skillplan.records.training.run_folder import CHECKPOINT, GroupProgress, RunFolder, group_path
+from skillplan.solvers.learning.learner import Training
 from skillplan.training.checkpoint_file import Checkpoint, read_checkpoint, write_checkpoint
-from skillplan.training.folder_lock import FolderLock
 from skillplan.training.group_job import (
     NO_PROGRESS,
     GroupJob,

@@ -12,12 +12,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import BackEndError, OptionError, PluginError, SearchStopped, SkillplanError
-from skillplan.model.verdict_cache import VerdictCache
-from skillplan.model.worker_processes import Answer, Ended, WorkerProcess, first_ready, packed
-from skillplan.report.run_folder import CHECKPOINT, group_path
+from skillplan.records.training.run_folder import CHECKPOINT, group_path
 from skillplan.training.group_job import GroupJob, GroupOutcome, GroupReport
 from skillplan.training.group_training import GroupTraining
+from skillplan.workers.worker_processes import Answer, Ended, WorkerProcess, first_ready, packed
 
 _WHAT = "the training"
 _STARTS = 2

@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 
-from skillplan.model.verdict_cache import VerdictCache
-from skillplan.report.layouts_result import LayoutOutcome
-from skillplan.run import make_model
-from skillplan.setup import Setup
+from skillplan.checks.verdict_cache import VerdictCache
+from skillplan.domains.load import Problem
+from skillplan.pipeline.run import make_model
+from skillplan.pipeline.setup import Setup
+from skillplan.records.training.layouts_result import LayoutOutcome
 from skillplan.solvers.stop import Stop
-from skillplan.task.load import Problem
 from skillplan.task.task import Task
 from skillplan.training.policy_roll_out import prove_optimum
 from skillplan.training.runs_evaluation import RunsEvaluation

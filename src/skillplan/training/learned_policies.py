@@ -8,12 +8,12 @@ from typing import Literal
 
 from skillplan.env.observation import Observation
 from skillplan.model.skill_model import SkillModel
-from skillplan.report.network_policy_file import write_network
-from skillplan.report.policy_file import fingerprint
-from skillplan.report.run_folder import run_path
-from skillplan.report.training_outcome import GreedyRollOut
-from skillplan.solvers.learner import Learned
-from skillplan.solvers.network_policy import NetworkPolicy
+from skillplan.records.policy_file import fingerprint
+from skillplan.records.training.network_policy_file import write_network
+from skillplan.records.training.outcome import GreedyRollOut
+from skillplan.records.training.run_folder import run_path
+from skillplan.solvers.learning.learner import Learned
+from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.training.policy_roll_out import greedy_roll_out
 from skillplan.training.run_log import writing
 from skillplan.training.training_plan import TrainingPlan

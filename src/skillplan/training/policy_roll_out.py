@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.env.observation import Observation
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.env.transition_table import COMPLETE
@@ -15,15 +16,14 @@ from skillplan.errors import ModelTooLarge
 from skillplan.model.policy_value import evaluate_policy, roll_out
 from skillplan.model.replay import replay
 from skillplan.model.skill_model import SkillModel
-from skillplan.model.verdict_cache import VerdictCache
-from skillplan.report.optimum import Optimum
-from skillplan.report.result import Status
-from skillplan.report.training_outcome import GreedyRollOut, Tally
-from skillplan.report.training_result import RandomBaseline
-from skillplan.run import DEFAULT_SOLVER, solve
-from skillplan.setup import Setup
-from skillplan.solvers.network_choice import NetworkChoice
-from skillplan.solvers.network_policy import NetworkPolicy, random_actions
+from skillplan.pipeline.run import DEFAULT_SOLVER, solve
+from skillplan.pipeline.setup import Setup
+from skillplan.records.optimum import Optimum
+from skillplan.records.result import Status
+from skillplan.records.training.outcome import GreedyRollOut, Tally
+from skillplan.records.training.result import RandomBaseline
+from skillplan.solvers.learning.network_choice import NetworkChoice
+from skillplan.solvers.learning.network_policy import NetworkPolicy, random_actions
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
 
@@ -194,7 +194,7 @@ def prove_optimum(
     Parameters
     ----------
     task, setup, cache, jobs
-        As for `skillplan.run.solve`.
+        As for `skillplan.pipeline.run.solve`.
     stop
         When to give up.
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import IO
 
 from skillplan.errors import OptionError
-from skillplan.report.metrics_file import METRICS, FiguresRecord, metrics_line, metrics_of
-from skillplan.report.run_folder import run_path
-from skillplan.solvers.learner import Episode
+from skillplan.records.training.metrics_file import METRICS, FiguresRecord, metrics_line, metrics_of
+from skillplan.records.training.run_folder import run_path
+from skillplan.solvers.learning.learner import Episode
 from skillplan.training.event_file import opening_record, scalars_record
 
 # The success rate shown is that of so many last episodes, as in the figures of a training.

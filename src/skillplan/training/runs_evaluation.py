@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import time
 
+from skillplan.domains.load import Problem
 from skillplan.env.observation import Observation
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.errors import OptionError
 from skillplan.model.skill_model import SkillModel
-from skillplan.report.network_policy_file import StoredNetwork
-from skillplan.report.optimum import Optimum
-from skillplan.report.run_folder import RunFolder, StoredRun, run_path
-from skillplan.report.task_difference import resolved_config, what_changed
-from skillplan.report.training_outcome import GreedyRollOut, RunOutcome, Tally, training_record
-from skillplan.report.training_result import Sampling, TrainingResult
-from skillplan.setup import Setup
-from skillplan.task.load import Problem
+from skillplan.pipeline.setup import Setup
+from skillplan.records.optimum import Optimum
+from skillplan.records.task_difference import resolved_config, what_changed
+from skillplan.records.training.network_policy_file import StoredNetwork
+from skillplan.records.training.outcome import GreedyRollOut, RunOutcome, Tally, training_record
+from skillplan.records.training.result import Sampling, TrainingResult
+from skillplan.records.training.run_folder import RunFolder, StoredRun, run_path
 from skillplan.task.task import Task
 from skillplan.training.policy_roll_out import greedy_roll_out, random_baseline, sampled_roll_outs
 

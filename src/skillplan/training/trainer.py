@@ -6,13 +6,13 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import SkillplanError
-from skillplan.model.verdict_cache import VerdictCache
-from skillplan.report.optimum import Optimum
-from skillplan.report.run_folder import GroupProgress, RunFolder
-from skillplan.report.training_outcome import RunOutcome, training_record
-from skillplan.report.training_result import TrainingResult
-from skillplan.run import warm_cache
+from skillplan.pipeline.run import warm_cache
+from skillplan.records.optimum import Optimum
+from skillplan.records.training.outcome import RunOutcome, training_record
+from skillplan.records.training.result import TrainingResult
+from skillplan.records.training.run_folder import GroupProgress, RunFolder
 from skillplan.solvers.stop import Stop
 from skillplan.training.group_job import GroupJob, GroupReport, failed_progress, write_progress
 from skillplan.training.group_workers import Ending, GroupFailure, drive

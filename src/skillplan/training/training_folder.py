@@ -17,10 +17,14 @@ from pathlib import Path
 from typing import Any
 
 import skillplan
+from skillplan.domains.load import Problem
 from skillplan.errors import OptionError
-from skillplan.report.json_file import json_text
-from skillplan.report.metrics_file import METRICS
-from skillplan.report.run_folder import (
+from skillplan.files.atomic_file import write_whole
+from skillplan.files.folder_lock import FolderLock
+from skillplan.files.json_file import json_text
+from skillplan.records.task_difference import differences, resolved_config, what_changed
+from skillplan.records.training.metrics_file import METRICS
+from skillplan.records.training.run_folder import (
     CONFIG_SCHEMA,
     MANIFEST,
     MANIFEST_SCHEMA,
@@ -32,10 +36,6 @@ from skillplan.report.run_folder import (
     copy_name,
     run_path,
 )
-from skillplan.report.task_difference import differences, resolved_config, what_changed
-from skillplan.task.atomic_file import write_whole
-from skillplan.task.load import Problem
-from skillplan.training.folder_lock import FolderLock
 from skillplan.training.run_log import writing
 from skillplan.training.training_plan import TrainingPlan
 

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from skillplan import registry
+from skillplan.domains.load import Problem
 from skillplan.errors import OptionError, PluginError, name_hint
-from skillplan.report.run_folder import Family
-from skillplan.run import make_model, make_solver
-from skillplan.setup import Setup
-from skillplan.solvers.learner import Learner
-from skillplan.task.load import Problem
+from skillplan.pipeline import registry
+from skillplan.pipeline.run import make_model, make_solver
+from skillplan.pipeline.setup import Setup
+from skillplan.records.training.run_folder import Family
+from skillplan.solvers.learning.learner import Learner
 from skillplan.task.task import Task
 
 GROUP_RUNS = 5

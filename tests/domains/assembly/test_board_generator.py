@@ -15,13 +15,13 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from skillplan.chart.partial_order import circle, closure
+from skillplan.chart.precedence_chart import derive_chart
 from skillplan.domains.assembly.board_generator import MOST_PARTS, MOST_TOOLS, BoardGenerator
 from skillplan.errors import OptionError
-from skillplan.model.partial_order import circle, closure
-from skillplan.model.precedence_chart import derive_chart
-from skillplan.report.result import Status
-from skillplan.run import make_feasibility, solve
-from skillplan.setup import Setup, load_problem
+from skillplan.pipeline.run import make_feasibility, solve
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.records.result import Status
 from skillplan.task.task import Task
 
 BOARDS = st.builds(

@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 
 from situations import assembly, config_content
+from skillplan.chart.precedence_chart import derive_chart
 from skillplan.domains.assembly import AssemblyDomain
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import TaskError
 from skillplan.model.policy_value import evaluate_policy
-from skillplan.model.precedence_chart import derive_chart
-from skillplan.run import make_feasibility, make_model, solve
-from skillplan.setup import Setup, load_problem
+from skillplan.pipeline.run import make_feasibility, make_model, solve
+from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.task.task import Task
 from skillplan.testing import DomainSuite, lid_content, reachable_states
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from situations import assembly, config_content
 from skillplan.domains.assembly import AssemblyDomain
 from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.physics.strokes import grasp_of, jaws_about
+from skillplan.physics.linear_motions import grasp_of, jaws_about
 from skillplan.task.scene import Grasp, GraspKind, ToolKind
 from skillplan.task.shape import Box, Cylinder
 from skillplan.testing import lid_content

@@ -17,10 +17,10 @@ from skillplan.domains.assembly.consistency import issues
 from skillplan.domains.assembly.geometry_faults import distances_m
 from skillplan.domains.assembly.layout import goal_of, hole_of, start_of
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.load import Problem
 from skillplan.errors import OptionError, TaskError
-from skillplan.run import solve
-from skillplan.setup import Setup, load_problem
-from skillplan.task.load import Problem
+from skillplan.pipeline.run import solve
+from skillplan.pipeline.setup import Setup, load_problem
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 BOARD = CONFIGS / "inverter_board.yaml"

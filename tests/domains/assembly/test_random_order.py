@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from skillplan.chart.partial_order import circle, closure, reduction
 from skillplan.domains.assembly.random_order import RandomOrder
-from skillplan.model.partial_order import circle, closure, reduction
 
 COUNTS = st.integers(0, 12)
 

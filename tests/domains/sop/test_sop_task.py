@@ -14,15 +14,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from skillplan.chart.precedence_chart import derive_chart
 from skillplan.domains.sop import SopDomain
 from skillplan.domains.sop.node_order import NodeOrder, nodes_of
-from skillplan.domains.sop.sop_schema import SopConfig
+from skillplan.domains.sop.schema import SopConfig
 from skillplan.errors import TaskError
-from skillplan.model.precedence_chart import derive_chart
 from skillplan.model.replay import replay
-from skillplan.report.result import Status
-from skillplan.run import make_feasibility, make_model, solve
-from skillplan.setup import Setup, load_problem
+from skillplan.pipeline.run import make_feasibility, make_model, solve
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.records.result import Status
 from skillplan.task.task import Task
 from skillplan.testing import DomainSuite, reachable_states
 from sop_instances import BEST_KNOWN, FOLDER, instance
@@ -294,7 +294,7 @@ def test_a_sop_file_needs_no_arrays() -> None:
     """Reading, grounding and searching a small one import no numerics."""
     path = FOLDER / "ESC07.sop"
     code = (
-        "import sys; from skillplan.setup import load_problem; from skillplan.run import solve\n"
+        "import sys; from skillplan.pipeline.setup import load_problem; from skillplan.pipeline.run import solve\n"
         f"assert solve(load_problem({str(path)!r}).task, 'exact').cost == 2125\n"
         "assert 'numpy' not in sys.modules and 'skillplan.domains.assembly' not in sys.modules"
     )

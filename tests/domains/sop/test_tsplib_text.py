@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from skillplan.domains.sop import SopDomain
 from skillplan.domains.sop.tsplib_text import read_tsplib
 from skillplan.errors import TaskError
-from skillplan.setup import load_problem
+from skillplan.pipeline.setup import load_problem
 from sop_instances import BEST_KNOWN, instance, instance_text, tsplib_text
 
 SMALL = """NAME: small.sop

@@ -11,7 +11,7 @@ import yaml
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.base_goals import (
+from skillplan.domains.swarmitfix.base.goals import (
     MOST_SPLITS,
     GoalSet,
     How,
@@ -24,7 +24,7 @@ from skillplan.domains.swarmitfix.base_goals import (
     unreachable,
     within_reach,
 )
-from skillplan.domains.swarmitfix.bench import Bench
+from skillplan.domains.swarmitfix.bench.bench import Bench
 
 DATA = yaml.safe_load((Path(__file__).parent / "data" / "polygonal_table3.yaml").read_text())
 BENCH = Bench(6, 13, 0.34)

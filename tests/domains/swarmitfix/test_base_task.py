@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.base_task import BaseGrounding, at
-from skillplan.domains.swarmitfix.bench import Bench
-from skillplan.run import make_model, solve
+from skillplan.domains.swarmitfix.base.task import BaseGrounding, at
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.pipeline.run import make_model, solve
 from skillplan.task.reward import DistanceReward
 from skillplan.task.task import Task
 from swarm_situations import SWING_S, base_task, grounding

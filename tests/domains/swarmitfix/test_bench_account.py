@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from skillplan.chain import solve_chain
 from skillplan.domains.domain import Account
-from skillplan.domains.swarmitfix.bench_account import account
-from skillplan.domains.swarmitfix.bench_schema import SwarmitfixConfig
+from skillplan.domains.swarmitfix.account import account
 from skillplan.domains.swarmitfix.job import Job
-from skillplan.run import solve
-from skillplan.setup import load_problem
-from skillplan.task.plain_json import json_fault
+from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
+from skillplan.files.plain_json import json_fault
+from skillplan.pipeline.chain import solve_chain
+from skillplan.pipeline.run import solve
+from skillplan.pipeline.setup import load_problem
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 STEPS = ("retract", "park", "swing", "approach", "support")

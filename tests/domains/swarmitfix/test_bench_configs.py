@@ -12,16 +12,16 @@ from typing import Any
 import pytest
 import yaml
 
-from skillplan.chain import solve_chain
-from skillplan.domains.swarmitfix.bench import Bench
-from skillplan.domains.swarmitfix.bench_schema import SwarmitfixConfig
-from skillplan.domains.swarmitfix.fleet_simulator import simulate
-from skillplan.domains.swarmitfix.head_geometry import SupportedStretch
+from skillplan.domains.load import Problem
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.domains.swarmitfix.fleet.simulator import simulate
+from skillplan.domains.swarmitfix.heads.geometry import SupportedStretch
 from skillplan.domains.swarmitfix.job import Job
-from skillplan.report.chain_result import ChainResult
-from skillplan.report.result import Status
-from skillplan.setup import load_problem
-from skillplan.task.load import Problem
+from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
+from skillplan.pipeline.chain import solve_chain
+from skillplan.pipeline.setup import load_problem
+from skillplan.records.chain_result import ChainResult
+from skillplan.records.result import Status
 from swarm_situations import GOALS, HOME, MAKESPANS
 
 FOLDER = Path(__file__).parents[3] / "configs"

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet_instances import random_robots
-from skillplan.domains.swarmitfix.bench import Bench
-from skillplan.domains.swarmitfix.fleet_simulator import (
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.domains.swarmitfix.fleet.simulator import (
     FleetSwing,
     FleetViolation,
     passed_pins,

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fleet_instances import SWING_S, fewest, pins_are_disjoint, random_robots, task_of
-from skillplan.domains.swarmitfix.bench import Bench
-from skillplan.domains.swarmitfix.fleet_task import fleet_faults, fleet_task, robot_at
-from skillplan.run import make_model, solve
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.domains.swarmitfix.fleet.task import fleet_faults, fleet_task, robot_at
+from skillplan.pipeline.run import make_model, solve
 from skillplan.task.task import Task
 from skillplan.testing import reachable_states
 

@@ -10,10 +10,10 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.base_goals import GoalSet, How, ReachRules, goal_sets
-from skillplan.domains.swarmitfix.bench import Bench
-from skillplan.domains.swarmitfix.goal_choice import GoalRule, LeastSwings, choose
-from skillplan.domains.swarmitfix.step_timings import Timings
+from skillplan.domains.swarmitfix.base.goal_choice import GoalRule, LeastSwings, choose
+from skillplan.domains.swarmitfix.base.goals import GoalSet, How, ReachRules, goal_sets
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.domains.swarmitfix.bench.step_timings import Timings
 from swarm_situations import shortest_way
 
 DATA = yaml.safe_load((Path(__file__).parent / "data" / "polygonal_table3.yaml").read_text())

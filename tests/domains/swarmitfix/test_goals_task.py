@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.base_goals import GoalSet, How
-from skillplan.domains.swarmitfix.bench import Bench
-from skillplan.domains.swarmitfix.goal_choice import GoalRule, choose
-from skillplan.domains.swarmitfix.goals_task import goal_of, goals_task, serve
-from skillplan.domains.swarmitfix.step_timings import Timings
-from skillplan.run import make_model, solve
+from skillplan.domains.swarmitfix.base.goal_choice import GoalRule, choose
+from skillplan.domains.swarmitfix.base.goals import GoalSet, How
+from skillplan.domains.swarmitfix.base.goals_task import goal_of, goals_task, serve
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.domains.swarmitfix.bench.step_timings import Timings
+from skillplan.pipeline.run import make_model, solve
 
 BENCH = Bench(6, 13, 0.34)
 SWING_S = Timings().swing_s

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.head_geometry import SupportedStretch, overlap
-from skillplan.domains.swarmitfix.head_task import fewest, head_task, heads_of, segment_fault
-from skillplan.domains.swarmitfix.heads import HeadRules, same_yaw, vertex_heads
-from skillplan.domains.swarmitfix.path_elements import Arc, Line
-from skillplan.domains.swarmitfix.workpiece import Workpiece
+from skillplan.domains.swarmitfix.heads.geometry import SupportedStretch, overlap
+from skillplan.domains.swarmitfix.heads.heads import HeadRules, same_yaw, vertex_heads
+from skillplan.domains.swarmitfix.heads.task import fewest, head_task, heads_of, segment_fault
+from skillplan.domains.swarmitfix.trajectory.path_elements import Arc, Line
+from skillplan.domains.swarmitfix.trajectory.workpiece import Workpiece
 from skillplan.model.tabular_mdp import TabularMDP
-from skillplan.run import make_model, solve
+from skillplan.pipeline.run import make_model, solve
 
 RULES = HeadRules()
 lengths = st.floats(0.02, 0.9)

@@ -9,8 +9,8 @@ import yaml
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.head_geometry import SupportedStretch, overlap
-from skillplan.domains.swarmitfix.heads import (
+from skillplan.domains.swarmitfix.heads.geometry import SupportedStretch, overlap
+from skillplan.domains.swarmitfix.heads.heads import (
     THIRD_RAD,
     Head,
     HeadKind,
@@ -21,8 +21,8 @@ from skillplan.domains.swarmitfix.heads import (
     vertex_heads,
     way_between,
 )
-from skillplan.domains.swarmitfix.path_elements import Arc, Line
-from skillplan.domains.swarmitfix.workpiece import Segment, Workpiece
+from skillplan.domains.swarmitfix.trajectory.path_elements import Arc, Line
+from skillplan.domains.swarmitfix.trajectory.workpiece import Segment, Workpiece
 
 DATA = yaml.safe_load((Path(__file__).parent / "data" / "polygonal_table3.yaml").read_text())
 RULES = HeadRules()

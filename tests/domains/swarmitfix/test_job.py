@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 
 from skillplan.domains.swarmitfix import SwarmitfixDomain
-from skillplan.domains.swarmitfix.bench_schema import SwarmitfixConfig
+from skillplan.domains.swarmitfix.bench.step_timings import Timings
 from skillplan.domains.swarmitfix.job import Job
 from skillplan.domains.swarmitfix.machine_settings import limits_of, mount_of, timings_of
-from skillplan.domains.swarmitfix.pkm_reach import Mount, PkmLimits
-from skillplan.domains.swarmitfix.step_timings import Timings
-from skillplan.run import solve
+from skillplan.domains.swarmitfix.pkm.reach import Mount, PkmLimits
+from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
+from skillplan.pipeline.run import solve
 from skillplan.task.task import BackEndChoice, Task
 
 TRIANGLE = [[0.40, 0.35], [1.20, 1.60], [2.00, 0.35]]

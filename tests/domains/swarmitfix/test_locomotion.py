@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.base_path import BasePath, along
-from skillplan.domains.swarmitfix.bench import Bench
-from skillplan.domains.swarmitfix.locomotion import (
+from skillplan.domains.swarmitfix.base.locomotion import (
     Agent,
     FiveStep,
     Phase,
     makespan,
     timeline,
 )
-from skillplan.domains.swarmitfix.step_timings import Timings
-from skillplan.run import solve
+from skillplan.domains.swarmitfix.base.path import BasePath, along
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.domains.swarmitfix.bench.step_timings import Timings
+from skillplan.pipeline.run import solve
 from swarm_situations import base_task, shortest_way
 
 BENCH = Bench(rows=6, cols=13, pitch_m=0.34)

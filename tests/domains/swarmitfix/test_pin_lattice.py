@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from skillplan.domains.swarmitfix.pin_lattice import PinLattice
-from skillplan.domains.swarmitfix.swings import HEADINGS
+from skillplan.domains.swarmitfix.bench.pin_lattice import PinLattice
+from skillplan.domains.swarmitfix.bench.swings import HEADINGS
 
 TABLE: dict[str, Any] = yaml.safe_load(
     (Path(__file__).parent / "data" / "bench.yaml").read_text("utf-8")

@@ -11,14 +11,14 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from skillplan.domains.swarmitfix.pkm import (
+from skillplan.domains.swarmitfix.pkm.kinematics import (
     OutsideWorkspace,
     PkmGeometry,
     PkmJoints,
     forward,
     inverse,
 )
-from skillplan.domains.swarmitfix.pose6 import Matrix, Pose6, zyz_angles, zyz_matrix
+from skillplan.domains.swarmitfix.pkm.pose6 import Matrix, Pose6, zyz_angles, zyz_matrix
 
 GEOMETRY = PkmGeometry()
 UPRIGHT = Pose6(0.0, 0.0, 0.45, 0.0, 0.0, 0.0)

@@ -12,15 +12,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.pkm import PkmGeometry, inverse
-from skillplan.domains.swarmitfix.pkm_reach import (
+from skillplan.domains.swarmitfix.pkm.kinematics import PkmGeometry, inverse
+from skillplan.domains.swarmitfix.pkm.pose6 import zyz_matrix
+from skillplan.domains.swarmitfix.pkm.reach import (
     SAFE_LIMITS,
     Mount,
     PkmLimits,
     horizontal_reach_m,
     rule,
 )
-from skillplan.domains.swarmitfix.pose6 import zyz_matrix
 
 GEOMETRY, LIMITS, MOUNT = PkmGeometry(), PkmLimits(), Mount()
 REACH = horizontal_reach_m(GEOMETRY, LIMITS, MOUNT)

@@ -10,7 +10,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.swings import (
+from skillplan.domains.swarmitfix.bench.swings import (
     ALL_TURNS,
     ANGLES_DEG,
     HEADINGS,

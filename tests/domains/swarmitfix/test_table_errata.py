@@ -12,9 +12,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.bench import Bench
-from skillplan.domains.swarmitfix.swings import ALL_TURNS, SWING_ACTIONS, Direction, Turn
-from skillplan.domains.swarmitfix.table_errata import (
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.domains.swarmitfix.bench.swings import ALL_TURNS, SWING_ACTIONS, Direction, Turn
+from skillplan.domains.swarmitfix.bench.table_errata import (
     PARITIES,
     PRINTED_BENCH,
     PRINTED_TABLE,

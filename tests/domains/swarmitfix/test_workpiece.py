@@ -13,10 +13,16 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from skillplan.domains.swarmitfix.crossings import crossings
-from skillplan.domains.swarmitfix.path_elements import MAX_CHORDS, Arc, Element, Line, Spline
-from skillplan.domains.swarmitfix.plane_point import Point2
-from skillplan.domains.swarmitfix.workpiece import (
+from skillplan.domains.swarmitfix.trajectory.crossings import crossings
+from skillplan.domains.swarmitfix.trajectory.path_elements import (
+    MAX_CHORDS,
+    Arc,
+    Element,
+    Line,
+    Spline,
+)
+from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
+from skillplan.domains.swarmitfix.trajectory.workpiece import (
     Corner,
     Segment,
     Vertex,

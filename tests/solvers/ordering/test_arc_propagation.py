@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ordering_instances import all_orders, arcs_of, instance_of, orderings
-from skillplan.solvers.ordering.arc_propagation import propagate
-from skillplan.solvers.ordering.ordering_instance import NO_ARC
+from skillplan.solvers.ordering.instance import NO_ARC
+from skillplan.solvers.ordering.relaxation.arc_propagation import propagate
 
 
 @settings(max_examples=250)

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ordering_instances import StopAfter, instance_of, least_cost, orderings
-from skillplan.solvers.ordering.branch_and_cut import BranchAndCut
-from skillplan.solvers.ordering.cut_relaxation import CutRelaxation
-from skillplan.solvers.ordering.ordering_instance import NO_ARC
+from skillplan.solvers.ordering.instance import NO_ARC
+from skillplan.solvers.ordering.relaxation.branch_and_cut import BranchAndCut
+from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
 
 
 def search_of(instance, *, cost=np.inf, stop=lambda: False, kind=CutRelaxation):

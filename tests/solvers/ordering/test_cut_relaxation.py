@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
-from skillplan.solvers.ordering.cut_relaxation import CutRelaxation
-from skillplan.solvers.ordering.cut_rounds import tighten
-from skillplan.solvers.ordering.ordering_instance import NO_ARC
-from skillplan.solvers.ordering.reduced_costs import repaired
+from skillplan.solvers.ordering.instance import NO_ARC
+from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
+from skillplan.solvers.ordering.relaxation.cut_rounds import tighten
+from skillplan.solvers.ordering.relaxation.reduced_costs import repaired
 
 
 def never():

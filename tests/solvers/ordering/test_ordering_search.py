@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ordering_instances import StopAfter, all_orders, instance_of, least_cost, orderings
-from skillplan.solvers.ordering.ordering_search import METHODS, OrderingSearch
+from skillplan.solvers.ordering.portfolio import METHODS, OrderingSearch
 
 PROVING = tuple((method,) for method in METHODS if method != "local-search")
 EXACT = METHODS[1:]

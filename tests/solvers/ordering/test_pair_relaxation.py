@@ -8,16 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
-from skillplan.solvers.ordering.cut_relaxation import CutRelaxation
-from skillplan.solvers.ordering.cut_rounds import tighten
-from skillplan.solvers.ordering.ordering_instance import NO_ARC, OrderingInstance
-from skillplan.solvers.ordering.pair_program import open_pairs
-from skillplan.solvers.ordering.pair_relaxation import PairRelaxation
-from skillplan.solvers.ordering.precedence_cuts import separate_between
-from skillplan.solvers.ordering.reduced_costs import Duals, PairPrices, charges_of
-from skillplan.solvers.ordering.subset_search import beam
-from skillplan.solvers.ordering.transitivity_cuts import violated_triples
-from skillplan.solvers.ordering.two_ended_search import TwoEndedSearch
+from skillplan.solvers.ordering.instance import NO_ARC, OrderingInstance
+from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
+from skillplan.solvers.ordering.relaxation.cut_rounds import tighten
+from skillplan.solvers.ordering.relaxation.pair_program import open_pairs
+from skillplan.solvers.ordering.relaxation.pair_relaxation import PairRelaxation
+from skillplan.solvers.ordering.relaxation.precedence_cuts import separate_between
+from skillplan.solvers.ordering.relaxation.reduced_costs import Duals, PairPrices, charges_of
+from skillplan.solvers.ordering.relaxation.transitivity_cuts import violated_triples
+from skillplan.solvers.ordering.subsets.subset_search import beam
+from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch
 
 MUCH = 10**9
 

@@ -14,14 +14,14 @@ import pytest
 
 from sequencing_problems import SOP
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.run import make_model, solve
+from skillplan.pipeline.run import make_model, solve
 from skillplan.solvers.ordering import parallel_search
+from skillplan.solvers.ordering.incumbents import News
+from skillplan.solvers.ordering.instance import OrderingInstance
 from skillplan.solvers.ordering.job_orders import JobOrders
-from skillplan.solvers.ordering.ordering_instance import OrderingInstance
-from skillplan.solvers.ordering.ordering_search import METHODS, OrderingSearch
 from skillplan.solvers.ordering.parallel_search import ParallelSearch, emphases
-from skillplan.solvers.ordering.search_news import News
-from skillplan.solvers.ordering.search_share import Share, ShareSearch, Word
+from skillplan.solvers.ordering.portfolio import METHODS, OrderingSearch
+from skillplan.solvers.ordering.search_worker import Share, ShareSearch, Word
 from skillplan.solvers.stop import Stop
 from sop_instances import BEST_KNOWN, instance
 

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ordering_instances import all_orders, arcs_of, instance_of, orderings
-from skillplan.solvers.ordering.precedence_cuts import separate
+from skillplan.solvers.ordering.relaxation.precedence_cuts import separate
 
 
 def all_pairs(before):

@@ -5,9 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ordering_instances import all_orders, instance_of, orderings
-from skillplan.solvers.ordering.annealing import followers, nearest
-from skillplan.solvers.ordering.ordering_instance import OrderingInstance
-from skillplan.solvers.ordering.ruin_and_recreate import improve
+from skillplan.solvers.ordering.instance import OrderingInstance
+from skillplan.solvers.ordering.local_search.annealing import followers, nearest
+from skillplan.solvers.ordering.local_search.ruin_and_recreate import improve
 
 
 def improved(instance, order, seed, iterations=300, exchanges=0.5, moves=0.5):

@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
-from skillplan.solvers.ordering.completion_bounds import CompletionBounds
-from skillplan.solvers.ordering.cut_relaxation import CutRelaxation
-from skillplan.solvers.ordering.cut_rounds import tighten
-from skillplan.solvers.ordering.ordering_instance import NO_ARC, OrderingInstance
-from skillplan.solvers.ordering.reduced_costs import Duals
-from skillplan.solvers.ordering.subset_search import beam
-from skillplan.solvers.ordering.two_ended_search import TwoEndedSearch
+from skillplan.solvers.ordering.instance import NO_ARC, OrderingInstance
+from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
+from skillplan.solvers.ordering.relaxation.cut_rounds import tighten
+from skillplan.solvers.ordering.relaxation.reduced_costs import Duals
+from skillplan.solvers.ordering.subsets.completion_bounds import CompletionBounds
+from skillplan.solvers.ordering.subsets.subset_search import beam
+from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch
 
 
 def never():

@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import Field
 
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.solvers.sequencing_solver import JobOrderSolver
+from skillplan.solvers.ordering.solver import JobOrderSolver
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.task import back_end
 from skillplan_ortools.order_circuit import OrderCircuit

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.solvers.ordering.ordering_instance import closed_relation
+from skillplan.solvers.ordering.instance import closed_relation
 
 # Bounds come as floats, which hold whole numbers up to here without rounding.
 _MOST_BITS = 52

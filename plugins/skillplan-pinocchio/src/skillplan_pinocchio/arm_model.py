@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from skillplan.physics import panda
+from skillplan.robots import panda
 from skillplan.task.motion import Point
 
 Vector = NDArray[np.float64]

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from skillplan.physics.strokes import Stroke
+from skillplan.physics.linear_motions import Stroke
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Pose, Scene
 from skillplan_pinocchio.arm_clearance import LinkTouch

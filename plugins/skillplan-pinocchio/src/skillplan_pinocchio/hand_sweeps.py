@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.strokes import Stroke, grasp_of, tool_after
+from skillplan.physics.linear_motions import Stroke, grasp_of, tool_after
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Pose, Robot, Scene
 from skillplan_pinocchio.hulls import HandPart, hand_parts

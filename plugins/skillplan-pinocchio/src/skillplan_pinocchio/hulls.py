@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from skillplan.physics import panda
 from skillplan.physics.tool_shapes import tool_shapes
+from skillplan.robots import panda
 from skillplan.task.scene import Robot, Tool, ToolKind
 from skillplan.task.shape import Cylinder, Shape
 from skillplan_pinocchio.shapes import (

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from skillplan.physics import panda
+from skillplan.robots import panda
 from skillplan.task.motion import Point
 from skillplan_pinocchio.arm_model import (
     JOINTS,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from skillplan.physics.strokes import Stroke
+from skillplan.physics.linear_motions import Stroke
 from skillplan.task.motion import Point
 from skillplan_pinocchio.arm_clearance import LinkSweep, LinkTouch
 from skillplan_pinocchio.arm_model import ArmModel

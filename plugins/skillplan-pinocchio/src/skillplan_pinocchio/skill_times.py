@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from skillplan.physics.strokes import Stroke, strokes
+from skillplan.physics.linear_motions import Stroke, strokes
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Robot
 from skillplan.task.task import Task

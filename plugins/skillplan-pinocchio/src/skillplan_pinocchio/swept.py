@@ -15,7 +15,7 @@ from pydantic import Field
 
 from skillplan.collision.detector import Detector
 from skillplan.physics.jaws import jaw_faults, too_wide
-from skillplan.physics.strokes import strokes
+from skillplan.physics.linear_motions import strokes
 from skillplan.task import back_end
 from skillplan.task.motion import Event
 from skillplan.task.scene import Robot

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.physics import panda
+from skillplan.robots import panda
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ import pybullet
 import pybullet_data
 from numpy.typing import NDArray
 
-from skillplan.physics import panda
+from skillplan.robots import panda
 
 Vector = NDArray[np.float64]
 

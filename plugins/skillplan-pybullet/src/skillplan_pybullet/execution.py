@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from skillplan.physics import panda
 from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.strokes import Stroke, grasp_of, strokes
+from skillplan.physics.linear_motions import Stroke, grasp_of, strokes
+from skillplan.robots import panda
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import GraspKind, Pose, Robot
 from skillplan.task.skill import Skill

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from skillplan.physics.linear_motions import strokes
 from skillplan.physics.performance import Image
-from skillplan.physics.strokes import strokes
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan_pybullet.camera import Camera, alarm

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from skillplan.physics import panda
 from skillplan.physics.tool_shapes import tool_shapes
+from skillplan.robots import panda
 from skillplan.task.scene import Body, Box, Tool
 
 _TOOL_KG = 0.3

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillplan.physics import panda
-from skillplan.physics.strokes import Stroke, strokes
+from skillplan.physics.linear_motions import Stroke, strokes
+from skillplan.robots import panda
 from skillplan.task.scene import Robot
 from skillplan.task.state import State
 from skillplan.task.task import Task

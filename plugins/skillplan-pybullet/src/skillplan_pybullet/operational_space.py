@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.physics import panda
+from skillplan.robots import panda
 from skillplan_pybullet.dynamics import Terms
 from skillplan_pybullet.panda_kinematics import TipPose, pointing_down, rotation_error
 from skillplan_pybullet.straight_motion import Setpoint

@@ -1,6 +1,6 @@
 """Where the tip of a Panda is, and which joint angles bring it somewhere, pointing down.
 
-The chain follows the published parameters (`skillplan.physics.panda`); the tests hold it against
+The chain follows the published parameters (`skillplan.robots.panda`); the tests hold it against
 the model that is simulated.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.physics import panda
+from skillplan.robots import panda
 from skillplan.task.motion import Point
 
 Vector = NDArray[np.float64]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skillplan.physics import panda
+from skillplan.physics.linear_motions import Stroke, strokes
 from skillplan.physics.performance import (
     Arrival,
     Image,
@@ -16,7 +16,7 @@ from skillplan.physics.performance import (
     PerformedSkill,
     Sample,
 )
-from skillplan.physics.strokes import Stroke, strokes
+from skillplan.robots import panda
 from skillplan.task.scene import Pose
 from skillplan.task.skill import Skill
 from skillplan.task.state import State

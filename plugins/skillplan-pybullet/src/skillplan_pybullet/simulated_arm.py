@@ -6,7 +6,7 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from skillplan.physics import panda
+from skillplan.robots import panda
 from skillplan.task.motion import Point
 from skillplan_pybullet.dynamics import (
     ARM_JOINTS,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.strokes import Stroke, grasp_of
+from skillplan.physics.linear_motions import Stroke, grasp_of
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Body, GraspKind, Pose, Scene, Tool
 from skillplan.task.state import State

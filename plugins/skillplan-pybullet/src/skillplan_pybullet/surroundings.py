@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_box, world_boxes
 from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.strokes import Stroke, grasp_of
+from skillplan.physics.linear_motions import Stroke, grasp_of
 from skillplan.physics.tool_shapes import tool_shapes
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import WORLD, Body, Grasp, Placement, Pose

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from skillplan.solvers.network_policy import NetworkPolicy
+from skillplan.solvers.learning.network_policy import NetworkPolicy
 
 Vector = NDArray[np.float32]
 

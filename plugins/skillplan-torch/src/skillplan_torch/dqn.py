@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.env.transition_table import COMPLETE, GOES_ON, OUT_OF_TIME
-from skillplan.solvers.learner import Episode, Learned, Learner, Snapshot, Training
-from skillplan.solvers.network_policy import NetworkPolicy, allowing
+from skillplan.solvers.learning.learner import Episode, Learned, Learner, Snapshot, Training
+from skillplan.solvers.learning.network_policy import NetworkPolicy, allowing
 from skillplan_torch.batched_network import BatchedAdam, BatchedNetwork, padded
 from skillplan_torch.dqn_options import DqnOptions
 from skillplan_torch.episode_record import EpisodeRecord

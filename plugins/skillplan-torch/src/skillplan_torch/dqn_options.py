@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from skillplan.solvers.learner import LearnerOptions
+from skillplan.solvers.learning.learner import LearnerOptions
 from skillplan_torch.batched_network import BLOCK
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from skillplan.env.transition_table import COMPLETE, INFEASIBLE, OUT_OF_TIME
-from skillplan.solvers.learner import End, Episode
+from skillplan.solvers.learning.learner import End, Episode
 
 _ENDS: Mapping[int, End] = {
     COMPLETE: "complete",

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.solvers.learner import Learned
-from skillplan.solvers.network_policy import NetworkPolicy
+from skillplan.solvers.learning.learner import Learned
+from skillplan.solvers.learning.network_policy import NetworkPolicy
 
 # Costs that differ by less are the same.
 _TOLERANCE = 1e-9

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.env.transition_table import COMPLETE, GOES_ON
-from skillplan.solvers.learner import Episode, Learned, Learner, Snapshot, Training
-from skillplan.solvers.network_policy import NetworkPolicy, allowing
+from skillplan.solvers.learning.learner import Episode, Learned, Learner, Snapshot, Training
+from skillplan.solvers.learning.network_policy import NetworkPolicy, allowing
 from skillplan_torch.batched_network import BLOCK, BatchedAdam, BatchedNetwork, fitting, padded
 from skillplan_torch.episode_record import EpisodeRecord
 from skillplan_torch.kept_policies import KeptPolicies, Walk

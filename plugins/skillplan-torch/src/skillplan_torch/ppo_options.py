@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from skillplan.solvers.learner import LearnerOptions
+from skillplan.solvers.learning.learner import LearnerOptions
 from skillplan_torch.batched_network import BLOCK
 
 

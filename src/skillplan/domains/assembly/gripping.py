@@ -8,8 +8,8 @@ from skillplan.domains.assembly.layout import boxes_of, height_of, shapes_of
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
-from skillplan.physics.panda import FINGER_PROFILE_M
-from skillplan.physics.strokes import jaws_about
+from skillplan.physics.linear_motions import jaws_about
+from skillplan.robots.panda import FINGER_PROFILE_M
 from skillplan.task.scene import Grasp, GraspKind, ToolKind
 
 # What is left of the jaws' way on both sides of a part that fits between them [m].

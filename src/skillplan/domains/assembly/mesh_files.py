@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from skillplan.domains.companion_file import CompanionFileError, companion_in, read_companion
+from skillplan.files.companion_file import CompanionFileError, companion_in, read_companion
 from skillplan.task.motion import Point
 
 MAX_BYTES = 4 * 1024 * 1024

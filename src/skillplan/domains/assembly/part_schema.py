@@ -15,8 +15,8 @@ from pydantic import (
 )
 
 from skillplan.domains.domain import Name, Strict
+from skillplan.files.schema_errors import Located, continued, shown
 from skillplan.task.motion import Point
-from skillplan.task.schema_errors import Located, continued, shown
 
 Coordinate = Annotated[float, Field(ge=-10, le=10)]
 Planar = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]

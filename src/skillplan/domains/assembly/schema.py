@@ -14,7 +14,7 @@ from skillplan.domains.assembly.part_schema import (
     Spatial,
 )
 from skillplan.domains.domain import Name, Strict
-from skillplan.task.schema_errors import Located
+from skillplan.files.schema_errors import Located
 
 Length = Annotated[float, Field(gt=0, le=10)]
 Duration = Annotated[float, Field(ge=0, le=86_400)]

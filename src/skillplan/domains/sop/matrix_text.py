@@ -8,10 +8,10 @@ from collections import Counter
 from functools import cached_property
 from math import isqrt
 
-from skillplan.domains.sop.sop_schema import MOST_COST, MOST_NODES
+from skillplan.domains.sop.schema import MOST_COST, MOST_NODES
 from skillplan.errors import Issue
-from skillplan.task.schema_errors import shown
-from skillplan.task.yaml import Position
+from skillplan.files.schema_errors import shown
+from skillplan.files.yaml import Position
 
 _TOKEN = re.compile(r"\S+")
 _END = re.compile(r"(?<!\S)EOF(?!\S)")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 
-from skillplan.domains.sop.sop_schema import BEFORE
+from skillplan.domains.sop.schema import BEFORE
 
 
 class NodeOrder:

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skillplan.domains.sop.matrix_text import MatrixText, fault_at, position_at
-from skillplan.domains.sop.sop_schema import MOST_NODES
+from skillplan.domains.sop.schema import MOST_NODES
 from skillplan.errors import Issue, TaskError, name_hint, nearest
-from skillplan.task.schema_errors import shown
-from skillplan.task.yaml import Document, Path_, Position
+from skillplan.files.schema_errors import shown
+from skillplan.files.yaml import Document, Path_, Position
 
 SECTION = "EDGE_WEIGHT_SECTION"
 

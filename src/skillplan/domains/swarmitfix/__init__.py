@@ -6,13 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from skillplan.domains.domain import Account, Domain, Listing
-from skillplan.domains.swarmitfix.base_goals import UnreachableSupport
-from skillplan.domains.swarmitfix.bench_account import account
-from skillplan.domains.swarmitfix.bench_faults import issues
-from skillplan.domains.swarmitfix.bench_schema import SwarmitfixConfig
+from skillplan.domains.swarmitfix.account import account
+from skillplan.domains.swarmitfix.base.goals import UnreachableSupport
+from skillplan.domains.swarmitfix.bench.table_errata import table_errata
+from skillplan.domains.swarmitfix.faults import issues
 from skillplan.domains.swarmitfix.job import Job
 from skillplan.domains.swarmitfix.machine_settings import bench_of
-from skillplan.domains.swarmitfix.table_errata import table_errata
+from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
 from skillplan.errors import ChainBroken, Issue, OptionError
 from skillplan.task.task import Task
 

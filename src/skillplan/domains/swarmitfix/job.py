@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 
-from skillplan.domains.swarmitfix.base_goals import (
+from skillplan.domains.swarmitfix.base.goal_choice import Choice, GoalRule, choose
+from skillplan.domains.swarmitfix.base.goals import (
     GoalSet,
     ReachRules,
     UnreachableSupport,
@@ -21,23 +22,21 @@ from skillplan.domains.swarmitfix.base_goals import (
     preferring,
     unreachable,
 )
-from skillplan.domains.swarmitfix.base_task import BaseGrounding
-from skillplan.domains.swarmitfix.bench_schema import SwarmitfixConfig
-from skillplan.domains.swarmitfix.fleet_task import fleet_task
-from skillplan.domains.swarmitfix.goal_choice import Choice, GoalRule, choose
-from skillplan.domains.swarmitfix.goals_task import goal_of, goals_task
-from skillplan.domains.swarmitfix.head_task import (
-    fewest,
-    head_task,
-    heads_of,
-    segment_fault,
-)
-from skillplan.domains.swarmitfix.heads import (
+from skillplan.domains.swarmitfix.base.goals_task import goal_of, goals_task
+from skillplan.domains.swarmitfix.base.task import BaseGrounding
+from skillplan.domains.swarmitfix.fleet.task import fleet_task
+from skillplan.domains.swarmitfix.heads.heads import (
     Head,
     HeadRules,
     even_heads,
     vertex_heads,
     way_between,
+)
+from skillplan.domains.swarmitfix.heads.task import (
+    fewest,
+    head_task,
+    heads_of,
+    segment_fault,
 )
 from skillplan.domains.swarmitfix.machine_settings import (
     bench_of,
@@ -45,11 +44,12 @@ from skillplan.domains.swarmitfix.machine_settings import (
     mount_of,
     timings_of,
 )
-from skillplan.domains.swarmitfix.pkm import PkmGeometry
-from skillplan.domains.swarmitfix.pkm_reach import Mount, PkmLimits, Range, horizontal_reach_m
-from skillplan.domains.swarmitfix.plane_point import Point2
-from skillplan.domains.swarmitfix.trajectory_content import elements_of
-from skillplan.domains.swarmitfix.workpiece import Segment, Workpiece
+from skillplan.domains.swarmitfix.pkm.kinematics import PkmGeometry
+from skillplan.domains.swarmitfix.pkm.reach import Mount, PkmLimits, Range, horizontal_reach_m
+from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
+from skillplan.domains.swarmitfix.trajectory.content import elements_of
+from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
+from skillplan.domains.swarmitfix.trajectory.workpiece import Segment, Workpiece
 from skillplan.task.task import BackEndChoice, Task
 
 Plans = Mapping[str, Sequence[str]]

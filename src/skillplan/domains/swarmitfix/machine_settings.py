@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from skillplan.domains.swarmitfix.bench import Bench
-from skillplan.domains.swarmitfix.bench_schema import SwarmitfixConfig
-from skillplan.domains.swarmitfix.pkm_reach import Mount, PkmLimits
-from skillplan.domains.swarmitfix.step_timings import Timings
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.domains.swarmitfix.bench.step_timings import Timings
+from skillplan.domains.swarmitfix.pkm.reach import Mount, PkmLimits
+from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
 
 
 def bench_of(config: SwarmitfixConfig) -> Bench:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from skillplan.model.sequencing import SequencingProblem
-from skillplan.solvers.ordering.ordering_instance import (
+from skillplan.solvers.ordering.instance import (
     Integers,
     OrderingInstance,
     closed_relation,

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from skillplan.errors import SkillplanError
-from skillplan.model.worker_processes import Ended, WorkerProcess, first_ready, packed
-from skillplan.solvers.ordering.ordering_instance import Integers
-from skillplan.solvers.ordering.ordering_search import METHODS, Method, OrderingSearch
-from skillplan.solvers.ordering.search_news import News
-from skillplan.solvers.ordering.search_share import Finding, Share, Word, prepare
-from skillplan.solvers.resident_memory import resident_bytes_of
+from skillplan.solvers.ordering.incumbents import News
+from skillplan.solvers.ordering.instance import Integers
+from skillplan.solvers.ordering.portfolio import METHODS, Method, OrderingSearch
+from skillplan.solvers.ordering.search_worker import Finding, Share, Word, prepare
+from skillplan.workers.resident_memory import resident_bytes_of
+from skillplan.workers.worker_processes import Ended, WorkerProcess, first_ready, packed
 
 _WHAT = "the search"
 # What is proved sooner is not worth a process.

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from skillplan.solvers.ordering.cut_relaxation import CutRelaxation
-from skillplan.solvers.ordering.ordering_instance import NO_ARC, OrderingInstance
-from skillplan.solvers.ordering.ordering_search import METHODS, OrderingSearch
-from skillplan.solvers.ordering.pair_relaxation import PairRelaxation
+from skillplan.solvers.ordering.instance import NO_ARC, OrderingInstance
+from skillplan.solvers.ordering.portfolio import METHODS, OrderingSearch
+from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
+from skillplan.solvers.ordering.relaxation.pair_relaxation import PairRelaxation
 
 _NODES = 16
 _WORK = 1_000_000

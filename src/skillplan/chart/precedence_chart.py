@@ -1,0 +1,129 @@
+"""A precedence relation derived by asking back ends, instead of drawn by hand.
+
+For every element of the product the operations that bring it to its goal are imagined in
+states in which other elements are done or not. ``a before b`` where b's operation fails for
+want of a, or a's operation fails because b is in the way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from skillplan.chart.hypothetical_state import Imagination
+from skillplan.chart.partial_order import ClosedRelation, circle, closure
+from skillplan.chart.precedence_query import Inquiry, Questions, Relation, inquire
+from skillplan.checks.feasibility import Feasibility
+
+
+@dataclass(frozen=True)
+class DerivedChart:
+    """What was derived, beside what was drawn by hand.
+
+    Parameters
+    ----------
+    relations
+        Derived, in the order of the task's elements.
+    hand_made
+        The task file's chart; None where it has none.
+    missing
+        Hand-made pairs that do not follow from the derived ones.
+    extra
+        Derived pairs that do not follow from the hand-made ones.
+    impossible
+        Skills that are feasible in no imagined state, with the reason.
+    conditional
+        Skills that depend on more than the relation says, such as on one of two supports or on
+        where the arm comes from, and the facts that matter: what is no precedence relation.
+    undecided
+        Skills about which a back end does not know, or that depend on the other elements in
+        too many ways to be worked out.
+    """
+
+    relations: tuple[Relation, ...]
+    hand_made: tuple[tuple[str, str], ...] | None
+    missing: tuple[tuple[str, str], ...]
+    extra: tuple[Relation, ...]
+    impossible: Mapping[str, str]
+    conditional: Mapping[str, tuple[str, ...]]
+    undecided: tuple[str, ...] = ()
+
+    @property
+    def circle(self) -> tuple[str, ...]:
+        """Elements that would have to come before each other; none where there is an order."""
+        return circle((r.before, r.after) for r in self.relations)
+
+    @property
+    def contradiction(self) -> tuple[str, ...]:
+        """A circle of derived and hand-made pairs together; none where they agree on an order."""
+        derived = [(r.before, r.after) for r in self.relations]
+        return circle([*derived, *(self.hand_made or ())])
+
+    def obstacle(self) -> str | None:
+        """Return why no order can exist, in words, or None where nothing speaks against one."""
+        for skill, why in self.impossible.items():
+            return f"{skill} is never feasible: {why}"
+        if self.circle:
+            return f"no order exists: {' before '.join(self.circle)}"
+        return None
+
+
+def derive_chart(feasibility: Feasibility) -> DerivedChart:
+    """Ask back ends for the precedence relation of their task."""
+    task = feasibility.task
+    found: dict[tuple[str, str], Relation] = {}
+    impossible: dict[str, str] = {}
+    undecided: list[str] = []
+    imagination = Imagination(task)
+    inquiries = [
+        Inquiry(imagination, element, skill)
+        for element in task.operations
+        for skill in imagination.chain(element)
+    ]
+    for inquiry, why in zip(
+        inquiries, inquire(feasibility, [*map(_derive, inquiries)]), strict=True
+    ):
+        if why is None:
+            undecided.append(inquiry.skill.name)
+        elif why:
+            impossible[inquiry.skill.name] = why
+        for relation in inquiry.found:
+            found.setdefault((relation.before, relation.after), relation)
+    derived = closure(found)
+    left = [
+        inquiry
+        for inquiry in inquiries
+        if inquiry.skill.name not in (*undecided, *impossible)
+        and (inquiry.element, inquiry.element) not in derived
+    ]
+    conditional: dict[str, tuple[str, ...]] = {}
+    order = ClosedRelation(derived)
+    questions = [inquiry.beyond(order) for inquiry in left]
+    for inquiry, more in zip(left, inquire(feasibility, questions), strict=True):
+        if more is None:
+            undecided.append(inquiry.skill.name)
+        elif more:
+            conditional[inquiry.skill.name] = more
+    rank = {element: i for i, element in enumerate(task.operations)}
+    relations = tuple(sorted(found.values(), key=lambda r: (rank[r.before], rank[r.after])))
+    hand_made = tuple((line.before, line.after) for line in task.chart)
+    by_hand = closure(hand_made)
+    return DerivedChart(
+        relations,
+        hand_made or None,
+        tuple(pair for pair in hand_made if pair not in derived),
+        tuple(r for r in relations if hand_made and (r.before, r.after) not in by_hand),
+        impossible,
+        conditional,
+        tuple(undecided),
+    )
+
+
+def _derive(inquiry: Inquiry) -> Questions[str]:
+    """Find the relations that follow from a skill; return why it is never feasible, or nothing."""
+    needed = yield from inquiry.feasible_set()
+    if needed is None:
+        verdict = yield from inquiry.ask(frozenset())
+        return f"{verdict.stage}: {verdict.reason}"
+    yield from inquiry.relations(needed)
+    return ""

@@ -1,0 +1,268 @@
+"""Back ends asked in processes of their own: several checks at once, and none harms another."""
+
+from __future__ import annotations
+
+import signal
+import weakref
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from pydantic import BaseModel
+
+from skillplan.checks.single_check import Asking, Checked, check, introduce
+from skillplan.errors import BackEndError
+from skillplan.task.back_end import BackEnd
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict, VerdictStatus
+from skillplan.workers.worker_processes import (
+    Ended,
+    WorkerProcess,
+    first_ready,
+    packed,
+)
+
+_WHAT = "checks"
+
+
+class Conversation(Protocol):
+    """Checks of which each depends on what was said to the one before."""
+
+    @property
+    def wanted(self) -> bool:
+        """Whether the check that it waits for still matters."""
+
+    def go_on(self, said: Checked | None) -> Asking | None:
+        """Return what is to be checked next, given what was said to the last; None at the end."""
+
+    def fail(self, error: BackEndError) -> None:
+        """Take it that a back end failed on what was to be checked; nothing more is asked."""
+
+
+# What a process starts from, is asked, and answers.
+_Content = tuple[Task, list[tuple[type[BackEnd], BaseModel]]]
+_Job = tuple[int, int, int]
+_Fields = tuple[str, str, str, int, int, dict[str, Any], float]
+
+
+@dataclass(slots=True)
+class _Pending:
+    """A conversation that waits for a check, and how many processes that check has cost."""
+
+    conversation: Conversation
+    asking: Asking
+    lost: int = 0
+
+
+class CheckWorkers:
+    """Processes that each have the back ends of a task and check for this one.
+
+    They are started when needed and end when closed, with this object, or with the program.
+
+    Parameters
+    ----------
+    task
+        The task whose skills are asked about.
+    back_ends
+        In the order of their indices; each process makes its own of the same classes and
+        options.
+    jobs
+        The most processes at once, >= 1.
+
+    Raises
+    ------
+    ValueError
+        If `jobs` is below 1.
+    """
+
+    def __init__(self, task: Task, back_ends: Sequence[BackEnd], jobs: int) -> None:
+        if jobs < 1:
+            raise ValueError(f"There must be at least one process, not {jobs}.")
+        self.task = task
+        self.jobs = jobs
+        self.back_ends = tuple(back_ends)
+        self._content: bytes | None = None
+        self._idle: list[WorkerProcess] = []
+        self._busy: dict[WorkerProcess, _Pending] = {}
+        weakref.finalize(self, _end_all, self._idle, self._busy)
+
+    def close(self) -> None:
+        """End the processes; another question starts new ones."""
+        _end_all(self._idle, self._busy)
+
+    def hold(
+        self,
+        conversations: Iterable[Conversation],
+        poll: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Carry on conversations to their ends, each with one check under way at a time.
+
+        A check whose process is killed is made once more in a fresh one; if that is killed, too,
+        the verdict is unknown.
+
+        Parameters
+        ----------
+        conversations
+            What is to be checked.
+        poll
+            Called several times a second; what it raises gives up what is under way.
+
+        Raises
+        ------
+        SkillplanError
+            If processes cannot be started, or a back end fails to start in one.
+        """
+        waiting: deque[_Pending] = deque()
+        for conversation in conversations:
+            poll()
+            following = _go_on(conversation, None)
+            if following is not None:
+                waiting.append(following)
+        try:
+            while waiting or self._busy:
+                self._hand_out(waiting)
+                poll()
+                for worker in first_ready(self._busy):
+                    self._hear(worker, waiting)
+        finally:
+            # Where something was raised, nobody waits for these any more.
+            for worker in self._busy:
+                worker.end(gently=False)
+            self._busy.clear()
+
+    def _hand_out(self, waiting: deque[_Pending]) -> None:
+        while waiting and len(self._busy) < self.jobs:
+            pending = waiting.popleft()
+            if pending.conversation.wanted:
+                self._give(self._worker(fresh=pending.lost > 0), pending)
+
+    def _worker(self, *, fresh: bool) -> WorkerProcess:
+        while self._idle and (not fresh or len(self._idle) + len(self._busy) >= self.jobs):
+            worker = self._idle.pop()
+            if worker.alive and not fresh:
+                return worker
+            worker.end(gently=False)
+        if self._content is None:
+            made = [(type(back_end), back_end.options) for back_end in self.back_ends]
+            self._content = packed((self.task, made), _WHAT)
+        return WorkerProcess(_prepare, self._content, _WHAT)
+
+    def _give(self, worker: WorkerProcess, pending: _Pending) -> None:
+        asking = pending.asking
+        self._busy[worker] = pending
+        worker.take((asking.back_end, self.task.action(asking.skill), asking.state.bits))
+
+    def _hear(self, worker: WorkerProcess, waiting: deque[_Pending]) -> None:
+        """Take what a process says, and go on with the conversation that it is for."""
+        said = worker.answer()
+        if said is None:
+            return
+        pending = self._busy[worker]
+        if isinstance(said, Ended):
+            del self._busy[worker]
+            worker.end()
+            self._lose(worker, said, pending, waiting)
+            return
+        if isinstance(said.content, str):
+            pending.conversation.fail(BackEndError(said.content))
+            following = None
+        else:
+            following = _go_on(pending.conversation, self._checked(said.content))
+        if following is not None and following.asking.goes_on:
+            self._give(worker, following)
+            return
+        del self._busy[worker]
+        self._idle.append(worker)
+        if following is not None:
+            waiting.append(following)
+
+    def _lose(
+        self, worker: WorkerProcess, ended: Ended, pending: _Pending, waiting: deque[_Pending]
+    ) -> None:
+        """Have a check made once more whose process is gone; after the second it is unknown."""
+        if not ended.started and not ended.killed:
+            raise worker.not_started()
+        pending.lost += 1
+        if pending.lost == 1:
+            waiting.appendleft(pending)
+            return
+        asking = pending.asking
+        reason = f"the process that checked it was ended by {_named(ended)}, twice"
+        unknown = Verdict.unknown(reason)
+        name = self.back_ends[asking.back_end].name
+        following = _go_on(pending.conversation, Checked(unknown.grounded(asking.state, name), 0.0))
+        if following is not None:
+            waiting.append(following)
+
+    def _checked(self, fields: _Fields) -> Checked:
+        status, reason, stage, present, absent, evidence, took_s = fields
+        facts = self.task.facts
+        verdict = Verdict(
+            VerdictStatus(status),
+            reason,
+            stage,
+            facts.state(present),
+            facts.state(absent),
+            evidence,
+        )
+        return Checked(verdict, took_s)
+
+
+def _go_on(conversation: Conversation, said: Checked | None) -> _Pending | None:
+    asking = conversation.go_on(said)
+    return None if asking is None else _Pending(conversation, asking)
+
+
+def _named(ended: Ended) -> str:
+    if not ended.killed:
+        return ended.how
+    try:
+        return f"{ended.how} ({signal.Signals(-ended.exit_code).name})"
+    except ValueError:
+        return ended.how
+
+
+def _end_all(idle: list[WorkerProcess], busy: dict[WorkerProcess, _Pending]) -> None:
+    for worker in (*idle, *busy):
+        worker.end(gently=False)
+    idle.clear()
+    busy.clear()
+
+
+def _prepare(content: _Content) -> Callable[[_Job], _Fields | str]:
+    """Return what checks, in a process of its own: the words of the error where one is raised."""
+    task, made = content
+    back_ends = []
+    for plugin, options in made:
+        try:
+            back_ends.append(plugin(task, options))
+        except BackEndError:
+            raise
+        except Exception as error:
+            raise BackEndError(
+                f"Back end {plugin.name!r} failed to start in a process of its own: "
+                f"{type(error).__name__}: {error}"
+            ) from error
+    introduce(back_ends)
+
+    def answer(job: _Job) -> _Fields | str:
+        back_end, action, bits = job
+        try:
+            checked = check(back_ends[back_end], task.skills[action], task.facts.state(bits))
+        except BackEndError as error:
+            return str(error)
+        verdict = checked.verdict
+        assert verdict.present is not None
+        assert verdict.absent is not None
+        return (
+            verdict.status.value,
+            verdict.reason,
+            verdict.stage,
+            verdict.present.bits,
+            verdict.absent.bits,
+            dict(verdict.evidence),
+            checked.took_s,
+        )
+
+    return answer

@@ -1,0 +1,310 @@
+"""The chain of checks behind a verdict: cheapest first, and the first that fails names itself."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Generator, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from skillplan.checks.query_batch import QuestionBatch
+from skillplan.checks.single_check import (
+    Asking,
+    Checked,
+    check,
+    execution_time_s,
+    introduce,
+    tells_time,
+)
+from skillplan.checks.verdict_cache import VerdictCache
+from skillplan.task.back_end import BackEnd
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict, VerdictStatus
+
+if TYPE_CHECKING:
+    from skillplan.checks.check_workers import CheckWorkers
+
+PRECONDITION = "precondition"
+
+# Of the facts that would do, a message names so many.
+_MOST_NAMED = 12
+
+
+@dataclass(frozen=True, slots=True)
+class CheckCount:
+    """How far the asking has come, for people who wait.
+
+    Parameters
+    ----------
+    checks
+        Questions for which at least one back end had to work.
+    hits
+        Questions answered from kept verdicts alone.
+    to_go
+        Questions of the batch under way that are not answered yet.
+    """
+
+    checks: int
+    hits: int
+    to_go: int
+
+
+class Feasibility:
+    """Rules on skills by asking back ends, each only for what is not known yet.
+
+    Parameters
+    ----------
+    task
+        The task whose skills are asked about.
+    back_ends
+        Asked in ascending order of their `expected_s`.
+    cache
+        Where verdicts are kept; a fresh one in memory by default.
+    jobs
+        From 2 on, dear back ends are asked in so many processes at once. Neither verdicts nor
+        what is counted depends on it.
+    on_check
+        Called before and after every question that a dear back end has to work for.
+
+    Attributes
+    ----------
+    checks
+        Questions for which at least one back end had to work.
+    hits
+        Questions answered from kept verdicts alone.
+    executions
+        Questions for which a dear back end had to work; any back end where none is dear.
+    reached
+        Questions that came as far as such a back end, be it that what it said was known.
+    asked
+        How often each back end was asked.
+
+    Raises
+    ------
+    ValueError
+        If `jobs` is below 1.
+    BackEndError
+        If a back end does not get on with those beside it.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        back_ends: Iterable[BackEnd] = (),
+        cache: VerdictCache | None = None,
+        *,
+        jobs: int = 1,
+        on_check: Callable[[CheckCount], None] | None = None,
+    ) -> None:
+        if jobs < 1:
+            raise ValueError(f"There must be at least one process, not {jobs}.")
+        self.task = task
+        self.back_ends = tuple(sorted(back_ends, key=lambda back_end: back_end.expected_s))
+        introduce(self.back_ends)
+        self.cache = VerdictCache() if cache is None else cache
+        self.checks = 0
+        self.hits = 0
+        self.executions = 0
+        self.reached = 0
+        self.asked: Counter[str] = Counter({back_end.name: 0 for back_end in self.back_ends})
+        self._to_go = 0
+        dear = any(back_end.dear for back_end in self.back_ends)
+        self._on_check = on_check if dear else None
+        self._workers: CheckWorkers | None = None
+        if dear and jobs > 1:
+            # Here and not above: whoever needs no processes must not pay for importing this.
+            from skillplan.checks.check_workers import CheckWorkers
+
+            self._workers = CheckWorkers(task, self.back_ends, jobs)
+        # Each with whether it is worth counting, and whether it is asked in another process.
+        self._chain = tuple(
+            (index, back_end, back_end.dear or not dear, back_end.dear and jobs > 1)
+            for index, back_end in enumerate(self.back_ends)
+        )
+        self._timers = tuple(filter(tells_time, self.back_ends))
+        self._durations_s: dict[tuple[str, int], float | None] = {}
+        self._stand_bits = _stand_bits(task) if self._timers else 0
+
+    def rule(self, skill: Skill, state: State) -> Verdict:
+        """Return the verdict on `skill` in `state`.
+
+        Raises
+        ------
+        BackEndError
+            If a back end raises instead of ruling, or returns something else than a verdict.
+        """
+        if self._workers is not None:
+            return self.rule_all([(skill, state)])[0]
+        self._to_go = 1
+        return _result_of(self._ruling(skill, state))
+
+    def rule_all(
+        self,
+        questions: Sequence[tuple[Skill, State]],
+        poll: Callable[[], None] = lambda: None,
+    ) -> list[Verdict]:
+        """Return the verdicts on several skills in states, in order.
+
+        The same verdicts, and as many checks, as from asking one after the other: of one skill
+        only one question is under way at a time, as its verdict may answer the others.
+
+        Parameters
+        ----------
+        questions
+            Pairs of skill and state.
+        poll
+            Called now and then; what it raises ends the asking.
+
+        Raises
+        ------
+        BackEndError
+            If a back end raises instead of ruling, or returns something else than a verdict: of
+            the first question for which one does.
+        SkillplanError
+            If processes cannot be started.
+        """
+        self._to_go = len(questions)
+        if self._workers is None:
+            verdicts = []
+            for skill, state in questions:
+                poll()
+                verdicts.append(_result_of(self._ruling(skill, state)))
+            return verdicts
+        batch = QuestionBatch(self._ruling, questions)
+        self._workers.hold(batch.lanes, poll)
+        return batch.verdicts()
+
+    def stages(self, skill: Skill, state: State) -> list[Verdict]:
+        """Return the verdict of every stage, also beyond the first that fails."""
+        if not skill.applicable(state):
+            return [self._inapplicable(skill, state)]
+        condition = skill.condition(state)
+        first = Verdict.feasible(condition.requires, condition.forbids)
+        return [
+            first.grounded(state, PRECONDITION),
+            *(self._ask(back_end, skill, state) for back_end in self.back_ends),
+        ]
+
+    @property
+    def tells_time(self) -> bool:
+        """Whether a back end may know how long skills take."""
+        return bool(self._timers)
+
+    def duration_s(self, skill: Skill, state: State) -> float | None:
+        """Return how long the first back end that knows says a skill takes [s], or None.
+
+        Asked once for every place that the robots stand at and tool that they hold.
+
+        Raises
+        ------
+        BackEndError
+            If a back end raises, or says what is no time.
+        """
+        key = (skill.name, state.bits & self._stand_bits)
+        if key not in self._durations_s:
+            said = (execution_time_s(back_end, skill, state) for back_end in self._timers)
+            self._durations_s[key] = next((one for one in said if one is not None), None)
+        return self._durations_s[key]
+
+    def close(self) -> None:
+        """End the processes that were started; another question starts new ones."""
+        if self._workers is not None:
+            self._workers.close()
+
+    def _inapplicable(self, skill: Skill, state: State) -> Verdict:
+        amiss = skill.why_not(state)
+        names = [*amiss.requires, *(f"not {name}" for name in amiss.forbids)]
+        one_of = "one of " if len(amiss.requires) > len(skill.condition(state).requires) else ""
+        shown = names if len(names) <= _MOST_NAMED else [*names[:_MOST_NAMED], "..."]
+        reason = f"needs {one_of}{', '.join(shown)}"
+        wrong = [self.task.places[fact].name for fact in amiss.forbids if fact in self.task.places]
+        if len(wrong) == len(names):
+            reason = f"cannot be done at {', '.join(wrong)}"
+        return Verdict(
+            VerdictStatus.INFEASIBLE,
+            reason,
+            PRECONDITION,
+            amiss.forbids,
+            amiss.requires,
+            {"amiss": names},
+        )
+
+    def _ruling(self, skill: Skill, state: State) -> Generator[Asking, Checked, Verdict]:
+        """Rule on a skill, yielding what is to be asked in another process."""
+        if not skill.applicable(state):
+            self._to_go -= 1
+            return self._inapplicable(skill, state)
+        facts = self.task.facts
+        condition = skill.condition(state)
+        present, absent = condition.requires.bits, condition.forbids.bits
+        unknown: Verdict | None = None
+        worked = executed = reached = goes_on = False
+        for index, back_end, counts, apart in self._chain:
+            reached = reached or counts
+            verdict = self.cache.find(back_end, skill, state)
+            if verdict is None:
+                worked = True
+                if counts and not executed:
+                    executed = True
+                    self._report()
+                self.asked[back_end.name] += 1
+                if apart:
+                    checked = yield Asking(index, skill, state, goes_on)
+                    goes_on = True
+                else:
+                    checked = check(back_end, skill, state)
+                verdict = checked.verdict
+                self.cache.keep(back_end, skill, checked, state)
+            if verdict.status is VerdictStatus.INFEASIBLE:
+                break
+            if verdict.status is VerdictStatus.UNKNOWN:
+                unknown = unknown or verdict
+            if verdict.present is not None and verdict.absent is not None:
+                present |= verdict.present.bits
+                absent |= verdict.absent.bits
+        else:
+            verdict = unknown or Verdict.feasible(facts.state(present), facts.state(absent))
+        self.checks += worked
+        self.hits += not worked
+        self.executions += executed
+        self.reached += reached
+        self._to_go -= 1
+        if executed:
+            self._report()
+        return verdict
+
+    def _ask(self, back_end: BackEnd, skill: Skill, state: State) -> Verdict:
+        known = self.cache.find(back_end, skill, state)
+        if known is not None:
+            return known
+        self.asked[back_end.name] += 1
+        checked = check(back_end, skill, state)
+        self.cache.keep(back_end, skill, checked, state)
+        return checked.verdict
+
+    def _report(self) -> None:
+        if self._on_check is not None:
+            self._on_check(CheckCount(self.checks, self.hits, self._to_go))
+
+
+def _result_of(ruling: Generator[Asking, Checked, Verdict]) -> Verdict:
+    """Return what a ruling comes to that asks nobody in another process."""
+    try:
+        next(ruling)
+    except StopIteration as end:
+        verdict: Verdict = end.value
+        return verdict
+    raise AssertionError("nobody is there to answer")
+
+
+def _stand_bits(task: Task) -> int:
+    """Return the bits of the facts that say where robots stand and which tools they hold."""
+    names = {fact for robot in task.scene.robots for fact in robot.places}
+    names |= {tool.fact for robot in task.scene.robots for tool in robot.tools}
+    names |= set(task.places)
+    bits = 0
+    for name in names & set(task.facts.names):
+        bits |= task.facts.bit(name)
+    return bits

@@ -1,0 +1,159 @@
+"""One question to one back end: whatever it does wrong is said in words that name it."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from skillplan.errors import BackEndError, SkillplanError
+from skillplan.files.plain_json import json_fault
+from skillplan.task.back_end import BackEnd
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.verdict import Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What a back end said, and how long it took.
+
+    Parameters
+    ----------
+    verdict
+        Named after the back end and resting on facts; its evidence as JSON gives it back.
+    took_s
+        Time of the check [s], >= 0.
+
+    Raises
+    ------
+    ValueError
+        If the time is negative.
+    """
+
+    verdict: Verdict
+    took_s: float
+
+    def __post_init__(self) -> None:
+        if not self.took_s >= 0:
+            raise ValueError(f"A check cannot take {self.took_s} s.")
+
+
+@dataclass(frozen=True, slots=True)
+class Asking:
+    """A check to be made.
+
+    Parameters
+    ----------
+    back_end
+        Index of the back end.
+    skill, state
+        What it is asked.
+    goes_on
+        Whether another back end was just asked the same: then the process that did it is the
+        one to ask, for what it may remember.
+    """
+
+    back_end: int
+    skill: Skill
+    state: State
+    goes_on: bool = False
+
+
+def introduce(back_ends: Sequence[BackEnd]) -> None:
+    """Tell every back end which others are asked beside it.
+
+    Raises
+    ------
+    BackEndError
+        If one raises, or what its answers depend on is not JSON.
+    """
+    for back_end in back_ends:
+        try:
+            back_end.beside([other for other in back_ends if other is not back_end])
+            fault = json_fault(back_end.basis)
+        except BackEndError:
+            raise
+        except Exception as error:
+            raise BackEndError(f"Back end {back_end.name!r} failed: {_in_words(error)}") from error
+        if fault is not None:
+            raise BackEndError(f"The basis of back end {back_end.name!r} is not JSON: {fault}.")
+
+
+def check(back_end: BackEnd, skill: Skill, state: State) -> Checked:
+    """Ask a back end about a skill that is applicable in a state.
+
+    Raises
+    ------
+    BackEndError
+        If it raises instead of ruling, returns something else than a verdict, or its verdict
+        rests on facts that do not hold.
+    """
+    begin_s = time.perf_counter()
+    try:
+        verdict = back_end.check(skill, state)
+    except BackEndError:
+        raise
+    except Exception as error:
+        raise BackEndError(
+            f"Back end {back_end.name!r} failed on {skill.name} in {state}: {_in_words(error)}"
+        ) from error
+    took_s = time.perf_counter() - begin_s
+    if not isinstance(verdict, Verdict):
+        raise BackEndError(
+            f"Back end {back_end.name!r} returned {type(verdict).__name__} for "
+            f"{skill.name}, not a Verdict."
+        )
+    if verdict.evidence:
+        fault = json_fault(verdict.evidence)
+        if fault is not None:
+            raise BackEndError(
+                f"The evidence of back end {back_end.name!r} for {skill.name} is not JSON: {fault}."
+            )
+        # As a file or another process gives it back: lists for tuples, plain numbers.
+        verdict = replace(verdict, evidence=json.loads(json.dumps(dict(verdict.evidence))))
+    verdict = verdict.grounded(state, back_end.name)
+    if not verdict.applies_in(state):
+        raise BackEndError(
+            f"Back end {back_end.name!r} says its verdict on {skill.name} rests on facts "
+            f"that do not hold in {state}: {', '.join(verdict.facts)}."
+        )
+    return Checked(verdict, took_s)
+
+
+def execution_time_s(back_end: BackEnd, skill: Skill, state: State) -> float | None:
+    """Return how long a back end says that a skill takes from a state [s], or None.
+
+    Raises
+    ------
+    BackEndError
+        If it raises, or says what is no time.
+    """
+    try:
+        duration_s = back_end.duration_s(skill, state)
+    except BackEndError:
+        raise
+    except Exception as error:
+        raise BackEndError(
+            f"Back end {back_end.name!r} failed to time {skill.name} in {state}: {_in_words(error)}"
+        ) from error
+    if duration_s is None:
+        return None
+    if not isinstance(duration_s, int | float) or not 0 <= duration_s < math.inf:
+        raise BackEndError(
+            f"Back end {back_end.name!r} says that {skill.name} takes {duration_s!r} s in {state}."
+        )
+    return float(duration_s)
+
+
+def tells_time(back_end: BackEnd) -> bool:
+    """Whether a back end may know how long skills take."""
+    return type(back_end).duration_s is not BackEnd.duration_s
+
+
+def _in_words(error: Exception) -> str:
+    if isinstance(error, SkillplanError):
+        return str(error)
+    return f"{type(error).__name__}: {error}"

@@ -1,0 +1,318 @@
+"""From a path to a problem: the file's content, validated, and the tasks grounded from it.
+
+All faults of a file are reported at once. What a kind of task looks like is the business of
+its domain, which is passed in: this floor knows none.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from pydantic import BaseModel, ValidationError
+
+from skillplan.errors import Issue, OptionError, PluginError, TaskError, name_hint
+from skillplan.files.overrides import overridden
+from skillplan.files.schema_errors import schema_issues, shown
+from skillplan.files.yaml import YAML_SUFFIXES, Document, parse, read_text
+from skillplan.task.reachability import unreachable_facts
+from skillplan.task.task import Task
+
+# What a reader of the task may want to change without making it another task.
+_NOT_HASHED = ("description", "expect", "family")
+
+
+class TaskDomain(Protocol):
+    """What loading needs of a domain; see :class:`skillplan.domains.domain.Domain`."""
+
+    Config: Any
+    stages: Any
+    suffixes: Any
+    max_bytes: Any
+
+    def read(self, text: str, source: str) -> Document:
+        """Return the content of a file with one of the domain's suffixes."""
+
+    def issues(self, config: Any) -> Iterable[Issue]:
+        """Return the faults that a schema cannot see."""
+
+    def ground(self, config: Any, sha256: str) -> list[Task]:
+        """Return the tasks of a faultless content."""
+
+    def follow(
+        self, config: Any, sha256: str, plans: Mapping[str, Sequence[str]], refinement: int = 0
+    ) -> list[Task]:
+        """Return the tasks of a chain once some are solved."""
+
+    def account(self, config: Any, plans: Mapping[str, Sequence[str]], refinement: int = 0) -> Any:
+        """Return what is to be said beyond the plans."""
+
+    def default_solver(self, config: Any) -> str:
+        """Return the solver that serves a file best."""
+
+    def variants(self, config: Any, seed: int, count: int) -> list[Any]:
+        """Return contents like the given one."""
+
+    def errata(self, config: Any) -> Any:
+        """Return what the published source prints wrongly."""
+
+    def locate(self, fact: str) -> tuple[str | int, ...]:
+        """Return the path of the file's entry that a fact comes from."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A loaded task file.
+
+    Parameters
+    ----------
+    name, kind
+        As the file says.
+    source
+        The file as the user named it.
+    sha256
+        Hash of the content, in hexadecimal.
+    config
+        The validated content.
+    tasks
+        One, or a chain of several that are solved in turn.
+    domain
+        What grounded them.
+    """
+
+    name: str
+    kind: str
+    source: str
+    sha256: str
+    config: BaseModel
+    tasks: tuple[Task, ...]
+    domain: TaskDomain
+
+    @property
+    def task(self) -> Task:
+        """The only task.
+
+        Raises
+        ------
+        TaskError
+            If the file describes a chain of several.
+        """
+        return self.part(None)
+
+    @property
+    def is_chain(self) -> bool:
+        """Whether its tasks are stages of a hierarchy, to be solved in turn."""
+        return len(self.tasks) > 1 or bool(self.tasks[0].stage)
+
+    def part(self, name: str | None) -> Task:
+        """Return a task by name; None for the only one.
+
+        Raises
+        ------
+        TaskError
+            If the file describes a chain and no name is given.
+        OptionError
+            If no task has the name.
+        """
+        names = [task.name for task in self.tasks]
+        if name is None and len(names) == 1:
+            return self.tasks[0]
+        if name is None:
+            message = f"describes {len(names)} tasks in a chain; name one by --part: "
+            shown = names if len(names) <= 8 else [*names[:4], "...", *names[-3:]]
+            raise TaskError(self.source, [Issue(f"{message}{', '.join(shown)}.")])
+        if name not in names:
+            raise OptionError(f"No task {name!r} in {self.source}. {name_hint(name, names)}")
+        return self.tasks[names.index(name)]
+
+    def follow(self, plans: Mapping[str, Sequence[str]], refinement: int = 0) -> tuple[Task, ...]:
+        """Return the tasks as they stand once some of them have been solved."""
+        return tuple(self.domain.follow(self.config, self.sha256, plans, refinement))
+
+    def variants(self, seed: int, count: int) -> tuple[Task, ...]:
+        """Return tasks of the same family: the same facts and skills, laid out otherwise.
+
+        They are named after the file's task, with a number from 0, and have hashes of their own.
+
+        Parameters
+        ----------
+        seed
+            Governs what is drawn, >= 0.
+        count
+            How many, >= 1. More of the same seed begin with the same ones, so that the first may
+            be learned on and the others kept unseen.
+
+        Raises
+        ------
+        OptionError
+            If a number is out of range, the file describes no family, or too few of its layouts
+            are faultless.
+        TaskError
+            If the file describes a chain of tasks.
+        """
+        if seed < 0 or count < 1:
+            raise OptionError(f"A family takes seed >= 0 and count >= 1, not {seed} and {count}.")
+        drawn = self.domain.variants(self.config, seed, count)
+        name = self.task.name
+        made = []
+        for index, config in enumerate(drawn):
+            sha256 = _content_hash(config)
+            (task,) = self.domain.ground(config, sha256)
+            made.append(task.replace(name=f"{name}/{index}", sha256=sha256))
+        return tuple(made)
+
+    def account(self, plans: Mapping[str, Sequence[str]], refinement: int = 0) -> Any:
+        """Return what the domain has to say beyond the plans."""
+        return self.domain.account(self.config, plans, refinement)
+
+
+def load_task(
+    path: str | os.PathLike[str],
+    find_domain: Callable[[str], TaskDomain],
+    known_kinds: Iterable[str] = (),
+    check_content: Callable[[Mapping[str, Any]], Iterable[Issue]] = lambda _: (),
+    check_task: Callable[[Task, TaskDomain], Iterable[Issue]] = lambda _, __: (),
+    changes: Mapping[str, str] | None = None,
+) -> Problem:
+    """Load, validate and ground a task file.
+
+    Parameters
+    ----------
+    path
+        A YAML file, or one with a suffix that a domain reads.
+    find_domain
+        Returns the domain of a kind; raises `PluginError` for an unknown one.
+    known_kinds
+        What `find_domain` knows, to name in a message.
+    check_content
+        Returns faults of a content that is not validated yet.
+    check_task
+        Returns faults of a grounded task, given its domain.
+    changes
+        Key path to YAML value: what the file is read as if it held.
+
+    Raises
+    ------
+    TaskError
+        With every fault of the file: its place, what is wrong and what to write instead.
+    OptionError
+        If a change does not fit the file.
+    """
+    source = os.fspath(path)
+    document = overridden(_read(source, find_domain, known_kinds), changes or {})
+    kind, domain = _domain(document, find_domain, known_kinds)
+    issues = list(check_content(document.data))
+    config, faults = _validated(document, domain, {"folder": Path(source).parent})
+    issues += faults
+    if config is not None:
+        issues += domain.issues(config)
+    if config is None or issues or document.issues:
+        raise document.error(issues)
+    sha256 = _content_hash(config)
+    tasks = domain.ground(config, sha256)
+    for task in tasks:
+        lost = unreachable_facts(task)
+        issues += [
+            Issue(f"the goal {fact} is out of reach: {reason}", domain.locate(fact))
+            for fact, reason in lost.items()
+        ]
+        issues += check_task(task, domain)
+    if issues:
+        # Of tasks in a chain, what is wrong with one is often wrong with all.
+        raise document.error(dict.fromkeys(issues))
+    name = getattr(config, "name", None) or Path(source).stem
+    return Problem(name, kind, source, sha256, config, tuple(tasks), domain)
+
+
+def _read(
+    source: str, find_domain: Callable[[str], TaskDomain], known_kinds: Iterable[str]
+) -> Document:
+    """Return the content of a file, by way of the domain that reads its suffix if there is one."""
+    path = Path(source)
+    suffix = path.suffix.lower()
+    if suffix and suffix not in YAML_SUFFIXES:
+        # The kind of that name first: to ask a domain is to import it.
+        for kind in sorted(known_kinds, key=lambda kind: f".{kind}" != suffix):
+            try:
+                domain = find_domain(kind)
+            except PluginError:
+                continue  # a broken one is told of where it is asked for
+            if suffix in domain.suffixes:
+                return domain.read(read_text(path, source, domain.max_bytes), source)
+    return parse(read_text(path, source), source)
+
+
+def _domain(
+    document: Document, find_domain: Callable[[str], TaskDomain], known_kinds: Iterable[str]
+) -> tuple[str, TaskDomain]:
+    known = sorted(known_kinds)
+    kinds = ", ".join(known)
+    if not isinstance(document.data, dict):
+        message = f"must be a mapping with a key 'kind', not {shown(document.data)}."
+        raise document.error([Issue(message)])
+    if "kind" not in document.data:
+        raise document.error([Issue(f"key 'kind' is missing. Known kinds: {kinds}.", ("kind",))])
+    kind = document.data["kind"]
+    if not isinstance(kind, str):
+        message = f"must be the name of a kind of task, not {shown(kind)}. Known: {kinds}."
+        raise document.error([Issue(message, ("kind",))])
+    if known and kind not in known:
+        hint = name_hint(kind, known)
+        raise document.error([Issue(f"unknown kind {shown(kind)}. {hint}", ("kind",))])
+    try:
+        return kind, find_domain(kind)
+    except PluginError as error:
+        raise document.error([Issue(str(error), ("kind",))]) from None
+
+
+def _validated(
+    document: Document, domain: TaskDomain, context: Mapping[str, Any]
+) -> tuple[BaseModel | None, list[Issue]]:
+    """Return the content, or None, and its faults but for those that the document knows.
+
+    A content with no fault but unknown keys is returned without them, so that what else is
+    wrong with it comes to light as well.
+    """
+    try:
+        return domain.Config.model_validate(document.data, context=context), []
+    except ValidationError as error:
+        # What could not be read is missing from the data, which the schema need not say again.
+        unread = {issue.path[:n] for issue in document.issues for n in range(len(issue.path) + 1)}
+        found = schema_issues(error, domain.Config)
+        faults = [issue for issue in found if issue.path not in unread]
+        unknown = [fault["loc"] for fault in error.errors() if fault["type"] == "extra_forbidden"]
+        if len(unknown) < error.error_count():
+            return None, faults
+    try:
+        return domain.Config.model_validate(
+            _without(document.data, unknown), context=context
+        ), faults
+    except ValidationError as error:
+        # What a model says of itself as a whole, it says only where its keys are sound; if an
+        # unknown key is a slip for one that it misses, that is told already.
+        unread |= {tuple(path[:-1]) for path in unknown}
+        found = schema_issues(error, domain.Config)
+        return None, faults + [issue for issue in found if issue.path not in unread]
+
+
+def _without(data: Any, paths: Iterable[tuple[str | int, ...]]) -> Any:
+    """Return a copy of nested data that lacks the entries at some paths."""
+    copy = deepcopy(data)
+    for path in paths:
+        holder = copy
+        for key in path[:-1]:
+            holder = holder[key]
+        del holder[path[-1]]
+    return copy
+
+
+def _content_hash(config: BaseModel) -> str:
+    content = config.model_dump(mode="json", exclude=set(_NOT_HASHED))
+    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(canonical.encode()).hexdigest()

@@ -1,0 +1,271 @@
+"""What is to be said of a solved bench job beyond its plans: supports, goals, the five steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+from skillplan.domains.domain import Account, Listing
+from skillplan.domains.swarmitfix.base.locomotion import Phase, makespan, timeline
+from skillplan.domains.swarmitfix.base.path import BasePath, along
+from skillplan.domains.swarmitfix.fleet.account import fleet_account
+from skillplan.domains.swarmitfix.heads.heads import Head, HeadKind, normal_yaw
+from skillplan.domains.swarmitfix.job import Job
+from skillplan.domains.swarmitfix.machine_settings import limits_of, mount_of
+from skillplan.domains.swarmitfix.pkm.kinematics import PkmGeometry
+from skillplan.domains.swarmitfix.pkm.reach import rule
+from skillplan.task.verdict import Verdict
+
+
+def account(job: Job) -> Account:
+    """Return what a job's plans amount to, as far as there are any."""
+    config = job.config
+    document: dict[str, Any] = {
+        "bench": {
+            "rows": job.bench.rows,
+            "cols": job.bench.cols,
+            "pitch_m": job.bench.pitch_m,
+            "actions": job.bench.actions,
+        }
+    }
+    if config.robots is not None:
+        return fleet_account(job, document)
+    listings: list[Listing] = []
+    bound = given = None
+    if config.trajectory is not None:
+        rulings, heads = _rulings(job), _heads(job)
+        document |= _supports(job, rulings, heads)
+        listings.append(_goals_listing(job, rulings, heads))
+        given = float(job.least_steps)
+        # Heads that are planned might have been planned otherwise.
+        bound = given if config.heads.subdivisions is not None and job.parts == 1 else None
+    phases = _phases(job)
+    if phases is None:
+        return Account(document, tuple(listings), lower_bound=bound, bound_given=given)
+    total = makespan(phases)
+    document["timeline"] = [
+        {**phase.document(), "sequence": phase.sequence + 1} for phase in phases
+    ]
+    document["makespan_swings_s"] = total.swing_s
+    return Account(
+        document,
+        tuple(listings),
+        appendix={"timeline.csv": _steps_listing(job, phases)},
+        lower_bound=bound,
+        makespan_s=total.duration_s,
+        bound_given=given,
+        caveat=_caveat(document),
+    )
+
+
+def _supports(
+    job: Job, rulings: Sequence[Verdict], heads: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
+    workpiece = job.workpiece
+    return {
+        "workpiece": {
+            "closed": workpiece.closed,
+            "length_m": workpiece.length_m,
+            "points_m": [
+                list(point) for segment in workpiece.segments for point in segment.points[:-1]
+            ]
+            + [list(workpiece.segments[-1].end)],
+            "vertices": [
+                {
+                    "position_m": list(vertex.position),
+                    "kind": str(vertex.kind),
+                    "corner": str(vertex.corner),
+                    "angle_deg": math.degrees(vertex.angle_rad),
+                }
+                for vertex in workpiece.vertices
+            ],
+            "segments": [
+                {"length_m": segment.length_m, "curved": segment.is_curved}
+                for segment in workpiece.segments
+            ],
+        },
+        "heads": heads,
+        "goals": [
+            {
+                "sequence": number,
+                "support_m": [list(goal_set.e1), list(goal_set.e2)],
+                "candidates": [job.bench.name(position) for position in goal_set.positions],
+                "how": str(goal_set.how),
+                "note": goal_set.note,
+                "goal": job.bench.name(goal),
+                "pkm": {
+                    "status": verdict.status.value,
+                    "reason": verdict.reason,
+                    **verdict.evidence,
+                },
+            }
+            for number, (goal_set, goal, verdict) in enumerate(
+                zip(job.goal_sets, job.goals, rulings, strict=True), start=1
+            )
+        ],
+        "goal_choice": job.config.base.goal_choice,
+        "supports_beyond_leg_limits": sum(verdict.is_infeasible for verdict in rulings),
+    }
+
+
+def _caveat(document: Mapping[str, Any]) -> str:
+    """Return how many supports the arm cannot truly hold, where there are any."""
+    beyond = document.get("supports_beyond_leg_limits", 0)
+    if not beyond:
+        return ""
+    of = len(document["goals"])
+    return f"{beyond} of {of} supports are beyond the limits of the PKM's legs"
+
+
+def _heads(job: Job) -> list[dict[str, Any]]:
+    """Return all heads in the order of travel, with those that splits have put in between."""
+    entries: list[dict[str, Any]] = []
+
+    def add(head: Head, *, inserted: bool) -> None:
+        entries.append(
+            {
+                "position_m": list(head.position),
+                "yaw_rad": head.yaw_rad,
+                "kind": str(head.kind),
+                "segment": head.segment + 1,
+                "side_m": job.head_rules.side_m,
+                "inserted": inserted,
+            }
+        )
+
+    placed = iter(job.heads)
+    before = -1
+    for goal_set in job.goal_sets:
+        if goal_set.index != before:
+            here = next(placed)
+            add(here, inserted=False)
+        else:
+            ahead = (goal_set.e2[0] - goal_set.e1[0], goal_set.e2[1] - goal_set.e1[1])
+            yaw = normal_yaw(math.atan2(ahead[1], ahead[0]))
+            away_m = math.dist(goal_set.e1, here.position)
+            inserted = Head(goal_set.e1, yaw, HeadKind.INTERMEDIATE, here.segment, away_m)
+            add(inserted, inserted=True)
+        before = goal_set.index
+    for head in placed:
+        add(head, inserted=False)
+    return entries
+
+
+def _rulings(job: Job) -> list[Verdict]:
+    """Return whether the parallel kinematic machine reaches each support from its goal."""
+    geometry, limits, mount = PkmGeometry(), limits_of(job.config), mount_of(job.config)
+    rulings = []
+    for goal_set, goal in zip(job.goal_sets, job.goals, strict=True):
+        x_m, y_m = job.bench.centroids_m[goal].tolist()
+        rulings.append(rule(geometry, limits, mount, (x_m, y_m), goal_set.e1))
+    return rulings
+
+
+def _goals_listing(
+    job: Job, rulings: Sequence[Verdict], heads: Sequence[Mapping[str, Any]]
+) -> Listing:
+    """Return the supports, who can hold them, and who does."""
+    rows, notes = [], []
+    for number, (goal_set, goal, verdict) in enumerate(
+        zip(job.goal_sets, job.goals, rulings, strict=True), start=1
+    ):
+        names = [job.bench.name(position) for position in goal_set.positions]
+        shown = names if len(names) <= 6 else [*names[:5], f"and {len(names) - 5} more"]
+        x_m, y_m = goal_set.e1
+        rows.append(
+            (
+                str(number),
+                f"{x_m:.3f} {y_m:.3f}",
+                " ".join(shown),
+                str(goal_set.how),
+                job.bench.name(goal),
+                "within limits" if verdict.is_feasible else verdict.reason,
+            )
+        )
+        if goal_set.note:
+            notes.append(f"support {number}: {goal_set.note}")
+    workpiece = job.workpiece
+    kinds = ", ".join(f"{count} {kind}" for kind, count in workpiece.vertex_counts.items())
+    curved = sum(segment.is_curved for segment in workpiece.segments)
+    above = [
+        f"trajectory {'closed' if workpiece.closed else 'open'}, {workpiece.length_m:.3f} m, "
+        f"{len(workpiece.segments)} segments ({curved} curved), vertices: {kinds}"
+    ]
+    spacing_m = [
+        math.dist(one["position_m"], other["position_m"]) for one, other in pairwise(heads)
+    ]
+    above.append(f"heads      {len(heads)}, {min(spacing_m):.3f} to {max(spacing_m):.3f} m apart")
+    close = sum(spacing < job.head_rules.side_m for spacing in spacing_m)
+    if close:
+        above.append(
+            f"           {close} of them nearer to the next than a head's side of "
+            f"{job.head_rules.side_m:g} m"
+        )
+    beyond = sum(verdict.is_infeasible for verdict in rulings)
+    if beyond:
+        above.append(f"PKM        {beyond} of {len(rows)} supports are beyond its legs' limits")
+    if notes:
+        above.append(
+            f"fallback   {len(notes)} of {len(rows)} supports have no position by Eqs 1-4:"
+        )
+    notes = [*above, *notes]
+    return Listing(
+        f"{job.config.name}: {len(heads)} heads, goals of the base by "
+        f"{job.config.base.goal_choice}",
+        ("goal", "support x y [m]", "candidates", "by", "chosen", "PKM"),
+        tuple(rows),
+        tuple(notes),
+    )
+
+
+def _phases(job: Job) -> tuple[Phase, ...] | None:
+    """Return the five steps of every sequence, or None while ways of the base are missing."""
+    paths: list[BasePath] = []
+    here = job.home
+    for number, goal in enumerate(job.goals, start=1):
+        plan = job.plans.get(f"base-{number}")
+        if plan is None:
+            return None
+        path = along(job.bench, here, plan)
+        here = path[-1][-1] if path else here
+        if here != goal:
+            return None
+        paths.append(path)
+    if job.config.trajectory is not None:
+        supports = [goal_set.e1 for goal_set in job.goal_sets]
+    else:
+        centroids = job.bench.centroids_m[list(job.goals)].tolist()
+        supports = [(x_m, y_m) for x_m, y_m in centroids]
+    return timeline(job.bench, paths, supports, job.timings, home=job.home)
+
+
+def _steps_listing(job: Job, phases: tuple[Phase, ...]) -> Listing:
+    """Return when each of the five steps of every sequence begins and ends."""
+    rows = []
+    for phase in phases:
+        what = "-"
+        if phase.swing is not None:
+            swing = phase.swing
+            what = (
+                f"{swing.action} {swing.start} to {swing.end}: leg {swing.leg} on {swing.pivot}, "
+                f"{swing.direction} {swing.angle_deg} deg, PKM {swing.counter_rotation_deg:+d} deg"
+            )
+        elif phase.support_m is not None:
+            what = f"head to {phase.support_m[0]:.3f} {phase.support_m[1]:.3f} m"
+        rows.append(
+            (
+                str(phase.sequence + 1),
+                str(phase.step),
+                f"{phase.start_s:.2f}",
+                f"{phase.end_s:.2f}",
+                phase.base,
+                what,
+            )
+        )
+    return Listing(
+        f"{job.config.name}: the five steps",
+        ("sequence", "step", "from [s]", "to [s]", "base", "what"),
+        tuple(rows),
+    )

@@ -1,0 +1,1 @@
+"""Where bases stand and how they walk; never how a leg reaches up."""

@@ -1,0 +1,289 @@
+"""Where the base may stand to hold the head from one support to the next.
+
+Veeramani and Muthuswamy 2022, section 4.1.2, Fig. 4, Eqs 1 to 4: the positions whose centroid
+lies in a quadrilateral over two consecutive supports, not too near to either. Often there are
+none; then the rules are relaxed to what the arm reaches, or the way between the supports is split,
+and every set says which.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from skillplan.domains.swarmitfix.base.reach import (
+    ReachRules,
+    candidates,
+    distances_m,
+    in_reach,
+    inward_side,
+    on_the_other_side,
+    quadrilateral,
+    within_reach,
+)
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.domains.swarmitfix.trajectory.plane_point import Point2, shown
+
+__all__ = [
+    "MOST_SPLITS",
+    "GoalSet",
+    "How",
+    "ReachRules",
+    "UnreachableSupport",
+    "WayBetween",
+    "candidates",
+    "goal_sets",
+    "inward_side",
+    "preferring",
+    "quadrilateral",
+    "unreachable",
+    "within_reach",
+]
+
+MOST_SPLITS = 6
+"""The way between two supports is halved at most so often in a row."""
+
+WayBetween = Callable[[int, float], Point2]
+
+
+class How(StrEnum):
+    """By which rule the positions of a goal set were found."""
+
+    EQ34 = "eq34"
+    """Eqs 3 and 4 of the paper."""
+    RELAXED = "relaxed"
+    """Eqs 3 and 4 leave none; these are within the arm's true reach of both supports."""
+    SPLIT = "split"
+    """Neither gives any for the whole way; it was halved, and this is a part of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class GoalSet:
+    """The positions from which a base serves the way between two supports.
+
+    Parameters
+    ----------
+    index
+        The pair of supports, from 0: support `index` and the next. Parts of a split pair have
+        the same.
+    e1, e2
+        Where the way, or the part of it, begins and ends [m].
+    positions
+        At least one, rising.
+    how
+        By which rule they were found.
+    note
+        What was relaxed or split, for people; empty for Eqs 3 and 4.
+    centre
+        Centre of the quadrilateral e1, e2, e3, e4 [m].
+
+    Raises
+    ------
+    ValueError
+        If there is no position.
+    """
+
+    index: int
+    e1: Point2
+    e2: Point2
+    positions: tuple[int, ...]
+    how: How
+    note: str
+    centre: Point2
+
+    def __post_init__(self) -> None:
+        if not self.positions:
+            raise ValueError(f"GoalSet {self.index} needs at least one position.")
+
+
+class UnreachableSupport(ValueError):
+    """No position of the bench serves the way between two supports.
+
+    Attributes
+    ----------
+    index
+        The pair, from 0.
+    """
+
+    def __init__(self, index: int, message: str) -> None:
+        super().__init__(message)
+        self.index = index
+
+    def __reduce__(self) -> tuple[type[UnreachableSupport], tuple[int, str]]:
+        return UnreachableSupport, (self.index, str(self))
+
+
+def goal_sets(
+    bench: Bench,
+    supports: Sequence[Point2],
+    rules: ReachRules,
+    closed: bool,
+    way: WayBetween | None = None,
+) -> tuple[GoalSet, ...]:
+    """Return the positions for every two consecutive supports, in the order of travel.
+
+    Where Eqs 3 and 4 leave none, the positions within the arm's true reach of both supports
+    are taken. Where there are none of those, the way is halved with a support in its middle, and
+    each half is served like any other, as often as `MOST_SPLITS`.
+
+    Parameters
+    ----------
+    bench
+        The lattice.
+    supports
+        Centres of the heads in the order of travel [m].
+    rules
+        Where a base may stand.
+    closed
+        Whether the last support is paired with the first.
+    way
+        Gives the point that is a share in [0, 1] of the way from a support, by its number from
+        0, to the next; by default on the straight line.
+
+    Returns
+    -------
+    tuple
+        One set for each pair, several for one that was split.
+
+    Raises
+    ------
+    UnreachableSupport
+        If a pair cannot be served.
+    """
+    return tuple(
+        part
+        for index, e1, e2 in _pairs(supports, closed)
+        for part in _Pair(bench, rules, index, _way(way, index, e1, e2), len(supports)).sets()
+    )
+
+
+def preferring(bench: Bench, one: GoalSet, least_m: float, most_m: float) -> GoalSet:
+    """Return a goal set without the positions from which its support is out of reach.
+
+    Where that would leave none, the set stays as it is.
+
+    Parameters
+    ----------
+    bench
+        The lattice.
+    one
+        The set; its support is `e1`.
+    least_m, most_m
+        Horizontal distances of base and head that the arm allows [m].
+    """
+    away_m = distances_m(bench, one.e1)
+    kept = tuple(p for p in one.positions if least_m <= away_m[p] <= most_m)
+    return replace(one, positions=kept) if kept else one
+
+
+def unreachable(
+    bench: Bench,
+    supports: Sequence[Point2],
+    rules: ReachRules,
+    closed: bool,
+    way: WayBetween | None = None,
+) -> tuple[UnreachableSupport, ...]:
+    """Return what is wrong with every pair that `goal_sets` cannot serve."""
+    found = []
+    for index, e1, e2 in _pairs(supports, closed):
+        try:
+            _Pair(bench, rules, index, _way(way, index, e1, e2), len(supports)).sets()
+        except UnreachableSupport as error:
+            found.append(error)
+    return tuple(found)
+
+
+def _pairs(supports: Sequence[Point2], closed: bool) -> Iterator[tuple[int, Point2, Point2]]:
+    for index in range(len(supports) - (not closed)):
+        yield index, supports[index], supports[(index + 1) % len(supports)]
+
+
+def _way(way: WayBetween | None, index: int, e1: Point2, e2: Point2) -> Callable[[float], Point2]:
+    """Return the point at a share of the way between two supports."""
+
+    def point(share: float) -> Point2:
+        if share in (0.0, 1.0) or way is None:
+            return ((1 - share) * e1[0] + share * e2[0], (1 - share) * e1[1] + share * e2[1])
+        return way(index, share)
+
+    return point
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Two consecutive supports and the way between them."""
+
+    bench: Bench
+    rules: ReachRules
+    index: int
+    way: Callable[[float], Point2]
+    n_supports: int
+
+    @property
+    def label(self) -> str:
+        return f"supports {self.index + 1} and {(self.index + 1) % self.n_supports + 1}"
+
+    def sets(self) -> list[GoalSet]:
+        found = self._served(0.0, 1.0)
+        return self._halves(0.0, 1.0, 1) if found is None else [found]
+
+    def _served(self, begin: float, end: float) -> GoalSet | None:
+        """Return the set of a part of the way without splitting it; None where it is empty."""
+        e1, e2, rules = self.way(begin), self.way(end), self.rules
+        positions = () if e1 == e2 else candidates(self.bench, e1, e2, rules)
+        whole = end - begin == 1
+        how, notes = How.EQ34, []
+        if not whole:
+            how = How.SPLIT
+            notes.append(f"{begin:.4g} to {end:.4g} of the way between {self.label}")
+        if not positions:
+            positions = within_reach(self.bench, e1, e2, rules)
+            how = How.RELAXED if whole else How.SPLIT
+            least_m, most_m = rules.reach_m
+            notes.append(
+                f"Eqs 3 and 4 leave no position; taken are those {least_m:g} to {most_m:g} m "
+                f"from both ends"
+            )
+            if positions and on_the_other_side(self.bench, e1, e2, rules, positions):
+                notes.append("on the other side of the trajectory")
+        if not positions:
+            return None
+        corners = (
+            np.array([e1]) if e1 == e2 else quadrilateral(e1, e2, rules.arm_length_m, rules.side)
+        )
+        x_m, y_m = corners.mean(axis=0).tolist()
+        return GoalSet(self.index, e1, e2, positions, how, "; ".join(notes), (x_m, y_m))
+
+    def _halves(self, begin: float, end: float, depth: int) -> list[GoalSet]:
+        if depth > MOST_SPLITS:
+            raise UnreachableSupport(self.index, self._fault(begin, end))
+        middle = (begin + end) / 2
+        found = []
+        for low, high in ((begin, middle), (middle, end)):
+            served = self._served(low, high)
+            found += self._halves(low, high, depth + 1) if served is None else [served]
+        return found
+
+    def _fault(self, begin: float, end: float) -> str:
+        """Return what stands against serving a part of the way that is not split any more."""
+        least_m, most_m = self.rules.reach_m
+        need = f"the arm needs {least_m:g} to {most_m:g} m"
+        # A support itself says more than a point of a way that was split on its account.
+        for share in (0.0, 1.0, begin, end):
+            point = self.way(share)
+            away_m = distances_m(self.bench, point)
+            if not in_reach(away_m, self.rules).any():
+                nearest = int(np.maximum(least_m - away_m, away_m - most_m).argmin())
+                return (
+                    f"Between {self.label} no position of the bench reaches {shown(point)}: "
+                    f"{self.bench.name(nearest)} comes nearest, {away_m[nearest]:.3f} m "
+                    f"away, and {need}. Move the trajectory, or enlarge the bench."
+                )
+        return (
+            f"Between {self.label} no position of the bench reaches both "
+            f"{shown(self.way(begin))} and {shown(self.way(end))}; {need}. Move the "
+            "trajectory, or enlarge the bench."
+        )

@@ -1,0 +1,1 @@
+"""The bench: pins, base positions, swings and their times; never a workpiece."""

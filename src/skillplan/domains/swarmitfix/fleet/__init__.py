@@ -1,0 +1,1 @@
+"""Several walking bases on one bench; never a single base's task."""

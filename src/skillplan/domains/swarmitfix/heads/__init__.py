@@ -1,0 +1,1 @@
+"""Where heads support the sheet; never where bases stand."""

@@ -1,0 +1,1 @@
+"""The parallel kinematic machine: its kinematics and reach; never a task."""

@@ -1,0 +1,237 @@
+"""The YAML schema of a bench task. Lengths in metres, in the frame of the bench."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from skillplan.domains.domain import Name, Strict
+from skillplan.domains.swarmitfix.trajectory.schema import TrajectoryConfig
+from skillplan.files.schema_errors import Located
+
+Length = Annotated[float, Field(gt=0, le=1000)]
+Duration = Annotated[float, Field(ge=0, le=86_400)]
+Swing = Annotated[float, Field(gt=0, le=86_400)]
+Position = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,63}$")]
+GoalRule = Literal["whole-trajectory", "fewest-steps", "nearest-centroid"]
+# A state holds a bit for each position; larger benches are for the compiled kernels alone.
+MAX_POSITIONS = 10_000
+
+
+class BenchConfig(Strict):
+    """The triangular lattice of pins."""
+
+    rows: int = Field(6, ge=1, le=1_000, description="rows of triangles [-]")
+    cols: int = Field(
+        13,
+        ge=1,
+        le=2_001,
+        description="triangles in a row, odd, so that rows begin and end alike [-]",
+    )
+    pitch_m: Length = Field(0.34, description="distance of neighbouring pins [m]")
+    actions: Literal[11, 13] = Field(
+        11, description="11 for B0 to B10, 13 for B11 and B12 besides [-]"
+    )
+
+    @model_validator(mode="after")
+    def _odd_columns(self) -> BenchConfig:
+        if self.cols % 2 == 0:
+            message = (
+                f"must be odd, not {self.cols}: with an even number of columns, odd positions "
+                "would not be the upward triangles of every row."
+            )
+            raise Located(message, "cols")
+        if self.rows * self.cols > MAX_POSITIONS:
+            message = (
+                f"{self.rows} x {self.cols} positions are more than the {MAX_POSITIONS:,} of the "
+                "largest bench."
+            )
+            raise Located(message, "rows")
+        return self
+
+
+class HeadsConfig(Strict):
+    """The triangular heads that bear the sheet along the trajectory."""
+
+    side_m: Length = Field(0.10, description="side of the equilateral head [m]")
+    max_gap_m: Length = Field(0.20, description="longest stretch of the trajectory left bare [m]")
+    step_m: Length = Field(0.02, description="grid on which heads may be placed [m]")
+    orientations: int = Field(
+        2, ge=1, le=12, description="headings tried for a head, over a third of a turn [-]"
+    )
+    reorientation_cost: Annotated[float, Field(ge=0, lt=1)] = Field(
+        0.1, description="weight of turning the head, in supports [-]"
+    )
+    subdivisions: (
+        Annotated[
+            list[Annotated[int, Field(ge=1, le=1_000)]], Field(min_length=1, max_length=10_000)
+        ]
+        | None
+    ) = Field(
+        None,
+        description="equal parts of every segment, instead of planning the heads between vertices",
+    )
+
+    @model_validator(mode="after")
+    def _planned_or_given(self) -> HeadsConfig:
+        rules = {"max_gap_m", "step_m", "orientations", "reorientation_cost"}
+        both = sorted(rules & self.model_fields_set)
+        if self.subdivisions is not None and both:
+            message = f"heads so given leave nothing to plan by {', '.join(both)}. Give only one."
+            raise Located(message, "subdivisions")
+        return self
+
+
+class BaseConfig(Strict):
+    """Where the base starts and where it may stand to hold a head."""
+
+    home: Position = Field("C66", description="position at the start, such as C66")
+    goals: Annotated[list[Position], Field(min_length=1, max_length=1_000)] | None = Field(
+        None, description="goal positions in order, instead of a trajectory"
+    )
+    arm_length_m: Length = Field(0.472, description="l_arm of Eqs 1 and 2 [m]")
+    safe_distance_m: Annotated[float, Field(ge=0, le=1000)] = Field(
+        0.286, description="s_d of Eq 4, least distance of base and support [m]"
+    )
+    reach_m: Annotated[list[Length], Field(min_length=2, max_length=2)] = Field(
+        [0.333, 0.451],
+        description="least and greatest horizontal distance of base and head that the arm "
+        "allows [m]",
+    )
+    side: Literal["inward", "outward", "left", "right"] | None = Field(
+        None,
+        description="side of the trajectory on which bases stand; left out: inward, or left of "
+        "an open one",
+    )
+    prefer_reachable: bool = Field(
+        True,
+        description="whether positions from which the legs of the PKM cannot hold the support are "
+        "left out where others remain; Eqs 1-4 do not ask",
+    )
+    goal_choice: GoalRule = Field(
+        "whole-trajectory",
+        description="which of the positions that can hold a support: those of the fewest steps "
+        "over the whole trajectory, greedily the next ones, or the nearest",
+    )
+
+    @model_validator(mode="after")
+    def _reach_in_order(self) -> BaseConfig:
+        if self.reach_m[0] >= self.reach_m[1]:
+            least_m, most_m = self.reach_m
+            message = f"must give the least reach first: {least_m:g} is not below {most_m:g}."
+            raise Located(message, "reach_m")
+        if self.safe_distance_m >= self.arm_length_m:
+            message = (
+                f"must be below arm_length_m, which is {self.arm_length_m:g}, not "
+                f"{self.safe_distance_m:g}."
+            )
+            raise Located(message, "safe_distance_m")
+        return self
+
+
+LegLimits = Annotated[list[Annotated[float, Field(gt=0, le=2)]], Field(min_length=2, max_length=2)]
+
+
+class LegLimitsConfig(Strict):
+    """Shortest and longest leg of the parallel kinematic machine."""
+
+    A: LegLimits | None = None
+    B: LegLimits | None = None
+    C: LegLimits | None = None
+
+    @model_validator(mode="after")
+    def _in_order(self) -> LegLimitsConfig:
+        for leg in "ABC":
+            limits = getattr(self, leg)
+            if limits is not None and limits[0] >= limits[1]:
+                least_m, most_m = limits
+                message = f"must give the shortest first: {least_m:g} is not below {most_m:g}."
+                raise Located(message, leg)
+        return self
+
+
+class PkmConfig(Strict):
+    """The parallel kinematic machine between base and head."""
+
+    leg_limits_m: LegLimitsConfig = Field(
+        default_factory=LegLimitsConfig, description="shortest and longest of legs A, B, C [m]"
+    )
+    sheet_height_m: Length | None = Field(
+        None, description="height of the sheet above the bench [m]; left out: the calibrated one"
+    )
+
+
+class TimingsConfig(Strict):
+    """How long the five steps take."""
+
+    swing_s: dict[Literal["60", "120", "180", "240", "300"], Swing] | None = Field(
+        None, description="time of a swing by its angle in degrees [s]"
+    )
+    retract_s: Duration | None = Field(None, description="head off the sheet [s]")
+    park_s: Duration | None = Field(None, description="head to its parking position [s]")
+    approach_s: Duration | None = Field(None, description="head below the next support [s]")
+    support_s: Duration | None = Field(None, description="head onto the sheet [s]")
+
+
+class BaseRobotConfig(Strict):
+    """One of several bases on the bench."""
+
+    home: Position = Field(description="position at the start, such as C66")
+    goal: Position = Field(description="position at the end")
+
+
+class BenchExpectConfig(Strict):
+    """Figures that the project's tests verify; no command reads them."""
+
+    goals: list[str] | None = None
+    makespans: list[int] | None = None
+    supports: int | None = None
+    steps: int | None = None
+    relaxed: int | None = None
+    split: int | None = None
+    csp: Literal["solved", "unsolved"] | None = None
+    swings: int | None = None
+    parallel_makespan: int | None = None
+
+
+class SwarmitfixConfig(Strict):
+    """A walking fixture that supports sheet metal along a tool's trajectory."""
+
+    kind: Literal["swarmitfix"]
+    name: Name = Field(description="the task's name")
+    description: str = Field("", description="for people")
+    bench: BenchConfig = Field(default_factory=BenchConfig)
+    trajectory: TrajectoryConfig | None = Field(None, description="the way of the tool")
+    heads: HeadsConfig = Field(default_factory=HeadsConfig)
+    base: BaseConfig = Field(default_factory=BaseConfig)
+    pkm: PkmConfig = Field(default_factory=PkmConfig)
+    timings: TimingsConfig = Field(default_factory=TimingsConfig)
+    robots: Annotated[dict[Name, BaseRobotConfig], Field(min_length=2, max_length=8)] | None = (
+        Field(None, description="several bases on one bench, instead of a trajectory")
+    )
+    step_limit: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
+        None, description="the most skills of a sequence; left out: enough for every pair"
+    )
+    physics: Annotated[dict[Name, dict[str, Any] | None], Field(max_length=1)] = Field(
+        {}, description="the physics engine and its options, as {kinematic: {}}"
+    )
+    collision: Annotated[dict[Name, dict[str, Any] | None], Field(max_length=16)] = Field(
+        {}, description="collision detectors and options; left out: none"
+    )
+    expect: BenchExpectConfig | None = Field(None, description="figures that tests verify")
+
+    @model_validator(mode="after")
+    def _one_job(self) -> SwarmitfixConfig:
+        jobs = {
+            "trajectory": self.trajectory,
+            "base.goals": self.base.goals,
+            "robots": self.robots,
+        }
+        given = [key for key, job in jobs.items() if job is not None]
+        if not given:
+            raise ValueError("has no job: give a trajectory, base.goals, or robots.")
+        if len(given) > 1:
+            message = f"{' and '.join(given)} are {len(given)} jobs. Keep one of them."
+            raise Located(message, *given[-1].split("."))
+        return self

@@ -1,0 +1,1 @@
+"""Milling paths and workpieces, from YAML, DXF, CSV and G-code; never a bench."""

@@ -1,0 +1,134 @@
+"""The tool trajectory of a DXF drawing.
+
+It is a LWPOLYLINE or a POLYLINE, whose bulges are arcs; a CIRCLE; or LINEs, ARCs,
+ELLIPSEs, SPLINEs and open polylines in the model space that meet end to end, in any order. They
+lie on one layer that is on, in one plane parallel to XY. Texts, dimensions and points are passed
+over; any other entity is refused by its handle.
+
+The drawing's unit is its header variable $INSUNITS, and millimetres where that is missing or
+unitless. A SPLINE or an ELLIPSE becomes a `Spline` through points on it, as dense as
+`dxf_entities.CURVE_TOLERANCE_M` asks. The file is read as it stands: one that ezdxf would have to
+repair is refused, for a repair may lose a part of the trajectory.
+"""
+
+from __future__ import annotations
+
+import io
+import itertools
+import logging
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ezdxf.filemanagement import read
+from ezdxf.lldxf.const import DXFError
+
+from skillplan.domains.swarmitfix.trajectory.dxf_entities import EntityReader
+from skillplan.domains.swarmitfix.trajectory.path import (
+    TrajectoryFileError,
+    TrajectoryPath,
+    one_line,
+)
+from skillplan.domains.swarmitfix.trajectory.path_chain import MOST_NAMED, Piece, chained
+
+if TYPE_CHECKING:
+    from ezdxf.document import Drawing
+
+UNITS_M = {
+    0: 1e-3,  # unitless
+    1: 0.0254,
+    2: 0.3048,
+    4: 1e-3,
+    5: 1e-2,
+    6: 1.0,
+    8: 0.0254e-6,
+    9: 0.0254e-3,
+    10: 0.9144,
+    13: 1e-6,
+    14: 0.1,
+}
+"""Length of the unit that a value of $INSUNITS stands for [m]."""
+
+_PASSED_OVER = frozenset(
+    ("TEXT", "MTEXT", "DIMENSION", "LEADER", "MULTILEADER", "POINT", "VIEWPORT", "TOLERANCE")
+)
+_logger = logging.getLogger("ezdxf")
+
+
+def dxf_trajectory(path: Path, content: bytes) -> TrajectoryPath:
+    """Return the trajectory of a drawing.
+
+    Parameters
+    ----------
+    path
+        The drawing's file, for messages.
+    content
+        The file's bytes.
+
+    Raises
+    ------
+    TrajectoryFileError
+        If the drawing cannot be read or does not hold just one path; with the entity's kind and
+        handle where one is at fault.
+    """
+    text = _ascii_dxf(path, content)
+    was_disabled = _logger.disabled
+    _logger.disabled = True
+    try:
+        drawing = read(io.StringIO(text))
+        pieces = _pieces(path, drawing, "$INSUNITS" in text)
+    except TrajectoryFileError:
+        raise
+    except DXFError as error:
+        message = f"The drawing is damaged ({one_line(str(error))}); save it anew as DXF."
+        raise TrajectoryFileError(path, message) from None
+    except Exception as error:
+        # Of a damaged drawing ezdxf raises whatever the damage leads to.
+        name = type(error).__name__
+        message = f"The drawing is damaged ({name}: {one_line(str(error))}); save it anew as DXF."
+        raise TrajectoryFileError(path, message) from None
+    finally:
+        _logger.disabled = was_disabled
+    return chained(path, pieces)
+
+
+def _ascii_dxf(path: Path, content: bytes) -> str:
+    if content.startswith(b"AutoCAD Binary DXF"):
+        raise TrajectoryFileError(path, "This is a binary DXF; save it as ASCII DXF.")
+    if content.startswith(b"AC10"):
+        raise TrajectoryFileError(path, "This is a DWG, whatever its name; save it as ASCII DXF.")
+    # What is not ASCII is in names and texts only, which do not matter here.
+    return content.decode("utf-8-sig", errors="replace").replace("\r\n", "\n")
+
+
+def _pieces(path: Path, drawing: Drawing, has_unit: bool) -> list[Piece]:
+    unit = drawing.header.get("$INSUNITS", 0) if has_unit else 0
+    if unit not in UNITS_M:
+        known = ", ".join(map(str, UNITS_M))
+        message = f"The unit {unit!r} is not read here; set it to 4 (mm), or one of {known}."
+        raise TrajectoryFileError(path, message, "$INSUNITS")
+    reader = EntityReader(path, UNITS_M[unit])
+    layers: dict[str, str] = {}
+    pieces = []
+    for entity in drawing.modelspace():
+        if entity.dxftype() in _PASSED_OVER or not _is_on(drawing, entity.dxf.layer):
+            continue
+        layers.setdefault(entity.dxf.layer.lower(), entity.dxf.layer)
+        pieces.append(reader.piece(entity))
+    if not pieces:
+        message = (
+            "The model space holds no path on a layer that is on; "
+            "draw one polyline, or lines and arcs that meet."
+        )
+        raise TrajectoryFileError(path, message)
+    if len(layers) > 1:
+        names = ", ".join(repr(name[:40]) for name in itertools.islice(layers.values(), MOST_NAMED))
+        message = f"There are paths on the layers {names}; switch off all but the trajectory's."
+        raise TrajectoryFileError(path, message)
+    return pieces
+
+
+def _is_on(drawing: Drawing, name: str) -> bool:
+    if not drawing.layers.has_entry(name):
+        return True
+    layer = drawing.layers.get(name)
+    return layer.is_on() and not layer.is_frozen()

@@ -1,0 +1,150 @@
+"""Tool trajectories from files: DXF drawings, CSV tables of vertices and G-code programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from pathlib import Path
+
+from skillplan.domains.swarmitfix.trajectory.path import (
+    TrajectoryFileError,
+    TrajectoryPath,
+    one_line,
+)
+from skillplan.domains.swarmitfix.trajectory.path_elements import Element, Line
+from skillplan.domains.swarmitfix.trajectory.plane_point import MAX_COORDINATE_M, Point2
+from skillplan.files.companion_file import CompanionFileError, read_companion
+
+__all__ = ["MAX_BYTES", "SUFFIXES", "TrajectoryFileError", "TrajectoryPath", "read_trajectory"]
+
+MAX_BYTES = 8 * 1024 * 1024
+"""Greatest size of a file."""
+
+GCODE_SUFFIXES = (".nc", ".gcode", ".ngc", ".tap")
+SUFFIXES = (".dxf", ".csv", *GCODE_SUFFIXES)
+
+_HEADERS = {"x_m,y_m": 1.0, "x_mm,y_mm": 1e-3}
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+
+
+def read_trajectory(path: Path) -> TrajectoryPath:
+    """Return the tool trajectory that a file holds.
+
+    A trajectory that ends within `JOIN_M` of its start is closed. Whether it crosses itself or
+    leaves the bench is for `workpiece.faults` to say.
+
+    Parameters
+    ----------
+    path
+        Read by its suffix: ``.dxf`` as `dxf_trajectory` says; ``.nc``, ``.gcode``, ``.ngc`` and
+        ``.tap`` as `gcode_trajectory` says; ``.csv`` with the header ``x_m,y_m`` or
+        ``x_mm,y_mm`` and a vertex in every row.
+
+    Raises
+    ------
+    TrajectoryFileError
+        If the file cannot be read, is larger than `MAX_BYTES`, or holds anything but one
+        trajectory; with the line or the entity.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise TrajectoryFileError(
+            path, f"The kind of file is told by its suffix; give one of {', '.join(SUFFIXES)}."
+        )
+    content = _content(path)
+    if suffix == ".dxf":
+        # Takes ezdxf, which takes half a second to import.
+        from skillplan.domains.swarmitfix.trajectory.dxf import dxf_trajectory
+
+        return dxf_trajectory(path, content)
+    text = _text(path, content)
+    if suffix == ".csv":
+        return csv_trajectory(path, text)
+    from skillplan.domains.swarmitfix.trajectory.gcode import gcode_trajectory
+
+    return gcode_trajectory(path, text)
+
+
+def csv_trajectory(path: Path, text: str) -> TrajectoryPath:
+    """Return the trajectory whose vertices a table holds.
+
+    Parameters
+    ----------
+    path
+        The table's file, for messages.
+    text
+        The header ``x_m,y_m`` or ``x_mm,y_mm`` and then rows of two numbers. Empty rows are
+        passed over. A last row equal to the first closes the trajectory.
+
+    Raises
+    ------
+    TrajectoryFileError
+        With the line that cannot be read, or if there are fewer than two vertices.
+    """
+    rows = csv.reader(io.StringIO(text, newline=""), strict=True)
+    unit_m: float | None = None
+    vertices: list[Point2] = []
+    places: list[str] = []
+    try:
+        for row in rows:
+            place = f"line {rows.line_num}"
+            cells = [cell.strip() for cell in row]
+            if not any(cells):
+                continue
+            if unit_m is None:
+                unit_m = _HEADERS.get(",".join(cells))
+                if unit_m is None:
+                    header = one_line(",".join(row), 40)
+                    message = f"The header is {header!r}; write x_m,y_m or x_mm,y_mm."
+                    raise TrajectoryFileError(path, message, place)
+                continue
+            if len(cells) != 2:
+                raise TrajectoryFileError(
+                    path,
+                    f"The row has {len(cells)} cells instead of 2; write x,y with a decimal point "
+                    "and a comma between them.",
+                    place,
+                )
+            x, y = (_number(path, cell, place) * unit_m for cell in cells)
+            vertices.append((x, y))
+            places.append(place)
+    except csv.Error as error:
+        message = f"The table is damaged ({error}); write x,y without quotes."
+        raise TrajectoryFileError(path, message, f"line {rows.line_num}") from None
+    if len(vertices) < 2:
+        raise TrajectoryFileError(
+            path,
+            f"The table has {len(vertices)} vertices; give the header x_m,y_m or x_mm,y_mm and "
+            "two rows or more.",
+        )
+    elements: list[Element] = [Line(vertex) for vertex in vertices[1:]]
+    return TrajectoryPath.ended(vertices[0], elements, places[1:], places[0])
+
+
+def _number(path: Path, cell: str, place: str) -> float:
+    value = float(cell) if _NUMBER.fullmatch(cell) else math.nan
+    if not abs(value) <= MAX_COORDINATE_M:
+        message = (
+            f"{one_line(cell, 40)!r} is no coordinate; write a number such as 0.34, "
+            f"within {MAX_COORDINATE_M:g}."
+        )
+        raise TrajectoryFileError(path, message, place)
+    return value
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return read_companion(path, MAX_BYTES, "trajectory")
+    except CompanionFileError as error:
+        raise TrajectoryFileError(path, str(error)) from None
+
+
+def _text(path: Path, content: bytes) -> str:
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        message = f"The byte 0x{content[error.start]:02x} is no UTF-8 text; save it as UTF-8."
+        raise TrajectoryFileError(path, message, f"line {line}") from None

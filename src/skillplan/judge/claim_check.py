@@ -1,0 +1,225 @@
+"""The claims of one plan, checked: replayed, calculated, and proved a second time.
+
+Nothing here trusts the solver that made the claims, nor shares code with it: the plan is replayed
+on a fresh model, the arithmetic is done anew, and what is claimed of all plans is worked out by
+another method, from :mod:`skillplan.judge.second_proof`, where the case is small enough.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from skillplan.errors import ModelTooLarge, NotASequencing, OptionError, SearchStopped
+from skillplan.judge.second_proof import (
+    ORDERS,
+    LeastCost,
+    least_cost_of_orders,
+    least_cost_of_states,
+)
+from skillplan.model.replay import Replay, replay
+from skillplan.model.skill_model import SkillModel
+from skillplan.records.certificate import Claim, Outcome
+from skillplan.records.result import Status, tolerance
+from skillplan.records.result_file import StoredClaims
+from skillplan.solvers.stop import Stop, relative_gap
+
+REPLAY = "replay"
+ARITHMETIC = "arithmetic"
+EXPECTATION = "values of all states"
+_PROVED = (Status.OPTIMAL, Status.INFEASIBLE)
+# Durations are told by engines, whose figures may differ in the last places.
+_SAME_TIME = 1e-6
+# Under chance the checker takes all states.
+_CHANCE_STATES = 20_000
+
+
+def checked_claims(stored: StoredClaims, model: SkillModel, stop: Stop) -> Iterator[Claim]:
+    """Yield the claims of a plan, or of there being none, each with what became of it.
+
+    Parameters
+    ----------
+    stored
+        What is claimed.
+    model
+        A fresh model of the task.
+    stop
+        When to give up the second proof.
+
+    Raises
+    ------
+    BackEndError
+        If a back end fails.
+    """
+    if stored.skills or stored.cost is not None:
+        yield from _plan_claims(stored, model)
+    yield from calculated_claims(stored)
+    yield from _proof_claims(stored, model, stop)
+
+
+def calculated_claims(stored: StoredClaims) -> Iterator[Claim]:
+    """Yield what can be seen without a model: bound, gap and status against each other."""
+    cost, bound, status = stored.cost, stored.lower_bound, stored.status
+    if bound is not None and cost is not None:
+        yield _claim(
+            "bound",
+            bound <= cost + tolerance(cost),
+            f"{_figure(bound)} is not above the cost {_figure(cost)}",
+            f"{_figure(bound)} is above the cost {_figure(cost)}",
+            ARITHMETIC,
+        )
+    gap = relative_gap(cost, bound)
+    same = (gap is None) == (stored.gap is None) and abs((gap or 0) - (stored.gap or 0)) <= 1e-9
+    if gap is not None or stored.gap is not None:
+        good, claimed = _figure(gap), _figure(stored.gap)
+        yield _claim("gap", same, good, f"is {good}, claimed {claimed}", ARITHMETIC)
+    yield _status_claim(status, cost, bound)
+
+
+def _claim(name: str, holds: bool, good: str, bad: str, method: str) -> Claim:
+    return Claim(name, Outcome.HOLDS if holds else Outcome.FAILS, good if holds else bad, method)
+
+
+def _figure(value: float | None) -> str:
+    """Return a figure with as many digits as a proof goes by."""
+    return "none" if value is None else f"{value:.10g}"
+
+
+def _status_claim(status: Status, cost: float | None, bound: float | None) -> Claim:
+    planned = status in (Status.OPTIMAL, Status.SOLVED)
+    if planned != (cost is not None):
+        words = f"{status} {'needs' if planned else 'does not go with'} a plan and its cost"
+        return Claim("status", Outcome.FAILS, words, ARITHMETIC)
+    if status is Status.OPTIMAL and cost is not None:
+        meets = bound is not None and cost - bound <= tolerance(cost)
+        words = "optimal, and the bound does not meet the cost"
+        return _claim("status", meets, "optimal: the bound meets the cost", words, ARITHMETIC)
+    return Claim("status", Outcome.HOLDS, str(status), ARITHMETIC)
+
+
+def _plan_claims(stored: StoredClaims, model: SkillModel) -> Iterator[Claim]:
+    task = model.task
+    try:
+        skills = [task.skill(name) for name in stored.skills]
+    except OptionError as error:
+        yield Claim("plan", Outcome.FAILS, f"is not one of this task: {error}", REPLAY)
+        return
+    walked = replay(model, skills)
+    detail = f"{len(skills)} skills lead to the goal"
+    if walked.violations:
+        fault = walked.violations[0]
+        where = f"step {fault.step + 1} ({fault.skill})" if fault.skill else "the end"
+        detail = f"fails at {where}: {fault.stage}: {fault.reason}"
+    yield _claim("plan", not walked.violations, detail, detail, REPLAY)
+    yield _steps_claim(stored, walked, timed=model.feasibility.tells_time)
+    if walked.violations or stored.cost is None:
+        return
+    if not task.deterministic:
+        words = "is expected over all outcomes; the plan shows the nominal ones only"
+        yield Claim("cost", Outcome.NOT_CHECKED, words, REPLAY)
+        return
+    same = abs(stored.cost - walked.cost) <= tolerance(walked.cost)
+    good = f"{_figure(walked.cost)} {stored.cost_unit}".rstrip()
+    bad = f"the plan costs {_figure(walked.cost)}, claimed {_figure(stored.cost)}"
+    yield _claim("cost", same, good, bad, REPLAY)
+
+
+def _steps_claim(stored: StoredClaims, walked: Replay, *, timed: bool) -> Claim:
+    """Check that a document says the same thing in all its places."""
+    n = len(stored.skills)
+    fault = ""
+    if not len(stored.actions) == len(stored.steps) == stored.makespan == n:
+        fault = "skills, actions, steps and makespan are not as many"
+    for told, step in zip(stored.steps, walked.steps, strict=False):
+        place = f"step {step.index + 1}: "
+        action = stored.actions[step.index] if step.index < len(stored.actions) else None
+        if (told.index, told.skill) != (step.index, step.skill):
+            fault = fault or f"{place}is {step.skill} among skills, {told.skill} among steps"
+        elif not told.action == action == step.action:
+            fault = fault or f"{place}{step.skill} is action {step.action}, not {told.action}"
+        elif abs(told.cost - step.cost) > tolerance(step.cost):
+            figures = f"{_figure(step.cost)}, not {_figure(told.cost)}"
+            fault = fault or f"{place}{step.skill} costs {figures}"
+        elif not timed and abs(told.duration_s - step.duration_s) > _SAME_TIME:
+            figures = f"{_figure(step.duration_s)} s, not {_figure(told.duration_s)} s"
+            fault = fault or f"{place}{step.skill} takes {figures}"
+    return _claim("steps", not fault, "as replayed, one by one", fault, REPLAY)
+
+
+def _proof_claims(stored: StoredClaims, model: SkillModel, stop: Stop) -> Iterator[Claim]:
+    """Yield whether what is claimed of all plans holds, as far as it can be worked out."""
+    bound = math.inf if stored.status is Status.INFEASIBLE else stored.lower_bound
+    if bound is None:
+        return
+    least = _least_cost(stored, model, stop)
+    name = str(stored.status) if stored.status in _PROVED else "lower bound"
+    if least.cost is None:
+        yield Claim(name, Outcome.NOT_CHECKED, least.why_not, least.method)
+        return
+    holds = bound <= least.cost + tolerance(min(least.cost, bound))
+    good = "there is no plan"
+    if not math.isinf(least.cost):
+        good = f"the least cost is {_figure(least.cost)}"
+    claimed = "that there is no plan" if math.isinf(bound) else f"at least {_figure(bound)}"
+    bad = f"claimed is {claimed}; {good}"
+    if least.skills:
+        bad += f": {','.join(str(model.task.action(skill)) for skill in least.skills)}"
+    yield _claim(name, holds, good, bad, least.method)
+
+
+def _least_cost(stored: StoredClaims, model: SkillModel, stop: Stop) -> LeastCost:
+    """Return the least cost by another method than the claimed one, where one is fit.
+
+    The same method in other code is the last resort.
+    """
+    if not model.task.deterministic:
+        return _least_expected_cost(model)
+    by_orders = "dynamic program" in stored.bound_method or stored.solver == "subset-dp"
+    dear = any(back_end.dear for back_end in model.feasibility.back_ends)
+    if dear:
+        # To recognise jobs takes verdicts on all orders, whatever the time limit.
+        return least_cost_of_states(model, stop)
+    first, second = (_by_states, _by_orders) if by_orders else (_by_orders, _by_states)
+    found = first(model, stop)
+    if found.cost is not None:
+        return found
+    other = second(model, stop)
+    if other.cost is not None:
+        return other
+    why = f"{found.why_not}; {other.method}: {other.why_not}"
+    return LeastCost(found.method, why_not=why)
+
+
+def _by_states(model: SkillModel, stop: Stop) -> LeastCost:
+    return least_cost_of_states(model, stop)
+
+
+def _by_orders(model: SkillModel, stop: Stop) -> LeastCost:
+    """Return the least cost over orders of jobs; the plan must hold on the model itself."""
+    from skillplan.model.sequencing import SequencingProblem
+
+    try:
+        problem = SequencingProblem.from_model(model)
+    except (NotASequencing, SearchStopped) as error:
+        return LeastCost(ORDERS, why_not=f"{error}".rstrip("."))
+    found = least_cost_of_orders(problem, stop)
+    if found.cost is None or math.isinf(found.cost):
+        return found
+    walked = replay(model, [model.task.skill(name) for name in found.skills])
+    if not walked.complete or abs(walked.cost - found.cost) > tolerance(walked.cost):
+        return LeastCost(ORDERS, why_not="its plan does not hold on the model")
+    return found
+
+
+def _least_expected_cost(model: SkillModel) -> LeastCost:
+    from skillplan.model.least_expected_cost import least_expected_cost
+
+    try:
+        least = least_expected_cost(model, _CHANCE_STATES)
+    except ModelTooLarge:
+        return LeastCost(EXPECTATION, why_not=f"too large, more than {_CHANCE_STATES:,} states")
+    if model.stats.unknown:
+        return LeastCost(EXPECTATION, why_not="some verdicts are unknown")
+    if least is None:
+        return LeastCost(EXPECTATION, why_not="did not come to an end")
+    return LeastCost(EXPECTATION, least)

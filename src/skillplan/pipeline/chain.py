@@ -1,0 +1,302 @@
+"""Chains of tasks: each solved in turn, the later ones grounded from what the earlier ones gave.
+
+The hierarchical planner of Veeramani and Muthuswamy (section 4.1) is such a chain: heads along
+the trajectory, goals of the base, ways of the base.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+from skillplan.checks.verdict_cache import VerdictCache
+from skillplan.domains.domain import Account
+from skillplan.domains.load import Problem
+from skillplan.errors import ChainBroken, OptionError, name_hint
+from skillplan.pipeline.registry import load
+from skillplan.pipeline.run import Attempt, attempt, blank_result, grade, make_solver, solve
+from skillplan.pipeline.setup import Setup
+from skillplan.records.chain_result import ChainPart, ChainResult
+from skillplan.records.result import Result, Status
+from skillplan.solvers.solution import Plan, Solution
+from skillplan.solvers.solver import Solver
+from skillplan.solvers.stop import Stop
+from skillplan.task.task import Task
+
+REFERENCE = "exact"
+
+
+def solve_chain(
+    problem: Problem,
+    solver: str,
+    setup: Setup = Setup(),
+    *,
+    seed: int = 0,
+    stop: Stop | None = None,
+    cache: VerdictCache | None = None,
+    jobs: int = 1,
+) -> ChainResult:
+    """Solve the tasks of a problem in turn and have each judged.
+
+    A task whose plan the domain has by a rule of its own is not searched, unless it is of the
+    one stage that the solver is for; the other stages of such a solver are left to exact
+    search, and where it fails it may ask for finer plans of the levels above, as often as its
+    ``replans`` says. A policy answers later tasks with the same goal without planning anew.
+    Beside every plan stands the optimum that exact search proves.
+
+    Parameters
+    ----------
+    problem
+        A loaded file of one or several tasks.
+    solver
+        The solver's name; or one for every stage, as ``heads=monte-carlo,base=sarsa``, where
+        ``exact`` takes the stages that are not named.
+    setup
+        Back ends and options.
+    seed
+        Governs all randomness.
+    stop
+        When to stop; its time limit is for the whole chain.
+    cache
+        Where verdicts are kept; a fresh one in memory by default.
+    jobs
+        In how many processes dear back ends are asked; 1 for this one.
+
+    Raises
+    ------
+    OptionError, PluginError
+        If a plugin or option is wrong.
+    BackEndError
+        If a back end fails.
+    """
+    stop = Stop() if stop is None else stop
+    work = _Chain(problem, solver, setup, seed, stop, cache, jobs)
+    return work.run()
+
+
+class _Chain:
+    """What the parts of one chain share."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        solver: str,
+        setup: Setup,
+        seed: int,
+        stop: Stop,
+        cache: VerdictCache | None,
+        jobs: int,
+    ) -> None:
+        self.problem = problem
+        self.solver = solver
+        self.setup = setup
+        self.seed = seed
+        self.stop = stop
+        self.cache = VerdictCache() if cache is None else cache
+        self.jobs = jobs
+        stages = (*problem.domain.stages, *(task.stage for task in problem.tasks))
+        self.solvers = solvers_by_stage(solver, dict.fromkeys(stages))
+        # A solver that is made for a stage searches even what has a plan by rule.
+        self.searched = {stage for stage, name in self.solvers.items() if _made_for(name) == stage}
+        self.policies: dict[tuple[object, ...], Attempt] = {}
+        self.optima: dict[tuple[object, ...], tuple[float | None, str]] = {}
+
+    def run(self) -> ChainResult:
+        tasks = self.problem.tasks
+        plans: dict[str, tuple[str, ...]] = {}
+        parts: list[ChainPart] = []
+        replans = 0
+        while len(parts) < len(tasks):
+            task = tasks[len(parts)]
+            if parts and task.stage != parts[-1].task.stage:
+                try:
+                    tasks = self.problem.follow(plans, replans)
+                except ChainBroken as error:
+                    return self._result(parts, len(tasks), {}, replans, f"{error}")
+                task = tasks[len(parts)]
+            part = self._part(task)
+            if part.result.cost is None and task.stage in self.searched:
+                finer = self._finer(task.stage, replans)
+                if finer:
+                    replans, tasks, plans, parts = replans + 1, finer, {}, []
+                    continue
+            parts.append(part)
+            if part.result.cost is None:
+                break
+            plans[task.name] = tuple(step.skill for step in part.result.steps)
+            if self.stop.interrupted:
+                break
+        return self._result(parts, len(tasks), plans, replans)
+
+    def _result(
+        self,
+        parts: Sequence[ChainPart],
+        expected: int,
+        plans: Mapping[str, Sequence[str]],
+        replans: int,
+        broken: str = "",
+    ) -> ChainResult:
+        problem = self.problem
+        return ChainResult(
+            problem.name,
+            problem.kind,
+            problem.sha256,
+            self.solver,
+            self.seed,
+            tuple(parts),
+            expected,
+            Account() if broken else problem.account(plans, replans),
+            replans,
+            broken,
+        )
+
+    def _finer(self, stage: str, replans: int) -> tuple[Task, ...]:
+        """Return the chain on finer plans of the upper levels; empty where there is none."""
+        name = self.solvers[stage]
+        most = make_solver(name, self.setup.options.get(name, {})).replans
+        if replans >= most or self.stop():
+            return ()
+        return self.problem.follow({}, replans + 1)
+
+    def _part(self, task: Task) -> ChainPart:
+        self.stop.renew()
+        if task.preset is not None and task.stage not in self.searched:
+            made = Attempt(
+                blank_result(task, "rule", self.setup, self.seed), Solution(Plan(task.preset))
+            )
+            return self._judged(task, made)
+        key = (task.goal, task.facts.names, task.skills, task.reward, task.step_limit)
+        stored = self.policies.get(key)
+        if stored is not None and _answers(stored.solution, task):
+            # What was claimed for the other start does not hold for this one.
+            answer = Solution(stored.solution.policy, trace=stored.solution.trace)
+            return replace(self._judged(task, replace(stored, solution=answer)), reused=True)
+        made = self._attempt(task, self.solvers[task.stage])
+        if made.solution.policy is not None and not made.stopped:
+            self.policies[key] = made
+        return self._judged(task, made)
+
+    def _attempt(self, task: Task, solver: str) -> Attempt:
+        return attempt(
+            task,
+            solver,
+            self.setup,
+            seed=self.seed,
+            stop=self.stop,
+            cache=self.cache,
+            jobs=self.jobs,
+        )
+
+    def _judged(self, task: Task, made: Attempt) -> ChainPart:
+        made = replace(made, blank=replace(made.blank, task=task.name))
+        result = grade(task, made, self.setup, self.cache, jobs=self.jobs)
+        optimum, method = self._optimum(task, result)
+        cost, bound = result.cost, result.lower_bound
+        if cost is not None and optimum is not None and (bound is None or bound < optimum):
+            result = replace(result, lower_bound=min(optimum, cost), bound_method=method)
+        # Where nothing was searched, or only the optimum beside it, no result tells of it.
+        result = replace(result, interrupted=result.interrupted or self.stop.interrupted)
+        return ChainPart(task, result, optimum)
+
+    def _optimum(self, task: Task, result: Result) -> tuple[float | None, str]:
+        """Return the proved optimum of a task and what proved it.
+
+        By exact search where the solver gave no bound.
+        """
+        if result.status is Status.OPTIMAL:
+            return result.cost, result.bound_method
+        if result.lower_bound is not None or not task.deterministic or self.stop():
+            return None, ""
+        key = (task.initial, task.goal, task.facts.names, task.skills)
+        if key not in self.optima:
+            stop = self.stop.within(_REFERENCE_S)
+            best = solve(
+                task, REFERENCE, self.setup, stop=stop, cache=VerdictCache(), jobs=self.jobs
+            )
+            proved = best.status is Status.OPTIMAL
+            self.optima[key] = (best.cost, best.bound_method) if proved else (None, "")
+        return self.optima[key]
+
+
+def solvers_by_stage(spec: str, stages: Iterable[str]) -> dict[str, str]:
+    """Return the solver of every stage.
+
+    Parameters
+    ----------
+    spec
+        A solver's name, or ``STAGE=NAME`` entries after commas or plus signs.
+    stages
+        The stages that there may be.
+
+    Raises
+    ------
+    OptionError
+        If an entry names a stage that there is not.
+    PluginError
+        If a solver is unknown or broken.
+    """
+    stages = list(stages)
+    if "=" not in spec:
+        only = _made_for(spec)
+        return {stage: spec if only in (None, stage) else REFERENCE for stage in stages}
+    chosen = dict.fromkeys(stages, REFERENCE)
+    named: set[str] = set()
+    for entry in _entries(spec):
+        stage, _, name = entry.partition("=")
+        if stage in named:
+            raise OptionError(f"Two solvers for the stage {stage!r}. Give one.")
+        named.add(stage)
+        if stage not in chosen:
+            raise OptionError(f"No stage {stage!r} in this task. {name_hint(stage, stages)}")
+        _made_for(name)
+        chosen[stage] = name
+    return chosen
+
+
+def solver_names(spec: str) -> tuple[str, ...]:
+    """Return the solvers that a choice of solvers names."""
+    if "=" not in spec:
+        return (spec,)
+    return tuple(dict.fromkeys(entry.partition("=")[2] for entry in _entries(spec)))
+
+
+def _entries(spec: str) -> list[str]:
+    return [entry.strip() for entry in spec.replace("+", ",").split(",") if entry.strip()]
+
+
+def _made_for(name: str) -> str | None:
+    """Return the only stage that a solver searches, or None."""
+    plugin: type[Solver] = load("solver", name)
+    return plugin.stage
+
+
+def _answers(solution: Solution, task: Task) -> bool:
+    """Whether a stored policy knows what to do at the start of a task with the same goal."""
+    policy = solution.policy
+    return policy is not None and (task.goal.holds(task.initial) or task.initial in policy)
+
+
+# Exact search of one task, to stand beside a solver's plan, takes no longer than this.
+_REFERENCE_S = 5.0
+
+
+def solve_chain_with_all(
+    problem: Problem,
+    solvers: Sequence[str],
+    setup: Setup = Setup(),
+    *,
+    seed: int = 0,
+    make_stop: Callable[[str], Stop] = lambda name: Stop(),
+    make_cache: Callable[[], VerdictCache] = VerdictCache,
+    jobs: int = 1,
+) -> list[ChainResult]:
+    """Solve a chain with several solvers in turn, each with a cache and a stop of its own."""
+    results = []
+    for name in solvers:
+        stop = make_stop(name)
+        results.append(
+            solve_chain(problem, name, setup, seed=seed, stop=stop, cache=make_cache(), jobs=jobs)
+        )
+        if stop.interrupted:
+            break
+    return results

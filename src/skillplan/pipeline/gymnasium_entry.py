@@ -1,0 +1,112 @@
+"""What Gymnasium calls to make ``skillplan/Task-v0``: from a task file to an environment."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from skillplan.env.skill_env import SkillEnv
+from skillplan.env.skill_vector_env import SkillVectorEnv
+from skillplan.errors import OptionError, name_hint
+from skillplan.model.skill_model import SkillModel
+from skillplan.pipeline.run import make_model
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.task.task import Task
+
+Options = Mapping[str, Mapping[str, Any]]
+
+
+def make_env(
+    task: str | os.PathLike[str] | Task,
+    *,
+    physics: str | None = None,
+    collision: str | Sequence[str] = (),
+    options: Options | None = None,
+    observation: str = "markov",
+    mask: str = "applicable",
+    objective: str = "reward",
+    render_mode: str | None = None,
+) -> SkillEnv:
+    """Return the environment of a task.
+
+    Parameters
+    ----------
+    task
+        A task file, or a task.
+    physics, collision
+        The engine and the detectors that are asked, the latter as a sequence or with commas
+        between; by default those that the task file chooses.
+    options
+        Plugin name to option values, such as ``{"aabb": {"clearance_m": 0.002}}``.
+    observation, mask, objective, render_mode
+        As of `SkillEnv`.
+
+    Raises
+    ------
+    TaskError
+        If the task file has faults, or describes a chain of several tasks.
+    OptionError, PluginError
+        If a name or an option is wrong.
+    BackEndError
+        If a back end fails to start.
+    """
+    return SkillEnv(
+        _model(task, physics, collision, options),
+        observation=observation,
+        mask=mask,
+        objective=objective,
+        render_mode=render_mode,
+    )
+
+
+def make_vector_env(
+    num_envs: int,
+    task: str | os.PathLike[str] | Task,
+    *,
+    physics: str | None = None,
+    collision: str | Sequence[str] = (),
+    options: Options | None = None,
+    observation: str = "markov",
+    mask: str = "applicable",
+    objective: str = "reward",
+) -> SkillVectorEnv:
+    """Return the environment of a task that is done at several places.
+
+    Parameters
+    ----------
+    num_envs
+        How many places, >= 1.
+    task, physics, collision, options
+        As of `make_env`, which see for what is raised, too.
+    observation, mask, objective
+        As of `SkillVectorEnv`.
+    """
+    return SkillVectorEnv(
+        _model(task, physics, collision, options),
+        num_envs,
+        observation=observation,
+        mask=mask,
+        objective=objective,
+    )
+
+
+def _model(
+    task: str | os.PathLike[str] | Task,
+    physics: str | None,
+    collision: str | Sequence[str],
+    options: Options | None,
+) -> SkillModel:
+    detectors = collision.split(",") if isinstance(collision, str) else collision
+    detectors = tuple(dict.fromkeys(name.strip() for name in detectors if name.strip()))
+    if not isinstance(task, Task):
+        asked = {"physics": [physics] if physics else [], "collision": detectors}
+        task = load_problem(task, {kind: names for kind, names in asked.items() if names}).task
+    setup = Setup(physics, detectors, options or {})
+    taking_part = [setup.physics_choice(task).name]
+    taking_part += [choice.name for choice in setup.collision_choices(task)]
+    for plugin in setup.options:
+        if plugin not in taking_part:
+            hint = name_hint(plugin, taking_part)
+            raise OptionError(f"No plugin {plugin!r} takes part in this environment. {hint}")
+    return make_model(task, setup)

@@ -1,0 +1,170 @@
+"""Plugins by kind and name, found through entry points and imported only when used.
+
+Built-ins register the same way as anybody's. What is broken is reported where it is asked
+for, and by ``skillplan plugins``; it never takes the tool down.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from skillplan.errors import Issue, OptionError, PluginError, name_hint
+from skillplan.files.schema_errors import schema_issues, shown
+from skillplan.records.plugin_info import PluginInfo
+
+# Kind to the base class that its plugins must have.
+KINDS = {
+    "domain": "skillplan.domains.domain:Domain",
+    "physics": "skillplan.physics.engine:Engine",
+    "collision": "skillplan.collision.detector:Detector",
+    "solver": "skillplan.solvers.solver:Solver",
+}
+
+
+def names(kind: str) -> list[str]:
+    """Return the names of the installed plugins of a kind, sorted; imports none of them."""
+    return sorted(_providers(kind))
+
+
+def load(kind: str, name: str) -> type[Any]:
+    """Import a plugin's class.
+
+    Raises
+    ------
+    PluginError
+        If the name is unknown, provided by two distributions, cannot be imported, or is not
+        what its kind demands; the message says which, and by whom.
+    """
+    found = _providers(kind).get(name)
+    if not found:
+        raise PluginError(f"Unknown {kind} {name!r}. {name_hint(name, names(kind))}")
+    if len(found) > 1:
+        owners = " and ".join(_owner(entry) for entry in found)
+        raise PluginError(f"The {kind} {name!r} is provided by {owners}. Uninstall one of them.")
+    entry = found[0]
+    try:
+        loaded = entry.load()
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise PluginError(
+            f"The {kind} {name!r} of {_owner(entry)} cannot be imported ({entry.value}): {reason}"
+        ) from error
+    base = _base_class(kind)
+    if not (inspect.isclass(loaded) and issubclass(loaded, base)):
+        raise PluginError(
+            f"The {kind} {name!r} of {_owner(entry)} ({entry.value}) is not a subclass of "
+            f"{base.__module__}.{base.__name__}."
+        )
+    if inspect.isabstract(loaded):
+        missing = ", ".join(sorted(getattr(loaded, "__abstractmethods__", ())))
+        raise PluginError(f"The {kind} {name!r} of {_owner(entry)} does not implement {missing}.")
+    own_name = getattr(loaded, "kind" if kind == "domain" else "name", None)
+    if own_name != name:
+        raise PluginError(
+            f"The {kind} {name!r} of {_owner(entry)} ({entry.value}) calls itself {own_name!r}. "
+            "Entry point and class must agree."
+        )
+    return loaded
+
+
+def make_options(kind: str, name: str, plugin: type[Any], values: Mapping[str, Any]) -> BaseModel:
+    """Return validated options of a plugin.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or out of range; the message names the nearest, and the range.
+    """
+    model: type[BaseModel] = plugin.Options
+    unknown = sorted(set(values) - set(model.model_fields))
+    if unknown:
+        hint = f"It has none at all; name the {kind} whose option it is."
+        if model.model_fields:
+            hint = name_hint(unknown[0], model.model_fields)
+        raise OptionError(f"The {kind} {name!r} has no option {unknown[0]!r}. {hint}")
+    try:
+        return model.model_validate(dict(values))
+    except ValidationError as error:
+        lines = [str(issue) for issue in schema_issues(error, model)]
+        raise OptionError(f"Options of the {kind} {name!r}: {' '.join(lines)}") from None
+
+
+def choice_issues(kind: str, name: str, values: Mapping[str, Any]) -> list[Issue]:
+    """Return what is wrong with a plugin and options that a task file asks for.
+
+    Paths begin with the plugin's name.
+    """
+    if name not in names(kind):
+        hint = name_hint(name, names(kind))
+        return [Issue(f"unknown {kind} back end {shown(name)}. {hint}", (name,), at_key=True)]
+    try:
+        model: type[BaseModel] = load(kind, name).Options
+    except PluginError as error:
+        return [Issue(str(error), (name,), at_key=True)]
+    found = []
+    for key in values:
+        if key not in model.model_fields:
+            hint = name_hint(key, model.model_fields)
+            message = f"{name!r} has no option {shown(key)}. {hint}"
+            found.append(Issue(message, (name, key), at_key=True))
+    try:
+        model.model_validate({k: v for k, v in values.items() if k in model.model_fields})
+    except ValidationError as error:
+        found += [issue.under(name) for issue in schema_issues(error, model)]
+    return found
+
+
+def describe(kind: str) -> list[PluginInfo]:
+    """Return every installed plugin of a kind, the broken ones with the reason."""
+    infos = []
+    for name, entries in sorted(_providers(kind).items()):
+        for entry in entries:
+            summary, problem = "", None
+            try:
+                plugin = load(kind, name)
+                summary = (inspect.getdoc(plugin) or "").partition("\n")[0]
+            except PluginError as error:
+                problem = str(error)
+            distribution, version = _distribution(entry)
+            infos.append(PluginInfo(kind, name, distribution, version, summary, problem))
+    return infos
+
+
+@cache
+def _providers(kind: str) -> dict[str, list[EntryPoint]]:
+    if kind not in KINDS:
+        hint = name_hint(kind, KINDS)
+        for known in KINDS:
+            if kind in _providers(known):
+                hint = f"Did you mean '{known} {kind}'?"
+        raise PluginError(f"Unknown kind of plugin {kind!r}. {hint}")
+    found: dict[str, list[EntryPoint]] = {}
+    for entry in entry_points(group=f"skillplan.{kind}"):
+        others = found.setdefault(entry.name, [])
+        # One distribution may be on the path twice; that is no second provider.
+        if _owner(entry) not in (_owner(other) for other in others):
+            others.append(entry)
+    return found
+
+
+def _base_class(kind: str) -> type[Any]:
+    module, _, name = KINDS[kind].partition(":")
+    base: type[Any] = getattr(importlib.import_module(module), name)
+    return base
+
+
+def _distribution(entry: EntryPoint) -> tuple[str, str]:
+    if entry.dist is None:
+        return entry.module, ""
+    return entry.dist.name, entry.dist.version
+
+
+def _owner(entry: EntryPoint) -> str:
+    return " ".join(part for part in _distribution(entry) if part)

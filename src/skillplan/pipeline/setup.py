@@ -1,0 +1,192 @@
+"""Task files and back ends by name: what has to be there before anything is solved."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from skillplan.domains.load import Problem, TaskDomain, load_task
+from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError
+from skillplan.pipeline import registry
+from skillplan.records.origin import Origin
+from skillplan.task.back_end import BackEnd
+from skillplan.task.task import BackEndChoice, Task
+
+DEFAULT_PHYSICS = "kinematic"
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Which back ends are asked, and the options given for plugins by name.
+
+    Parameters
+    ----------
+    physics
+        An engine's name; None for the task file's choice, or else ``kinematic``.
+    collision
+        Detectors' names; empty for the task file's choice, or else its chart, or else ``aabb``.
+    options
+        Plugin name to option values; they go before the task file's.
+    """
+
+    physics: str | None = None
+    collision: tuple[str, ...] = ()
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def back_ends(self, task: Task) -> list[BackEnd]:
+        """Return the back ends for a task, physics first.
+
+        Raises
+        ------
+        OptionError
+            If a back end refuses the task or an option is wrong.
+        PluginError
+            If a back end is unknown or broken.
+        BackEndError
+            If a back end fails to start.
+        """
+        made = [self._make("physics", self.physics_choice(task), task)]
+        made += [self._make("collision", choice, task) for choice in self.collision_choices(task)]
+        return made
+
+    def origin(self, file: str, part: str | None, changes: Mapping[str, str]) -> Origin:
+        """Return what a result says of where it comes from."""
+        return Origin(file, part, changes, self.physics, self.collision, self.options)
+
+    def physics_choice(self, task: Task) -> BackEndChoice:
+        """Return the engine that will be asked."""
+        named = self.physics or (task.physics.name if task.physics else DEFAULT_PHYSICS)
+        declared = task.physics if task.physics and task.physics.name == named else None
+        return declared or BackEndChoice(named)
+
+    def collision_choices(self, task: Task) -> list[BackEndChoice]:
+        """Return the detectors that will be asked."""
+        declared = {choice.name: choice for choice in task.collision}
+        named = self.collision or tuple(declared)
+        if not named:
+            named = ("precedence",) if task.chart else ("aabb",) if task.scene.bodies else ()
+        return [declared.get(name, BackEndChoice(name)) for name in dict.fromkeys(named)]
+
+    def _make(self, kind: str, choice: BackEndChoice, task: Task) -> BackEnd:
+        values = {**choice.options, **self.options.get(choice.name, {})}
+        back_end, refusal = _make_back_end(kind, choice.name, values, task)
+        if refusal is not None:
+            raise OptionError(f"{kind} {choice.name!r} cannot serve {task.name!r}: {refusal}")
+        return back_end
+
+
+def _make_back_end(
+    kind: str, name: str, values: Mapping[str, Any], task: Task
+) -> tuple[BackEnd, str | None]:
+    """Return a back end for a task, and why it refuses the task, or None."""
+    plugin = registry.load(kind, name)
+    options = registry.make_options(kind, name, plugin, values)
+    try:
+        back_end: BackEnd = plugin(task, options)
+        return back_end, back_end.refuses()
+    except SkillplanError:
+        raise
+    except Exception as error:
+        raise BackEndError(
+            f"{kind} {name!r} failed on {task.name!r}: {type(error).__name__}: {error}"
+        ) from error
+
+
+def _willing(kind: str, name: str, task: Task) -> BackEnd | None:
+    """Return a back end that only the command line names, if it may have faults to tell.
+
+    One that is unknown, broken or refuses the task is told of when it is made to be asked, with
+    the options that the command line gives it.
+    """
+    try:
+        plugin = registry.load(kind, name)
+        if plugin.faults is BackEnd.faults:
+            return None
+        back_end, refusal = _make_back_end(kind, name, {}, task)
+    except SkillplanError:
+        return None
+    return back_end if refusal is None else None
+
+
+def _faults(kind: str, back_end: BackEnd, domain: TaskDomain) -> Iterator[Issue]:
+    """Yield what a back end finds wrong with single bodies or skills, by their places."""
+    try:
+        found = dict(back_end.faults())
+    except SkillplanError:
+        raise
+    except Exception as error:
+        name = f"{kind} {back_end.name!r}"
+        raise BackEndError(
+            f"{name} failed on {back_end.task.name!r}: {type(error).__name__}: {error}"
+        ) from error
+    for fact, message in found.items():
+        yield Issue(message, domain.locate(fact), at_key=True)
+
+
+def load_problem(
+    path: str | os.PathLike[str],
+    asked: Mapping[str, Collection[str]] | None = None,
+    changes: Mapping[str, str] | None = None,
+) -> Problem:
+    """Load a task file of any installed kind.
+
+    Parameters
+    ----------
+    path
+        The file.
+    asked
+        Names of the back ends that will be asked by kind, ``physics`` or ``collision``, where
+        that is not left to the file: what else it chooses of a kind need not be installed. What
+        they find wrong with the file's bodies and skills is told, too.
+    changes
+        Key path to YAML value, such as ``{"base.home": "C1"}``: what the file is read as if it
+        held.
+
+    Raises
+    ------
+    TaskError
+        With every fault of the file, also of the back ends that it chooses, and those that the
+        back ends which will be asked find in it.
+    BackEndError
+        If a back end fails to start.
+    """
+    kinds = ("physics", "collision")
+    asked = asked or {}
+
+    def is_asked(kind: str, name: str) -> bool:
+        return kind not in asked or name in asked[kind]
+
+    def check_content(content: Mapping[str, Any]) -> Iterator[Issue]:
+        for kind in kinds:
+            section = content.get(kind)
+            for name, options in section.items() if isinstance(section, dict) else ():
+                if is_asked(kind, name) and (options is None or isinstance(options, dict)):
+                    for issue in registry.choice_issues(kind, name, options or {}):
+                        yield issue.under(kind)
+
+    def check_task(task: Task, domain: TaskDomain) -> Iterator[Issue]:
+        chosen = {"physics": (task.physics,) if task.physics else (), "collision": task.collision}
+        for kind in kinds:
+            for choice in (one for one in chosen[kind] if is_asked(kind, one.name)):
+                back_end, refusal = _make_back_end(kind, choice.name, choice.options, task)
+                if refusal is not None:
+                    message = f"cannot serve this task: {refusal}"
+                    yield Issue(message, (kind, choice.name), at_key=True)
+                else:
+                    yield from _faults(kind, back_end, domain)
+            declared = {one.name for one in chosen[kind]}
+            for name in dict.fromkeys(asked.get(kind, ())):
+                willing = None if name in declared else _willing(kind, name, task)
+                if willing is not None:
+                    yield from _faults(kind, willing, domain)
+
+    return load_task(
+        path,
+        lambda kind: registry.load("domain", kind)(),
+        registry.names("domain"),
+        check_content,
+        check_task,
+        changes,
+    )

@@ -1,0 +1,294 @@
+"""The referee's rows for a chain of tasks, and what they come to as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from skillplan.domains.domain import Account
+from skillplan.records.origin import Origin
+from skillplan.records.result import Result, Status, tolerance
+from skillplan.solvers.stop import relative_gap
+from skillplan.task.task import Task
+
+
+@dataclass(frozen=True)
+class ChainPart:
+    """One task of a chain and what became of it.
+
+    Parameters
+    ----------
+    task, result
+        The task and the referee's row.
+    optimum
+        The cost that exact search proved for this task; None where it was not asked or found
+        no proof.
+    reused
+        Whether a policy stored for an earlier task answered, without planning anew.
+    """
+
+    task: Task
+    result: Result
+    optimum: float | None = None
+    reused: bool = False
+
+    @property
+    def path(self) -> list[str]:
+        """The places from the start on; empty where the task is not one of walking."""
+        places = [place.name for place in self.task.places_in(self.task.initial)]
+        if len(places) != 1 or self.result.cost is None:
+            return []
+        return [*places, *(step.place for step in self.result.steps if step.place is not None)]
+
+    @property
+    def ends(self) -> tuple[str | None, str | None]:
+        """The places where the task starts and where its goal is."""
+        first = [place.name for place in self.task.places_in(self.task.initial)]
+        last = [place.name for place in self.task.places_in(self.task.goal.requires)]
+        return (
+            first[0] if len(first) == 1 else None,
+            last[0] if len(last) == 1 else None,
+        )
+
+    def document(self) -> dict[str, Any]:
+        """Return the part as JSON values: those of a result, and where it leads."""
+        start, goal = self.ends
+        return {
+            "name": self.task.name,
+            "stage": self.task.stage,
+            "start": start,
+            "goal": goal,
+            "path": self.path,
+            "optimum": self.optimum,
+            "reused_policy": self.reused,
+            **self.result.document(),
+        }
+
+
+@dataclass(frozen=True)
+class ChainResult:
+    """One solver on one chain.
+
+    Parameters
+    ----------
+    name, kind, sha256
+        The file's name and kind, and the hash of its content.
+    solver, seed
+        How it was solved.
+    parts
+        At least one; where one was not solved, those after it are missing.
+    expected
+        How many parts there are in all.
+    account
+        What the domain says beyond the plans.
+    replans
+        How often the upper levels were planned anew because a lower one had failed.
+    broken
+        Why a stage could not be begun with what those before gave; empty where it could.
+    origin
+        The task file and how it was read; None where the tasks are from no file.
+
+    Raises
+    ------
+    ValueError
+        If there is no part, or there are more than expected.
+    """
+
+    name: str
+    kind: str
+    sha256: str
+    solver: str
+    seed: int
+    parts: tuple[ChainPart, ...]
+    expected: int
+    account: Account = field(default_factory=Account)
+    replans: int = 0
+    broken: str = ""
+    origin: Origin | None = None
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.parts) <= self.expected:
+            raise ValueError(f"{len(self.parts)} parts of {self.expected} are not a chain.")
+
+    @property
+    def stage(self) -> str:
+        """The stage that the chain is about: the last one."""
+        return self.parts[-1].task.stage if self.complete else ""
+
+    @property
+    def main(self) -> tuple[ChainPart, ...]:
+        """The parts of the last stage, whose costs add up."""
+        return tuple(part for part in self.parts if part.task.stage == self.stage)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every part is solved."""
+        solved = all(part.result.cost is not None for part in self.parts)
+        return solved and len(self.parts) == self.expected
+
+    @property
+    def status(self) -> Status:
+        """What the referee grants the whole: no more than its weakest part."""
+        found = [part.result.status for part in self.parts]
+        for status in (Status.WRONG, Status.REFUSED, Status.INFEASIBLE, Status.UNSOLVED):
+            if status in found:
+                return status
+        if not self.complete:
+            return Status.UNSOLVED
+        proved = all(self._proved(part) for part in self.parts if part.task.stage != self.stage)
+        gap = self.gap
+        return Status.OPTIMAL if proved and gap is not None and gap <= 1e-9 else Status.SOLVED
+
+    @staticmethod
+    def _proved(part: ChainPart) -> bool:
+        cost, optimum = part.result.cost, part.optimum
+        if part.result.status is Status.OPTIMAL:
+            return True
+        return cost is not None and optimum is not None and cost <= optimum + tolerance(cost)
+
+    @property
+    def reason(self) -> str:
+        """Why it is no better than the status says, and what to know before executing it."""
+        for part in self.parts:
+            if part.result.cost is None:
+                return f"{part.task.name}: {part.result.reason}"
+        if self.broken:
+            return self.broken
+        if self.interrupted:
+            return "interrupted"
+        parts = [self.account.caveat] if self.account.caveat else []
+        if self.status is Status.SOLVED and self.proved_by_level:
+            parts.insert(0, "every stage is the best, proved, given the ones before")
+        return "; ".join(parts)
+
+    @property
+    def cost(self) -> float | None:
+        """The main parts' costs in all; None while the chain is not complete."""
+        if not self.complete:
+            return None
+        return float(sum(part.result.cost or 0.0 for part in self.main))
+
+    @property
+    def cost_unit(self) -> str:
+        """Unit of the main parts' costs."""
+        return self.parts[-1].result.cost_unit if self.complete else ""
+
+    @property
+    def lower_bound(self) -> float | None:
+        """No way through the main parts costs less, however the stages before are planned.
+
+        None where stages before were planned and nothing is proved across them: other plans of
+        theirs, even of the same cost, may leave cheaper ways.
+        """
+        if not self.complete or self.account.lower_bound is not None:
+            return self.account.lower_bound
+        if len(self.main) < len(self.parts):
+            return None
+        return self._sum_of_bounds()
+
+    @property
+    def bound_given(self) -> float | None:
+        """No way through the main parts costs less, given the plans of the stages before."""
+        if not self.complete or self.account.bound_given is not None:
+            return self.account.bound_given
+        return self._sum_of_bounds()
+
+    @property
+    def bound_method(self) -> str:
+        """What proved the lower bound, in words; empty where there is none."""
+        if self.lower_bound is None:
+            return ""
+        if self.account.lower_bound is not None:
+            return "the account of the whole job"
+        methods = [part.result.bound_method for part in self.main]
+        return "; ".join(dict.fromkeys(filter(None, methods)))
+
+    def _sum_of_bounds(self) -> float | None:
+        bounds = [part.result.lower_bound for part in self.main]
+        known = [bound for bound in bounds if bound is not None]
+        return float(sum(known)) if len(known) == len(bounds) else None
+
+    @property
+    def proved_by_level(self) -> bool:
+        """Whether every stage is proved to be the best, given the plans of those before."""
+        cost, bound = self.cost, self.bound_given
+        if cost is None or bound is None or cost > bound + tolerance(cost):
+            return False
+        return all(self._proved(part) for part in self.parts if part.task.stage != self.stage)
+
+    @property
+    def gap(self) -> float | None:
+        """(cost - lower bound) / cost; None where either is missing."""
+        return relative_gap(self.cost, self.lower_bound)
+
+    @property
+    def makespan(self) -> int | None:
+        """Number of skills of the main parts; None while the chain is not complete."""
+        return sum(part.result.makespan or 0 for part in self.main) if self.complete else None
+
+    @property
+    def makespan_s(self) -> float | None:
+        """Time of the whole [s]; None while the chain is not complete."""
+        if not self.complete or self.account.makespan_s is not None:
+            return self.account.makespan_s
+        return sum(part.result.makespan_s or 0.0 for part in self.main)
+
+    @property
+    def wall_s(self) -> float:
+        """Time that solving took [s], reused policies counted once."""
+        return sum(part.result.wall_s for part in self.parts if not part.reused)
+
+    @property
+    def iterations(self) -> int | None:
+        """Iterations of the main parts; None while the chain is not complete."""
+        if not self.complete:
+            return None
+        return sum(part.result.expanded or 0 for part in self.main if not part.reused)
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the user stopped it."""
+        return any(part.result.interrupted for part in self.parts)
+
+    def document(self) -> dict[str, Any]:
+        """Return the JSON document ``skillplan.result/1`` of a chain."""
+        main = self.main
+        steps = [step for part in main for step in part.result.document()["steps"]]
+        bound = self.lower_bound
+        extra: Mapping[str, Any] = self.account.document
+        return {
+            "schema": "skillplan.result/1",
+            "task": {"name": self.name, "kind": self.kind, "sha256": self.sha256},
+            "origin": None if self.origin is None else self.origin.document(),
+            "solver": self.solver,
+            "seed": self.seed,
+            "physics": self.parts[-1].result.physics,
+            "collision": self.parts[-1].result.collision,
+            "status": self.status.value,
+            "reason": self.reason,
+            "cost": self.cost,
+            "cost_unit": self.cost_unit,
+            "lower_bound": bound,
+            "bound_method": self.bound_method,
+            "gap": self.gap,
+            "bound_given_stages_before": self.bound_given,
+            "proved_by_level": self.proved_by_level,
+            "makespan": self.makespan,
+            "makespan_s": self.makespan_s,
+            "skills": [step["skill"] for step in steps],
+            "actions": [step["action"] for step in steps],
+            "steps": [{**step, "index": index} for index, step in enumerate(steps)],
+            "stats": {
+                "states": sum(part.result.states for part in self.parts),
+                "expanded": self.iterations,
+                "checks": sum(part.result.checks for part in self.parts),
+                "cache_hits": sum(part.result.cache_hits for part in self.parts),
+                "wall_s": self.wall_s,
+            },
+            "trace": {},
+            "replans": self.replans,
+            "sequences": [part.document() for part in main],
+            "stages": [part.document() for part in self.parts if part.task.stage != self.stage],
+            **extra,
+        }

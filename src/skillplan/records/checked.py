@@ -1,0 +1,80 @@
+"""A task file that was found valid."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skillplan.domains.domain import Listing
+from skillplan.domains.load import Problem
+from skillplan.views.tables.chain import listing_table
+from skillplan.views.tables.table import Column, Table
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A valid task file.
+
+    Parameters
+    ----------
+    problem
+        What was loaded.
+    back_ends
+        Names of the back ends that each of its tasks will ask.
+    errata
+        What the published source prints wrongly, where that was asked for.
+    """
+
+    problem: Problem
+    back_ends: Sequence[Sequence[str]]
+    errata: Listing | None = None
+
+    def document(self) -> dict[str, Any]:
+        """Return the JSON document ``skillplan.check/1``."""
+        problem = self.problem
+        errata = self.errata
+        found = (
+            {}
+            if errata is None
+            else {"errata": [dict(zip(errata.columns, row, strict=True)) for row in errata.rows]}
+        )
+        return {
+            "schema": "skillplan.check/1",
+            "task": {"name": problem.name, "kind": problem.kind, "sha256": problem.sha256},
+            "valid": True,
+            "tasks": [
+                {
+                    "name": task.name,
+                    "skills": len(task.skills),
+                    "facts": len(task.facts),
+                    "observation": len(task.observation) or len(task.facts),
+                    "step_limit": task.step_limit,
+                    "back_ends": list(names),
+                }
+                for task, names in zip(problem.tasks, self.back_ends, strict=True)
+            ],
+            **found,
+        }
+
+    def tables(self) -> list[Table]:
+        """Return a row for every task of the file, and the errata."""
+        errata = [] if self.errata is None else [listing_table(self.errata)]
+        return [*errata, self._tasks()]
+
+    def _tasks(self) -> Table:
+        columns = [
+            Column("task"),
+            Column("actions", right=True),
+            Column("facts", right=True),
+            Column("observed", right=True),
+            Column("step limit", right=True),
+            Column("back ends"),
+        ]
+        keys = ("skills", "facts", "observation", "step_limit")
+        rows = [
+            (task["name"], *(str(task[key]) for key in keys), ", ".join(task["back_ends"]))
+            for task in self.document()["tasks"]
+        ]
+        notes = [f"kind       {self.problem.kind}", f"sha256     {self.problem.sha256}"]
+        return Table(f"{self.problem.name}: valid", columns, rows, notes)

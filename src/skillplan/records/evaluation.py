@@ -1,0 +1,144 @@
+"""A sequence, replayed and held against the proved optimum."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skillplan.model.replay import Replay
+from skillplan.records.result import Result, Status, step_document, tolerance
+from skillplan.solvers.stop import relative_gap
+from skillplan.task.skill import Skill
+from skillplan.task.task import Task
+from skillplan.views.tables.results import percent, step_rows
+from skillplan.views.tables.table import Table
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What became of a sequence.
+
+    Parameters
+    ----------
+    task, skills
+        What was replayed.
+    walked
+        The replay.
+    best
+        What a solver found and proved on the same task, or None where it was not asked.
+    """
+
+    task: Task
+    skills: Sequence[Skill]
+    walked: Replay
+    best: Result | None = None
+
+    @property
+    def optimum(self) -> float | None:
+        """The proved optimum; None where it is not proved."""
+        best = self.best
+        return best.cost if best is not None and best.status is Status.OPTIMAL else None
+
+    @property
+    def deviation(self) -> float | None:
+        """Excess over the proved optimum, as a fraction of it; None where either is missing."""
+        optimum = self.optimum
+        if optimum is None or not self.walked.complete:
+            return None
+        if optimum == 0:
+            return 0.0 if self.walked.cost == 0 else None
+        return self.walked.cost / optimum - 1
+
+    @property
+    def lower_bound(self) -> float | None:
+        """What any plan costs at least, as far as that was proved; None where nothing was."""
+        return None if self.best is None else self.best.lower_bound
+
+    @property
+    def gap(self) -> float | None:
+        """(cost - lower bound) / cost; None where the sequence is no plan, or nothing proved."""
+        cost = self.walked.cost if self.walked.complete else None
+        return relative_gap(cost, self.lower_bound)
+
+    def document(self) -> dict[str, Any]:
+        """Return the JSON document ``skillplan.evaluation/1``."""
+        task, walked = self.task, self.walked
+        return {
+            "schema": "skillplan.evaluation/1",
+            "task": {"name": task.name, "kind": task.kind, "sha256": task.sha256},
+            "feasible": walked.feasible,
+            "complete": walked.complete,
+            "cost": walked.cost,
+            "cost_unit": task.metric.unit,
+            "optimum": self.optimum,
+            "deviation": self.deviation,
+            "lower_bound": self.lower_bound,
+            "bound_method": self.best.bound_method if self.best is not None else "",
+            "gap": self.gap,
+            "makespan": len(walked.steps),
+            "makespan_s": walked.duration_s,
+            "reward": walked.total_reward,
+            "actions": [task.action(skill) for skill in self.skills],
+            "steps": [step_document(step) for step in walked.steps],
+            "violations": [
+                {
+                    "step": violation.step,
+                    "skill": violation.skill,
+                    "stage": violation.stage,
+                    "reason": violation.reason,
+                    "facts": list(violation.facts),
+                }
+                for violation in walked.violations
+            ],
+        }
+
+    def table(self) -> Table:
+        """Return the steps, what they cost, and what fails where."""
+        task, walked = self.task, self.walked
+        notes = [f"feasible   {_yes(walked.feasible)}", f"complete   {_yes(walked.complete)}"]
+        if walked.steps:
+            what = "cost" if walked.complete else "so far"
+            lasts = f", {walked.duration_s:.1f} s" if walked.duration_s else ""
+            notes.append(f"{what:<10} {task.cost_text(walked.cost)}{lasts}")
+        if self.deviation is not None:
+            notes.append(
+                f"deviation  {percent(self.deviation)} of the proved optimum "
+                f"{task.cost_text(self.optimum)}"
+            )
+        elif walked.complete and self.optimum is None:
+            if task.deterministic:
+                notes.append("deviation  unknown: the optimum was not proved in time")
+                notes += self._bound_notes()
+            else:
+                notes.append(
+                    "deviation  none: under chance a sequence is one way that a policy may go, "
+                    "here with every nominal outcome"
+                )
+        if walked.total_reward is not None:
+            notes.append(f"reward     {walked.total_reward:.5f}")
+        for fault in walked.violations:
+            where = f"step {fault.step + 1} ({fault.skill})" if fault.skill else "the end"
+            notes.append(f"violation  at {where}: {fault.stage}: {fault.reason}")
+            if fault.facts and fault.skill:
+                notes.append(f"           rests on {', '.join(fault.facts)}")
+        start = [place.name for place in task.places_in(task.initial)]
+        if start:
+            notes.insert(0, f"from       {', '.join(start)}")
+        columns, rows = step_rows(walked.steps, task.metric)
+        return Table(f"{task.name}: evaluation", columns, rows, notes)
+
+    def _bound_notes(self) -> list[str]:
+        """Return what is known of an optimum that was not proved."""
+        best, task = self.best, self.task
+        if best is None or best.lower_bound is None:
+            return []
+        least = task.cost_text(best.lower_bound)
+        notes = [f"bound      {least} by {best.bound_method}, gap {percent(self.gap)}"]
+        if best.cost is not None and best.cost < self.walked.cost - tolerance(best.cost):
+            notes.append(f"found      a plan of {task.cost_text(best.cost)}")
+        return notes
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "no"

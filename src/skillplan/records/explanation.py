@@ -1,0 +1,154 @@
+"""Why a skill is feasible or not in a state: every stage's verdict, facts and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from skillplan.errors import OptionError
+from skillplan.model.replay import replay
+from skillplan.model.skill_model import SkillModel
+from skillplan.task.skill import Outcome, Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+from skillplan.views.tables.evidence_text import evidence_text
+from skillplan.views.tables.table import Column, Table
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The verdicts on one skill in one state.
+
+    Parameters
+    ----------
+    task, skill, state
+        What was asked.
+    stages
+        One verdict a stage, cheapest first, also beyond the first that fails.
+    files
+        What was drawn of it, such as ``picture``, and where.
+    """
+
+    task: Task
+    skill: Skill
+    state: State
+    stages: tuple[Verdict, ...]
+    files: Mapping[str, str] = field(default_factory=dict, hash=False)
+
+    def drawn(self, files: Mapping[str, str]) -> Explanation:
+        """Return the explanation with what was drawn of it."""
+        return replace(self, files=files)
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every stage passed."""
+        return all(verdict.is_feasible for verdict in self.stages)
+
+    @property
+    def _prediction(self) -> Outcome:
+        skill = self.skill
+        return (
+            skill.prediction if skill.case(self.state) is None else skill.prediction_in(self.state)
+        )
+
+    @property
+    def _otherwise(self) -> tuple[Outcome, ...]:
+        """What may come of it here but is not predicted; empty where nothing is left to chance."""
+        skill = self.skill
+        fits = not skill.cases or skill.case(self.state) is not None
+        return skill.outcomes_in(self.state)[1:] if fits else ()
+
+    def document(self) -> dict[str, Any]:
+        """Return the JSON document ``skillplan.explanation/1``."""
+        first = next((v for v in self.stages if not v.is_feasible), None)
+        prediction = self._prediction
+        return {
+            "schema": "skillplan.explanation/1",
+            "task": {"name": self.task.name, "sha256": self.task.sha256},
+            "skill": self.skill.name,
+            "action": self.task.action(self.skill),
+            "state": list(self.state),
+            "status": first.status.value if first else "feasible",
+            "stage": first.stage if first else None,
+            "reason": first.reason if first else None,
+            "precondition": str(self.skill.condition(self.state)),
+            "prediction": {"add": list(prediction.add), "delete": list(prediction.delete)},
+            "otherwise": [
+                {
+                    "probability": outcome.probability,
+                    "add": list(outcome.add),
+                    "delete": list(outcome.delete),
+                }
+                for outcome in self._otherwise
+            ],
+            "stages": [
+                {
+                    "stage": verdict.stage,
+                    "status": verdict.status.value,
+                    "reason": verdict.reason or None,
+                    "present": list(verdict.present or ()),
+                    "absent": list(verdict.absent or ()),
+                    "evidence": dict(verdict.evidence),
+                }
+                for verdict in self.stages
+            ],
+            "files": dict(self.files),
+        }
+
+    def tables(self) -> list[Table]:
+        """Return the stages as a table, the state and the skill's conditions below."""
+        rows = [
+            (
+                verdict.stage,
+                verdict.status.value,
+                verdict.reason or "-",
+                _basis(verdict, self.task),
+                evidence_text(verdict.evidence) or "-",
+            )
+            for verdict in self.stages
+        ]
+        columns = [Column(name) for name in ("stage", "verdict", "reason")]
+        columns += [Column(name, below=True) for name in ("rests on", "evidence")]
+        notes = [
+            f"state         {', '.join(self.state)}",
+            f"precondition  {self.skill.condition(self.state)}",
+            f"prediction    {self._changes(self._prediction)}",
+        ]
+        notes += [
+            f"otherwise     {self._changes(outcome)}, with probability {outcome.probability:g}"
+            for outcome in self._otherwise
+        ]
+        notes += [f"{what:<13} {path}" for what, path in self.files.items()]
+        outcome = "feasible" if self.feasible else "not feasible"
+        title = f"{self.task.name}: {self.skill.name} is {outcome}"
+        return [Table(title, columns, rows, notes)]
+
+    def _changes(self, outcome: Outcome) -> str:
+        gone = self.state & outcome.delete
+        return ", ".join([*outcome.add, *(f"not {fact}" for fact in gone)])
+
+
+def explain(model: SkillModel, skill: Skill, before: Sequence[Skill]) -> Explanation:
+    """Return the verdicts on `skill` in the state that a sequence leads to.
+
+    Raises
+    ------
+    OptionError
+        If the sequence cannot be executed; the message says where it fails.
+    """
+    walked = replay(model, before)
+    if not walked.feasible:
+        fault = walked.violations[0]
+        raise OptionError(
+            f"--after fails at step {fault.step + 1} ({fault.skill}): "
+            f"{fault.stage}: {fault.reason}."
+        )
+    stages = tuple(model.feasibility.stages(skill, walked.state))
+    return Explanation(model.task, skill, walked.state, stages)
+
+
+def _basis(verdict: Verdict, task: Task) -> str:
+    facts = verdict.facts
+    return "all facts" if len(facts) == len(task.facts) else ", ".join(facts) or "no fact"

@@ -1,0 +1,205 @@
+"""Policies as JSON: written once, they answer from any of their states without replanning."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import stat
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from skillplan.errors import OptionError, name_hint
+from skillplan.records.result import Result
+from skillplan.solvers.solution import Policy
+from skillplan.task.skill import Outcome
+from skillplan.task.state import State
+from skillplan.task.task import Task
+
+SCHEMA = "skillplan.policy/1"
+_MOST_BYTES = 256 * 1024 * 1024
+# So many goals are named in a message.
+_MOST_NAMED = 8
+
+
+def policy_document(
+    sha256: str, solver: str, solved: Iterable[tuple[Task, Result]]
+) -> dict[str, Any] | None:
+    """Return the JSON document ``skillplan.policy/1``, or None where no solver gave a policy.
+
+    Parameters
+    ----------
+    sha256
+        Hash of the task file's content.
+    solver
+        Who learned the policies.
+    solved
+        Tasks, each with its result.
+    """
+    policies = [
+        {
+            "task": task.name,
+            "fingerprint": fingerprint(task),
+            "goal": list(task.goal.requires),
+            "choices": {", ".join(state): skill.name for state, skill in result.policy.items()},
+        }
+        for task, result in solved
+        if result.policy is not None
+    ]
+    if not policies:
+        return None
+    return {"schema": SCHEMA, "sha256": sha256, "solver": solver, "policies": policies}
+
+
+@dataclass(frozen=True)
+class StoredPolicy:
+    """A policy as read from a file.
+
+    Parameters
+    ----------
+    solver
+        Who learned it.
+    policy
+        A skill for every state that it knows.
+    """
+
+    solver: str
+    policy: Policy
+
+
+def read_policy(path: str, task: Task) -> StoredPolicy:
+    """Return the policy of a file that leads to the goal of a task.
+
+    Raises
+    ------
+    OptionError
+        If the file cannot be read, is no such document, or holds no policy for this goal and
+        these skills; the message says which.
+    """
+    document = _read(path)
+    goal, mine = list(task.goal.requires), fingerprint(task)
+    for entry in document["policies"]:
+        if entry["fingerprint"] == mine:
+            try:
+                choices = {
+                    task.facts.of(*filter(None, names.split(", "))): task.skill(skill)
+                    for names, skill in entry["choices"].items()
+                }
+            except OptionError as error:
+                raise OptionError(f"{path}: is damaged: {error}") from None
+            return StoredPolicy(document["solver"], Policy(choices))
+    if any(entry["goal"] == goal for entry in document["policies"]):
+        raise OptionError(
+            f"{path}: was learned on a task with other skills than {task.name}. Learn anew with "
+            "search-optimal --out."
+        )
+    goals = [", ".join(entry["goal"]) for entry in document["policies"]]
+    known = "; ".join(goals if len(goals) <= _MOST_NAMED else [*goals[:_MOST_NAMED], "..."])
+    raise OptionError(f"{path}: holds no policy for {', '.join(goal)}, only for {known or 'none'}.")
+
+
+def fingerprint(task: Task) -> str:
+    """Return the hash of what a policy depends on: facts, goal, and what skills bring about.
+
+    Names of files and tasks, starts and costs do not count: a policy answers wherever the same
+    skills lead to the same goal.
+    """
+
+    def shown(outcome: Outcome) -> list[Any]:
+        return [outcome.probability, list(outcome.add), list(outcome.delete)]
+
+    content = [
+        list(task.facts.names),
+        str(task.goal),
+        [
+            [
+                skill.name,
+                str(skill.precondition),
+                [shown(outcome) for outcome in skill.outcomes],
+                [
+                    [*case.fact, list(case.forbids), [shown(outcome) for outcome in case.outcomes]]
+                    for case in skill.cases
+                ],
+            ]
+            for skill in task.skills
+        ],
+    ]
+    text = json.dumps(content, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def start_state(task: Task, text: str) -> State:
+    """Return the state that a list of facts, or of names of places, describes.
+
+    Raises
+    ------
+    OptionError
+        If a name is neither a fact nor a place, or two of them exclude each other.
+    """
+    by_place: dict[str, list[str]] = {}
+    for fact, place in task.places.items():
+        by_place.setdefault(place.name, []).append(fact)
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if not names:
+        raise OptionError("names no fact and no place.")
+    facts = []
+    for name in names:
+        meant = by_place.get(name, [name])
+        if len(meant) > 1:
+            raise OptionError(f"{name} may be {' or '.join(meant[:3])}. Name the fact.")
+        if meant[0] not in task.facts and by_place:
+            raise OptionError(f"no place {name!r}. {name_hint(name, by_place)}")
+        facts += meant
+    start = task.facts.of(*facts)
+    for group in task.facts.exclusive:
+        together = [fact for fact in group if fact in start]
+        if len(together) > 1:
+            raise OptionError(f"{' and '.join(together[:2])} cannot both hold. Keep one.")
+        if not together:
+            # Of several robots the others stay where they are.
+            start |= task.facts.of(*group) & task.initial
+    return start
+
+
+def _content(path: str) -> bytes:
+    try:
+        found = os.stat(path)
+        if not stat.S_ISREG(found.st_mode):
+            what = "is a folder" if stat.S_ISDIR(found.st_mode) else "is no regular file"
+            raise OptionError(f"{path}: {what}. Give the path of a policies.json.")
+        if found.st_size > _MOST_BYTES:
+            raise OptionError(f"{path}: is larger than any policy file.")
+        return Path(path).read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise OptionError(f"{path!r}: cannot be read: {reason}.") from None
+
+
+def _read(path: str) -> dict[str, Any]:
+    content = _content(path)
+    try:
+        document = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise OptionError(f"{path}: is not JSON: {error}.") from None
+    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+        raise OptionError(f"{path}: is no document {SCHEMA}. search-optimal --out writes one.")
+    try:
+        sound = (
+            isinstance(document["sha256"], str)
+            and isinstance(document["solver"], str)
+            and all(
+                isinstance(entry["goal"], list)
+                and isinstance(entry["fingerprint"], str)
+                and all(isinstance(fact, str) for fact in entry["goal"])
+                and all(isinstance(skill, str) for skill in entry["choices"].values())
+                for entry in document["policies"]
+            )
+            and isinstance(document["policies"], list)
+        )
+    except (KeyError, TypeError, AttributeError):
+        sound = False
+    if not sound:
+        raise OptionError(f"{path}: is damaged. Write it anew with search-optimal --out.")
+    return document

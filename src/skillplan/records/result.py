@@ -1,0 +1,175 @@
+"""The referee's row: what became of one solver on one task."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from skillplan.model.replay import Step
+from skillplan.records.origin import Origin
+from skillplan.solvers.stop import relative_gap
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+
+
+class Status(StrEnum):
+    """What the referee grants.
+
+    ``optimal``: a valid plan, proved to be the best. ``solved``: a valid plan.
+    ``infeasible``: proved that there is none. ``unsolved``: none found. ``refused``: the solver
+    does not serve such a task. ``wrong``: the solver claimed what does not hold.
+    """
+
+    OPTIMAL = "optimal"
+    SOLVED = "solved"
+    INFEASIBLE = "infeasible"
+    UNSOLVED = "unsolved"
+    REFUSED = "refused"
+    WRONG = "wrong"
+
+
+@dataclass(frozen=True)
+class Result:
+    """One solver on one task, after the replay.
+
+    Parameters
+    ----------
+    task, kind, sha256
+        The task, its domain and the hash of its content.
+    solver, seed, physics, collision
+        How it was solved.
+    status
+        What the referee grants.
+    cost, cost_unit
+        Of the replayed plan, or expected under the policy; None without one.
+    lower_bound
+        No plan costs less; None where nothing was proved.
+    bound_method
+        What proved the bound, in words; empty where there is none.
+    steps
+        The replayed plan.
+    makespan_s
+        Its duration [s].
+    reason
+        Why it is no better than the status says; empty for an optimal plan.
+    states, expanded, checks, cache_hits, wall_s
+        What the solver asked of the model, and how long it took [s], the referee not counted.
+    trace
+        Figures of the search.
+    policy
+        The policy that the plan follows; None where the solver gave a plan.
+    origin
+        The task file and how it was read; None where the task is from no file.
+
+    Raises
+    ------
+    ValueError
+        If a plan has no cost, a cost or time is negative, the bound exceeds the cost, or an
+        optimal plan has a gap.
+    """
+
+    task: str
+    kind: str
+    sha256: str
+    solver: str
+    seed: int
+    physics: str
+    collision: str
+    status: Status
+    cost: float | None = None
+    cost_unit: str = ""
+    lower_bound: float | None = None
+    bound_method: str = ""
+    steps: tuple[Step, ...] = ()
+    makespan_s: float | None = None
+    reason: str = ""
+    states: int = 0
+    expanded: int | None = None
+    checks: int = 0
+    cache_hits: int = 0
+    wall_s: float = 0.0
+    interrupted: bool = False
+    trace: Mapping[str, Any] = field(default_factory=dict)
+    policy: Mapping[State, Skill] | None = field(default=None, repr=False, compare=False)
+    origin: Origin | None = None
+
+    def __post_init__(self) -> None:
+        has_plan = self.status in (Status.OPTIMAL, Status.SOLVED)
+        if has_plan != (self.cost is not None):
+            raise ValueError(
+                f"A result {self.status!s} must{'' if has_plan else ' not'} have a cost."
+            )
+        if self.wall_s < 0 or (self.makespan_s or 0) < 0 or (self.cost or 0) < 0:
+            raise ValueError("Costs and times must be >= 0.")
+        if min(self.states, self.expanded or 0, self.checks, self.cache_hits) < 0:
+            raise ValueError("Counts must be >= 0.")
+        cost, bound = self.cost, self.lower_bound
+        if cost is not None and bound is not None and bound > cost + tolerance(cost):
+            raise ValueError(f"Bound {bound} exceeds cost {cost}.")
+        if self.status is Status.OPTIMAL and (self.gap is None or self.gap > 1e-6):
+            raise ValueError("An optimal plan must not have a gap.")
+
+    @property
+    def gap(self) -> float | None:
+        """(cost - lower bound) / cost; None where either is missing."""
+        return relative_gap(self.cost, self.lower_bound)
+
+    @property
+    def makespan(self) -> int | None:
+        """Number of skills of the plan; None without one."""
+        return len(self.steps) if self.cost is not None else None
+
+    def document(self) -> dict[str, Any]:
+        """Return the JSON document ``skillplan.result/1``."""
+        bound = self.lower_bound
+        bound = bound if bound is not None and math.isfinite(bound) else None
+        return {
+            "schema": "skillplan.result/1",
+            "task": {"name": self.task, "kind": self.kind, "sha256": self.sha256},
+            "origin": None if self.origin is None else self.origin.document(),
+            "solver": self.solver,
+            "seed": self.seed,
+            "physics": self.physics,
+            "collision": self.collision,
+            "status": self.status.value,
+            "reason": self.reason,
+            "cost": self.cost,
+            "cost_unit": self.cost_unit,
+            "lower_bound": bound,
+            "bound_method": "" if bound is None else self.bound_method,
+            "gap": self.gap,
+            "makespan": self.makespan,
+            "makespan_s": self.makespan_s,
+            "skills": [step.skill for step in self.steps],
+            "actions": [step.action for step in self.steps],
+            "steps": [step_document(step) for step in self.steps],
+            "stats": {
+                "states": self.states,
+                "expanded": self.expanded,
+                "checks": self.checks,
+                "cache_hits": self.cache_hits,
+                "wall_s": self.wall_s,
+            },
+            "trace": dict(self.trace),
+        }
+
+
+def step_document(step: Step) -> dict[str, Any]:
+    """Return a step as JSON values."""
+    return {
+        "index": step.index,
+        "skill": step.skill,
+        "action": step.action,
+        "start": None if step.start is None else list(step.start),
+        "goal": None if step.goal is None else list(step.goal),
+        "cost": step.cost,
+        "duration_s": step.duration_s,
+    }
+
+
+def tolerance(cost: float) -> float:
+    """Return how far two computations of a cost may differ by rounding."""
+    return 1e-9 * max(1.0, abs(cost))

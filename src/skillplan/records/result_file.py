@@ -1,0 +1,177 @@
+"""Results as files: read again, to start from or to be verified."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from skillplan.domains.load import Problem
+from skillplan.errors import OptionError
+from skillplan.files.json_file import read_checked
+from skillplan.records.origin import Origin
+from skillplan.records.result import Status
+from skillplan.solvers.solution import Plan
+
+SCHEMA = "skillplan.result/1"
+_REMEDY = "Give a result.json of search-optimal, or the folder that --out named"
+# So much of a hash tells two apart.
+_SHOWN_HASH = 12
+
+
+class _Stored(BaseModel):
+    model_config = ConfigDict(frozen=True, strict=True, extra="ignore", allow_inf_nan=False)
+
+
+class StoredTask(_Stored):
+    """Which task a result is of."""
+
+    name: str
+    kind: str
+    sha256: str
+
+
+class StoredStep(_Stored):
+    """A step of a stored plan; costs in the task's metric, durations in s."""
+
+    index: int
+    skill: str
+    action: int
+    cost: float
+    duration_s: float
+
+
+class StoredOrigin(_Stored):
+    """The task file of a result and how it was read."""
+
+    file: str
+    part: str | None = None
+    changes: dict[str, str] = Field(default_factory=dict, alias="set")
+    physics: str | None = None
+    collision: list[str] = Field(default_factory=list)
+    options: dict[str, dict[str, Any]] = Field(default_factory=dict)
+
+    def origin(self) -> Origin:
+        """Return it as results have it."""
+        return Origin(
+            self.file, self.part, self.changes, self.physics, tuple(self.collision), self.options
+        )
+
+
+class StoredClaims(_Stored):
+    """What a result, or a part of a chain's, claims."""
+
+    solver: str
+    status: Status
+    cost: float | None
+    cost_unit: str
+    lower_bound: float | None
+    bound_method: str = ""
+    gap: float | None
+    makespan: int | None
+    makespan_s: float | None
+    skills: list[str]
+    actions: list[int]
+    steps: list[StoredStep]
+
+
+class StoredPart(StoredClaims):
+    """A task of a chain."""
+
+    name: str
+    stage: str
+
+
+class StoredResult(StoredClaims):
+    """A document ``skillplan.result/1``.
+
+    Parameters
+    ----------
+    task, origin
+        What was solved, and from which file; no origin where it was from none.
+    physics, collision
+        Names of the back ends that were asked, the latter with commas.
+    replans
+        Of a chain, how often the upper levels were planned anew.
+    sequences, stages
+        Of a chain, the tasks of the last stage and those before; None of a single task.
+    """
+
+    task: StoredTask
+    origin: StoredOrigin | None = None
+    physics: str
+    collision: str
+    replans: int = 0
+    sequences: list[StoredPart] | None = None
+    stages: list[StoredPart] = Field(default_factory=list)
+
+    @property
+    def is_chain(self) -> bool:
+        """Whether it is the result of a chain of tasks."""
+        return self.sequences is not None
+
+
+def result_path(path: str) -> Path:
+    """Return the file that a user means: the file itself, or result.json in a folder."""
+    named = Path(path)
+    return named / "result.json" if named.is_dir() else named
+
+
+def read_result(path: str) -> StoredResult:
+    """Return a result as it was stored.
+
+    Raises
+    ------
+    OptionError
+        If it cannot be read, is no result, is of another version, or lacks a key.
+    """
+    return read_checked(result_path(path), SCHEMA, StoredResult, _REMEDY)
+
+
+def other_task(stored: StoredResult, problem: Problem) -> str | None:
+    """Return in words how a result's task differs from a loaded one; None where it is the same."""
+    if stored.task.sha256 == problem.sha256:
+        return None
+    was, now = stored.task.sha256[:_SHOWN_HASH], problem.sha256[:_SHOWN_HASH]
+    if (stored.task.kind, stored.task.name) == (problem.kind, problem.name):
+        return f"{problem.source} has changed since: its content is {now}, was {was}"
+    return (
+        f"the result is of {stored.task.name!r} ({stored.task.kind}, {was}), {problem.source} is "
+        f"{problem.name!r} ({problem.kind}, {now})"
+    )
+
+
+def start_plan(path: str, problem: Problem, part: str | None) -> Plan:
+    """Return the plan of a stored result, for a search of the same task to start from.
+
+    Parameters
+    ----------
+    path
+        The result.
+    problem
+        What is to be solved.
+    part
+        The task meant, of a chain.
+
+    Raises
+    ------
+    OptionError
+        If the result cannot be used: it is of another task or of a chain, or holds no plan.
+    """
+    if problem.is_chain and part is None:
+        raise OptionError(
+            f"--start serves a single task, and {problem.source} describes a chain. Name one of "
+            "its tasks by --part."
+        )
+    stored = read_result(path)
+    difference = other_task(stored, problem)
+    if difference is not None:
+        raise OptionError(f"--start {path}: is of another task: {difference}.")
+    name = problem.part(part).name
+    if stored.is_chain or (problem.is_chain and stored.task.name != name):
+        whole = "the whole chain" if stored.is_chain else repr(stored.task.name)
+        raise OptionError(f"--start {path}: is of {whole}, not of {name!r}.")
+    if stored.cost is None:
+        raise OptionError(f"--start {path}: holds no plan, its status is {stored.status}.")
+    return Plan(tuple(stored.skills))

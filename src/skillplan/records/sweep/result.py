@@ -1,0 +1,192 @@
+"""What a parameter study showed: shares and means with intervals, for settings and starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from skillplan.records.interval import Estimate, mean, share
+from skillplan.records.result import tolerance
+from skillplan.records.sweep.plan import SweepPlan
+from skillplan.records.sweep.record import StartOutcome, SweepRecord
+
+SCHEMA = "skillplan.sweep/1"
+
+
+@dataclass(frozen=True, slots=True)
+class StartSummary:
+    """Runs of some settings, seen from one start or from all.
+
+    Parameters
+    ----------
+    start
+        The start's name; None for all starts together: a run arrives that does so from each.
+    runs
+        How many runs there are; those that failed are not counted.
+    arrived
+        How many of them reach the goal, and as a share.
+    best
+        How many of them do so at the proved optimum, and as a share; None where that is not
+        known.
+    steps, excess
+        Mean number of skills, and mean cost above the optimum, of those that arrive; None of
+        none, and for all starts together sums over the starts.
+    learning_s
+        Mean time to find the plan or policy [s]; for all starts together that of the run.
+    """
+
+    start: str | None
+    runs: int
+    arrived: int
+    arrived_share: Estimate | None
+    best: int | None
+    best_share: Estimate | None
+    steps: Estimate | None
+    excess: Estimate | None
+    learning_s: Estimate | None
+
+    def document(self) -> dict[str, Any]:
+        """Return the summary as JSON values."""
+        figures = {
+            "arrived_share": self.arrived_share,
+            "best_share": self.best_share,
+            "steps": self.steps,
+            "excess": self.excess,
+            "learning_s": self.learning_s,
+        }
+        return {
+            "start": self.start,
+            "runs": self.runs,
+            "arrived": self.arrived,
+            "best": self.best,
+            **{key: None if one is None else one.document() for key, one in figures.items()},
+        }
+
+
+@dataclass(frozen=True)
+class SweepResult:
+    """A study and its runs.
+
+    Parameters
+    ----------
+    plan
+        What was asked.
+    records
+        Runs in any order, at most one for each setting and seed.
+    interrupted
+        Whether runs are missing because the study was stopped.
+
+    Raises
+    ------
+    ValueError
+        If a run occurs twice or is none of this study.
+    """
+
+    plan: SweepPlan
+    records: Sequence[SweepRecord]
+    interrupted: bool = False
+
+    def __post_init__(self) -> None:
+        keys = [record.key for record in self.records]
+        if len(set(keys)) != len(keys):
+            raise ValueError("A run of the study occurs twice.")
+        names = [start.name for start in self.plan.starts]
+        for record in self.records:
+            known = record.setting < len(self.plan.settings) and record.seed in self.plan.seeds
+            answered = [outcome.start for outcome in record.outcomes]
+            if not known or (record.error is None and answered != names):
+                raise ValueError(f"Run {record.key} is none of this study.")
+        # The result must not depend on the order in which runs end.
+        object.__setattr__(self, "records", tuple(sorted(self.records, key=lambda one: one.key)))
+
+    @property
+    def failed(self) -> list[SweepRecord]:
+        """The runs that failed."""
+        return [record for record in self.records if record.error is not None]
+
+    @property
+    def missing(self) -> int:
+        """How many runs have not been done."""
+        return len(self.plan.settings) * len(self.plan.seeds) - len(self.records)
+
+    @property
+    def shared(self) -> bool:
+        """Whether in every run one policy answers from all starts."""
+        return all(record.shared for record in self._sound)
+
+    @cached_property
+    def _sound(self) -> list[SweepRecord]:
+        return [record for record in self.records if record.error is None]
+
+    def summary(self, settings: Sequence[int], start: str | None = None) -> StartSummary:
+        """Return what the runs of some settings show.
+
+        Parameters
+        ----------
+        settings
+            Indices of the settings.
+        start
+            A start's name; None for all starts together.
+        """
+        runs = [
+            [one for one in record.outcomes if start is None or one.start == start]
+            for record in self._sound
+            if record.setting in settings
+        ]
+        arrived = [run for run in runs if all(one.arrived for one in run)]
+        optima = {one.name: one.optimum for one in self.plan.starts}
+        asked = list(optima) if start is None else [start]
+        excess = None
+        best = None
+        if all(optima[name] is not None for name in asked):
+            above = [sum(_above(one, optima[one.start]) for one in run) for run in arrived]
+            best = sum(all(_above(one, optima[one.start]) == 0.0 for one in run) for run in arrived)
+            excess = mean(above)
+        return StartSummary(
+            start,
+            len(runs),
+            len(arrived),
+            share(len(arrived), len(runs)),
+            best,
+            None if best is None else share(best, len(runs)),
+            mean([float(sum(one.steps or 0 for one in run)) for run in arrived]),
+            excess,
+            mean([self._learning_s(run) for run in runs]),
+        )
+
+    def _learning_s(self, run: Sequence[StartOutcome]) -> float:
+        times_s = [one.learning_s for one in run]
+        return max(times_s) if self.shared else sum(times_s)
+
+    def document(self) -> dict[str, Any]:
+        """Return the JSON document ``skillplan.sweep/1``."""
+        settings = []
+        for index, options in enumerate(self.plan.settings):
+            starts = [self.summary([index], start.name) for start in self.plan.starts]
+            settings.append(
+                {
+                    "options": dict(options),
+                    **self.summary([index]).document(),
+                    "starts": [one.document() for one in starts],
+                }
+            )
+        return {
+            "schema": SCHEMA,
+            "name": self.plan.name,
+            **self.plan.document(),
+            "one_policy_for_all_starts": self.shared,
+            "interrupted": self.interrupted,
+            "missing": self.missing,
+            "failed": len(self.failed),
+            "settings": settings,
+            "runs": [record.document() for record in self.records],
+        }
+
+
+def _above(outcome: StartOutcome, optimum: float | None) -> float:
+    """Return by how much a plan costs more than the best; 0 for what only rounding tells apart."""
+    assert outcome.cost is not None
+    assert optimum is not None
+    return 0.0 if outcome.cost <= optimum + tolerance(optimum) else outcome.cost - optimum

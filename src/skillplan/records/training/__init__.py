@@ -1,0 +1,1 @@
+"""Records of training runs: folders, metrics, policies and outcomes; never how they are shown."""

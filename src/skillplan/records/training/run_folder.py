@@ -1,0 +1,296 @@
+"""The folder of training runs as it is read: what was asked, what was noted, what was learned.
+
+Whatever is wrong with a file is one error that names it and says what to do. How a folder comes
+about, and survives whatever ends the program, is the business of `skillplan.training`.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from skillplan.errors import OptionError
+from skillplan.files.json_file import read_checked, read_document
+from skillplan.records.training.metrics_file import METRICS, FiguresRecord, read_metrics
+from skillplan.records.training.network_policy_file import StoredNetwork, read_network
+from skillplan.solvers.learning.learner import Episode
+
+MANIFEST, RESULT = "manifest.json", "result.json"
+TASK_CONFIG = "task.json"
+PROGRESS, CHECKPOINT = "progress.json", "checkpoint.safetensors"
+MANIFEST_SCHEMA = "skillplan.run/1"
+CONFIG_SCHEMA = "skillplan.resolved-task/1"
+RESULT_SCHEMA = "skillplan.training/1"
+PROGRESS_SCHEMA = "skillplan.group/1"
+_REMEDY = "Bring the file back from a copy, or train anew in another folder"
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class TaskReference(_Part):
+    """The task that is learned, and where its file was."""
+
+    name: str
+    kind: str
+    sha256: str = Field(description="hash of the file's content")
+    source: str = Field(description="the file as the user named it")
+    path: str = Field(description="the same from the root")
+    part: str | None = Field(description="of a file that describes a chain, the task meant")
+    changes: dict[str, str] = Field(description="what --set changed, by key path")
+
+
+class Family(_Part):
+    """Layouts drawn from the task file's family, one for every episode."""
+
+    count: int = Field(ge=1)
+    seed: int = Field(ge=0)
+
+
+class RunManifest(_Part):
+    """What was asked, and with what: the document ``skillplan.run/1``."""
+
+    task: TaskReference
+    solver: str
+    options: dict[str, Any] = Field(description="every option as it counts")
+    steps: int = Field(ge=1, description="environment steps of every run")
+    seed: int = Field(ge=0)
+    seeds: tuple[int, ...] = Field(min_length=1, description="one for every run")
+    physics: str
+    collision: tuple[str, ...]
+    back_end_options: dict[str, dict[str, Any]]
+    family: Family | None
+    checkpoint_steps: int = Field(ge=1)
+    groups: tuple[tuple[int, ...], ...] = Field(description="runs that learn side by side")
+    command: tuple[str, ...]
+    versions: dict[str, str]
+    git_commit: str | None
+    machine: dict[str, Any]
+
+    @model_validator(mode="after")
+    def _fits(self) -> RunManifest:
+        if [run for group in self.groups for run in group] != list(range(len(self.seeds))):
+            raise ValueError("the groups do not hold every run once")
+        if self.options.get("steps") != self.steps:
+            raise ValueError("the option steps is not the number of steps")
+        if not all(isinstance(self.options.get(key), str) for key in _SEEN):
+            raise ValueError(f"an option of {', '.join(_SEEN)} is missing")
+        return self
+
+    @property
+    def observation(self) -> str:
+        """What is observed of a state."""
+        return str(self.options["observation"])
+
+    @property
+    def mask(self) -> str:
+        """What a choice is limited to."""
+        return str(self.options["mask"])
+
+    @property
+    def objective(self) -> str:
+        """What the environment pays."""
+        return str(self.options["objective"])
+
+
+_SEEN = ("observation", "mask", "objective")
+
+
+class GroupProgress(_Part):
+    """How far runs that learn side by side have come, and what that took."""
+
+    steps: int = Field(ge=0)
+    failures: dict[int, str] = Field(description="why runs cannot go on, by run")
+    wall_s: float = Field(ge=0, description="time spent on learning [s]")
+    elapsed_s: float = Field(ge=0, description="time of the whole training until then [s]")
+    checks: int = Field(ge=0)
+    hits: int = Field(ge=0)
+    executions: int = Field(ge=0)
+    asked: dict[str, int] = Field(description="how often each back end was asked")
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """A run as its files have it.
+
+    Parameters
+    ----------
+    run, seed
+        Its number, from 0, and what governs its randomness.
+    steps
+        Environment steps done and kept.
+    episodes, figures
+        What it noted, in order.
+    policy
+        What it stands for; None while it has neither finished nor been interrupted.
+    last
+        What it had learned last; None likewise.
+    failure
+        Why it could not go on, or which of its files is damaged; empty where all is well.
+    wall_s
+        Time that it took together with those beside it [s]; None while nothing is kept.
+    """
+
+    run: int
+    seed: int
+    steps: int = 0
+    episodes: tuple[Episode, ...] = ()
+    figures: tuple[FiguresRecord, ...] = ()
+    policy: StoredNetwork | None = None
+    last: StoredNetwork | None = None
+    failure: str = ""
+    wall_s: float | None = None
+
+    @property
+    def best(self) -> StoredNetwork | None:
+        """The best policy that was seen; None where none ever completed the task."""
+        return self.policy if self.policy is not None and self.policy.kept == "best" else None
+
+
+def is_run_folder(path: str | os.PathLike[str]) -> bool:
+    """Whether a path is a folder of training runs rather than a task file."""
+    folder = Path(path)
+    try:
+        return folder.is_dir() and (folder / MANIFEST).is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def run_path(folder: Path, run: int) -> Path:
+    """Return the folder of a run."""
+    return folder / "runs" / f"{run:02d}"
+
+
+def group_path(folder: Path, group: int) -> Path:
+    """Return the folder of runs that learn side by side."""
+    return folder / "groups" / str(group)
+
+
+def copy_name(source: str) -> str:
+    """Return what the copy of a task file is called: by its suffix it is read."""
+    suffix = Path(source).suffix.lower()
+    return f"task{suffix}" if suffix not in ("", ".yml", ".json", ".tmp") else "task.yaml"
+
+
+class RunFolder:
+    """A folder of training runs.
+
+    Parameters
+    ----------
+    path
+        The folder.
+
+    Attributes
+    ----------
+    path
+        The folder.
+    manifest
+        What was asked.
+    config
+        The task file's content as it was read, defaults included.
+
+    Raises
+    ------
+    OptionError
+        If it is no such folder, or its manifest or configuration is damaged or of another
+        version.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+        try:
+            known = self.path.is_dir()
+        except (OSError, ValueError) as error:
+            raise OptionError(f"{path}: cannot be read: {error}.") from None
+        if not known:
+            raise OptionError(f"{path}: there is no such folder. Name one that train wrote.")
+        if not (self.path / MANIFEST).exists():
+            raise OptionError(f"{path}: holds no {MANIFEST}. Name a folder that train wrote.")
+        self.manifest = read_checked(self.path / MANIFEST, MANIFEST_SCHEMA, RunManifest, _REMEDY)
+        self.config = read_document(self.path / TASK_CONFIG, CONFIG_SCHEMA, _REMEDY)
+
+    @property
+    def source(self) -> str:
+        """Where to load the task from: the user's file if it is still there, else the copy."""
+        there = Path(self.manifest.task.path)
+        return str(there if there.is_file() else self.task_copy)
+
+    @property
+    def task_copy(self) -> Path:
+        """The copy of the task file as it was when the training began."""
+        return self.path / copy_name(self.manifest.task.path)
+
+    def progress(self, group: int) -> GroupProgress | None:
+        """Return how far a group has come; None before its first checkpoint.
+
+        Raises
+        ------
+        OptionError
+            If the file is damaged.
+        """
+        path = group_path(self.path, group) / PROGRESS
+        if not path.exists():
+            return None
+        return read_checked(path, PROGRESS_SCHEMA, GroupProgress, _REMEDY)
+
+    def run(self, index: int) -> StoredRun:
+        """Return a run.
+
+        Raises
+        ------
+        OptionError
+            If there is no such run, or a file of it is damaged.
+        """
+        seeds = self.manifest.seeds
+        if not 0 <= index < len(seeds):
+            raise OptionError(f"{self.path}: has no run {index}, only 0 to {len(seeds) - 1}.")
+        group = next(g for g, runs in enumerate(self.manifest.groups) if index in runs)
+        stored = StoredRun(index, seeds[index])
+        progress = self.progress(group)
+        if progress is not None:
+            failure = progress.failures.get(index, "")
+            stored = replace(stored, steps=progress.steps, failure=failure, wall_s=progress.wall_s)
+        folder = run_path(self.path, index)
+        metrics = read_metrics(folder / METRICS, index)
+        return replace(
+            stored,
+            episodes=metrics.episodes,
+            figures=metrics.figures,
+            policy=_policy(folder / "policy.json"),
+            last=_policy(folder / "last.json"),
+        )
+
+    def runs(self) -> list[StoredRun]:
+        """Return all runs; one whose files are damaged says so as its failure."""
+        found = []
+        for index, seed in enumerate(self.manifest.seeds):
+            try:
+                found.append(self.run(index))
+            except OptionError as error:
+                found.append(StoredRun(index, seed, failure=str(error)))
+        return found
+
+    def result(self) -> dict[str, Any] | None:
+        """Return the result document; None while there is none.
+
+        Raises
+        ------
+        OptionError
+            If it is damaged.
+        """
+        path = self.path / RESULT
+        if not path.exists():
+            return None
+        remedy = "train --resume writes it again"
+        return {"schema": RESULT_SCHEMA, **read_document(path, RESULT_SCHEMA, remedy)}
+
+
+def _policy(path: Path) -> StoredNetwork | None:
+    return (
+        read_network(path) if path.exists() or path.with_suffix(".safetensors").exists() else None
+    )

@@ -1,1 +1,0 @@
-"""Results and how they are shown: tables, JSON, CSV, Markdown."""

@@ -1,1 +1,0 @@
-"""Figures of tasks and results: one file a figure, each returns a matplotlib Figure."""

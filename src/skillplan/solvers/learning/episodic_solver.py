@@ -1,0 +1,229 @@
+"""What learners by episodes have in common: rates, chunks, and what they record for curves."""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from skillplan.model.skill_model import SkillModel
+from skillplan.model.tabular_mdp import TabularMDP
+from skillplan.solvers.learning.episode_kernels import Environment, Schedule
+from skillplan.solvers.mdp.tabular_solver import TabularOptions, TabularSolver, payments, policy_of
+from skillplan.solvers.solution import Policy, Solution
+
+# Whoever waits for a stop waits for a chunk: about a millisecond on a small task.
+_CHUNK = 1_000
+
+
+class EpisodicOptions(TabularOptions):
+    """What every learner by episodes can be told; the defaults are those of the paper."""
+
+    episodes: int = Field(default=35_000, ge=1, le=100_000_000, description="episodes to run [-]")
+    gamma: float = Field(
+        default=0.999, ge=0.0, le=1.0, description="discount factor of later rewards [-]"
+    )
+    alpha: float = Field(
+        default=0.1, gt=0.0, le=1.0, description="step size of an update, in the first episode [-]"
+    )
+    alpha_end: float | None = Field(
+        default=None,
+        ge=0.0,
+        le=1.0,
+        description="step size in the last episode, approached linearly; null for alpha [-]",
+    )
+    epsilon: float = Field(
+        default=0.1,
+        ge=0.0,
+        le=1.0,
+        description="probability of a random action, in the first episode [-]",
+    )
+    epsilon_end: float | None = Field(
+        default=None,
+        ge=0.0,
+        le=1.0,
+        description="that probability in the last episode, approached linearly; null for "
+        "epsilon [-]",
+    )
+    max_steps: int = Field(
+        default=1_000, ge=1, le=1_000_000, description="steps after which an episode is cut off [-]"
+    )
+    objective: Literal["reward", "cost"] = Field(
+        default="reward",
+        description="learn from the task's rewards; or from minus its costs and a bonus at the "
+        "goal, as also where it has no rewards [-]",
+    )
+    record: int = Field(
+        default=0,
+        ge=0,
+        le=10_000,
+        description="points of the learning curves to keep in the trace, evenly spaced [-]",
+    )
+    watch: str = Field(
+        default="",
+        description="facts, separated by commas; the values of all skills are recorded in the "
+        "states in which one of them holds [-]",
+    )
+
+
+class FallingStepOptions(EpisodicOptions):
+    """Rates of learners whose step size is large at first and falls."""
+
+    alpha: float = Field(
+        default=0.5, gt=0.0, le=1.0, description="step size of an update, in the first episode [-]"
+    )
+    alpha_end: float | None = Field(
+        default=0.1,
+        ge=0.0,
+        le=1.0,
+        description="step size in the last episode, approached linearly; null for alpha [-]",
+    )
+
+
+class EpisodicSolver(TabularSolver):
+    """Learns the value of every row from random episodes, which begin in any state."""
+
+    Options = EpisodicOptions
+    options: EpisodicOptions
+
+    @abstractmethod
+    def run_episodes(
+        self,
+        env: Environment,
+        schedule: Schedule,
+        begun: int,
+        q: NDArray[np.float64],
+        stream: NDArray[np.uint64],
+        lengths: NDArray[np.int64],
+    ) -> None:
+        """Run as many episodes as `lengths` has places; see `episode_kernels.td_episodes`."""
+
+    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
+        """Learn, and return the greedy policy for all states."""
+        mdp = self.mdp(model)
+        env = self._environment(model, mdp)
+        if not len(env.starts):
+            return Solution(Policy({}), trace=self.figures(mdp, 0, 0.0))
+        schedule = self._schedule()
+        q = np.zeros(len(mdp.actions))
+        stream = np.array([seed % 2**64], dtype=np.uint64)
+        lengths = np.zeros(self.options.episodes, dtype=np.int64)
+        record = _Record(model, mdp, self.options)
+        # No episode is run, but what is not compiled yet is compiled now.
+        self.run_episodes(env, schedule, 0, q, stream, lengths[:0])
+        done, learning_s = 0, 0.0
+        while done < len(lengths) and not self.stop():
+            record.at(done, q)
+            end = min(done + _CHUNK, len(lengths), record.next_after(done))
+            begin_s = time.perf_counter()
+            self.run_episodes(env, schedule, done, q, stream, lengths[done:end])
+            learning_s += time.perf_counter() - begin_s
+            done = end
+        record.at(done, q)
+        trace = {**self.figures(mdp, done, learning_s), **record.trace(lengths)}
+        trace["steps"] = int(lengths.sum())
+        return Solution(policy_of(model, mdp, greedy_rows(mdp, q)), trace=trace)
+
+    def _environment(self, model: SkillModel, mdp: TabularMDP) -> Environment:
+        choices = np.diff(mdp.rows)
+        paid = payments(model, mdp, self.options.objective)
+        return Environment(
+            mdp.rows,
+            mdp.outcomes,
+            mdp.successors,
+            mdp.probabilities,
+            paid.rewards,
+            choices == 0,
+            np.where(mdp.goal, 0.0, paid.stuck),
+            np.flatnonzero(choices),
+        )
+
+    def _schedule(self) -> Schedule:
+        options = self.options
+        last = max(1, options.episodes - 1)
+        alpha_end = options.alpha if options.alpha_end is None else options.alpha_end
+        epsilon_end = options.epsilon if options.epsilon_end is None else options.epsilon_end
+        return Schedule(
+            options.alpha,
+            (alpha_end - options.alpha) / last,
+            options.epsilon,
+            (epsilon_end - options.epsilon) / last,
+            options.gamma,
+            options.max_steps,
+        )
+
+
+def greedy_rows(mdp: TabularMDP, q: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the row of the largest value in every state; of equals the first, -1 for none.
+
+    Parameters
+    ----------
+    mdp
+        The n states and m rows.
+    q
+        Value of every row, shape (m,).
+    """
+    chosen = np.full(len(mdp.states), -1, dtype=np.int64)
+    choices = np.diff(mdp.rows)
+    states = np.flatnonzero(choices)
+    if len(states):
+        most = np.repeat(np.maximum.reduceat(q, mdp.rows[states]), choices[states])
+        rows = np.flatnonzero(q == most)
+        owners = np.repeat(states, choices[states])[rows]
+        chosen[owners[::-1]] = rows[::-1]  # of several the first is written last
+    return chosen
+
+
+class _Record:
+    """The curves of one run: steps of the episodes and values in watched states."""
+
+    def __init__(self, model: SkillModel, mdp: TabularMDP, options: EpisodicOptions) -> None:
+        points = min(options.record, options.episodes)
+        self._marks = [round(i * options.episodes / points) for i in range(1, points + 1)]
+        self._episodes: list[int] = []
+        facts = [name.strip() for name in options.watch.split(",") if name.strip()]
+        watched = model.task.facts.none
+        # The tasks of another stage of a chain know none of the facts meant.
+        if not model.task.stage or any(fact in model.task.facts for fact in facts):
+            watched = model.task.facts.of(*facts)
+        self._values: dict[str, dict[str, list[float]]] = {}
+        self._rows: list[tuple[list[float], int]] = []
+        if not points:
+            return
+        for i, state in enumerate(mdp.states):
+            if state & watched:
+                curves = self._values[", ".join(state)] = {}
+                for row in range(mdp.rows[i], mdp.rows[i + 1]):
+                    curve = curves[model.task.skills[mdp.actions[row]].name] = []
+                    self._rows.append((curve, row))
+
+    def next_after(self, done: int) -> int:
+        """Return the episode at which the next point is due."""
+        return next((mark for mark in self._marks if mark > done), done + _CHUNK)
+
+    def at(self, done: int, q: NDArray[np.float64]) -> None:
+        """Keep the values, where a point is due after so many episodes."""
+        if done in self._marks and done not in self._episodes:
+            self._episodes.append(done)
+            for curve, row in self._rows:
+                curve.append(float(q[row]))
+
+    def trace(self, lengths: NDArray[np.int64]) -> dict[str, Any]:
+        """Return the curves; the steps are means over the episodes since the point before."""
+        if not self._marks:
+            return {}
+        bounds = [0, *self._episodes]
+        means = [
+            float(lengths[begin:end].mean())
+            for begin, end in zip(bounds, self._episodes, strict=False)
+        ]
+        curves: dict[str, Any] = {
+            "episodes": self._episodes,
+            "steps_per_episode": means,
+            "steps_of_first_episode": int(lengths[0]),
+        }
+        return curves | ({"q_values": self._values} if self._values else {})

@@ -1,0 +1,255 @@
+"""Solvers that learn step by step, several runs side by side, and can be taken up again.
+
+`skillplan train` drives them: it says how far to go, keeps what they hand over, and starts them
+again from there. They neither write files nor grade themselves.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field
+
+from skillplan.env.skill_vector_env import SkillVectorEnv
+from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.learning.network_choice import NetworkChoice, policy_on_its_way
+from skillplan.solvers.learning.network_policy import NetworkPolicy
+from skillplan.solvers.solution import Plan, Solution
+from skillplan.solvers.solver import Solver
+
+# Whoever waits for a stop waits for so many steps.
+_STRIDE_STEPS = 100
+
+End = Literal["complete", "infeasible", "out-of-time"]
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """An episode of training that has come to its end.
+
+    Parameters
+    ----------
+    run
+        Index of the run among those side by side.
+    step
+        Environment steps that the run had done when it ended, >= 1.
+    end
+        How: the goal was reached, a skill could not be executed, or the step limit was reached.
+    actions
+        Actions taken, in order, the one that failed included.
+    cost
+        Sum of the costs of the skills executed, in the task's metric.
+    reward
+        Sum of the environment's rewards.
+    greedy
+        Whether the policy was followed throughout, without any exploration.
+    """
+
+    run: int
+    step: int
+    end: End
+    actions: tuple[int, ...]
+    cost: float
+    reward: float
+    greedy: bool
+
+    @property
+    def success(self) -> bool:
+        """Whether the task was completed."""
+        return self.end == "complete"
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """All that a training needs to go on as if it had never been interrupted.
+
+    Parameters
+    ----------
+    arrays
+        Weights, moments of optimisers, replay memories, by name.
+    notes
+        The rest: states of random number generators, counts; JSON values only.
+    """
+
+    arrays: Mapping[str, NDArray[Any]]
+    notes: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Learned:
+    """The policy of a run.
+
+    Parameters
+    ----------
+    best
+        Of all policies that were followed without exploration during training the one that
+        completed the task at least cost; None where none did.
+    last
+        As it is now.
+    best_cost
+        What the best one cost; None without one.
+    best_step
+        After how many environment steps it was kept.
+    """
+
+    last: NetworkPolicy
+    best: NetworkPolicy | None = None
+    best_cost: float | None = None
+    best_step: int | None = None
+
+    @property
+    def policy(self) -> NetworkPolicy:
+        """The policy that the run stands for: the best one, or else the last."""
+        return self.last if self.best is None else self.best
+
+
+class Training(ABC):
+    """Several runs under way, one for every place of the environment; equal lengths.
+
+    A run neither sees nor depends on those beside it: the same seed gives the same figures
+    alone and among others.
+
+    Attributes
+    ----------
+    steps
+        Environment steps done so far, in every run.
+    failed
+        Why a run cannot go on, by its index: numbers that are not finite, for example. Its
+        episodes end there; the others go on.
+    """
+
+    steps: int
+    failed: dict[int, str]
+
+    @abstractmethod
+    def advance(self, steps: int) -> list[Episode]:
+        """Do so many environment steps in every run; return the episodes that ended, in order."""
+
+    @abstractmethod
+    def figures(self) -> list[dict[str, float]]:
+        """Return what is worth a curve for every run, such as ``loss``; since the last call."""
+
+    @abstractmethod
+    def learned(self, run: int) -> Learned:
+        """Return what a run has learned so far."""
+
+    @abstractmethod
+    def snapshot(self) -> Snapshot:
+        """Return all that is needed to go on from here, the environment included."""
+
+    @abstractmethod
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from a snapshot of a training of the same solver, options, seeds and steps.
+
+        Raises
+        ------
+        ValueError
+            If it is none.
+        """
+
+
+class LearnerOptions(BaseModel):
+    """What every learner can be told beside its own options."""
+
+    steps: int = Field(
+        default=20_000,
+        ge=1,
+        le=1_000_000_000,
+        description="environment steps of a run; `train --steps` goes before it [-]",
+    )
+    observation: Literal["paper", "markov", "layout"] = Field(
+        default="markov",
+        description="what is observed: paper, the bits that the task file lists; markov, also "
+        "where the arm stands, on which costs depend; layout, also what every action would "
+        "cost [-]",
+    )
+    mask: Literal["none", "applicable", "feasible"] = Field(
+        default="applicable",
+        description="what a choice is limited to: nothing; skills whose preconditions hold; "
+        "skills that back ends allow, which are asked about all of them [-]",
+    )
+    objective: Literal["reward", "cost"] = Field(
+        default="reward",
+        description="what the environment pays: the task's rewards, or minus its costs and what "
+        "the rewards say of failures [-]",
+    )
+
+
+class Learner(Solver):
+    """A solver that trains network policies."""
+
+    Options: ClassVar[type[BaseModel]] = LearnerOptions
+    options: LearnerOptions
+
+    @abstractmethod
+    def begin(self, env: SkillVectorEnv, seeds: Sequence[int], steps: int) -> Training:
+        """Return a training that is yet to do its first step.
+
+        Parameters
+        ----------
+        env
+            A place for every run; the training resets it.
+        seeds
+            One for every run; each governs all randomness of its run.
+        steps
+            How many steps every run will do in all: schedules are laid out over them.
+        """
+
+    def resume(
+        self, env: SkillVectorEnv, seeds: Sequence[int], steps: int, snapshot: Snapshot
+    ) -> Training:
+        """Return a training that goes on from a snapshot, bit for bit.
+
+        Parameters
+        ----------
+        env, seeds, steps
+            As for `begin`, and the same as then.
+        snapshot
+            What `Training.snapshot` returned.
+
+        Raises
+        ------
+        ValueError
+            If the snapshot is none of this solver with these options.
+        """
+        training = self.begin(env, seeds, steps)
+        training.restore(snapshot)
+        return training
+
+    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
+        """Train one run and return what its policy does wherever it comes to."""
+        options = self.options
+        env = SkillVectorEnv(
+            model,
+            1,
+            observation=options.observation,
+            mask=options.mask,
+            objective=options.objective,
+        )
+        training = self.begin(env, [seed], options.steps)
+        episodes = completed = 0
+        best: float | None = None
+        while training.steps < options.steps and not training.failed and not self.stop():
+            for episode in training.advance(min(_STRIDE_STEPS, options.steps - training.steps)):
+                episodes += 1
+                completed += episode.success
+                if episode.success and model.task.deterministic:
+                    names = tuple(model.task.skills[action].name for action in episode.actions)
+                    self.stop.incumbent(Plan(names, episode.cost))
+                if episode.success and (best is None or episode.cost < best):
+                    best = episode.cost
+        trace: dict[str, Any] = {
+            "steps": training.steps,
+            "iterations": training.steps,
+            "episodes_done": episodes,
+            "completed": completed,
+            "best_cost_seen": best,
+        }
+        if training.failed:
+            return Solution(trace={**trace, "reason": training.failed[0]})
+        choose = NetworkChoice(training.learned(0).policy, model, options.observation, options.mask)
+        return Solution(policy_on_its_way(model, choose), trace=trace)

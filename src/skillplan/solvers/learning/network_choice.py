@@ -1,0 +1,85 @@
+"""What a network does in a state of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.env.action_mask import allowed_actions
+from skillplan.env.observation import Observation
+from skillplan.env.presentation import MaskKind, checked_name
+from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.learning.network_policy import NetworkPolicy
+from skillplan.solvers.solution import Policy
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+
+# A policy that reaches more states than this is followed no further.
+_MOST_STATES = 20_000
+
+
+class NetworkChoice:
+    """The greedy policy of a network, state by state.
+
+    Parameters
+    ----------
+    network
+        Of as many inputs as are observed, and as many actions as there are skills.
+    model
+        Asked where the mask needs it.
+    observation
+        What is observed; ``paper``, ``markov`` or ``layout``.
+    mask
+        What a choice is limited to; ``none``, ``applicable`` or ``feasible``.
+
+    Raises
+    ------
+    OptionError
+        If a name is unknown.
+    """
+
+    def __init__(
+        self, network: NetworkPolicy, model: SkillModel, observation: str, mask: str
+    ) -> None:
+        self._network, self._model = network, model
+        self._mask: MaskKind = checked_name("mask", mask, MaskKind)
+        self._observation = Observation.of(model.task, observation)
+
+    def __call__(self, state: State) -> Skill:
+        """Return the skill that is taken in a state."""
+        masks = None if self._mask == "none" else self._allowed(state)[None]
+        action = self._network.greedy(self._observation.encode(state)[None], masks)[0]
+        return self._model.task.skills[int(action)]
+
+    def _allowed(self, state: State) -> NDArray[np.bool_]:
+        model, skills = self._model, self._model.task.skills
+        mask = np.zeros(len(skills), dtype=np.bool_)
+
+        def feasible(action: int) -> bool:
+            # Asked about all at once, and kept by the model.
+            return any(arrow.skill is skills[action] for arrow in model.transitions(state))
+
+        mask[list(allowed_actions(model, state, self._mask, feasible))] = True
+        return mask
+
+
+def policy_on_its_way(model: SkillModel, choose: Callable[[State], Skill]) -> Policy:
+    """Return what a policy does in every state that it may come to from the initial one.
+
+    It is followed no longer than the step limit; a skill that is not feasible is left out.
+    """
+    choices: dict[State, Skill] = {}
+    level = [model.initial]
+    for _ in range(model.step_limit):
+        following: dict[State, None] = {}
+        for state in level:
+            if state in choices or model.is_goal(state) or len(choices) >= _MOST_STATES:
+                continue
+            skill = choose(state)
+            if skill.applicable(state) and model.verdict(state, skill).is_feasible:
+                choices[state] = skill
+                following.update((one.apply(state), None) for one in skill.outcomes_in(state))
+        level = list(following)
+    return Policy(choices)

@@ -1,0 +1,1 @@
+"""Dynamic programming on the arrays of a model; it never samples."""

@@ -1,0 +1,345 @@
+"""What policy iteration and value iteration have in common: objectives, ties and claims."""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from skillplan.model.skill_model import SkillModel
+from skillplan.model.tabular_mdp import TabularMDP
+from skillplan.solvers.mdp.bellman_backup import Choices, proper_policy, sweep, tight_rows
+from skillplan.solvers.mdp.finite_horizon import plan_within
+from skillplan.solvers.mdp.tabular_solver import TabularOptions, TabularSolver, payments, policy_of
+from skillplan.solvers.solution import Plan, Solution
+
+# Values that differ by less, as a fraction of the largest, are taken as equal.
+_TIE = 1e-12
+_CONVERGED = 1e-14
+_MOST_SWEEPS = 1_000_000
+# A policy on so many states is evaluated by a dense linear system, in a second at most.
+_MOST_EQUATIONS = 2_000
+
+
+class BellmanOptions(TabularOptions):
+    """What is optimised."""
+
+    objective: Literal["cost", "reward"] = Field(
+        default="cost",
+        description="the least expected cost until the goal, undiscounted, then the least time; "
+        "or the largest discounted reward [-]",
+    )
+    gamma: float = Field(
+        default=0.999,
+        ge=0.0,
+        lt=1.0,
+        description="discount factor of later rewards; costs are never discounted [-]",
+    )
+
+
+@dataclass(frozen=True)
+class Minimisation:
+    """One criterion to be minimised.
+
+    Parameters
+    ----------
+    choices
+        Of n states and m rows.
+    allowed
+        Rows that may be taken, shape (m,).
+    weights
+        Expected weight of each row, shape (m,).
+    gamma
+        Discount factor; 1 for none.
+    start
+        A policy to start from, -1 where there is none, shape (n,); proper if nothing is
+        discounted.
+    order
+        The states to find values for; those nearest to the goal first, where that is known.
+    values
+        Fixed values of the other states, shape (n,).
+    deterministic
+        Whether all rows have one outcome.
+    """
+
+    choices: Choices
+    allowed: NDArray[np.bool_]
+    weights: NDArray[np.float64]
+    gamma: float
+    start: NDArray[np.int64]
+    order: NDArray[np.int64]
+    values: NDArray[np.float64]
+    deterministic: bool
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """What came of it.
+
+    Parameters
+    ----------
+    values
+        Of every state, shape (n,).
+    chosen
+        Row of every state, -1 for none, shape (n,).
+    iterations
+        Sweeps, or rounds of improvement, for the first criterion.
+    finished
+        Whether it is the optimum; false if the solver was told to stop before.
+    """
+
+    values: NDArray[np.float64]
+    chosen: NDArray[np.int64]
+    iterations: int
+    finished: bool
+
+
+class BellmanSolver(TabularSolver):
+    """Solves Bellman's equations and claims what follows from them."""
+
+    Options = BellmanOptions
+    options: BellmanOptions
+
+    @abstractmethod
+    def minimise(self, task: Minimisation) -> Optimum:
+        """Return the least values and a policy that has them, proper if nothing is discounted."""
+
+    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
+        """Return the optimal policy for all states, and for costs the proof."""
+        mdp = self.mdp(model)
+        self._optimum(model, _rehearsal(mdp))
+        begin_s = time.perf_counter()
+        optimum = self._optimum(model, mdp)
+        trace = self.figures(mdp, optimum.iterations, time.perf_counter() - begin_s)
+        if self.options.objective == "reward":
+            return Solution(policy_of(model, mdp, optimum.chosen), trace=trace)
+        trace["bound_method"] = "Bellman's equations over all states"
+        return self._claim(model, mdp, optimum, trace)
+
+    def _optimum(self, model: SkillModel, mdp: TabularMDP) -> Optimum:
+        if self.options.objective == "cost":
+            return self.least_cost(mdp)
+        return self._most_reward(model, mdp)
+
+    def least_cost(self, mdp: TabularMDP) -> Optimum:
+        """Return the least expected costs and a proper policy that has them.
+
+        Of such policies one with the least expected time, and of these the lowest actions.
+        """
+        choices = Choices.of(mdp)
+        deterministic = len(mdp.successors) == len(mdp.actions)
+        every = np.ones(len(mdp.actions), dtype=np.bool_)
+        chosen, order, allowed = proper_policy(choices, every, mdp.goal)
+        free = np.where(mdp.goal, 0.0, np.inf)
+        costs = free
+        iterations = 0
+        for weights in (mdp.costs, mdp.durations_s):
+            found = self.minimise(
+                Minimisation(
+                    choices, allowed, weights, 1.0, chosen, order, free.copy(), deterministic
+                )
+            )
+            if weights is mdp.costs:
+                costs, iterations = found.values, found.iterations
+            if not found.finished:
+                return Optimum(costs, found.chosen, iterations, weights is not mdp.costs)
+            margin = _margin(found.values)
+            allowed = tight_rows(choices, allowed, weights, 1.0, found.values, margin)
+            chosen = proper_policy(choices, allowed, mdp.goal)[0]
+        lowest = first_allowed(mdp.rows, allowed)
+        only = np.zeros(len(mdp.actions), dtype=np.bool_)
+        only[lowest[lowest >= 0]] = True
+        if ((proper_policy(choices, only, mdp.goal)[0] >= 0) == (chosen >= 0)).all():
+            chosen = lowest
+        return Optimum(costs, chosen, iterations, True)
+
+    def _most_reward(self, model: SkillModel, mdp: TabularMDP) -> Optimum:
+        choices, gamma = Choices.of(mdp), self.options.gamma
+        paid = payments(model, mdp, "reward")
+        weights = -mdp.probabilities * paid.rewards
+        if len(weights):
+            weights = np.add.reduceat(weights, mdp.outcomes[:-1])
+        every = np.ones(len(mdp.actions), dtype=np.bool_)
+        start = first_allowed(mdp.rows, every)
+        order = np.flatnonzero(start >= 0)
+        values = np.where(mdp.goal | (start >= 0), 0.0, -paid.stuck)
+        deterministic = len(mdp.successors) == len(mdp.actions)
+        found = self.minimise(
+            Minimisation(choices, every, weights, gamma, start, order, values, deterministic)
+        )
+        if not found.finished:
+            return found
+        margin = _margin(found.values)
+        tight = tight_rows(choices, every, weights, gamma, found.values, margin)
+        return Optimum(found.values, first_allowed(mdp.rows, tight), found.iterations, True)
+
+    def _claim(
+        self, model: SkillModel, mdp: TabularMDP, optimum: Optimum, trace: dict[str, Any]
+    ) -> Solution:
+        policy = policy_of(model, mdp, optimum.chosen)
+        if not optimum.finished:
+            return Solution(policy, trace=trace)
+        cost = float(optimum.values[0])
+        if len(mdp.successors) != len(mdp.actions):
+            if np.isinf(cost):
+                reason = "no policy reaches the goal with certainty"
+                return Solution(trace={**trace, "reason": reason})
+            return Solution(policy, cost, proved=True, trace=trace)
+        if np.isinf(cost):
+            return Solution(proved=True, trace=trace)
+        self.stop.bound(cost)
+        rows = _plan_rows(mdp, optimum.chosen)
+        if len(rows) <= model.step_limit:
+            self.stop.incumbent(_plan(model, mdp, rows))
+            return Solution(policy, cost, proved=True, trace=trace)
+        short, complete = plan_within(mdp, model.step_limit, self.stop)
+        if short is None:
+            trace["reason"] = (
+                f"the cheapest way takes {len(rows)} skills, the limit is {model.step_limit}"
+            )
+            return Solution(None, cost, proved=complete, trace=trace)
+        plan = _plan(model, mdp, short)
+        return Solution(plan, plan.cost, proved=True, trace=trace)
+
+    def converge(
+        self,
+        task: Minimisation,
+        values: NDArray[np.float64],
+        allowed: NDArray[np.bool_] | None = None,
+    ) -> tuple[int, bool]:
+        """Sweep until no value changes any more.
+
+        Parameters
+        ----------
+        task
+            What is minimised.
+        values
+            Where to begin; changed.
+        allowed
+            Rows instead of the task's.
+
+        Returns
+        -------
+        tuple
+            Number of sweeps, and whether values have converged; false if told to stop before.
+        """
+        allowed = task.allowed if allowed is None else allowed
+        for sweeps in range(1, _MOST_SWEEPS + 1):
+            change = sweep(task.choices, allowed, task.weights, task.gamma, values, task.order)
+            if not change or change <= _CONVERGED * max(1.0, np.abs(values[task.order]).max()):
+                return sweeps, True
+            if self.stop():
+                return sweeps, False
+        self.stop.end(f"limit of {_MOST_SWEEPS:,} sweeps")
+        return _MOST_SWEEPS, False
+
+    def evaluate(
+        self, task: Minimisation, chosen: NDArray[np.int64], values: NDArray[np.float64]
+    ) -> tuple[int, bool]:
+        """Set the values of a policy: by its linear equations, or by sweeps where they are many.
+
+        Parameters
+        ----------
+        task
+            What is minimised.
+        chosen
+            Row of every state, proper if nothing is discounted, shape (n,).
+        values
+            Of the other states where they are fixed, shape (n,); changed.
+
+        Returns
+        -------
+        tuple
+            Number of sweeps, and whether the values are those of the policy.
+        """
+        if len(task.order) <= _MOST_EQUATIONS:
+            values[task.order] = _solved(task, chosen[task.order], values)
+            return 1, True
+        values[task.order] = 0.0
+        own = np.zeros(len(task.allowed), dtype=np.bool_)
+        own[chosen[task.order]] = True
+        return self.converge(task, values, own)
+
+
+def _solved(
+    task: Minimisation, rows: NDArray[np.int64], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the values of the states of a task under a policy that takes some rows."""
+    choices, order = task.choices, task.order
+    n = len(order)
+    place = np.full(len(values), -1)
+    place[order] = np.arange(n)
+    counts = choices.outcomes[rows + 1] - choices.outcomes[rows]
+    owners = np.repeat(np.arange(n), counts)
+    first = np.repeat(choices.outcomes[rows] - np.cumsum(counts) + counts, counts)
+    outcomes = first + np.arange(len(owners))
+    following = choices.successors[outcomes]
+    shares = task.gamma * choices.probabilities[outcomes]
+    inside = place[following] >= 0
+    matrix = np.eye(n)
+    np.subtract.at(matrix, (owners[inside], place[following[inside]]), shares[inside])
+    known = task.weights[rows].astype(np.float64)
+    np.add.at(known, owners[~inside], shares[~inside] * values[following[~inside]])
+    return np.linalg.solve(matrix, known).astype(np.float64)
+
+
+def first_allowed(rows: NDArray[np.int64], allowed: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the first allowed row of every state, -1 where there is none.
+
+    Parameters
+    ----------
+    rows
+        Offsets of the rows of n states, shape (n + 1,).
+    allowed
+        Shape (m,).
+    """
+    candidates = np.append(np.flatnonzero(allowed), len(allowed))
+    first = candidates[np.searchsorted(candidates, rows[:-1])]
+    return np.where(first < rows[1:], first, -1)
+
+
+def _margin(values: NDArray[np.float64]) -> float:
+    finite = values[np.isfinite(values)]
+    return _TIE * max(1.0, float(np.abs(finite).max(initial=0.0)))
+
+
+def _plan_rows(mdp: TabularMDP, chosen: NDArray[np.int64]) -> list[int]:
+    """Return the rows that a policy takes from state 0 to a goal; each has one outcome."""
+    rows, state = [], 0
+    while not mdp.goal[state]:
+        rows.append(int(chosen[state]))
+        state = int(mdp.successors[rows[-1]])
+    return rows
+
+
+def _plan(model: SkillModel, mdp: TabularMDP, rows: list[int]) -> Plan:
+    names = tuple(model.task.skills[mdp.actions[row]].name for row in rows)
+    return Plan(names, float(sum(mdp.costs[row] for row in rows)))
+
+
+def _rehearsal(mdp: TabularMDP) -> TabularMDP:
+    """Return a model of two states, on which kernels are compiled before time is taken.
+
+    It has chance, and costs that differ, where the other one has, so that all that is compiled
+    is needed.
+    """
+    chance = len(mdp.successors) != len(mdp.actions)
+    differ = len(mdp.costs) > 0 and bool((mdp.costs != mdp.costs[0]).any())
+    outcomes = 2 if chance else 1
+    return TabularMDP(
+        states=(mdp.states[0], mdp.states[0]),
+        goal=np.array([False, True]),
+        rows=np.array([0, 2, 2]),
+        actions=np.array([0, 0]),
+        costs=np.array([1.0, 2.0 if differ else 1.0]),
+        durations_s=np.ones(2),
+        outcomes=np.array([0, outcomes, 2 * outcomes]),
+        successors=np.array([1, 0, 1, 0] if chance else [1, 1]),
+        probabilities=np.full(2 * outcomes, 1.0 / outcomes),
+        rewards=np.zeros(2 * outcomes),
+    )

@@ -1,0 +1,60 @@
+"""Policy iteration: evaluate the policy, improve it wherever that pays, until nowhere.
+
+Howard, "Dynamic Programming and Markov Processes" (1960); the paper's baseline (Veeramani and
+Muthuswamy, Table 3).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skillplan.solvers.mdp.bellman_backup import evaluate_deterministic, improve
+from skillplan.solvers.mdp.bellman_solver import (
+    BellmanOptions,
+    BellmanSolver,
+    Minimisation,
+    Optimum,
+    first_allowed,
+)
+
+# What an improvement must be worth, as a fraction of the largest value.
+_WORTH = 1e-13
+
+
+class PolicyIterationSolver(BellmanSolver):
+    """Improve a policy for all states until it is optimal; proves what it costs."""
+
+    name = "policy-iteration"
+
+    class Options(BellmanOptions):
+        """What is optimised."""
+
+    def minimise(self, task: Minimisation) -> Optimum:
+        """Improve the policy to start from.
+
+        Without chance any policy will do, and the first action of every state is as good as
+        another: where it leads round in circles it is worth nothing, and improves. Under chance
+        that could last for ever, as two states may have to be improved at once; a proper policy
+        stays proper.
+        """
+        chosen = task.start.copy()
+        values = task.values.copy()
+        if task.deterministic:
+            chosen[task.order] = first_allowed(task.choices.rows, task.allowed)[task.order]
+        rounds = 0
+        while True:
+            rounds += 1
+            if task.deterministic:
+                evaluate_deterministic(task.choices, chosen, task.weights, task.gamma, values)
+            else:
+                if not self.evaluate(task, chosen, values)[1]:
+                    return Optimum(values, chosen, rounds, False)
+            finite = values[np.isfinite(values)]
+            margin = _WORTH * max(1.0, float(np.abs(finite).max(initial=0.0)))
+            switched = improve(
+                task.choices, task.allowed, task.weights, task.gamma, values, chosen, margin
+            )
+            if not switched:
+                return Optimum(values, chosen, rounds, True)
+            if self.stop():
+                return Optimum(values, chosen, rounds, False)

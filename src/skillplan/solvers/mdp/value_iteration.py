@@ -1,0 +1,55 @@
+"""Value iteration: sweep over Bellman's equations until no value changes.
+
+Bellman, "Dynamic Programming" (1957). Where nothing is left to chance, costs need no more than
+one sweep if the states are settled in the order of what they cost; that is what `label_setting`
+does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from skillplan.model.tabular_mdp import TabularMDP
+from skillplan.solvers.mdp.bellman_backup import improve
+from skillplan.solvers.mdp.bellman_solver import (
+    BellmanOptions,
+    BellmanSolver,
+    Minimisation,
+    Optimum,
+)
+from skillplan.solvers.mdp.label_setting import costs_to_go
+
+
+class ValueIterationSolver(BellmanSolver):
+    """Sweep over the values of all states until they are optimal; proves what they are."""
+
+    name = "value-iteration"
+
+    class Options(BellmanOptions):
+        """What is optimised."""
+
+    def least_cost(self, mdp: TabularMDP) -> Optimum:
+        """Settle every state once, in the order of its cost, where nothing is left to chance."""
+        if len(mdp.successors) != len(mdp.actions):
+            return super().least_cost(mdp)
+        found = costs_to_go(mdp.rows, mdp.successors, mdp.goal, mdp.costs, mdp.durations_s)
+        return Optimum(found.costs, found.chosen.astype(np.int64), 1, True)
+
+    def minimise(self, task: Minimisation) -> Optimum:
+        """Sweep, from the values of the policy to start from where nothing is discounted.
+
+        From above the values come down to those of the best proper policy, also where a circle
+        costs nothing; from below they could come to rest on the circle (Bertsekas and Yu,
+        "Stochastic shortest path problems under weak conditions", 2016).
+        """
+        values = task.values.copy()
+        values[task.order] = 0.0
+        chosen = task.start.copy()
+        sweeps, converged = 0, True
+        if task.gamma == 1.0:
+            sweeps, converged = self.evaluate(task, chosen, values)
+        if converged:
+            more, converged = self.converge(task, values)
+            sweeps += more
+        improve(task.choices, task.allowed, task.weights, task.gamma, values, chosen, 0.0)
+        return Optimum(values, chosen, sweeps, converged)

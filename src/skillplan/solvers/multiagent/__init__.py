@@ -1,0 +1,1 @@
+"""Plans for several agents that share ground; it never knows what the agents are."""

@@ -1,0 +1,1 @@
+"""Local search on orders; it never claims a bound."""

@@ -1,0 +1,128 @@
+"""Annealings of orders in turn, each of another temper, in portions that can be stopped between."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from skillplan.solvers.ordering.instance import NO_ARC, Integers, OrderingInstance
+from skillplan.solvers.ordering.local_search.ruin_and_recreate import improve
+
+_NEAR = 40
+# Of the annealings in turn: the first heat as a share of the cost per node, and the share of
+# moves that shift a string as it is; and how far the heat falls.
+_TEMPERS = ((1.0, 0.5), (2.0, 0.9), (1.0, 0.9), (2.0, 0.3), (0.5, 0.6))
+_COOLS = 300.0
+# The same, and the share of moves that exchange arcs, where strings may well be turned round:
+# costs of the two directions differ by at most this share of them, and of all pairs of nodes at
+# most this share is in a precedence.
+_TURNING_COOLS, _TURNING_EXCHANGES = 60.0, 0.75
+_SKEW, _ORDERED = 0.2, 0.25
+# So many moves more an exchange of arcs counts for.
+_EXCHANGE_MOVES = 2
+# Moves times nodes of a portion of it: some tenths of a second.
+_PORTION = 10_000_000
+
+
+def cheapest_first(instance: OrderingInstance) -> Integers:
+    """Return an order that goes to the cheapest open node that leaves a way on."""
+    n = instance.n
+    lacking = instance.before.sum(axis=0) - instance.before[0]
+    order, done = [0], np.zeros(n, dtype=np.bool_)
+    done[0] = True
+    while len(order) < n:
+        free = np.nonzero(~done & (lacking == 0))[0]
+        chosen = int(free[np.argmin(instance.costs[order[-1], free])])
+        done[chosen] = True
+        order.append(chosen)
+        lacking = lacking - instance.before[chosen]
+    return np.array(order)
+
+
+def nearest(instance: OrderingInstance) -> Integers:
+    """Return the nearest nodes of each, in either direction."""
+    both = np.minimum(instance.costs, instance.costs.T)
+    near = np.argsort(both, axis=1, kind="stable")[:, : min(_NEAR, instance.n - 1)]
+    return np.ascontiguousarray(near)
+
+
+def followers(instance: OrderingInstance) -> Integers:
+    """Return the inner nodes that come right after each by precedence, filled up with -1."""
+    inner = instance.before.copy()
+    inner[0] = inner[:, -1] = False
+    count = inner.astype(np.float32)
+    direct = inner & ~(count @ count > 0.5)
+    follow = np.full((instance.n, int(direct.sum(axis=1).max()) + 1), -1)
+    for node, after in enumerate(direct):
+        follow[node, : after.sum()] = np.nonzero(after)[0]
+    return follow
+
+
+def _turnable(instance: OrderingInstance) -> bool:
+    """Whether turning strings round changes costs little and is seldom forbidden."""
+    costs, inner = instance.costs, instance.before[1:-1, 1:-1]
+    both = (costs < NO_ARC) & (costs.T < NO_ARC)
+    skew = np.abs(costs - costs.T)[both].sum()
+    return bool(skew <= _SKEW * costs[both].sum() and 2 * inner.sum() <= _ORDERED * inner.size)
+
+
+class Annealing:
+    """Local search on one instance; goes on with the same random numbers from call to call.
+
+    Parameters
+    ----------
+    instance
+        The ordering.
+    seed
+        Governs all randomness.
+    """
+
+    def __init__(self, instance: OrderingInstance, seed: int) -> None:
+        self._instance = instance
+        self._random = np.array([0x9E3779B97F4A7C15 ^ (seed * 2 + 1)], dtype=np.uint64)
+        self._near = nearest(instance)
+        self._follow = followers(instance)
+        used = instance.costs[instance.costs < NO_ARC]
+        self._typical = float(used.mean()) if used.size else 1.0
+        turnable = _turnable(instance)
+        self._exchanges = _TURNING_EXCHANGES if turnable else 0.0
+        self._cools = _TURNING_COOLS if turnable else _COOLS
+        self._turn = 0
+
+    def portions(self, order: Integers, cost: float, moves: int) -> Iterator[tuple[Integers, int]]:
+        """Improve an order, hot at first; yield the best so far and the moves of each portion.
+
+        Parameters
+        ----------
+        order
+            Where to begin.
+        cost
+            What it costs; inf for an order that takes arcs that no order takes.
+        moves
+            How many in all; fewer where some exchange arcs, which takes longer.
+        """
+        n = self._instance.n
+        moves = int(moves / (1 + _EXCHANGE_MOVES * self._exchanges))
+        share, shifts = _TEMPERS[self._turn % len(_TEMPERS)]
+        self._turn += 1
+        heat = share * max(1e-9, min(cost, n * self._typical) / n)
+        count = max(8, moves * n // _PORTION)
+        now, best = order.copy(), order.copy()
+        for portion in range(count):
+            hot = heat * self._cools ** (-portion / count)
+            improve(
+                now,
+                best,
+                self._instance.costs,
+                self._instance.before,
+                self._near,
+                self._follow,
+                moves // count,
+                hot,
+                hot * self._cools ** (-1 / count),
+                self._exchanges,
+                shifts,
+                self._random,
+            )
+            yield best, moves // count

@@ -1,0 +1,349 @@
+"""One search made of several methods, none of which is best everywhere.
+
+Local search for orders; a linear relaxation with cuts for a bound and for arcs that need not be
+looked at; then in turns, each time with more effort, dynamic programming over feasible subsets
+from both ends, a beam over the same subsets, and branch and cut. What one finds helps the others.
+All effort is counted, not timed, so that the same seed makes the same moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+
+from skillplan.solvers.ordering.incumbents import Effort, News
+from skillplan.solvers.ordering.instance import NO_ARC, Integers, OrderingInstance
+from skillplan.solvers.ordering.local_search.annealing import Annealing, cheapest_first
+from skillplan.solvers.ordering.relaxation.branch_and_cut import BranchAndCut
+from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
+from skillplan.solvers.ordering.relaxation.cut_rounds import tighten
+from skillplan.solvers.ordering.relaxation.pair_program import open_pairs
+from skillplan.solvers.ordering.relaxation.pair_relaxation import PairRelaxation
+from skillplan.solvers.ordering.relaxation.reduced_costs import Duals
+from skillplan.solvers.ordering.subsets.subset_search import beam
+from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch
+
+Method = Literal["local-search", "subset-dp", "tree-search", "branch-and-cut"]
+METHODS: tuple[Method, ...] = ("local-search", "subset-dp", "tree-search", "branch-and-cut")
+
+# Moves of local search in the first round.
+_MOVES = 1_000_000
+# Work of branch and cut, and of the relaxation over pairs, in the first round.
+_WORK = 40_000_000
+_PAIRS_WORK = 75_000_000
+# Where branch and cut has closed such a share of the gap, pairs are left alone.
+_ENOUGH = 1 / 3
+# States of the dynamic program in the first round.
+_STATES = 1_200_000
+# So many turns pairs have to close such a share of the gap, and more than branch and cut does.
+_TURNS = 2
+_WORTH = 0.2
+# With more pairs of nodes in either order, their relaxation takes too long to be of use.
+_MOST_PAIRS = 4_000
+# Where the dynamic program expects no more than so many times its states, it is worth waiting for.
+_NEAR = 64
+# Of one state beside the words of its set; and of its line in the history of a beam [bytes].
+_STATE_BYTES = 32
+_HISTORY_BYTES = 6
+# So much of the memory that is left may be planned with.
+_MEMORY_SHARE = 0.8
+
+
+class OrderingSearch:
+    """The search on one instance.
+
+    Parameters
+    ----------
+    instance
+        The ordering.
+    methods
+        Those that take part; the relaxation always does.
+    seed
+        Governs all randomness.
+    stop
+        Whether to stop now.
+    on_order, on_bound
+        Called with every better order and bound.
+    memory_bytes
+        Returns how much memory may still be taken, or None for no limit.
+    start
+        An order that is known already.
+    rounds
+        The most rounds; None for as many as it takes.
+    news
+        Returns what became known elsewhere since it was last asked, or None; asked as often as
+        `stop`.
+
+    Attributes
+    ----------
+    order, cost
+        The best order found, None and inf while there is none.
+    bound
+        No order costs less; inf where there is no order at all.
+    ended
+        Why the search gave up by itself; empty while it did not.
+    """
+
+    def __init__(
+        self,
+        instance: OrderingInstance,
+        methods: tuple[Method, ...] = METHODS,
+        *,
+        seed: int = 0,
+        stop: Callable[[], bool] = lambda: False,
+        on_order: Callable[[Integers, float], None] = lambda order, cost: None,
+        on_bound: Callable[[float, int], None] = lambda bound, nodes: None,
+        memory_bytes: Callable[[], int | None] = lambda: None,
+        start: Integers | None = None,
+        rounds: int | None = None,
+        news: Callable[[], News | None] = lambda: None,
+    ) -> None:
+        self.instance = instance
+        self.methods = methods
+        self.stop = stop
+        self.on_order, self.on_bound = on_order, on_bound
+        self.memory_bytes = memory_bytes
+        self.news = news
+        self.effort = Effort()
+        self.order: Integers | None = None
+        self.cost = np.inf
+        self.bound = 0.0
+        self._annealing = Annealing(instance, seed)
+        # How often in a row annealing has found nothing better.
+        self._barren = 0
+        self.rounds = rounds
+        self.ended = ""
+        self.duals: Duals | None = None
+        self._branched: BranchAndCut | None = None
+        self._pairs: PairRelaxation | None = None
+        self._pairs_turns = 0
+        # What the relaxation proved before anything was branched on.
+        self._rooted = 0.0
+        # The search from both ends, and the duals that it rests on: goes on while they stay.
+        self._ends: TwoEndedSearch | None = None
+        self._searched: Duals | None = None
+        self._states = 0
+        if start is not None:
+            self._keep(start)
+
+    @property
+    def proved(self) -> bool:
+        """Whether no order is cheaper than the best, or there is none."""
+        return self.bound >= self.instance.cutoff(self.cost)
+
+    def run(self) -> None:
+        """Search until the best order is proved, or it was stopped."""
+        self._begin = cheapest_first(self.instance) if self.order is None else self.order
+        self._keep(self._begin)
+        if "local-search" in self.methods:
+            self._anneal(self._moves)
+        if self._over():
+            return
+        relaxation = CutRelaxation(self.instance, self.instance.costs < NO_ARC, self.order)
+        self._relax(relaxation)
+        while not self._over():
+            scale = 1 << self.effort.rounds
+            self.effort.rounds += 1
+            exhausted = True
+            if "local-search" in self.methods:
+                # Twice as long where it gained last time; the others make use of longer turns.
+                longer = scale if len(self.methods) == 1 else min(scale, 2)
+                self._anneal(longer * _MOVES >> min(self._barren, longer - 1))
+                exhausted = False
+            if "tree-search" in self.methods and not self._over():
+                exhausted &= not self._beam(250 * (scale if len(self.methods) > 1 else scale**2))
+            if "subset-dp" in self.methods and not self._over():
+                exhausted &= not self._two_ended(_STATES * scale)
+            if "branch-and-cut" in self.methods and not self._over():
+                exhausted = False
+                self._branched = self._branched or self._branching(relaxation)
+                if not self._subsets_lead():
+                    self._branch(self._branched, _WORK * scale)
+            if self._over_subsets and not self._over():
+                self._relax_pairs(relaxation, _PAIRS_WORK * scale)
+            if exhausted:
+                self.ended = "memory limit"
+                return
+            if self.effort.rounds == self.rounds:
+                self.ended = f"limit of {self.rounds} rounds"
+                return
+
+    @property
+    def _moves(self) -> int:
+        """How many moves the first annealing makes: some tenths of a second, less for few nodes."""
+        return min(_MOVES // 6, 2_000 * self.instance.n)
+
+    def _over(self) -> bool:
+        """Whether to go no further; what became known elsewhere is taken over first."""
+        told = self.news()
+        if told is not None:
+            if told.order is not None:
+                self._keep(told.order)
+            if told.bound > self.bound:
+                self._raise(told.bound, told.bound_method)
+            if self._branched is not None:
+                self._branched.cost = min(self._branched.cost, self.cost)
+        return self.proved or self.stop()
+
+    def _keep(self, order: Integers) -> None:
+        cost = self.instance.cost(order)
+        if cost < self.cost and self.instance.feasible(order):
+            self.cost, self.order = cost, order.copy()
+            self.on_order(self.order, cost)
+
+    def _raise(self, bound: float, method: str) -> None:
+        """Take note of a bound on every order."""
+        if bound >= self.instance.cutoff(self.cost):
+            bound = self.cost
+        bound = min(self.cost, self.instance.rounded_up(bound))
+        if bound > self.bound:
+            self.bound = bound
+            self.effort.bound_method = method
+        self.on_bound(self.bound, self.effort.nodes)
+
+    def _anneal(self, iterations: int) -> None:
+        """Improve the best order, hot at first; in portions, so that it can be stopped."""
+        # Where there are few orders, seconds of it would be a waste.
+        iterations = min(iterations, (100 << self.effort.rounds) * self.instance.n**3)
+        order = self._begin if self.order is None else self.order
+        known = self.cost
+        self._barren += 1
+        for best, moves in self._annealing.portions(order, self.cost, iterations):
+            self.effort.nodes += moves
+            self._keep(best)
+            if self.cost < known:
+                self._barren = 0
+            self.on_bound(self.bound, self.effort.nodes)
+            if self._over():
+                return
+
+    def _relax(self, relaxation: CutRelaxation) -> None:
+        def told(duals: Duals) -> None:
+            self._raise(duals.bound, "linear relaxation with precedence cuts")
+
+        self.duals = tighten(relaxation, self.instance.cutoff(self.cost), self._over, told)
+        told(self.duals)
+        self._rooted = self.duals.bound
+        relaxation.fix(self.duals, self.instance.cutoff(self.cost))
+        self.effort.programs = relaxation.solves
+
+    @property
+    def _known(self) -> Duals:
+        """The best bound so far and what proved it."""
+        assert self.duals is not None
+        return self.duals
+
+    @property
+    def _over_subsets(self) -> bool:
+        """Whether a method takes part that the relaxation over pairs helps."""
+        return "subset-dp" in self.methods or "tree-search" in self.methods
+
+    def _relax_pairs(self, relaxation: CutRelaxation, work: int) -> None:
+        """Go on with the relaxation over pairs, unless branch and cut is ahead of it."""
+        cutoff = self.instance.cutoff(self.cost)
+        if self._pairs is None:
+            well_branched = self._rooted + _ENOUGH * (cutoff - self._rooted)
+            if self.order is None or self._branched_bound >= well_branched:
+                return
+            if open_pairs(self.instance).sum() // 2 > _MOST_PAIRS:
+                return
+            self._pairs = PairRelaxation(relaxation)
+        pairs = self._pairs
+        if self._pairs_turns >= _TURNS:
+            little = self._pairs_bound < self._rooted + _WORTH * (cutoff - self._rooted)
+            if little or self._pairs_bound < self._branched_bound:
+                pairs.exhausted = True
+        if pairs.exhausted:
+            return
+
+        def told(duals: Duals) -> None:
+            self._raise(duals.bound, "linear relaxation over arcs and pairs")
+
+        pairs.run(work, cutoff, self._over, told)
+        self._pairs_turns += 1
+        if pairs.duals is not None and pairs.duals.bound > self._known.bound:
+            self.duals = pairs.duals
+            relaxation.fix(pairs.duals, cutoff)
+
+    @property
+    def _pairs_bound(self) -> float:
+        """What the relaxation over pairs proved; -inf before it did."""
+        duals = None if self._pairs is None else self._pairs.duals
+        return -np.inf if duals is None else duals.bound
+
+    @property
+    def _branched_bound(self) -> float:
+        return -np.inf if self._branched is None else self._branched.bound
+
+    def _subsets_lead(self) -> bool:
+        """Whether pairs are ahead of branch and cut, and they or the subsets may get further."""
+        pairs, ends = self._pairs, self._ends
+        if pairs is None or self.effort.rounds == 1 or self._pairs_bound < self._branched_bound:
+            return False
+        return not pairs.exhausted or (ends is not None and ends.expected <= _NEAR * self._states)
+
+    def _allowed(self, wanted: int, sets: int, lines: int) -> int:
+        """Return how many of what is wanted memory allows, each of so many sets and lines."""
+        left = self.memory_bytes()
+        if left is None:
+            return wanted
+        words = (self.instance.n + 63) // 64
+        each = sets * (8 * words + _STATE_BYTES) + lines * _HISTORY_BYTES
+        return min(wanted, int(_MEMORY_SHARE * max(0, left) / each))
+
+    def _two_ended(self, states: int) -> bool:
+        """Search from both ends; return whether more states would be allowed."""
+        # Either end may come to twice as many, most of them in one layer that is copied to grow.
+        self._states = allowed = self._allowed(states, 10, 0)
+        cutoff = self.instance.cutoff(self.cost)
+        search = self._ends
+        if search is None or search.cutoff != cutoff or self._searched is not self.duals:
+            self._ends = search = TwoEndedSearch(self.instance, self._known.without(cutoff), cutoff)
+            self._searched = self.duals
+        made = search.made
+        met = search.run(allowed, self._over)
+        self.effort.nodes += search.made - made
+        self.effort.states += search.made - made
+        if met.order is not None:
+            self._keep(met.order)
+        self._raise(met.bound, "dynamic programming over feasible subsets")
+        return allowed >= states
+
+    def _beam(self, width: int) -> bool:
+        """Search with a beam; return whether a wider one would be allowed."""
+        # Two layers at a time, the tables and copies of one that grows; then only its history.
+        allowed = self._allowed(width, 10, self.instance.n)
+        cutoff = self.instance.cutoff(self.cost)
+        found = beam(
+            self.instance, self._known.without(cutoff), cutoff, max(1, allowed), self._over
+        )
+        if found is not None:
+            self.effort.nodes += found.made
+            self.effort.states += found.made
+            if found.order is not None:
+                self._keep(found.order)
+            self._raise(found.bound, "beam search over feasible subsets")
+        return allowed >= width
+
+    def _branching(self, relaxation: CutRelaxation) -> BranchAndCut:
+        relaxation.fix(self._known, self.instance.cutoff(self.cost))
+        return BranchAndCut(
+            relaxation,
+            self.cost,
+            self._over,
+            self._keep,
+            lambda bound, parts: self._raise(bound, "branch and cut"),
+        )
+
+    def _branch(self, branching: BranchAndCut, work: int) -> None:
+        branching.cost = min(branching.cost, self.cost)
+        parts = branching.parts
+        branching.run(work)
+        self.effort.nodes += branching.parts - parts
+        self.effort.parts, self.effort.programs = branching.parts, branching.relaxation.solves
+        root = branching.root
+        if root is not None and root.bound > self._known.bound:
+            self.duals = root
+        self._raise(branching.bound, "branch and cut")

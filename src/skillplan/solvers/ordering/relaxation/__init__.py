@@ -1,0 +1,1 @@
+"""Linear relaxations with cuts, and branch and cut; it never builds an order heuristically."""

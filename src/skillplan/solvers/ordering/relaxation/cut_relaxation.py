@@ -1,0 +1,324 @@
+"""Lower bounds by a linear relaxation with precedence cuts, and what follows from its duals.
+
+Every node but the last is left once, every node but the first is reached once, and cuts hold
+(see `precedence_cuts`). Solved by the dual simplex method of HiGHS (Huangfu and Hall, 2018) over
+the arcs that matter; the others are priced. Bounds are not the solver's word but follow from its
+dual values, whatever their errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import highspy
+import numpy as np
+
+from skillplan.solvers.ordering.instance import (
+    NO_ARC,
+    Booleans,
+    Floats,
+    Integers,
+    OrderingInstance,
+)
+from skillplan.solvers.ordering.relaxation.precedence_cuts import pairs_of, separate
+from skillplan.solvers.ordering.relaxation.reduced_costs import Duals, repaired
+
+_NEAR = 8
+_SLACK_ROUNDS = 4
+_SETTLED = (highspy.HighsModelStatus.kOptimal, highspy.HighsModelStatus.kInfeasible)
+
+
+def assignment_program(n: int) -> highspy.Highs:
+    """Return a program without columns: rows 0 to n - 2 leave a node once, the others reach one."""
+    highs = highspy.Highs()
+    for key, value in (
+        ("output_flag", False),
+        ("threads", 1),
+        ("presolve", "off"),
+        ("solver", "simplex"),
+        ("simplex_strategy", 1),
+        ("random_seed", 0),
+        ("dual_feasibility_tolerance", 1e-9),
+        ("primal_feasibility_tolerance", 1e-9),
+    ):
+        highs.setOptionValue(key, value)
+    rows = 2 * (n - 1)
+    ones = np.ones(rows)
+    none = np.zeros(0, dtype=np.int32)
+    highs.addRows(rows, ones, ones, 0, np.zeros(rows, dtype=np.int32), none, np.zeros(0))
+    return highs
+
+
+class CutRelaxation:
+    """The relaxation of an instance, made tighter round by round.
+
+    Parameters
+    ----------
+    instance
+        The ordering.
+    arcs
+        Which arcs a better order may take, shape (n, n).
+    start
+        An order whose arcs are among the first that are considered.
+    """
+
+    def __init__(
+        self, instance: OrderingInstance, arcs: Booleans, start: Integers | None = None
+    ) -> None:
+        self.instance = instance
+        self.arcs = arcs & (instance.costs < NO_ARC)
+        self.scale = 1e4 / max(1.0, float(instance.costs[self.arcs].max(initial=0.0)))
+        if instance.step:
+            self.scale = 1.0 if instance.costs[self.arcs].max(initial=0) < 1e6 else self.scale
+        self.leave = np.zeros((0, instance.n), dtype=np.bool_)
+        self.reach = np.zeros((0, instance.n), dtype=np.bool_)
+        self._slack = np.zeros(0, dtype=np.int64)
+        self.solves = 0
+        # Simplex steps and what starting takes, times the size: what the time goes with.
+        self.work = 0
+        self.tails = np.zeros(0, dtype=np.int64)
+        self.heads = np.zeros(0, dtype=np.int64)
+        self._upper = np.zeros(0)
+        self._column = np.full((instance.n, instance.n), -1, dtype=np.int64)
+        self._highs = assignment_program(instance.n)
+        self._add(self._first_arcs(start))
+        self._pairs = pairs_of(instance.before)
+        self._next = 0
+
+    def _first_arcs(self, start: Integers | None) -> Booleans:
+        instance = self.instance
+        chosen = np.zeros_like(self.arcs)
+        for costs, put in ((instance.costs, chosen), (instance.costs.T, chosen.T)):
+            ranked = np.argsort(costs, axis=1, kind="stable")[:, :_NEAR]
+            np.put_along_axis(put, ranked, True, axis=1)
+        chosen &= self.arcs
+        if start is not None:
+            chosen[start[:-1], start[1:]] = True
+        else:
+            chosen = self.arcs
+        return chosen
+
+    def _add(self, chosen: Booleans) -> None:
+        """Add arcs as columns."""
+        tails, heads = np.nonzero(chosen & (self._column < 0))
+        many = len(tails)
+        if not many:
+            return
+        n = self.instance.n
+        crossing = self.leave[:, tails] & self.reach[:, heads]
+        counts = 2 + crossing.sum(axis=0)
+        starts = np.concatenate(([0], np.cumsum(counts)[:-1]))
+        indices = np.empty(int(counts.sum()), dtype=np.int32)
+        indices[starts] = tails
+        indices[starts + 1] = n - 1 + heads - 1
+        column, cut = np.nonzero(crossing.T)
+        if len(column):
+            within = np.arange(len(column)) - np.searchsorted(column, column)
+            indices[starts[column] + 2 + within] = 2 * (n - 1) + cut
+        self._highs.addCols(
+            many,
+            self.instance.costs[tails, heads] * self.scale,
+            np.zeros(many),
+            np.full(many, np.inf),
+            len(indices),
+            starts.astype(np.int32),
+            indices,
+            np.ones(len(indices)),
+        )
+        self._upper = np.concatenate((self._upper, np.full(many, np.inf)))
+        self._column[tails, heads] = len(self.tails) + np.arange(many)
+        self.tails = np.concatenate((self.tails, tails))
+        self.heads = np.concatenate((self.heads, heads))
+
+    def solve(self) -> bool:
+        """Solve over the arcs considered; return whether an order may exist among them.
+
+        Only what is proved infeasible is: where the solver fails, it begins anew once, and after
+        that its dual values prove what they can.
+        """
+        self._run()
+        if self._highs.getModelStatus() not in _SETTLED:
+            self._highs.clearSolver()
+            self._run()
+        return bool(self._highs.getModelStatus() != highspy.HighsModelStatus.kInfeasible)
+
+    def settle(self, arcs: Booleans, stop: Callable[[], bool]) -> bool:
+        """Solve over all of some arcs that matter; return whether orders may be made of them."""
+        while not self.solve():
+            if not self.complete(arcs):
+                return False
+        while self.price(arcs) and not stop():
+            self.solve()
+        return True
+
+    def _run(self) -> None:
+        self._highs.run()
+        self.solves += 1
+        steps = max(0, self._highs.getInfo().simplex_iteration_count)
+        rows = 2 * (self.instance.n - 1) + len(self.leave)
+        self.work += (steps + 30) * (len(self.tails) + rows)
+
+    def values(self) -> Floats:
+        """Return how much of each considered arc is taken, shape (columns,)."""
+        return np.asarray(self._highs.getSolution().col_value)
+
+    def duals(self, arcs: Booleans | None = None) -> Duals:
+        """Return the bound that the present dual values prove, over all arcs or some of them."""
+        arcs = self.arcs if arcs is None else arcs
+        n = self.instance.n
+        prices = np.asarray(self._highs.getSolution().row_dual) / self.scale
+        leaving, reaching, cuts = (
+            prices[: n - 1],
+            prices[n - 1 : 2 * (n - 1)],
+            np.maximum(prices[2 * (n - 1) :], 0.0),
+        )
+        used = cuts > 0
+        reduced = np.where(arcs, self.instance.costs, np.inf)
+        if used.any():
+            weights = self.leave[used].T.astype(np.float64) * cuts[used]
+            reduced -= weights @ self.reach[used].astype(np.float64)
+        reduced[:-1] -= leaving[:, None]
+        reduced[:, 1:] -= reaching
+        bound = float(leaving.sum() + reaching.sum() + cuts.sum())
+        return repaired(bound, reduced)
+
+    def price(self, arcs: Booleans | None = None) -> int:
+        """Add the arcs, all or some, that could make the relaxation cheaper; return how many."""
+        arcs = self.arcs if arcs is None else arcs
+        n = self.instance.n
+        prices = np.asarray(self._highs.getSolution().row_dual) / self.scale
+        cuts = np.maximum(prices[2 * (n - 1) :], 0.0)
+        used = cuts > 0
+        reduced = np.where(arcs & (self._column < 0), self.instance.costs, np.inf)
+        weights = self.leave[used].T.astype(np.float64) * cuts[used]
+        reduced -= weights @ self.reach[used].astype(np.float64)
+        reduced[:-1] -= prices[: n - 1, None]
+        reduced[:, 1:] -= prices[n - 1 : 2 * (n - 1)]
+        wanted = reduced < -1e-7 / self.scale
+        many = int(wanted.sum())
+        if many > 4 * n:
+            worst = np.partition(reduced[wanted], 4 * n)[4 * n]
+            wanted &= reduced <= worst
+        self._add(wanted)
+        return many
+
+    def cut(self, most: int, violation: float = 0.05, look: int = 2000) -> int:
+        """Look for violated cuts and add them; return how many."""
+        values = self.values()
+        taken = values > 1e-7
+        tails, heads, values = self.tails[taken], self.heads[taken], values[taken]
+        leave, reach = separate(
+            tails, heads, values, self.instance.before, self._window(look), violation, most
+        )
+        if not len(leave):
+            return 0
+        fresh = _distinct(leave, reach)
+        leave, reach = leave[fresh], reach[fresh]
+        crossing = leave[:, self.tails] & reach[:, self.heads]
+        counts = crossing.sum(axis=1)
+        starts = np.concatenate(([0], np.cumsum(counts)[:-1])).astype(np.int32)
+        _, columns = np.nonzero(crossing)
+        many = len(leave)
+        self._highs.addRows(
+            many,
+            np.ones(many),
+            np.full(many, np.inf),
+            len(columns),
+            starts,
+            columns.astype(np.int32),
+            np.ones(len(columns)),
+        )
+        self.leave = np.concatenate((self.leave, leave))
+        self.reach = np.concatenate((self.reach, reach))
+        self._slack = np.concatenate((self._slack, np.zeros(many, dtype=np.int64)))
+        return many
+
+    def _window(self, look: int) -> Integers:
+        """Return pairs to look at: those with the first and the last node, and some others."""
+        core, rest = self._pairs
+        if not len(rest):
+            return core
+        chosen = (self._next + np.arange(min(look, len(rest)))) % len(rest)
+        self._next = int((self._next + look) % len(rest))
+        return np.concatenate((core, rest[chosen]))
+
+    def drop(self) -> int:
+        """Drop cuts that have not mattered for some rounds; return how many."""
+        n = self.instance.n
+        duals = np.asarray(self._highs.getSolution().row_dual)[2 * (n - 1) :]
+        self._slack = np.where(duals > 1e-9, 0, self._slack + 1)
+        gone = self._slack >= _SLACK_ROUNDS
+        many = int(gone.sum())
+        if many < 20:
+            return 0
+        rows = (2 * (n - 1) + np.nonzero(gone)[0]).astype(np.int32)
+        self._highs.deleteRows(many, rows)
+        kept = ~gone
+        self.leave, self.reach = self.leave[kept], self.reach[kept]
+        self._slack = self._slack[kept]
+        return many
+
+    def restrict(self, arcs: Booleans) -> None:
+        """Let only some of the arcs be taken, until told otherwise."""
+        upper = np.where(arcs[self.tails, self.heads], np.inf, 0.0)
+        changed = np.nonzero(upper != self._upper)[0]
+        if len(changed):
+            self._highs.changeColsBounds(
+                len(changed), changed.astype(np.int32), np.zeros(len(changed)), upper[changed]
+            )
+            self._upper = upper
+
+    def basis(self) -> highspy.HighsBasis:
+        """Return the present basis."""
+        return self._highs.getBasis()
+
+    def set_basis(self, basis: highspy.HighsBasis) -> None:
+        """Go on from a basis."""
+        self._highs.setBasis(basis)
+
+    def trial(
+        self, arcs: Booleans, back: Booleans, basis: highspy.HighsBasis, duals: Duals
+    ) -> float:
+        """Return the bound that a few steps of the simplex method reach with some arcs only."""
+        self.restrict(arcs)
+        self._highs.setOptionValue("simplex_iteration_limit", 15)
+        self._run()
+        if self._highs.getModelStatus() == highspy.HighsModelStatus.kInfeasible:
+            # Of arcs that are not considered yet an order may be made all the same.
+            bound = duals.bound if (arcs & (self._column < 0)).any() else np.inf
+        else:
+            bound = self.duals(arcs).bound
+        self._highs.setOptionValue("simplex_iteration_limit", 2**31 - 1)
+        self.restrict(back)
+        self._highs.setBasis(basis)
+        return max(bound, duals.bound)
+
+    def complete(self, arcs: Booleans) -> int:
+        """Consider some arcs, whatever they cost; return how many were not considered yet."""
+        many = int((arcs & (self._column < 0)).sum())
+        self._add(arcs)
+        return many
+
+    def fix(self, duals: Duals, cutoff: float) -> int:
+        """Drop every arc that no order below the cutoff takes; return how many were left out."""
+        gone = self.arcs & (duals.bound + duals.reduced >= cutoff)
+        return self.forbid(gone)
+
+    def forbid(self, gone: Booleans) -> int:
+        """Forbid arcs."""
+        gone = gone & self.arcs
+        self.arcs = self.arcs & ~gone
+        columns = self._column[gone & (self._column >= 0)]
+        if len(columns):
+            many = len(columns)
+            self._upper[columns] = 0.0
+            self._highs.changeColsBounds(
+                many, np.sort(columns).astype(np.int32), np.zeros(many), np.zeros(many)
+            )
+        return int(gone.sum())
+
+
+def _distinct(leave: Booleans, reach: Booleans) -> Integers:
+    both = np.packbits(np.concatenate((leave, reach), axis=1), axis=1)
+    _, first = np.unique(both, axis=0, return_index=True)
+    return np.sort(first)

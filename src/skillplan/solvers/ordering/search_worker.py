@@ -1,0 +1,234 @@
+"""One process's share of a search: it runs in a thread, and the process tells what comes of it.
+
+Nothing heavy is imported with this module, so that whoever starts the process soon hears of it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import signal
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from skillplan.workers.resident_memory import resident_bytes
+
+if TYPE_CHECKING:
+    from skillplan.solvers.ordering.incumbents import Effort, News
+    from skillplan.solvers.ordering.instance import Integers, OrderingInstance
+    from skillplan.solvers.ordering.portfolio import Method, OrderingSearch
+
+# So long a process waits for something to tell; and so often it looks how much it holds.
+_EVERY_S = 0.02
+_MEMORY_EVERY_S = 0.01
+_MEMORY_LIMIT = "memory limit"
+# Of Linux: the signal that a process gets when the one that started it has ended.
+_SET_PARENT_DEATH_SIGNAL = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """What a process is to search.
+
+    Parameters
+    ----------
+    instance, methods, seed, rounds, start
+        As for `OrderingSearch`.
+    memory_bytes
+        How much memory it may take [B], or None for no limit.
+    """
+
+    instance: OrderingInstance
+    methods: tuple[Method, ...]
+    seed: int
+    rounds: int | None
+    start: Integers | None
+    memory_bytes: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """What a process is told while it searches.
+
+    Parameters
+    ----------
+    order, bound, bound_method
+        What is known by now; None where the order is not new.
+    memory_bytes
+        How much more memory it may take from now on [B], or None for no limit.
+    """
+
+    order: Integers | None
+    bound: float
+    bound_method: str
+    memory_bytes: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What a process tells.
+
+    Parameters
+    ----------
+    order, bound, bound_method
+        What it knows by now; None where the order is not new.
+    effort
+        What it has done so far.
+    resident_bytes
+        The memory that it holds [B], or None where the system does not tell.
+    ended
+        Why its search is over; empty while it is not.
+    """
+
+    order: Integers | None
+    bound: float
+    bound_method: str
+    effort: Effort
+    resident_bytes: int | None
+    ended: str
+
+
+def prepare(content: None) -> Callable[[Share | Word], Finding]:
+    """Return what begins a search when it is given a share, and tells of it at every word."""
+    _end_with_parent()
+    # Imported before the first share is asked for, so that the search begins at once.
+    import skillplan.solvers.ordering.portfolio
+
+    assert skillplan.solvers.ordering.portfolio is not None
+    under_way: ShareSearch | None = None
+
+    def tell(said: Share | Word) -> Finding:
+        nonlocal under_way
+        if isinstance(said, Share):
+            under_way = ShareSearch(said)
+        else:
+            assert under_way is not None
+            under_way.hear(said)
+        return under_way.finding()
+
+    return tell
+
+
+def _end_with_parent() -> None:
+    """Have the system end this process with its parent, even amid a long compiled call."""
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_SET_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+
+
+class ShareSearch:
+    """A search in a thread of its own.
+
+    Parameters
+    ----------
+    share
+        What to search; it begins at once.
+    """
+
+    def __init__(self, share: Share) -> None:
+        self._changed = threading.Event()
+        self._heard: deque[Word] = deque()
+        self._best: Integers | None = None
+        self._told: Integers | None = None
+        self._bound = (0.0, "")
+        self._ended = ""
+        self._search: OrderingSearch | None = None
+        self._most_bytes: int | None = None
+        self._look_s = 0.0
+        self._was_short = False
+        self._allow(share.memory_bytes)
+        threading.Thread(target=self._run, args=(share,), daemon=True).start()
+
+    def hear(self, word: Word) -> None:
+        """Hand what is known elsewhere to the search."""
+        self._allow(word.memory_bytes)
+        self._heard.append(word)
+
+    def finding(self) -> Finding:
+        """Return what there is to tell, as soon as there is anything new or after a while."""
+        from skillplan.solvers.ordering.incumbents import Effort
+
+        self._changed.wait(_EVERY_S)
+        self._changed.clear()
+        # The order last: what is proved must never be ahead of what it was proved of.
+        ended, (bound, method), order = self._ended, self._bound, self._best
+        effort = Effort() if self._search is None else replace(self._search.effort)
+        fresh = order is not self._told
+        self._told = order
+        return Finding(
+            order if fresh else None,
+            bound,
+            method,
+            effort,
+            resident_bytes(),
+            ended,
+        )
+
+    def _run(self, share: Share) -> None:
+        from skillplan.solvers.ordering.portfolio import OrderingSearch
+
+        try:
+            self._search = search = OrderingSearch(
+                share.instance,
+                share.methods,
+                seed=share.seed,
+                stop=self._short,
+                on_order=self._on_order,
+                on_bound=self._on_bound,
+                memory_bytes=self._left_bytes,
+                start=share.start,
+                rounds=share.rounds,
+                news=self._news,
+            )
+            search.run()
+            ended = "proof" if search.proved else search.ended or _MEMORY_LIMIT
+        except MemoryError:
+            ended = _MEMORY_LIMIT
+        except Exception as error:
+            ended = f"{type(error).__name__}: {error}"
+        self._ended = ended
+        self._changed.set()
+
+    def _on_order(self, order: Integers, cost: float) -> None:
+        self._best = order
+        self._changed.set()
+
+    def _on_bound(self, bound: float, nodes: int) -> None:
+        assert self._search is not None
+        if bound > self._bound[0]:
+            self._bound = (bound, self._search.effort.bound_method)
+            self._changed.set()
+
+    def _news(self) -> News | None:
+        """Return all that was heard since it was last asked for."""
+        from skillplan.solvers.ordering.incumbents import News
+
+        news = None
+        while self._heard:
+            word = self._heard.popleft()
+            order = word.order
+            if order is None and news is not None:
+                order = news.order
+            news = News(order, word.bound, word.bound_method)
+        return news
+
+    def _allow(self, more_bytes: int | None) -> None:
+        held = resident_bytes()
+        self._most_bytes = None if more_bytes is None or held is None else held + more_bytes
+
+    def _left_bytes(self) -> int | None:
+        most, held = self._most_bytes, resident_bytes()
+        return None if most is None or held is None else max(0, most - held)
+
+    def _short(self) -> bool:
+        """Whether more memory was held than is allowed; looked at once in a while only."""
+        now_s = time.monotonic()
+        if not self._was_short and now_s >= self._look_s:
+            self._look_s = now_s + _MEMORY_EVERY_S
+            self._was_short = self._left_bytes() == 0
+        return self._was_short

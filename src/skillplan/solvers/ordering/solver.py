@@ -1,0 +1,245 @@
+"""Solvers of the sequential ordering problem that a model may be: one method each, or all.
+
+What a job is and when a model has this structure, `model.sequencing` says; the methods are in
+`solvers.ordering`. numpy, numba and HiGHS are imported when the first model is looked at.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from pydantic import Field
+
+from skillplan.errors import NotASequencing, SearchStopped
+from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.solution import Plan, Solution
+from skillplan.solvers.solver import Solver
+from skillplan.task import back_end
+from skillplan.workers.resident_memory import available_bytes
+
+if TYPE_CHECKING:
+    from skillplan.model.sequencing import SequencingProblem
+    from skillplan.solvers.ordering.portfolio import Method, OrderingSearch
+
+# Of the memory that is free where no limit is given.
+_SHARE = 0.7
+_PROOF_TOLERANCE = 1e-9
+
+
+class JobOrderSolver(Solver):
+    """Base of the solvers that put jobs into an order: recognises them, or refuses in words."""
+
+    def refuses(self, model: SkillModel) -> str | None:
+        """Return why not, where the model is no sequencing problem.
+
+        One that has no order at all is served: what stands against every order is its answer.
+        """
+        try:
+            self.problem(model)
+        except SearchStopped:
+            # The search ends for the same reason, and is asked for what it has.
+            return None
+        except NotASequencing as error:
+            if _obstacle(model) is not None:
+                return None
+            instead = "exact" if model.task.deterministic else "value-iteration"
+            return f"{self.name} puts jobs into an order, and {error} Take {instead}."
+        return None
+
+    def problem(self, model: SkillModel) -> SequencingProblem:
+        """Return the problem that a model is, worked out once.
+
+        Raises
+        ------
+        NotASequencing
+            If it is none.
+        """
+        from skillplan.model.sequencing import SequencingProblem
+
+        known = getattr(self, "_known", None)
+        if known is None or known[0] is not model:
+            self._known = known = (model, SequencingProblem.from_model(model))
+        found: SequencingProblem = known[1]
+        return found
+
+    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
+        """Search for the cheapest order, and for a proof that none is cheaper.
+
+        Raises
+        ------
+        NotASequencing
+            If the model is no sequencing problem, which `refuses` says before.
+        """
+        try:
+            problem = self.problem(model)
+        except NotASequencing:
+            reason = _obstacle(model)
+            if reason is None:
+                raise
+            return Solution(trace={"reason": reason, "ended": "no order"})
+        if not problem.jobs:
+            return Solution(Plan((), 0.0), 0.0, proved=True, trace={"bound_method": "no job"})
+        return self.search(problem, seed)
+
+    @abstractmethod
+    def search(self, problem: SequencingProblem, seed: int) -> Solution:
+        """Search a problem of at least one job."""
+
+
+class SequencingSolver(JobOrderSolver):
+    """Base of the solvers whose methods are those of `ordering_search`.
+
+    Attributes
+    ----------
+    methods
+        Those of `ordering_search` that take part; all where it is empty.
+    """
+
+    methods: ClassVar[tuple[Method, ...]] = ()
+
+    class Options(back_end.Options):
+        """Limits of the search."""
+
+        rounds: int | None = Field(
+            default=None,
+            ge=1,
+            le=64,
+            description="the most rounds, each with twice the effort of the one before; left out: "
+            "until there is a proof [-]",
+        )
+
+    options: Options
+
+    def search(self, problem: SequencingProblem, seed: int) -> Solution:
+        """Search with the methods; what is found and proved on the way is told at once."""
+        from skillplan.solvers.ordering.job_orders import JobOrders
+        from skillplan.solvers.ordering.portfolio import METHODS, OrderingSearch
+
+        orders = JobOrders(problem)
+        found: list[Plan] = []
+
+        def on_order(order: Any, cost: float) -> None:
+            jobs = orders.jobs(order)
+            if problem.fits(jobs):
+                found.append(Plan(problem.plan(jobs), problem.cost(jobs)))
+                self.stop.incumbent(found[-1])
+
+        start = None
+        if self.stop.best is not None:
+            jobs = problem.order(self.stop.best.skills)
+            start = None if jobs is None else orders.nodes(jobs)
+        search = OrderingSearch(
+            orders.instance,
+            self.methods or METHODS,
+            seed=seed,
+            stop=self.stop,
+            on_order=on_order,
+            on_bound=self.stop.bound,
+            memory_bytes=self._memory_bytes,
+            start=start,
+            rounds=self.options.rounds,
+        )
+        trace: dict[str, Any] = {}
+        if self.jobs > 1:
+            from skillplan.solvers.ordering.parallel_search import ParallelSearch
+
+            parallel = ParallelSearch(search, self.jobs, seed)
+            parallel.run()
+            trace = parallel.trace
+        else:
+            search.run()
+        if search.ended:
+            self.stop.end(search.ended)
+        solution = self._solution(search, found[-1] if found else None)
+        return replace(solution, trace={**solution.trace, **trace})
+
+    def _solution(self, search: OrderingSearch, plan: Plan | None) -> Solution:
+        effort = search.effort
+        bound: float | None = max(0.0, search.bound)
+        # The cheapest order may have a plan that is too long: then it is a bound only.
+        met = plan is not None and plan.cost is not None and plan.cost <= search.cost * (1 + 1e-12)
+        proved = search.proved and met
+        if proved and plan is not None and plan.cost is not None:
+            bound = plan.cost
+        trace: dict[str, Any] = {
+            "bound_method": effort.bound_method,
+            "expanded": effort.nodes,
+            "jobs": search.instance.n - 1,
+            "rounds": effort.rounds,
+            "states": effort.states,
+            "parts": effort.parts,
+            "programs": effort.programs,
+            "ended": "proof" if proved else self.stop.reason or "without a proof",
+        }
+        if search.proved and search.order is None:
+            trace["reason"], bound = "there is no order of the jobs", None
+        elif search.proved and not met:
+            trace["reason"] = (
+                "the plan of the cheapest order has more skills than the step limit allows; "
+                "take exact"
+            )
+        return Solution(plan, bound, proved=proved, trace=trace)
+
+    def _memory_bytes(self) -> int | None:
+        left = self.stop.memory_left_bytes()
+        if left is None:
+            free = available_bytes()
+            return None if free is None else int(_SHARE * free)
+        return left
+
+
+class PortfolioSolver(SequencingSolver):
+    """All methods in turns, with what one finds at hand for the others."""
+
+    name = "portfolio"
+
+
+class SubsetDpSolver(SequencingSolver):
+    """Dynamic programming over feasible subsets from both ends: proves where order is tight."""
+
+    name = "subset-dp"
+    methods = ("subset-dp",)
+
+
+class TreeSearchSolver(SequencingSolver):
+    """Beams over feasible subsets with completion bounds, each wider, the last a proof."""
+
+    name = "tree-search"
+    methods = ("tree-search",)
+
+
+class LocalSearchSolver(SequencingSolver):
+    """Ruin and recreate with simulated annealing; its bound is the linear relaxation's."""
+
+    name = "local-search"
+    methods = ("local-search",)
+
+    class Options(SequencingSolver.Options):
+        """Limits of the search."""
+
+        rounds: int | None = Field(
+            default=6,
+            ge=1,
+            le=64,
+            description="the most rounds, each with twice the effort of the one before; "
+            "null: until it is stopped [-]",
+        )
+
+
+class BranchAndCutSolver(SequencingSolver):
+    """A linear relaxation with precedence cuts and branching: proves where order is loose."""
+
+    name = "branch-and-cut"
+    methods = ("branch-and-cut",)
+
+
+def _obstacle(model: SkillModel) -> str | None:
+    """Return what stands against every order of a small task, in words, if anything does."""
+    from skillplan.chart.precedence_chart import derive_chart
+
+    task = model.task
+    if not task.deterministic or len(task.operations) > 64:
+        return None
+    return derive_chart(model.feasibility).obstacle()

@@ -1,0 +1,1 @@
+"""Search on the lazy model: exhaustive, exact, constraint satisfaction. It never queries back ends."""

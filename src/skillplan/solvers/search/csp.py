@@ -1,0 +1,190 @@
+"""The planner that learning replaced: goals as a constraint satisfaction problem.
+
+Veeramani and Muthuswamy 2022, section 2: two consecutive goal positions of the base must have a
+docking pin in common; where the next has none, the planner goes back and plans anew, and may fail
+altogether. Choices are made depth first, the cheapest first, with forward checking: a choice is
+dropped at once where nothing that could follow it has anything in common with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from pydantic import Field
+
+from skillplan.model.skill_model import SkillModel, Transition
+from skillplan.solvers.search.landmark_bound import from_units, to_units
+from skillplan.solvers.solution import Plan, Solution
+from skillplan.solvers.solver import Solver
+from skillplan.task import back_end
+from skillplan.task.state import State
+
+# So many choices are named in a message.
+_MOST_NAMED = 4
+
+_Key = tuple[int, frozenset[str]]
+
+
+@dataclass(slots=True)
+class _Choice:
+    """What was chosen, what it holds, and what else may follow it.
+
+    Parameters
+    ----------
+    name
+        The skill; empty for the start.
+    held
+        What it occupies, or else the one before.
+    cost
+        Of it and all before it [units].
+    following
+        What has not been tried after it.
+    """
+
+    name: str
+    held: frozenset[str]
+    cost: int
+    following: Iterator[Transition]
+
+
+class CspSolver(Solver):
+    """Take the first sequence in which consecutive choices occupy something in common."""
+
+    name = "csp"
+    stage: ClassVar[str | None] = "goals"
+
+    class Options(back_end.Options):
+        """How often to go back."""
+
+        replans: int = Field(
+            default=3,
+            ge=0,
+            le=20,
+            description="how often the levels above may be planned anew, finer, where there is no "
+            "sequence [-]",
+        )
+
+    options: Options
+
+    @property
+    def replans(self) -> int:
+        """As often as its option says."""
+        return self.options.replans
+
+    def refuses(self, model: SkillModel) -> str | None:
+        """Return why not, where nothing is occupied or a skill may have several outcomes."""
+        if not model.task.deterministic:
+            return "constraint satisfaction looks for one sequence and needs certain outcomes"
+        if not any(case.occupies for skill in model.task.skills for case in skill.cases):
+            return (
+                "its rule is that consecutive choices occupy something in common, such as a "
+                "docking pin, and no skill of this task occupies anything"
+            )
+        return None
+
+    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
+        """Search depth first; what is found is not claimed to be best, nor its absence proved.
+
+        The first choice is free, and skills that occupy nothing are let through. The trace holds
+        ``backtracks``, and where there is no sequence ``failed_at``, the farthest choice after
+        which nothing was left, and the ``reason`` in words.
+        """
+        return _Search(self, model).run()
+
+
+class _Search:
+    """The search on one model."""
+
+    def __init__(self, solver: CspSolver, model: SkillModel) -> None:
+        self.stop = solver.stop
+        self.model = model
+        self.visited = 0
+        self.backtracks = 0
+        # The fewest choices after which a state was come to; to come again later is no use.
+        self._seen: dict[_Key, int] = {}
+        self._deepest = -1
+        self._failed_at = ""
+        self._reason = "nothing is feasible at the start"
+
+    def run(self) -> Solution:
+        initial, nothing = self.model.initial, frozenset[str]()
+        if self.model.is_goal(initial):
+            return self._solution(Plan((), 0.0))
+        self._seen[initial.bits, nothing] = 0
+        chosen = [_Choice("", nothing, 0, self._open(initial, nothing, 0))]
+        while chosen and not self.stop():
+            last = chosen[-1]
+            step = next(last.following, None)
+            if step is None:
+                chosen.pop()
+                self.backtracks += bool(chosen)
+                continue
+            self.visited += 1
+            held = _held(step) or last.held
+            cost = last.cost + to_units(step.cost)
+            if self.model.is_goal(step.next_state):
+                names = (*(choice.name for choice in chosen[1:]), step.skill.name)
+                return self._solution(Plan(names, from_units(cost)))
+            following = self._open(step.next_state, held, len(chosen))
+            chosen.append(_Choice(step.skill.name, held, cost, following))
+        return self._solution(None)
+
+    def _open(self, state: State, held: frozenset[str], depth: int) -> Iterator[Transition]:
+        """Return what may be chosen after so many choices, cheapest first."""
+        steps = sorted(self.model.transitions(state), key=lambda step: step.cost)
+        return (step for step in steps if _fits(step, held) and self._promising(step, held, depth))
+
+    def _promising(self, step: Transition, held: frozenset[str], depth: int) -> bool:
+        """Whether a choice is new, or better than when it failed, and something can follow it."""
+        if self.model.is_goal(step.next_state):
+            return True
+        held = _held(step) or held
+        key = (step.next_state.bits, held)
+        if self._seen.get(key, depth + 1) <= depth:
+            return False
+        self._seen[key] = depth
+        name = step.skill.name
+        if depth + 1 >= self.model.step_limit:
+            return self._fail(depth, name, f"{name} is the last that the step limit allows")
+        ahead = self.model.transitions(step.next_state)
+        if any(_fits(following, held) for following in ahead):
+            return True
+        return self._fail(depth, name, _conflict(ahead, name))
+
+    def _fail(self, depth: int, name: str, reason: str) -> bool:
+        """Keep the failure that is farthest, of equals the first; return that it is one."""
+        if depth > self._deepest:
+            self._deepest, self._failed_at, self._reason = depth, name, reason
+        return False
+
+    def _solution(self, plan: Plan | None) -> Solution:
+        trace: dict[str, object] = {"visited": self.visited, "backtracks": self.backtracks}
+        if plan is not None:
+            self.stop.incumbent(plan)
+        elif self.stop.reason is None:
+            trace["failed_at"] = self._failed_at
+            trace["reason"] = f"{self._reason} ({self.backtracks} backtracks)"
+        return Solution(plan, trace=trace)
+
+
+def _conflict(steps: Sequence[Transition], name: str) -> str:
+    """Return why nothing can follow a choice."""
+    if not steps:
+        return f"nothing is feasible after {name}"
+    names = list(dict.fromkeys(step.skill.name for step in steps))
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    return f"nothing that {name} occupies is shared by {', '.join(names[:_MOST_NAMED])}{more}"
+
+
+def _held(step: Transition) -> frozenset[str]:
+    """Return what a choice occupies."""
+    case = step.skill.case(step.state)
+    return frozenset() if case is None else case.occupies
+
+
+def _fits(step: Transition, held: frozenset[str]) -> bool:
+    """Whether a choice has something in common with the one before; the first is free."""
+    occupied = _held(step)
+    return not held or not occupied or bool(held & occupied)

@@ -1,0 +1,256 @@
+"""Best-first search with proof, on the lazy model.
+
+A* (Hart, Nilsson and Raphael, 1968) under the landmark bound, ordered by cost, then by number of
+skills, then by time. Edges are lazy (Dellin and Srinivasa, "A unifying formalism for shortest path
+problems with expensive edge evaluations", 2016): a back end is asked about a skill only when
+its arrow comes up for expansion, so that most arrows never cost a check.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from pydantic import Field
+
+from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.search.landmark_bound import LandmarkBound, from_units, to_units
+from skillplan.solvers.solution import Plan, Solution
+from skillplan.solvers.solver import Solver
+from skillplan.task import back_end
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+
+# Times [us] are added below the last bit of the cost; 2 ** 40 us are twelve days.
+_TIME_BITS = 40
+
+
+@dataclass(slots=True)
+class _Label:
+    """A way to a state: its cost [units], skills and time [us], and where it came from."""
+
+    state: State
+    cost: int
+    steps: int
+    time: int
+    parent: _Label | None
+    skill: int
+
+
+class ExactSolver(Solver):
+    """Prove the cheapest plan; of equals, one with the fewest skills, then the fastest."""
+
+    name = "exact"
+
+    class Options(back_end.Options):
+        """Limits of the search."""
+
+        max_labels: int = Field(
+            default=2_000_000,
+            ge=1,
+            description="arrows generated before the search ends with a bound, for the sake of "
+            "memory: 0.6 to 1 kB each [-]",
+        )
+        dives: bool = Field(
+            default=True,
+            description="look for plans greedily on the way, so that there is one at any time [-]",
+        )
+
+    options: Options
+
+    def refuses(self, model: SkillModel) -> str | None:
+        """Return why not, where a skill may have several outcomes."""
+        if not model.task.deterministic:
+            return (
+                "exact search looks for one sequence and needs skills with one outcome each; "
+                "under chance take value-iteration"
+            )
+        return None
+
+    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
+        """Search without regard to the step limit first; that is a relaxation.
+
+        Where its optimum is too long, a second search keeps, for every state, all ways that
+        are not worse in both cost and length.
+        """
+        search = _Search(self, model)
+        plan, proved = search.run(bounded=False)
+        if proved and plan is not None and len(plan) > model.step_limit:
+            self.stop.bound(plan.cost or 0.0)
+            plan, proved = search.run(bounded=True)
+        bound = self.stop.lower_bound
+        if proved and plan is not None:
+            bound = plan.cost
+        trace = {
+            "states": search.states,
+            "expanded": search.expanded,
+            "generated": search.generated,
+            "ended": "proof" if proved else self.stop.reason,
+            "bound_method": "A* with the landmark bound",
+        }
+        return Solution(plan, bound, proved=proved, trace=trace)
+
+
+class _Search:
+    """One task's search: what the two passes share.
+
+    Labels are ordered by weight: the cost plus a toll for every skill, far below what matters
+    and far above what rounding does to ways of equal length. So ties go to fewer skills, and
+    what is still equal to less time, which weighs less than one unit of cost.
+    """
+
+    def __init__(self, solver: ExactSolver, model: SkillModel) -> None:
+        self.options = solver.options
+        self.stop = solver.stop
+        self.model = model
+        self.bound = LandmarkBound(model.task)
+        self.states = 0
+        self.expanded = 0
+        self.generated = 0
+        # All tolls of a plan together stay within the tolerance of a proof.
+        self._toll = max(1, min(1_000, to_units(1e-9) // model.step_limit))
+        self._incumbent: int | None = None
+        self._plan: Plan | None = None
+
+    def run(self, *, bounded: bool) -> tuple[Plan | None, bool]:
+        """Return the best plan and whether it, or its absence, is proved."""
+        limit = self.model.step_limit if bounded else None
+        self._adopt(self.stop.best)
+        best: dict[int, list[_Label]] = {}
+        queue: list[tuple[int, int, int, _Label]] = []
+        start = _Label(self.model.initial, 0, 0, 0, None, -1)
+        self._push(queue, start, limit)
+        next_dive = 0
+        while queue:
+            ahead, _, _, label = queue[0]
+            if self._incumbent is not None and ahead >= self._incumbent:
+                return self._plan, True
+            if self.generated > self.options.max_labels:
+                self.stop.end(f"limit of {self.options.max_labels:,} labels")
+            if self.expanded % 16 == 0:
+                self.stop.bound(self._floor(ahead), self.expanded)
+            if self.stop():
+                self.stop.bound(self._floor(ahead), self.expanded)
+                return self._plan, False
+            heapq.heappop(queue)
+            known = best.setdefault(label.state.bits, [])
+            if self._dominated(known, label, bounded) or not self._feasible(label):
+                continue
+            if self.model.is_goal(label.state):
+                plan = _plan_of(self.model, label)
+                if len(plan) <= self.model.step_limit:
+                    self.stop.incumbent(plan)
+                return plan, True
+            known.append(label)
+            self.states += len(known) == 1
+            self.expanded += 1
+            if self.options.dives and self.expanded > next_dive:
+                next_dive = 2 * next_dive + 64
+                self._dive(label)
+            for child in self._children(label):
+                if not self._dominated(best.get(child.state.bits, ()), child, bounded):
+                    self._push(queue, child, limit)
+        return self._plan, True
+
+    def _weight(self, cost: int, steps: int, time: int) -> int:
+        return (cost + self._toll * steps << _TIME_BITS) + time
+
+    def _ahead(self, label: _Label, limit: int | None) -> int | None:
+        """Return the least weight of a plan by way of a label, or None where there is none."""
+        cost, steps = self.bound(label.state)
+        if cost < 0 or (limit is not None and label.steps + steps > limit):
+            return None
+        ahead = self._weight(label.cost + cost, label.steps + steps, label.time)
+        return None if self._incumbent is not None and ahead >= self._incumbent else ahead
+
+    def _floor(self, ahead: int) -> float:
+        """Return the bound that the lightest open arrow proves on the cost of any plan."""
+        if self._incumbent is not None:
+            ahead = min(ahead, self._incumbent)
+        return max(0.0, from_units((ahead >> _TIME_BITS) - self._toll * self.model.step_limit))
+
+    def _dominated(self, known: Sequence[_Label], label: _Label, bounded: bool) -> bool:
+        """Whether one of the known ways to a state is no worse than `label`."""
+        if bounded:
+            return any(
+                k.steps <= label.steps and (k.cost, k.time) <= (label.cost, label.time)
+                for k in known
+            )
+        weight = self._weight(label.cost, label.steps, label.time)
+        return any(self._weight(k.cost, k.steps, k.time) <= weight for k in known)
+
+    def _push(
+        self, queue: list[tuple[int, int, int, _Label]], label: _Label, limit: int | None
+    ) -> None:
+        ahead = self._ahead(label, limit)
+        if ahead is not None:
+            self.generated += 1
+            # Of equals, the deepest first; then the order of creation, for a total order.
+            heapq.heappush(queue, (ahead, -label.steps, self.generated, label))
+
+    def _children(self, label: _Label) -> Iterator[_Label]:
+        for skill in self.model.applicable(label.state):
+            yield self._child(label, skill)
+
+    def _child(self, label: _Label, skill: Skill) -> _Label:
+        state = skill.prediction_in(label.state).apply(label.state)
+        cost = label.cost + to_units(skill.cost.at(label.state))
+        time = label.time + round(skill.duration_s.at(label.state) * 1e6)
+        return _Label(state, cost, label.steps + 1, time, label, self.model.task.action(skill))
+
+    def _feasible(self, label: _Label) -> bool:
+        if label.parent is None:
+            return True
+        skill = self.model.task.skills[label.skill]
+        return self.model.verdict(label.parent.state, skill).is_feasible
+
+    def _dive(self, label: _Label) -> None:
+        """Follow the least bound, depth first, to one plan that respects the step limit."""
+        limit = self.model.step_limit
+        seen = {label.state.bits}
+        stack = [label]
+        for _ in range(8 * limit):
+            if not stack or self.stop():
+                return
+            here = stack.pop()
+            if here is not label and not self._feasible(here):
+                continue
+            if self.model.is_goal(here.state):
+                self._keep(here)
+                return
+            ranked = []
+            for order, child in enumerate(self._children(here)):
+                ahead = None if child.state.bits in seen else self._ahead(child, limit)
+                if ahead is not None:
+                    ranked.append((ahead, order, child))
+            for *_, child in sorted(ranked, reverse=True):
+                seen.add(child.state.bits)
+                stack.append(child)
+
+    def _adopt(self, plan: Plan | None) -> None:
+        """Begin with a plan that is known already, as one that was given to start from."""
+        if plan is None or self._plan is not None:
+            return
+        label = _Label(self.model.initial, 0, 0, 0, None, -1)
+        for name in plan.skills:
+            skill = self.model.task.skill(name)
+            label = self._child(label, skill)
+        self._keep(label)
+
+    def _keep(self, label: _Label) -> None:
+        weight = self._weight(label.cost, label.steps, label.time)
+        if self._incumbent is None or weight < self._incumbent:
+            self._incumbent = weight
+            self._plan = _plan_of(self.model, label)
+            self.stop.incumbent(self._plan)
+
+
+def _plan_of(model: SkillModel, label: _Label) -> Plan:
+    actions = []
+    here: _Label | None = label
+    while here is not None and here.parent is not None:
+        actions.append(here.skill)
+        here = here.parent
+    skills = tuple(model.task.skills[action].name for action in reversed(actions))
+    return Plan(skills, from_units(label.cost))

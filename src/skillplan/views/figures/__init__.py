@@ -1,0 +1,1 @@
+"""Records as figures that any kind of task may have; never a domain by name."""

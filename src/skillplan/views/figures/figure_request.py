@@ -1,0 +1,263 @@
+"""What a figure is asked for, what has to be solved before it can be drawn, and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from matplotlib.figure import Figure
+
+from skillplan.domains.domain import Account
+from skillplan.domains.load import Problem
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.errors import OptionError
+from skillplan.records.chain_result import ChainResult
+from skillplan.records.result import Result
+from skillplan.task.task import Task
+
+# Options that headings name even where the user left them alone, and those they never name.
+_TOLD = ("gamma", "alpha", "epsilon", "episodes")
+_UNTOLD = ("watch", "record")
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One solving that a figure needs.
+
+    Parameters
+    ----------
+    task
+        The task; None for the whole chain of the file.
+    options
+        Options of the solver beyond those that the user gave.
+    seed
+        Added to the user's seed, >= 0.
+    may_fail
+        Whether the figure can be drawn all the same where no plan is found.
+
+    Raises
+    ------
+    ValueError
+        If the seed is negative.
+    """
+
+    task: Task | None = None
+    options: Mapping[str, str] = field(default_factory=dict)
+    seed: int = 0
+    may_fail: bool = False
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise ValueError(f"A seed must be >= 0, not {self.seed}.")
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of a run: a result of its task, or of the whole chain."""
+
+    run: Run
+    answer: Result | ChainResult
+
+    @property
+    def result(self) -> Result:
+        """The result of one task.
+
+        Raises
+        ------
+        TypeError
+            If the whole chain was solved.
+        """
+        if isinstance(self.answer, ChainResult):
+            raise TypeError("The outcome is of a chain, not of one task.")
+        return self.answer
+
+    @property
+    def chain(self) -> ChainResult:
+        """The result of the whole chain.
+
+        Raises
+        ------
+        TypeError
+            If one task was solved.
+        """
+        if not isinstance(self.answer, ChainResult):
+            raise TypeError("The outcome is of one task, not of a chain.")
+        return self.answer
+
+
+@dataclass(frozen=True)
+class FigureRequest:
+    """What the user asked for.
+
+    Parameters
+    ----------
+    figure
+        The figure's name.
+    problem
+        The loaded file.
+    solver, options, seed
+        How it is solved; options that the user gave, as texts.
+    parameters
+        All options of the solver with their values, to be named in headings.
+    part
+        The task meant; None for the figure's own choice.
+    states
+        Names of the states meant; empty for the figure's own choice.
+    seeds
+        How often learning is repeated, >= 1.
+
+    Raises
+    ------
+    ValueError
+        If there are no repetitions.
+    """
+
+    figure: str
+    problem: Problem
+    solver: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    seed: int = 0
+    part: str | None = None
+    states: tuple[str, ...] = ()
+    seeds: int = 5
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.seeds < 1:
+            raise ValueError(f"Learning is repeated at least once, not {self.seeds} times.")
+
+    def unfit(self, reason: str, hint: str = "") -> OptionError:
+        """Return the error that says why the figure cannot be drawn, and a sentence that helps."""
+        words = f"Figure {self.figure!r} of {self.problem.name!r}: {reason}. {hint}"
+        return OptionError(words.rstrip())
+
+    def check_records(self, options: Iterable[str], what: str) -> None:
+        """See that the solver has the options that make it record what is to be drawn.
+
+        Raises
+        ------
+        OptionError
+            If it lacks one.
+        """
+        if not set(options) <= self.parameters.keys():
+            raise self.unfit(
+                f"{self.solver} records no {what}; name a learner such as sarsa by --solver"
+            )
+
+    def bench(self, account: Account | None = None) -> Bench:
+        """Return the lattice of the file.
+
+        Raises
+        ------
+        OptionError
+            If the file is of another kind.
+        """
+        known = self.problem.account({}) if account is None else account
+        shape = known.document.get("bench")
+        if shape is None:
+            raise self.unfit(
+                f"it shows a bench, but the file is of kind {self.problem.kind}. Figures of any "
+                "kind are rewards, learning and q-values"
+            )
+        return Bench(shape["rows"], shape["cols"], shape["pitch_m"], shape["actions"])
+
+    def chain_run(self) -> Run:
+        """Return the run of the whole file.
+
+        Raises
+        ------
+        OptionError
+            If a part was named.
+        """
+        if self.part is not None:
+            raise self.unfit("it shows all tasks of the file; leave --part out")
+        return Run() if self.problem.is_chain else Run(self.problem.tasks[0])
+
+    def walks(self) -> list[Task]:
+        """Return the tasks of walking from a place to another one."""
+        return [
+            task
+            for task in self.problem.tasks
+            if None not in (ends := _ends(task)) and len(set(ends)) == 2
+        ]
+
+    def walk(self) -> Task:
+        """Return the task meant: as named, or the first with a way to go.
+
+        Raises
+        ------
+        OptionError
+            If there is none, or the named one is none of walking.
+        """
+        if self.part is None:
+            walks = self.walks()
+            if not walks:
+                raise self.unfit("no task of the file leads from one place to another")
+            return walks[0]
+        task = self.problem.part(self.part)
+        if None in _ends(task):
+            names = ", ".join(walk.name for walk in self.walks()[:8]) or "none"
+            raise self.unfit(f"{task.name} is no task of walking; such are: {names}")
+        return task
+
+    def ends(self, task: Task) -> tuple[str, str]:
+        """Return the names of the places where a task of walking starts and leads."""
+        start, goal = _ends(task)
+        assert start is not None
+        assert goal is not None
+        return start, goal
+
+    def details(self, *runs: Run, solver: str | None = None) -> str:
+        """Return what a figure says of how it came about."""
+        chosen = {key: self.parameters[key] for key in _TOLD if key in self.parameters}
+        chosen |= {key: value for key, value in self.options.items() if key not in _UNTOLD}
+        for run in runs:
+            for key, value in run.options.items():
+                if len(runs) == 1 and key not in _UNTOLD:
+                    chosen[key] = value
+                elif len(runs) > 1:
+                    chosen.pop(key, None)
+        parts = [f"task {self.problem.name}", f"solver {solver or self.solver}"]
+        parts.append(f"seed {self.seed}" if len(runs) <= 1 else f"seeds from {self.seed}")
+        parts += [f"{key} = {value}" for key, value in chosen.items()]
+        return ",  ".join(parts)
+
+
+def _ends(task: Task) -> tuple[str | None, str | None]:
+    first = [place.name for place in task.places_in(task.initial)]
+    last = [place.name for place in task.places_in(task.goal.requires)]
+    return (
+        first[0] if len(first) == 1 else None,
+        last[0] if len(last) == 1 else None,
+    )
+
+
+class FigureModule(Protocol):
+    """What the module of a figure has, named after it: ``q-values`` is ``q_values_figure``.
+
+    Attributes
+    ----------
+    SOLVER
+        The solver's name if the user names none.
+    """
+
+    SOLVER: str
+
+    def runs(self, request: FigureRequest) -> Sequence[Run]:
+        """Return what has to be solved first.
+
+        Raises
+        ------
+        OptionError
+            If the figure does not fit the file.
+        """
+
+    def draw(self, request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
+        """Return the figure, from what came of the runs.
+
+        Raises
+        ------
+        OptionError
+            If what came of them does not show it.
+        """

@@ -1,0 +1,252 @@
+"""The values of all actions in some states, as they are learnt.
+
+Veeramani and Muthuswamy 2022, Fig. 7.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
+
+from skillplan.errors import name_hint
+from skillplan.task.task import Task
+from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
+from skillplan.views.figures.figure_style import (
+    FAINT,
+    PALETTE,
+    SMALL_PT,
+    Heading,
+    axes_in,
+    in_house_style,
+    sheet,
+    text_width_in,
+)
+
+SOLVER = "sarsa"
+_POINTS = 400
+_STATES = 3
+_WIDE_IN, _TALL_IN = 3.9, 3.1
+_COLUMNS = 3
+_MARKS = "osD^v<>PXhd*"
+
+
+@dataclass(frozen=True)
+class StateValues:
+    """The values of the actions of one state.
+
+    Parameters
+    ----------
+    state
+        Its name.
+    values
+        By action, one value for every point on the x axis.
+
+    Raises
+    ------
+    ValueError
+        If there is no action, or they have different numbers of points.
+    """
+
+    state: str
+    values: Mapping[str, Sequence[float]]
+
+    def __post_init__(self) -> None:
+        if len({len(curve) for curve in self.values.values()}) != 1:
+            raise ValueError(f"Actions of {self.state} need values, all of them as many.")
+
+    @property
+    def best(self) -> str:
+        """The action of the largest value at the end; of equals the first."""
+        return max(self.values, key=lambda action: self.values[action][-1])
+
+
+@in_house_style
+def q_values_figure(
+    episodes: Sequence[int],
+    states: Sequence[StateValues],
+    heading: Heading,
+    *,
+    order: Sequence[str] = (),
+) -> Figure:
+    """Draw the values of actions against episodes, one panel a state.
+
+    Parameters
+    ----------
+    episodes
+        Where the points are, ascending.
+    states
+        At least one.
+    heading
+        What stands above.
+    order
+        In which order the actions stand; those that are missing come last.
+
+    Raises
+    ------
+    ValueError
+        If there is no state, or one has another number of points than there are episodes.
+    """
+    if not states:
+        raise ValueError("There is no state to draw.")
+    for state in states:
+        if len(next(iter(state.values.values()))) != len(episodes):
+            raise ValueError(f"State {state.state} has not a value for each of the episodes.")
+    known = {action for state in states for action in state.values}
+    actions = [action for action in order if action in known]
+    actions += sorted(known - set(actions))
+    named_in = 0.62 + max(text_width_in(action, SMALL_PT + 0.5) for action in actions)
+    columns = min(_COLUMNS, len(states))
+    rows = math.ceil(len(states) / columns)
+    left_in, gap_x_in, gap_y_in, bottom_in = 0.8, 0.65, 0.8, 0.6
+    tall_in = max(_TALL_IN, 0.21 * len(actions)) if rows == 1 else _TALL_IN
+    width_in = left_in + columns * _WIDE_IN + (columns - 1) * gap_x_in + 0.15 + named_in + 0.15
+    head_in = heading.height_in(width_in - 0.4)
+    height_in = head_in + 0.3 + rows * tall_in + (rows - 1) * gap_y_in + bottom_in
+    figure = sheet(width_in, height_in, heading)
+    for number, state in enumerate(states):
+        row, column = divmod(number, columns)
+        left = left_in + column * (_WIDE_IN + gap_x_in)
+        bottom = bottom_in + (rows - 1 - row) * (tall_in + gap_y_in)
+        axes = axes_in(figure, left, bottom, _WIDE_IN, tall_in)
+        _draw_state(axes, episodes, state, actions)
+        if column == 0:
+            axes.set_ylabel("Q(s, a) [-]")
+    lines = {
+        line.get_label(): line
+        for axes in figure.axes
+        for line in axes.get_lines()
+        if line.get_label() in actions
+    }
+    figure.legend(
+        [lines[action] for action in actions],
+        actions,
+        loc="upper left",
+        bbox_to_anchor=(
+            1 - (named_in + 0.15) / width_in,
+            1 - (head_in + 0.25) / height_in,
+        ),
+        borderaxespad=0.0,
+        labelspacing=0.45,
+        handlelength=2.4,
+    )
+    return figure
+
+
+def _draw_state(
+    axes: Axes, episodes: Sequence[int], state: StateValues, actions: Sequence[str]
+) -> None:
+    best = state.best
+    for action, curve in state.values.items():
+        number = actions.index(action)
+        colour, mark = look(number)
+        axes.plot(
+            episodes,
+            curve,
+            color=colour,
+            marker=mark,
+            markersize=5.5 if action == best else 4,
+            markevery=(len(episodes) // 24 * (number % 4), max(1, len(episodes) // 6)),
+            linewidth=2.6 if action == best else 1.1,
+            linestyle="-" if number < len(PALETTE) else "--",
+            zorder=4 if action == best else 3,
+            label=action,
+        )
+    axes.set_title(f"state {state.state}, best action {best}", loc="left", size=SMALL_PT + 1.5)
+    axes.set_xlabel("episode [-]")
+    axes.set_xlim(0, episodes[-1])
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
+    axes.locator_params(axis="x", nbins=5)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(FAINT)
+    axes.grid()
+
+
+def look(number: int) -> tuple[str, str]:
+    """Return colour and marker of an action by its number: no two of up to 24 are alike."""
+    return PALETTE[number % len(PALETTE)], _MARKS[number % len(_MARKS)]
+
+
+def runs(request: FigureRequest) -> Sequence[Run]:
+    """Return what has to be solved first: the task, with the states watched.
+
+    Raises
+    ------
+    OptionError
+        If a state is unknown, or the solver records no values.
+    """
+    request.check_records(("record", "watch"), "values of actions")
+    task = _task(request)
+    options = {"watch": ",".join(_watched(request, task).values())}
+    if "record" not in request.options:
+        options["record"] = str(_POINTS)
+    return [Run(task, options, may_fail=True)]
+
+
+def _task(request: FigureRequest) -> Task:
+    """Return the task named, or the first with a way to go, or the only one."""
+    if request.part is None and not request.problem.is_chain:
+        return request.problem.task
+    return request.walk()
+
+
+def _watched(request: FigureRequest, task: Task) -> dict[str, str]:
+    """Return the fact that selects each state, by the state's name for people."""
+    facts = {place.name: fact for fact, place in task.places.items()}
+    known = {**{name: name for name in task.facts.names}, **facts}
+    for name in request.states:
+        if name not in known:
+            raise request.unfit(f"there is no state {name!r}", name_hint(name, known))
+    if request.states:
+        return {name: known[name] for name in request.states}
+    if not task.places:
+        raise request.unfit("name the states by --states, each by a fact that holds in it alone")
+    return _first_on_the_way(request, task, facts)
+
+
+def _first_on_the_way(
+    request: FigureRequest, task: Task, facts: Mapping[str, str]
+) -> dict[str, str]:
+    """Return the start and some positions between it and the goal, the farther first."""
+    start, goal = request.ends(task)
+    if task.kind != "swarmitfix":
+        return {start: facts[start]}
+    bench = request.bench()
+    left = bench.distances(bench.position(goal))
+    here, names = bench.position(start), [start]
+    while left[here] > 1 and len(names) < _STATES:
+        ends = [end for end in bench.successors[here].tolist() if end >= 0]
+        here = min(ends, key=lambda end: int(left[end]))
+        names.append(bench.name(here))
+    return {name: facts[name] for name in names}
+
+
+def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
+    """Draw the values that a learner has recorded.
+
+    Raises
+    ------
+    OptionError
+        If it has recorded none.
+    """
+    task, result = _task(request), outcomes[0].result
+    recorded = result.trace.get("q_values")
+    episodes = result.trace.get("episodes")
+    if not recorded or not episodes:
+        raise request.unfit(f"{result.solver} was stopped before it had recorded a value")
+    states = []
+    for name, fact in _watched(request, task).items():
+        found = [key for key in recorded if fact in key.split(", ") and recorded[key]]
+        if not found:
+            raise request.unfit(f"nothing is to be decided in state {name}, the goal or an end")
+        states.append(StateValues(name, recorded[found[0]]))
+    title = f"Action values of {task.name}"
+    if task in request.walks():
+        title += ": from {} to {}".format(*request.ends(task))
+    heading = Heading(title, request.details(outcomes[0].run))
+    order = [skill.name for skill in task.skills]
+    return q_values_figure(episodes, states, heading, order=order)

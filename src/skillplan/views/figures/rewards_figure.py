@@ -1,0 +1,238 @@
+"""The action and the reward of every step.
+
+Veeramani and Muthuswamy 2022, Fig. 10.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from skillplan.records.chain_result import ChainResult
+from skillplan.records.result import Result
+from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
+from skillplan.views.figures.figure_style import (
+    BLUE,
+    GREEN,
+    INK,
+    MUTED,
+    RED,
+    SMALL_PT,
+    Heading,
+    axes_in,
+    in_house_style,
+    sheet,
+    text_width_in,
+)
+
+SOLVER = "auto"
+_RIGHT_IN, _STEP_IN, _MOST_IN = 0.3, 0.42, 14.0
+
+
+@dataclass(frozen=True, slots=True)
+class PaidStep:
+    """A step and what it was paid.
+
+    Parameters
+    ----------
+    sequence
+        Name of the task that it belongs to.
+    action
+        Name of the skill.
+    place
+        Where it ends; empty where it does not walk.
+    reward
+        What is paid.
+    """
+
+    sequence: str
+    action: str
+    place: str
+    reward: float
+
+
+@in_house_style
+def rewards_figure(steps: Sequence[PaidStep], actions: Sequence[str], heading: Heading) -> Figure:
+    """Draw actions above and rewards below, for every step.
+
+    Parameters
+    ----------
+    steps
+        In order, at least one.
+    actions
+        All actions there are, in the order in which they are to stand.
+    heading
+        What stands above.
+
+    Raises
+    ------
+    ValueError
+        If there is no step, or a step's action is not among the actions.
+    """
+    if not steps:
+        raise ValueError("There is no step to draw.")
+    unknown = [step.action for step in steps if step.action not in actions]
+    if unknown:
+        raise ValueError(f"{unknown[0]!r} is none of the actions.")
+    left_in = 0.65 + max(text_width_in(action, SMALL_PT) for action in actions)
+    wide_in = min(_MOST_IN, max(5.0, _STEP_IN * (len(steps) + 0.6)))
+    width_in = left_in + wide_in + _RIGHT_IN
+    upper_in, lower_in = max(1.2, 0.2 * len(actions)), 1.9
+    below_in = 0.8 if any(step.place for step in steps) else 0.6
+    head_in = heading.height_in(width_in - 0.4)
+    height_in = head_in + 0.35 + upper_in + 0.15 + lower_in + below_in
+    figure = sheet(width_in, height_in, heading)
+    lower = axes_in(figure, left_in, below_in, wide_in, lower_in)
+    upper = axes_in(figure, left_in, below_in + lower_in + 0.15, wide_in, upper_in)
+    for axes in (upper, lower):
+        axes.set_xlim(0.4, len(steps) + 0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(axis="y")
+    _draw_actions(upper, steps, actions)
+    _draw_rewards(lower, steps, wide_in)
+    _mark_sequences(upper, lower, steps, wide_in)
+    return figure
+
+
+def _draw_actions(axes: Axes, steps: Sequence[PaidStep], actions: Sequence[str]) -> None:
+    rows = [actions.index(step.action) for step in steps]
+    axes.vlines(range(1, len(steps) + 1), -0.6, rows, color="#b9c7d3", linewidth=1.0, zorder=2)
+    axes.plot(range(1, len(steps) + 1), rows, "o", color=BLUE, markersize=6, zorder=3)[0].set_gid(
+        "actions"
+    )
+    axes.set_yticks(range(len(actions)), list(actions))
+    axes.set_ylim(-0.6, len(actions) - 0.4)
+    axes.set_ylabel("action")
+    axes.tick_params(axis="x", length=0, labelbottom=False)
+
+
+def _draw_rewards(axes: Axes, steps: Sequence[PaidStep], wide_in: float) -> None:
+    rewards = [step.reward for step in steps]
+    numbers = range(1, len(steps) + 1)
+    bars = axes.bar(
+        numbers,
+        rewards,
+        width=0.62,
+        color=[GREEN if reward >= 0 else RED for reward in rewards],
+        edgecolor=INK,
+        linewidth=0.4,
+        zorder=3,
+    )
+    axes.axhline(0.0, color=INK, linewidth=0.8, zorder=4)
+    low, high = min(0.0, *rewards), max(0.0, *rewards)
+    room = 0.16 * ((high - low) or 1.0)
+    axes.set_ylim(low - (room if low < 0 else 0.0), high + room)
+    axes.set_ylabel("reward [-]")
+    step_in = wide_in / (len(steps) + 0.2)
+    texts = [_reward_text(reward) for reward in rewards]
+    if max(text_width_in(text, 6.5) for text in texts) + 0.05 <= step_in:
+        axes.bar_label(bars, texts, padding=3, size=6.5)
+    every = max(1, -(-len(steps) // int(wide_in / 0.3)))
+    shown = [number for number in numbers if (number - 1) % every == 0]
+    axes.set_xticks(shown, [_tick(number, steps[number - 1]) for number in shown])
+    places = any(step.place for step in steps)
+    axes.set_xlabel("step, and the position where it ends" if places else "step")
+
+
+def _reward_text(reward: float) -> str:
+    """Return a reward with two decimals, or two digits where that were 0."""
+    text = f"{reward:.2g}" if 0 < abs(reward) < 0.095 else f"{reward:.2f}"
+    return text.replace("-", "\N{MINUS SIGN}")
+
+
+def _tick(number: int, step: PaidStep) -> str:
+    return f"{number}\n{step.place}" if step.place else str(number)
+
+
+def _mark_sequences(upper: Axes, lower: Axes, steps: Sequence[PaidStep], wide_in: float) -> None:
+    """Part the steps of one task from those of the next, and name the tasks above."""
+    begins = [i for i, step in enumerate(steps) if i == 0 or step.sequence != steps[i - 1].sequence]
+    if len(begins) == 1:
+        return
+    step_in = wide_in / (len(steps) + 0.2)
+    names = [steps[begin].sequence for begin in begins]
+    rooms_in = [step_in * (end - begin) for begin, end in pairwise([*begins, len(steps)])]
+    if any(
+        text_width_in(name, SMALL_PT) > room_in - 0.06
+        for name, room_in in zip(names, rooms_in, strict=True)
+    ):
+        prefix = names[0].rpartition("-")[0]
+        _write_above(upper, 0.2, prefix, "right")
+        names = [name.rpartition("-")[2] for name in names]
+    free_from_in = -1.0
+    for name, begin, end in zip(names, begins, [*begins[1:], len(steps)], strict=True):
+        if begin:
+            for axes in (upper, lower):
+                axes.axvline(
+                    begin + 0.5, color=MUTED, linewidth=0.8, linestyle=(0, (4, 2)), zorder=1
+                )
+        middle, half_in = (begin + end + 1) / 2, text_width_in(name, SMALL_PT) / 2
+        if middle * step_in - half_in >= free_from_in:
+            free_from_in = middle * step_in + half_in + 0.03
+            _write_above(upper, middle, name, "center")
+
+
+def _write_above(axes: Axes, x: float, text: str, align: Literal["center", "right"]) -> None:
+    axes.text(
+        x,
+        1.03,
+        text,
+        transform=axes.get_xaxis_transform(),
+        ha=align,
+        va="bottom",
+        size=SMALL_PT,
+        color=MUTED,
+    )
+
+
+def runs(request: FigureRequest) -> Sequence[Run]:
+    """Return what has to be solved first: everything.
+
+    Raises
+    ------
+    OptionError
+        If the last task has no rewards.
+    """
+    if request.problem.tasks[-1].reward is None:
+        raise request.unfit("its tasks have no rewards")
+    return [request.chain_run()]
+
+
+def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
+    """Draw the steps of a solved file.
+
+    Raises
+    ------
+    OptionError
+        If it is solved without a step.
+    """
+    answer = outcomes[0].answer
+    results: list[Result] = (
+        [part.result for part in answer.main] if isinstance(answer, ChainResult) else [answer]
+    )
+    steps = [
+        PaidStep(result.task, step.skill, step.place or "", step.reward or 0.0)
+        for result in results
+        for step in result.steps
+    ]
+    if not steps:
+        raise request.unfit("nothing has to be done, so there is no step to draw")
+    task = request.problem.tasks[-1]
+    actions = [skill.name for skill in task.skills]
+    idle = len(results) - len({step.sequence for step in steps})
+    title = f"Actions and rewards of {request.problem.name}: {_count(len(steps), 'step')}"
+    if len(results) > 1:
+        title += f" for {len(results)} goals"
+    details = request.details(outcomes[0].run)
+    if idle:
+        details += f",  {_count(idle, 'sequence')} without a step left out"
+    return rewards_figure(steps, actions, Heading(title, details))
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

@@ -1,0 +1,1 @@
+"""Figures of the SwarmItFIX bench, the only ones that know its geometry."""

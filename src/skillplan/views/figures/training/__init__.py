@@ -1,0 +1,1 @@
+"""Figures of training runs; never a run's computation."""

@@ -1,0 +1,220 @@
+"""Chains of tasks as tables: one solver part by part, and several solvers side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from skillplan.domains.domain import Listing
+from skillplan.records.chain_result import ChainPart, ChainResult
+from skillplan.records.result import Result, Status
+from skillplan.views.tables.results import PROOF, number, percent
+from skillplan.views.tables.table import Column, Table
+
+
+def chain_tables(result: ChainResult) -> list[Table]:
+    """Return what the domain has to show, then a row for every task, and the sum below."""
+    columns = (
+        Column("task"),
+        Column("from"),
+        Column("to"),
+        Column("way", below=True),
+        Column("cost", right=True),
+        Column("optimum", right=True),
+        Column("time [s]", right=True),
+        Column("solver"),
+        Column("iterations", right=True),
+        Column("seconds", right=True),
+    )
+    rows = [_row(part) for part in result.parts]
+    unit = result.cost_unit
+    notes = [f"status     {PROOF[result.status]}{_because(result)}"]
+    if result.cost is not None:
+        main = result.main[0].task
+        notes += [
+            f"cost       {main.cost_text(result.cost)}  ({_bounds(result)}), stage {result.stage}",
+            f"makespan   {result.makespan} {unit if unit == 'steps' else 'skills'}, "
+            f"{number(result.makespan_s, 1)} s",
+        ]
+        reused = sum(part.reused for part in result.parts)
+        if reused:
+            notes.append(f"stored     {reused} tasks answered by a policy learned before")
+    if result.replans:
+        notes.append(f"replanned  {result.replans} times, with heads closer together")
+    notes.append(f"effort     {result.wall_s:.2f} s")
+    title = f"{result.name}: {result.solver}, physics {result.parts[-1].result.physics}, collision "
+    title += result.parts[-1].result.collision or "none"
+    listings = [listing_table(listing) for listing in result.account.listings]
+    return [*listings, Table(title, columns, rows, notes)]
+
+
+def _bounds(result: ChainResult) -> str:
+    """Return what is proved of a chain's cost."""
+    main = result.main[0].task
+    if result.lower_bound is None and result.bound_given is not None:
+        return f"given the stages before at least {main.cost_text(result.bound_given)}"
+    return f"lower bound {main.cost_text(result.lower_bound)}, gap {percent(result.gap)}"
+
+
+def _because(result: ChainResult) -> str:
+    """Return who has proved it, if not the solver itself, and what else is to be said."""
+    own = all(
+        part.result.status is Status.OPTIMAL
+        for part in result.parts
+        if part.task.preset is None and not part.reused
+    )
+    beside = "" if own or result.status is not Status.OPTIMAL else " by the exact search beside it"
+    return beside + (f" ({result.reason})" if result.reason else "")
+
+
+def appendix_tables(result: ChainResult) -> dict[str, Table]:
+    """Return the domain's tables that are saved but not shown, by the name of the file."""
+    return {name: listing_table(listing) for name, listing in result.account.appendix.items()}
+
+
+def listing_table(listing: Listing) -> Table:
+    """Return a domain's listing as a table; columns of figures are set flush right."""
+    columns = []
+    for index, heading in enumerate(listing.columns):
+        cells = [row[index] for row in listing.rows]
+        columns.append(Column(heading, right=all(_is_figure(cell) for cell in cells)))
+    return Table(listing.title, columns, listing.rows, listing.notes)
+
+
+def _is_figure(cell: str) -> bool:
+    return cell in ("-", "") or cell.replace(".", "", 1).lstrip("-").isdigit()
+
+
+def _row(part: ChainPart) -> tuple[str, ...]:
+    result, decimals = part.result, part.task.metric.decimals
+    start, goal = part.ends
+    return (
+        part.task.name,
+        start or "-",
+        goal or "-",
+        _way(part),
+        number(result.cost, decimals),
+        number(part.optimum, decimals),
+        number(result.makespan_s, 1),
+        f"{result.solver}, stored" if part.reused else result.solver,
+        "-" if result.expanded is None else str(result.expanded),
+        f"{result.wall_s:.3f}",
+    )
+
+
+def _way(part: ChainPart) -> str:
+    """Return the places and, where their names are short, the skills between them."""
+    skills = [step.skill for step in part.result.steps]
+    if not part.path:
+        more = [f"and {len(skills) - _MOST} more"] if len(skills) > _MOST else []
+        return " ".join([*skills[:_MOST], *more]) or "-"
+    if len(part.path) != len(skills) + 1 or any(len(skill) > _SHORT for skill in skills):
+        return " ".join(part.path)
+    first, *rest = part.path
+    return " ".join(
+        [first, *(f"{skill} {place}" for skill, place in zip(skills, rest, strict=True))]
+    )
+
+
+# The longest name of a skill that is shown between places.
+_SHORT = 6
+# Of a long sequence without places so many skills are shown; JSON and CSV hold them all.
+_MOST = 12
+
+
+def chain_comparison_tables(results: Sequence[ChainResult], title: str) -> list[Table]:
+    """Return the solvers' sums, and their sequences side by side as in the paper's Table 3."""
+    unit = next((result.cost_unit for result in results if result.cost is not None), "")
+    summary = Table(
+        title,
+        (
+            Column("solver"),
+            Column("status"),
+            Column(f"cost [{unit}]" if unit else "cost", right=True),
+            Column("gap", right=True),
+            Column("makespan", right=True),
+            Column("makespan [s]", right=True),
+            Column("iterations", right=True),
+            Column("seconds", right=True),
+        ),
+        [
+            (
+                result.solver,
+                result.status.value,
+                _cost(result),
+                percent(result.gap),
+                "-" if result.makespan is None else str(result.makespan),
+                number(result.makespan_s, 1),
+                "-" if result.iterations is None else str(result.iterations),
+                f"{result.wall_s:.3f}",
+            )
+            for result in results
+        ],
+        [
+            *(f"{result.solver}: {result.reason}" for result in results if result.reason),
+            *_incomparable(results),
+            *(
+                f"{result.solver}: replanned {result.replans} times, with heads closer together"
+                for result in results
+                if result.replans
+            ),
+        ],
+    )
+    return [summary, *_side_by_side([result for result in results if result.complete])]
+
+
+def _incomparable(results: Sequence[ChainResult]) -> list[str]:
+    """Say so where costs do not stand on the same plans of the stages before."""
+    upper = {
+        tuple(
+            tuple(step.skill for step in part.result.steps)
+            for part in result.parts
+            if part.task.stage != result.stage and part.task.preset is None
+        )
+        for result in results
+        if result.complete
+    }
+    if len(upper) < 2:
+        return []
+    return ["the solvers planned the stages before differently: costs do not compare"]
+
+
+def _cost(result: ChainResult) -> str:
+    return number(result.cost, result.parts[-1].task.metric.decimals)
+
+
+def _side_by_side(results: Sequence[ChainResult]) -> list[Table]:
+    """Return tables of solvers whose sequences lead from and to the same places."""
+    alike: dict[tuple[tuple[str | None, str | None], ...], list[ChainResult]] = {}
+    for result in results:
+        alike.setdefault(tuple(part.ends for part in result.main), []).append(result)
+    return [_sequences(group) for group in alike.values()]
+
+
+def _sequences(results: Sequence[ChainResult]) -> Table:
+    """Return makespan, time and iterations of every sequence for every solver."""
+    columns = [Column("sequence"), Column("from"), Column("to")]
+    columns += [Column(f"{result.solver} makespan", right=True) for result in results]
+    columns += [Column(f"{result.solver} [s]", right=True) for result in results]
+    columns += [Column(f"{result.solver} iterations", right=True) for result in results]
+    rows = []
+    for index, part in enumerate(results[0].main):
+        start, goal = part.ends
+        beside = [result.main[index].result for result in results]
+        rows.append(
+            (
+                part.task.name,
+                start or "-",
+                goal or "-",
+                *(_figure(result, "makespan") for result in beside),
+                *(_figure(result, "wall_s") for result in beside),
+                *(_figure(result, "expanded") for result in beside),
+            )
+        )
+    return Table(f"{results[0].name}: sequence by sequence", columns, rows)
+
+
+def _figure(result: Result, name: str) -> str:
+    value = getattr(result, name)
+    if value is None:
+        return "-"
+    return f"{value:.4f}" if isinstance(value, float) else str(value)

@@ -1,0 +1,79 @@
+"""A derived precedence relation beside the hand-made one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from skillplan.chart.partial_order import closure, reduction
+from skillplan.chart.precedence_chart import DerivedChart
+from skillplan.task.task import Task
+from skillplan.views.tables.table import Column, Table
+
+
+def chart_document(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> dict[str, Any]:
+    """Return the JSON document ``skillplan.chart/1``."""
+    hand_made = chart.hand_made or ()
+    return {
+        "schema": "skillplan.chart/1",
+        "task": {"name": task.name, "kind": task.kind, "sha256": task.sha256},
+        "back_ends": list(back_ends),
+        "relations": [
+            {"before": r.before, "after": r.after, "reason": r.reason, "evidence": dict(r.evidence)}
+            for r in chart.relations
+        ],
+        "hand_made": [{"before": before, "after": after} for before, after in hand_made],
+        "missing": [{"before": before, "after": after} for before, after in chart.missing],
+        "extra": [{"before": r.before, "after": r.after, "reason": r.reason} for r in chart.extra],
+        "impossible": dict(chart.impossible),
+        "undecided": list(chart.undecided),
+        "circle": list(chart.circle),
+        "contradiction": list(chart.contradiction),
+        "conditional": {skill: list(facts) for skill, facts in chart.conditional.items()},
+    }
+
+
+def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Table:
+    """Return the derived relation as a table, the comparison below."""
+    direct = reduction([(r.before, r.after) for r in chart.relations])
+    by_hand = set(chart.hand_made or ())
+    implied = closure(by_hand)
+    rows = []
+    for relation in chart.relations:
+        pair = (relation.before, relation.after)
+        if pair not in direct and pair not in by_hand and (not by_hand or pair in implied):
+            continue
+        mark = "drawn" if pair in by_hand else "implied" if pair in implied else "extra"
+        rows.append(
+            (
+                relation.before,
+                relation.after,
+                mark if chart.hand_made is not None else "-",
+                str(relation.evidence["skill"]),
+                relation.reason,
+            )
+        )
+    rows += [(before, after, "MISSING", "-", "-") for before, after in chart.missing]
+    columns = [Column(name) for name in ("before", "after", "hand-made", "asked", "reason")]
+    if chart.hand_made is None:
+        notes = ["The task file has no hand-made chart to compare with."]
+    elif not chart.missing and not chart.extra:
+        notes = ["The derived relation equals the hand-made chart."]
+    else:
+        notes = [f"missing {len(chart.missing)}, extra {len(chart.extra)}"]
+    hidden = len(chart.relations) - sum(1 for row in rows if row[2] != "MISSING")
+    if hidden:
+        notes.append(f"{hidden} more derived pairs follow from these; --format json has all.")
+    notes += [f"{skill} is never feasible: {why}" for skill, why in chart.impossible.items()]
+    notes += [
+        f"{skill} depends on more than an order: {', '.join(facts)}"
+        for skill, facts in chart.conditional.items()
+    ]
+    notes += [f"{skill} could not be worked out" for skill in chart.undecided]
+    if chart.circle:
+        notes.append(f"No order exists: {' before '.join(chart.circle)}.")
+    elif chart.contradiction:
+        circle = " before ".join(chart.contradiction)
+        notes.append(f"Derived and hand-made relations contradict each other: {circle}.")
+    title = f"{task.name}: precedence relation derived by {', '.join(back_ends)}"
+    return Table(title, columns, rows, notes)

@@ -1,0 +1,165 @@
+"""Results as tables: the plan of one solver, and several solvers side by side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from skillplan.model.replay import Step
+from skillplan.records.result import Result, Status
+from skillplan.task.motion import Point
+from skillplan.task.task import Metric, Task
+from skillplan.views.tables.table import Column, Table
+
+PROOF = {
+    Status.OPTIMAL: "optimal, proved",
+    Status.SOLVED: "solved, not proved to be the best",
+    Status.INFEASIBLE: "infeasible: proved that there is no plan",
+    Status.UNSOLVED: "unsolved",
+    Status.REFUSED: "refused",
+    Status.WRONG: "WRONG: the solver's claim does not hold",
+}
+
+
+def plan_table(result: Result, task: Task) -> Table:
+    """Return the steps of a result's plan, and its figures below."""
+    title = f"{result.task}: {result.solver}, physics {result.physics}, collision "
+    title += result.collision or "none"
+    notes = [f"status     {PROOF[result.status]}" + _because(result)]
+    bound = _bound_note(result, task)
+    if result.cost is not None:
+        actions = ",".join(str(step.action) for step in result.steps)
+        notes += [
+            f"cost       {task.cost_text(result.cost)}  (lower bound "
+            f"{task.cost_text(result.lower_bound)}, gap {percent(result.gap)})",
+            *bound,
+            f"sequence   {actions}",
+            f"makespan   {result.makespan} skills"
+            + (f", {number(result.makespan_s, 1)} s" if result.makespan_s else ""),
+        ]
+    else:
+        notes += bound
+    notes += [
+        f"{key:<10} {result.trace[key]}" for key in ("choice", "start") if key in result.trace
+    ]
+    notes += _trace_notes(result, task.metric.decimals)
+    notes.append(
+        f"effort     {result.checks} checks, {result.cache_hits} verdicts reused, "
+        f"{result.expanded if result.expanded is not None else '-'} nodes, {result.wall_s:.2f} s"
+    )
+    return Table(title, *step_rows(result.steps, task.metric), notes)
+
+
+def _bound_note(result: Result, task: Task) -> list[str]:
+    """Return what proved the bound; where there is no plan, also what it says."""
+    if result.lower_bound is None or not math.isfinite(result.lower_bound):
+        return []
+    least = task.cost_text(result.lower_bound)
+    claim = least if result.cost is not None else f"no plan costs less than {least},"
+    return [f"bound      {claim} by {result.bound_method or result.solver}"]
+
+
+def step_rows(
+    steps: Sequence[Step], metric: Metric
+) -> tuple[tuple[Column, ...], list[tuple[str, ...]]]:
+    """Return columns and rows of the steps of a plan, without what none of them has."""
+    walks = any(step.place is not None for step in steps)
+    moves = any(step.goal is not None for step in steps) or not steps
+    lasts = any(step.duration_s for step in steps) or not steps
+    columns = (
+        Column("step", right=True),
+        Column("action", right=True),
+        Column("skill"),
+        *([Column("to")] if walks else []),
+        *([Column("to x y z [m]", right=True)] if moves else []),
+        Column(metric.heading, right=True),
+        *([Column("time [s]", right=True)] if lasts else []),
+    )
+    rows: list[tuple[str, ...]] = [
+        (
+            str(step.index + 1),
+            str(step.action),
+            step.skill,
+            *([step.place or "-"] if walks else []),
+            *([_point(step.goal)] if moves else []),
+            f"{step.cost:.{metric.decimals}f}",
+            *([f"{step.duration_s:.1f}"] if lasts else []),
+        )
+        for step in steps
+    ]
+    return columns, rows
+
+
+def comparison_table(results: Sequence[Result], title: str, decimals: int = 5) -> Table:
+    """Return several solvers' results side by side, their costs with so many decimals."""
+    unit = results[0].cost_unit if results else ""
+    columns = (
+        Column("solver"),
+        Column("status"),
+        Column(f"cost [{unit}]" if unit else "cost", right=True),
+        Column("gap", right=True),
+        Column("makespan", right=True),
+        Column("makespan [s]", right=True, below=True),
+        Column("checks", right=True),
+        Column("iterations", right=True),
+        Column("seconds", right=True),
+        Column("sequence", below=True),
+    )
+    rows = [
+        (
+            result.solver,
+            result.status.value,
+            number(result.cost, decimals),
+            percent(result.gap),
+            "-" if result.makespan is None else str(result.makespan),
+            number(result.makespan_s, 1),
+            str(result.checks),
+            "-" if result.expanded is None else str(result.expanded),
+            f"{result.wall_s:.3f}",
+            ",".join(str(step.action) for step in result.steps) or "-",
+        )
+        for result in results
+    ]
+    notes = [f"{result.solver}: {result.reason}" for result in results if result.reason]
+    for result in results:
+        notes += [f"{result.solver}: {note}" for note in _trace_notes(result, decimals)]
+    return Table(title, columns, rows, notes)
+
+
+def percent(fraction: float | None) -> str:
+    """Return a fraction in per cent with two decimals, or a dash."""
+    return "-" if fraction is None else f"{100 * fraction:.2f} %"
+
+
+def number(value: float | None, decimals: int) -> str:
+    """Return a number, or a dash."""
+    return "-" if value is None else f"{value:.{decimals}f}"
+
+
+def _trace_notes(result: Result, decimals: int) -> list[str]:
+    by_length = result.trace.get("sequences_by_length")
+    if not isinstance(by_length, dict):
+        return []
+    parts = ", ".join(f"{count:,} of {length}" for length, count in by_length.items())
+    worst = result.trace.get("worst_cost_by_length", {})
+    ended = result.status in (Status.OPTIMAL, Status.INFEASIBLE)
+    so_far = "" if ended else " so far"
+    if not parts:
+        return [f"sequences  no complete one{so_far}"]
+    total = sum(by_length.values())
+    notes = [f"sequences  {total:,} complete ones{so_far}: {parts} skills"]
+    if worst:
+        shortest = min(worst)
+        unit = f" {result.cost_unit}" if result.cost_unit else ""
+        notes.append(
+            f"worst      {worst[shortest]:.{decimals}f}{unit} among those of {shortest} skills"
+        )
+    return notes
+
+
+def _because(result: Result) -> str:
+    return f" ({result.reason})" if result.reason else ""
+
+
+def _point(point: Point | None) -> str:
+    return "-" if point is None else " ".join(f"{value:.3f}" for value in point)

@@ -1,0 +1,138 @@
+"""Tables of a parameter study: a row for every setting, or for every setting and start."""
+
+from __future__ import annotations
+
+from skillplan.records.interval import Estimate
+from skillplan.records.sweep.plan import ONE_AT_A_TIME, setting_text, value_text
+from skillplan.records.sweep.result import StartSummary, SweepResult
+from skillplan.views.tables.table import Column, Table
+
+_MOST_NAMED = 10
+
+
+def setting_table(result: SweepResult) -> Table:
+    """Return a row for every setting: mean steps from each start, and how often all arrive."""
+    plan = result.plan
+    starts = [start.name for start in plan.starts]
+    columns = [Column(axis.option, right=axis.numeric) for axis in plan.axes]
+    columns += [Column("runs", right=True)]
+    columns += [Column(name, right=True) for name in starts]
+    columns += [Column("all arrive", right=True), Column("95 % of runs", right=True)]
+    columns += [Column("all at optimum", right=True), Column("95 % of runs", right=True)]
+    columns += [Column("excess", right=True), Column("learning [s]", right=True)]
+    rows = []
+    for index, setting in enumerate(plan.settings):
+        every = result.summary([index])
+        rows.append(
+            [
+                *(value_text(setting[axis.option]) for axis in plan.axes),
+                str(every.runs),
+                *(_steps(result.summary([index], name)) for name in starts),
+                str(every.arrived),
+                _percent(every.arrived_share),
+                "-" if every.best is None else str(every.best),
+                _percent(every.best_share),
+                _plus_minus(every.excess, 2),
+                _plus_minus(every.learning_s, 3),
+            ]
+        )
+    return Table(f"{plan.name}: {plan.solver}, {_shape(result)}", columns, rows, _notes(result))
+
+
+def start_table(result: SweepResult) -> Table:
+    """Return a row for every setting and start, with the ends of all intervals."""
+    plan = result.plan
+    columns = [Column(axis.option, right=axis.numeric) for axis in plan.axes]
+    excess = f"excess [{plan.cost_unit}]" if plan.cost_unit else "excess"
+    figures = ("steps", excess, "learning [s]")
+    headings = ["runs", "arrived", "share", "share low", "share high", "at optimum"]
+    for figure in figures:
+        headings += [figure, f"{figure} low", f"{figure} high"]
+    columns += [Column("start"), Column("optimum", right=True)]
+    columns += [Column(heading, right=True) for heading in headings]
+    rows = []
+    for index, setting in enumerate(plan.settings):
+        for start in plan.starts:
+            one = result.summary([index], start.name)
+            cells = [value_text(setting[axis.option]) for axis in plan.axes]
+            cells += [start.name, _number(start.optimum), str(one.runs), str(one.arrived)]
+            cells += _ends(one.arrived_share)
+            cells.append("" if one.best is None else str(one.best))
+            for estimate in (one.steps, one.excess, one.learning_s):
+                cells += _ends(estimate)
+            rows.append(cells)
+    return Table(f"{plan.name}: {plan.solver}, by start", columns, rows)
+
+
+def _shape(result: SweepResult) -> str:
+    plan = result.plan
+    runs = f"{len(plan.settings)} settings of {len(plan.seeds)} runs"
+    return f"{runs}, {plan.design}" if plan.axes else runs
+
+
+def _notes(result: SweepResult) -> list[str]:
+    plan = result.plan
+    optima = [f"{one.name} {_number(one.optimum) or '?'}" for one in plan.starts]
+    unit = f" {plan.cost_unit}" if plan.cost_unit else ""
+    notes = [
+        "starts     mean steps of the runs that arrive; in brackets how many, where not all do; "
+        f"a run that takes more than {plan.step_limit:,} steps has not arrived",
+        f"optimum    {', '.join(optima)}{unit}, proved by exact search",
+        "excess     mean cost above the optimum, summed over the starts, of the runs that arrive "
+        "from all",
+        "intervals  95 %: Wilson for shares, Student's t over the runs for means",
+    ]
+    if plan.design == ONE_AT_A_TIME and plan.axes:
+        notes.append(f"centre     {setting_text(plan.centre)}")
+    fixed = [
+        f"{plugin}.{key} = {value}"
+        for plugin, kv in plan.fixed.items()
+        for key, value in kv.items()
+    ]
+    if fixed:
+        notes.append(f"fixed      {', '.join(fixed)}")
+    if result.shared:
+        notes.append(
+            "learning   once for each setting and seed: one policy answers from all starts"
+        )
+    if result.missing:
+        notes.append(f"missing    {result.missing} of the runs have not been done")
+    failed = result.failed
+    for record in failed[:_MOST_NAMED]:
+        setting = setting_text(plan.settings[record.setting])
+        notes.append(f"failed     {setting}, seed {record.seed}: {record.error}")
+    if len(failed) > _MOST_NAMED:
+        notes.append(f"failed     {len(failed) - _MOST_NAMED} more runs; --format json names all")
+    return notes
+
+
+def _steps(one: StartSummary) -> str:
+    if one.steps is None:
+        return "-" if not one.runs else f"- (0/{one.runs})"
+    text = f"{one.steps.value:.2f}"
+    return text if one.arrived == one.runs else f"{text} ({one.arrived}/{one.runs})"
+
+
+def _percent(estimate: Estimate | None) -> str:
+    if estimate is None or estimate.low is None or estimate.high is None:
+        return "-"
+    return f"{100 * estimate.low:.0f} to {100 * estimate.high:.0f} %"
+
+
+def _plus_minus(estimate: Estimate | None, decimals: int) -> str:
+    if estimate is None:
+        return "-"
+    text = f"{estimate.value:.{decimals}f}"
+    if estimate.high is None:
+        return text
+    return f"{text} ± {estimate.high - estimate.value:.{decimals}f}"
+
+
+def _ends(estimate: Estimate | None) -> list[str]:
+    if estimate is None:
+        return ["", "", ""]
+    return [_number(estimate.value), _number(estimate.low), _number(estimate.high)]
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.6g}"

@@ -1,0 +1,1 @@
+"""Processes that do jobs for this one; the only floor that starts any, and it never knows what a job means."""

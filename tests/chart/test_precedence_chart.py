@@ -1,0 +1,266 @@
+"""A precedence relation from evidence."""
+
+import itertools
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from situations import assembly, config_content, fake_back_end, small_assemblies
+from skillplan.chart.partial_order import closure, reduction
+from skillplan.chart.precedence_chart import derive_chart
+from skillplan.checks.feasibility import Feasibility
+from skillplan.pipeline.run import make_feasibility, solve
+from skillplan.pipeline.setup import Setup
+from skillplan.task.verdict import Verdict
+
+
+def derived(task, detector="aabb"):
+    return derive_chart(make_feasibility(task, Setup(collision=(detector,))))
+
+
+def pairs(chart):
+    return {(relation.before, relation.after) for relation in chart.relations}
+
+
+# Random pairs i < j, so that there is no cycle.
+acyclic = st.lists(
+    st.tuples(st.integers(0, 7), st.integers(0, 7)).filter(lambda pair: pair[0] < pair[1])
+).map(lambda drawn: {(f"n{one}", f"n{other}") for one, other in drawn})
+
+
+def paths(relation):
+    """Return the pairs joined by a path, by Warshall's algorithm."""
+    nodes = sorted({node for pair in relation for node in pair})
+    joined = set(relation)
+    for via, one, other in itertools.product(nodes, repeat=3):
+        if (one, via) in joined and (via, other) in joined:
+            joined.add((one, other))
+    return joined
+
+
+@given(acyclic)
+def test_the_closure_holds_what_follows(relation):
+    """Exactly the pairs joined by a path."""
+    assert paths(relation) == closure(relation)
+    assert closure(closure(relation)) == closure(relation)
+
+
+@given(acyclic)
+def test_the_reduction_is_the_least_relation_with_the_same_closure(relation):
+    """Nothing can be left out of it, and nothing follows less."""
+    reduced = reduction(relation)
+    assert reduced <= relation
+    assert closure(reduced) == closure(relation)
+    for pair in reduced:
+        assert closure(reduced - {pair}) != closure(relation)
+    assert reduction(closure(relation)) == reduced
+
+
+def test_geometry_alone_gives_the_board_its_hand_made_chart(board_task):
+    """Nothing is missing, nothing is extra, nothing is impossible or open."""
+    chart = derived(board_task)
+    assert (chart.missing, chart.extra, chart.impossible) == ((), (), {})
+    assert (chart.conditional, chart.undecided) == ({}, ())
+    assert reduction(pairs(chart)) == reduction(chart.hand_made)
+    assert closure(pairs(chart)) == closure(chart.hand_made)
+
+
+def test_every_relation_comes_with_its_evidence(board_task):
+    """The skill that fails, the stage, the facts, and the bodies."""
+    relation = next(
+        r for r in derived(board_task).relations if (r.before, r.after) == ("transformer", "brace")
+    )
+    assert relation.reason == "transformer runs into brace on the approach"
+    assert relation.evidence["skill"] == "place(transformer)"
+    assert relation.evidence["stage"] == "aabb"
+    assert "placed(brace)" in relation.evidence["facts"]
+
+
+def test_without_a_hand_made_chart_there_is_nothing_to_compare(board_task):
+    """None, not an empty one."""
+    chart = derived(board_task.replace(chart=()))
+    assert (chart.hand_made, chart.missing, chart.extra) == (None, (), ())
+    assert ("transformer", "brace") in pairs(chart)
+
+
+def test_a_wrong_hand_made_chart_is_found_out():
+    """A pair too few is extra in the derived one; a pair too many is missing from it."""
+    content = config_content("inverter_board")
+    content["chart"] = [
+        {"before": "pcb", "after": ["switch_1", "switch_2", "clock", "transformer", "brace"]},
+        {"before": "brace", "after": ["screw_1", "screw_2"]},
+        {"before": "clock", "after": ["switch_1"]},
+    ]
+    chart = derived(assembly(content))
+    assert chart.missing == (("clock", "switch_1"),)
+    assert [(r.before, r.after) for r in chart.extra] == [("transformer", "brace")]
+
+
+def without(content, part):
+    """Take a part, and all that the file says of it, away."""
+    del content["parts"][part]
+    for key in ("actions", "observation", "expect"):
+        content.pop(key)
+    content["chart"] = []
+    return content
+
+
+def test_a_part_taken_away_takes_its_relations_along():
+    """The others are as before."""
+    full = pairs(derived(assembly({**config_content("inverter_board"), "chart": []})))
+    rest = pairs(derived(assembly(without(config_content("inverter_board"), "transformer"))))
+    assert {pair for pair in full if "transformer" not in pair} == rest
+
+
+def test_a_part_moved_from_under_the_brace_is_free_of_it():
+    """Beside the board's other parts it may come before or after the brace."""
+    content = {**config_content("inverter_board"), "chart": []}
+    before = pairs(derived(assembly(content)))
+    content["parts"]["transformer"]["goal_m"] = [0.452, 0.050]
+    after = pairs(derived(assembly(content)))
+    assert before - after == {("transformer", "brace")}
+    assert after <= before
+
+
+def test_a_part_moved_under_the_brace_has_to_come_before_it():
+    """A low one that the approach of the brace does not touch."""
+    content = {**config_content("inverter_board"), "chart": []}
+    del content["parts"]["transformer"]
+    for key in ("actions", "observation", "expect"):
+        content.pop(key)
+    before = pairs(derived(assembly(content)))
+    content["parts"]["clock"]["goal_m"] = [0.520, 0.0]
+    assert pairs(derived(assembly(content))) - before == {("clock", "brace")}
+
+
+def test_a_stack_is_taken_from_the_top():
+    """What lies on another at the start is placed before it can be picked."""
+    content = {**config_content("inverter_board"), "chart": []}
+    before = pairs(derived(assembly(content)))
+    clock = content["parts"]["clock"]
+    del clock["start_m"]
+    clock["start_on"] = "switch_2"
+    assert pairs(derived(assembly(content))) - before == {("clock", "switch_2")}
+
+
+def test_a_part_in_the_way_of_another_at_its_start_is_moved_first():
+    """Without standing on it: a bridge over it in the tray."""
+    content = {**config_content("inverter_board"), "chart": []}
+    content["parts"]["clock"]["start_m"] = list(content["parts"]["brace"]["start_m"])
+    chart = derived(assembly(content))
+    assert ("brace", "clock") in pairs(chart)
+
+
+def test_a_part_that_never_fits_is_impossible():
+    """With the reason; nothing is derived from it."""
+    content = {**config_content("inverter_board"), "chart": []}
+    content["parts"]["clock"]["goal_on"] = None
+    content["parts"]["clock"]["goal_m"] = [0.7, 0.3]
+    content["parts"]["switch_1"]["goal_m"] = [0.7, -0.3]
+    chart = derived(assembly(content))
+    assert chart.impossible == {"place(switch_1)": "aabb: switch_1 has nothing beneath it"}
+
+
+def test_two_supports_that_both_have_to_come_first_are_no_alternatives():
+    """Either would bear the clock, but neither can be put beneath it afterwards."""
+    content = {**config_content("inverter_board"), "chart": []}
+    content["parts"]["clock"]["goal_on"] = "switch_1"
+    content["parts"]["switch_1"] |= {"size_m": [0.022, 0.08, 0.02], "goal_m": [0.45, 0.03]}
+    content["parts"]["switch_2"] |= {"size_m": [0.022, 0.08, 0.02], "goal_m": [0.472, 0.03]}
+    content["parts"]["clock"] |= {"size_m": [0.04, 0.02, 0.015], "goal_m": [0.461, 0.03]}
+    chart = derived(assembly(content))
+    assert {("switch_1", "clock"), ("switch_2", "clock")} <= pairs(chart)
+    assert chart.conditional == {}
+
+
+def test_a_skill_that_needs_either_of_two_needs_neither_in_particular(lid_task):
+    """That is no precedence relation, and is said."""
+    facts = lid_task.facts
+
+    def answer(skill, state):
+        if skill.name != "place(lid)":
+            return Verdict.feasible(facts.none, facts.none)
+        for fact in ("placed(box)", "placed(fuse)"):
+            if fact in state:
+                return Verdict.feasible(facts.of(fact), facts.none)
+        return Verdict.infeasible("nothing", facts.none, facts.of("placed(box)", "placed(fuse)"))
+
+    chart = derive_chart(Feasibility(lid_task, [fake_back_end(lid_task, answer)]))
+    assert chart.relations == ()
+    assert chart.conditional == {"place(lid)": ("not placed(box)", "not placed(fuse)")}
+    assert chart.undecided == ()
+
+
+@given(small_assemblies())
+def test_the_chart_detector_gives_back_the_chart(content):
+    """What was drawn, and what lies on what at the start: no more and no less."""
+    stacked = {
+        (name, part["start_on"]) for name, part in content["parts"].items() if "start_on" in part
+    }
+    task = assembly(content)
+    if task.chart:
+        chart = derived(task, "precedence")
+        assert (chart.missing, chart.impossible, chart.conditional) == ((), {}, {})
+        assert closure(pairs(chart)) == closure(stacked | set(chart.hand_made))
+
+
+def test_exactly_the_orders_that_respect_the_derived_relation_can_be_carried_out(board_task):
+    """All 720 orders of the board's six parts."""
+    relation = pairs(derived(board_task))
+    feasibility = make_feasibility(board_task, Setup(collision=("aabb",)))
+    parts = [name for name in board_task.operations if "screw" not in name]
+    possible = 0
+    for order in itertools.permutations(parts):
+        when = {part: i for i, part in enumerate(order)}
+        respects = all(
+            when[one] < when[other] for one, other in relation if {one, other} <= set(when)
+        )
+        state, feasible = board_task.initial, True
+        for part in order:
+            for kind in ("pick", "place"):
+                skill = board_task.skill(f"{kind}({part})")
+                feasible = feasible and feasibility.rule(skill, state).is_feasible
+                state = skill.prediction.apply(state)
+        assert respects == feasible
+        possible += feasible
+    assert possible == 60
+
+
+def test_an_optimal_plan_respects_the_relation(motor_drive_task):
+    """Derived from the same back ends that the plan was checked with."""
+    result = solve(motor_drive_task, "exact", Setup(collision=("aabb",)))
+    names = [step.skill for step in result.steps]
+    when = {
+        element: next(
+            i for i, name in enumerate(names) if name in (f"place({element})", f"fasten({element})")
+        )
+        for element in motor_drive_task.operations
+    }
+    for one, other in pairs(derived(motor_drive_task)):
+        assert when[one] < when[other]
+
+
+def test_relations_on_a_circle_stay_and_the_circle_is_named():
+    """A part that lies on what it is to be put under has no order."""
+    content = config_content("inverter_board")
+    content["parts"]["switch_1"].pop("start_m")
+    content["parts"]["switch_1"]["start_on"] = "pcb"
+    chart = derive_chart(make_feasibility(assembly(content), Setup(collision=("aabb",))))
+    pairs = [(relation.before, relation.after) for relation in chart.relations]
+    assert {("pcb", "switch_1"), ("switch_1", "pcb")} <= reduction(pairs)
+    assert {"pcb", "switch_1"} == set(chart.circle)
+    assert "no order exists" in chart.obstacle()
+
+
+def test_unknown_is_no_relation(lid_task):
+    """What a back end does not know is undecided."""
+    facts = lid_task.facts
+
+    def answer(skill, state):
+        if skill.name == "place(lid)" and "placed(fuse)" in state:
+            return Verdict.unknown("too slow")
+        return Verdict.feasible(facts.none, facts.of("placed(fuse)") - state)
+
+    chart = derive_chart(Feasibility(lid_task, [fake_back_end(lid_task, answer)]))
+    assert chart.undecided == ("place(lid)",)
+    assert all(relation.after != "lid" for relation in chart.relations)

@@ -1,0 +1,428 @@
+"""Verdicts kept on disk."""
+
+import json
+import logging
+import os
+import random
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import pytest
+from pydantic import Field
+
+from dear_back_ends import DearEngine
+from situations import assembly, config_content, fake_back_end
+from skillplan.checks.feasibility import Feasibility
+from skillplan.checks.single_check import Checked
+from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
+from skillplan.checks.verdict_file import VerdictRecord, read_record
+from skillplan.checks.verdict_key import content_hash, verdict_key
+from skillplan.collision.aabb import AabbDetector
+from skillplan.physics.engine import Engine
+from skillplan.pipeline.run import make_model, solve, warm_cache
+from skillplan.task import back_end as back_ends
+from skillplan.task.task import Precedence
+from skillplan.task.verdict import Verdict, VerdictStatus
+from skillplan.testing import lid_task, reachable_states, shut_box_task
+
+TASK = lid_task()
+SKILL = TASK.skills[0]
+
+
+def dear_one(task=TASK, answer=None, **attributes):
+    """Return a dear fake whose verdicts rest on where the fuse is."""
+
+    def rests_on_the_fuse(skill, state):
+        facts = task.facts
+        if "placed(fuse)" in state:
+            return Verdict.infeasible("blocked", facts.of("placed(fuse)"), facts.none, {"n": 3.5})
+        return Verdict.feasible(facts.none, facts.of("placed(fuse)"))
+
+    return fake_back_end(task, answer or rests_on_the_fuse, dear=True, **attributes)
+
+
+def verdicts_of(folder, back_end, task=TASK, skill=None):
+    """Rule on a skill in the initial state and with the fuse placed, with a cache in a folder."""
+    skill = skill or task.skills[0]
+    cache = DiskVerdictCache(folder)
+    feasibility = Feasibility(task, [back_end], cache)
+    states = task.initial, (task.initial | task.initial.facts.of("placed(fuse)"))
+    return [feasibility.rule(skill, state) for state in states], cache
+
+
+def files_in(folder):
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
+def test_verdicts_survive_to_the_next_run(tmp_path):
+    """A new cache and a new back end ask nothing and rule the same, evidence included."""
+    first, second = dear_one(), dear_one()
+    expected, _ = verdicts_of(tmp_path, first)
+    actual, _ = verdicts_of(tmp_path, second)
+    assert expected == actual
+    assert actual[1].evidence == {"n": 3.5}
+    assert (len(first.asked), len(second.asked)) == (2, 0)
+
+
+def test_a_file_says_what_was_asked_and_how_long_the_answer_took(tmp_path):
+    """Each verdict has its own, in a folder for its back end and key."""
+    asked = dear_one()
+    verdicts_of(tmp_path, asked)
+    paths = files_in(tmp_path)
+    assert {path.parent for path in paths} == {tmp_path / "fake" / verdict_key(asked, SKILL)}
+    feasible, infeasible = sorted((read_record(path) for path in paths), key=lambda r: r.status)
+    assert (feasible.task, feasible.skill, feasible.back_end) == ("lid", SKILL.name, "fake")
+    assert (feasible.version, feasible.options) == ("1", {})
+    assert feasible.state == tuple(TASK.initial)
+    assert (feasible.present, feasible.absent) == ((), ("placed(fuse)",))
+    assert 0 <= feasible.took_s < 1
+    assert (infeasible.reason, infeasible.evidence) == ("blocked", {"n": 3.5})
+    assert infeasible.verdict(TASK.facts).applies_in(TASK.facts.of(*infeasible.state))
+
+
+def test_another_process_finds_the_same_file(tmp_path):
+    """The key does not depend on the order of hashes."""
+    aabb = AabbDetector(TASK)
+    code = (
+        "from skillplan.testing import lid_task; from skillplan.collision.aabb import "
+        "AabbDetector; from skillplan.checks.verdict_key import verdict_key; "
+        "task = lid_task(); print(verdict_key(AabbDetector(task), task.skills[3]))"
+    )
+    keys = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            check=True,
+            capture_output=True,
+            text=True,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+        ).stdout.strip()
+        for seed in ("1", "2")
+    }
+    assert keys == {verdict_key(aabb, TASK.skills[3])}
+
+
+def test_only_dear_back_ends_are_written(tmp_path):
+    """Asking the others again is cheaper than reading."""
+    model = make_model(TASK, cache=DiskVerdictCache(tmp_path))
+    reachable_states(model)
+    assert model.stats.checks > 0
+    assert files_in(tmp_path) == []
+
+
+def test_unknown_is_never_kept_on_disk(tmp_path):
+    """The next run may decide; within this one it is not asked again."""
+    asked = dear_one(answer=Verdict.unknown("too slow"))
+    verdicts, cache = verdicts_of(tmp_path, asked)
+    assert {v.reason for v in verdicts} == {"too slow"}
+    assert Feasibility(TASK, [asked], cache).rule(SKILL, TASK.initial).reason == "too slow"
+    assert len(asked.asked) == 2
+    assert files_in(tmp_path) == []
+
+
+def test_an_unknown_beside_a_decided_verdict_is_left_out_of_the_file(tmp_path):
+    """Only what was decided is written."""
+
+    def answer(skill, state):
+        if "placed(fuse)" in state:
+            return Verdict.feasible(TASK.facts.of("placed(fuse)"), TASK.facts.none)
+        return Verdict.unknown("too slow")
+
+    verdicts_of(tmp_path, dear_one(answer=answer))
+    (path,) = files_in(tmp_path)
+    assert read_record(path).status == "feasible"
+
+
+def test_what_differs_in_anything_that_may_change_the_answer_has_another_key():
+    """Scene, chart, skill, facts, name, version and options; not the goal or the step limit."""
+
+    class Options(back_ends.Options):
+        friction: float = Field(default=0.5, description="friction [-]")
+
+    back_end = dear_one()
+    moved = config_content("inverter_board")
+    board = assembly(moved)
+    moved["parts"]["clock"]["goal_m"][0] += 0.001
+    keys = [
+        verdict_key(back_end, SKILL),
+        verdict_key(back_end, TASK.skills[1]),
+        verdict_key(back_end, replace(SKILL, parameters={"part": "fuse"})),
+        verdict_key(back_end, replace(SKILL, motion=TASK.skills[1].motion)),
+        verdict_key(back_end, replace(SKILL, precondition=TASK.skills[1].precondition)),
+        verdict_key(back_end, replace(SKILL, outcomes=TASK.skills[1].outcomes)),
+        verdict_key(dear_one(version="2"), SKILL),
+        verdict_key(dear_one(name="other"), SKILL),
+        verdict_key(dear_one(Options=Options), SKILL),
+        verdict_key(dear_one(TASK.replace(chart=(Precedence("lid", "box"),))), SKILL),
+        verdict_key(dear_one(board), board.skills[0]),
+        verdict_key(dear_one(assembly(moved)), board.skills[0]),
+    ]
+    with_option = dear_one(Options=Options)
+    with_option.options = Options(friction=0.6)
+    keys.append(verdict_key(with_option, SKILL))
+    assert len(set(keys)) == len(keys)
+    told = dear_one(basis={"engine": {"friction": 0.5}})
+    keys.append(verdict_key(told, SKILL))
+    assert len(set(keys)) == len(keys)
+    same = dear_one(TASK.replace(step_limit=99, goal=TASK.skills[0].precondition))
+    assert verdict_key(same, SKILL) == keys[0]
+
+
+def test_another_version_asks_anew(tmp_path):
+    """What an old one said is not found."""
+    verdicts_of(tmp_path, dear_one())
+    newer = dear_one(version="2")
+    verdicts_of(tmp_path, newer)
+    assert len(newer.asked) == 2
+    assert len(files_in(tmp_path)) == 4
+
+
+def test_what_a_back_end_reads_of_others_tells_verdicts_apart_in_memory_too():
+    """A detector beside an engine of other options says other things."""
+    cache = VerdictCache()
+    one, other = (dear_one(basis={"friction": friction}) for friction in (0.5, 0.6))
+    for back_end in (one, other):
+        Feasibility(TASK, [back_end], cache).rule(SKILL, TASK.initial)
+    assert (len(one.asked), len(other.asked)) == (1, 1)
+
+
+def altered(change):
+    """Return what makes the content of a file another, with a checksum that fits."""
+
+    def alter(text):
+        content = json.loads(text)
+        del content["checksum"]
+        change(content)
+        return json.dumps({**content, "checksum": content_hash(content)}).encode()
+
+    return alter
+
+
+def said(**changes):
+    return altered(lambda content: content["verdict"].update(changes))
+
+
+CORRUPT = {
+    "empty": lambda text: b"",
+    "no JSON": lambda text: b"{verdicts",
+    "cut short": lambda text: text[:-9],
+    "another reason": lambda text: text.replace(b'"reason": "', b'"reason": "b'),
+    "another time": lambda text: text.replace(b'"took_s": ', b'"took_s": 1'),
+    "another state": lambda text: text.replace(b'"state": [', b'"state": ["placed(lid)", '),
+    "not UTF-8": lambda text: b'{"format": "\xff\xfe"}',
+    "a list": lambda text: b"[]",
+    "a number": lambda text: b"3",
+    "endless brackets": lambda text: b"[" * 100_000,
+    "no checksum": lambda text: json.dumps({**json.loads(text), "checksum": None}).encode(),
+    "another format": altered(lambda content: content.update(format="skillplan.verdict/9")),
+    "another key": altered(lambda content: content.update(key="0" * 64)),
+    "no verdict": altered(lambda content: content.pop("verdict")),
+    "other facts": said(present=["held(box)"], absent=[]),
+    "an unknown status": said(status="perhaps"),
+    "a status that is never kept": said(status="unknown", reason="?"),
+    "no reason": said(status="infeasible", reason=""),
+    "facts that are no list": said(present=7),
+    "facts that are lists": said(present=[["placed(fuse)"]]),
+    "no evidence": said(evidence=None),
+    "a state in which it does not apply": altered(
+        lambda content: content.update(
+            state=[] if content["verdict"]["present"] else ["placed(fuse)"]
+        )
+    ),
+    "a state of unknown facts": altered(lambda content: content.update(state=["placed(ghost)"])),
+    "a time below 0": altered(lambda content: content.update(took_s=-1.0)),
+}
+
+
+@pytest.mark.parametrize("what", CORRUPT)
+def test_a_corrupt_file_is_dropped_and_its_verdict_made_anew(tmp_path, what):
+    """Never trusted, never an error; afterwards the files are sound again."""
+    expected, _ = verdicts_of(tmp_path, dear_one())
+    paths = files_in(tmp_path)
+    for path in paths:
+        before = path.read_bytes()
+        path.write_bytes(CORRUPT[what](before))
+        assert path.read_bytes() != before
+    again = dear_one()
+    actual, cache = verdicts_of(tmp_path, again)
+    assert expected == actual
+    assert len(again.asked) == 2
+    assert sorted(cache.dropped) == paths
+    healed = dear_one()
+    assert verdicts_of(tmp_path, healed)[0] == expected
+    assert healed.asked == []
+
+
+def test_a_file_under_anothers_name_is_dropped(tmp_path):
+    """Verdicts are never mixed up, whatever is copied where."""
+    verdicts_of(tmp_path, dear_one())
+    one, other = files_in(tmp_path)
+    other.write_bytes(one.read_bytes())
+    elsewhere = tmp_path / "fake" / verdict_key(dear_one(), TASK.skills[1])
+    elsewhere.mkdir()
+    (elsewhere / one.name).write_bytes(one.read_bytes())
+    cache = DiskVerdictCache(tmp_path)
+    cache.find(dear_one(), SKILL, TASK.initial)
+    cache.find(dear_one(), TASK.skills[1], TASK.initial)
+    assert sorted(cache.dropped) == sorted([other, elsewhere / one.name])
+
+
+def test_the_alterations_above_are_told_by_what_they_say(tmp_path):
+    """A file that was altered to what it said already is read."""
+    verdicts_of(tmp_path, dear_one())
+    for path in files_in(tmp_path):
+        path.write_bytes(altered(lambda content: None)(path.read_bytes()))
+    again = dear_one()
+    _, cache = verdicts_of(tmp_path, again)
+    assert (cache.dropped, again.asked) == ([], [])
+
+
+def test_files_of_the_format_before_are_left_alone(tmp_path):
+    """One for every skill, in the folder of the back end."""
+    back_end = dear_one()
+    old = tmp_path / "fake" / f"{verdict_key(back_end, SKILL)}.json"
+    old.parent.mkdir()
+    old.write_text('{"format": "skillplan.verdicts/1", "verdicts": []}')
+    verdicts, cache = verdicts_of(tmp_path, back_end)
+    assert [verdict.is_feasible for verdict in verdicts] == [True, False]
+    assert cache.dropped == []
+    assert old.is_file()
+
+
+def test_what_another_process_has_kept_meanwhile_is_found(tmp_path):
+    """Nothing is asked that is known by now."""
+    early, late = dear_one(), dear_one()
+    feasibility = Feasibility(TASK, [late], DiskVerdictCache(tmp_path))
+    placed = TASK.initial | TASK.facts.of("placed(fuse)")
+    assert feasibility.rule(SKILL, placed).is_infeasible
+    Feasibility(TASK, [early], DiskVerdictCache(tmp_path)).rule(SKILL, TASK.initial)
+    assert feasibility.rule(SKILL, TASK.initial).is_feasible
+    assert (len(early.asked), len(late.asked)) == (1, 1)
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
+    """A crash before the rename leaves neither a file nor a temporary one."""
+
+    def crash(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("skillplan.files.atomic_file.os.replace", crash)
+    with pytest.raises(KeyboardInterrupt):
+        verdicts_of(tmp_path, dear_one())
+    assert files_in(tmp_path) == []
+    monkeypatch.undo()
+    verdicts_of(tmp_path, dear_one())
+    assert len(files_in(tmp_path)) == 2
+
+
+WRITER = """
+import sys
+from pathlib import Path
+
+from dear_back_ends import DearEngine
+from skillplan.checks.feasibility import Feasibility
+from skillplan.model.skill_model import SkillModel
+from skillplan.checks.verdict_cache import DiskVerdictCache
+from skillplan.testing import lid_task, reachable_states
+
+task = lid_task()
+states = reachable_states(SkillModel(Feasibility(task)))
+print("ready", flush=True)
+for seed in range(int(sys.argv[2]), 10_000):
+    engine = DearEngine(task, DearEngine.Options(seed=seed % 40))
+    feasibility = Feasibility(task, [engine], DiskVerdictCache(Path(sys.argv[1])))
+    for state in states:
+        for skill in task.skills:
+            if skill.applicable(state):
+                feasibility.rule(skill, state)
+"""
+
+
+def test_processes_killed_at_any_instant_leave_a_sound_cache(tmp_path):
+    """Two at a time write to one folder and are killed again and again: what is there holds."""
+    rng = random.Random(3)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    for seed in range(4):
+        writers = [
+            subprocess.Popen(
+                [sys.executable, "-c", WRITER, str(tmp_path), str(10 * seed + number)],
+                stdout=subprocess.PIPE,
+                env=environment,
+            )
+            for number in range(2)
+        ]
+        for writer in writers:
+            assert writer.stdout.readline() == b"ready\n"
+            time.sleep(rng.uniform(0.0, 0.2))
+            writer.kill()
+            writer.communicate()
+    paths = [path for path in files_in(tmp_path) if not path.name.startswith(".")]
+    assert len(paths) > 20
+    for path in paths:
+        record = read_record(path)
+        engine = DearEngine(TASK, DearEngine.Options(**record.options))
+        state = TASK.facts.of(*record.state)
+        fresh = Feasibility(TASK, [engine]).stages(TASK.skill(record.skill), state)[1]
+        assert fresh == record.verdict(TASK.facts)
+
+
+def test_records_that_make_no_sense_are_refused():
+    """Both checks of the constructor."""
+    verdict = Verdict.feasible().grounded(TASK.initial, "fake")
+    record = VerdictRecord.of(dear_one(), SKILL, Checked(verdict, 0.5), TASK.initial)
+    with pytest.raises(ValueError, match="unknown is never kept"):
+        replace(record, status=VerdictStatus.UNKNOWN)
+    with pytest.raises(ValueError, match=r"cannot take -1\.0 s"):
+        replace(record, took_s=-1.0)
+    with pytest.raises(ValueError, match=r"cannot take -1\.0 s"):
+        Checked(verdict, -1.0)
+
+
+def test_a_folder_that_cannot_be_written_costs_a_warning_and_no_run(tmp_path, caplog):
+    """Reuse goes on in memory."""
+    (tmp_path / "file").write_text("in the way")
+    asked = dear_one()
+    with caplog.at_level(logging.WARNING):
+        verdicts, cache = verdicts_of(tmp_path / "file", asked)
+    assert [v.is_feasible for v in verdicts] == [True, False]
+    assert len(caplog.records) == 1
+    assert Feasibility(TASK, [asked], cache).rule(SKILL, TASK.initial).is_feasible
+    assert len(asked.asked) == 2
+
+
+def test_the_folder_is_chosen_by_the_environment(tmp_path, monkeypatch):
+    """It is made when first needed."""
+    monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "here"))
+    cache = warm_cache()
+    assert not (tmp_path / "here").exists()
+    Feasibility(TASK, [dear_one()], cache).rule(SKILL, TASK.initial)
+    assert len(files_in(tmp_path / "here")) == 1
+
+
+def test_a_copy_for_some_back_ends_starts_with_theirs_only():
+    """What is added to it does not flow back."""
+    cache = VerdictCache()
+    checked = Checked(Verdict.feasible(TASK.facts.none, TASK.facts.none), 0.0)
+    one, other = fake_back_end(TASK, name="one"), fake_back_end(TASK, name="other")
+    for back_end in (one, other):
+        cache.keep(back_end, SKILL, checked, TASK.initial)
+    copy = cache.only([one])
+    assert copy.find(one, SKILL, TASK.initial) is not None
+    assert copy.find(other, SKILL, TASK.initial) is None
+    copy.keep(one, TASK.skills[1], checked, TASK.initial)
+    assert cache.find(one, TASK.skills[1], TASK.initial) is None
+
+
+def test_an_engine_and_a_detector_of_one_name_do_not_share_verdicts():
+    """Names are unique within a kind only."""
+    yes = fake_back_end(TASK, lambda skill, state: Verdict.feasible(), name="twin", base=Engine)
+    no = fake_back_end(TASK, lambda skill, state: Verdict.infeasible("no"), name="twin")
+    assert not Feasibility(TASK, [yes, no]).rule(SKILL, TASK.initial).is_feasible
+
+
+def test_one_cache_serves_two_tasks_without_mixing_them_up():
+    """What holds in one task says nothing about another with the same names."""
+    cache = VerdictCache()
+    results = [solve(task, "exact", cache=cache) for task in (shut_box_task(), lid_task())]
+    assert ["infeasible", "optimal"] == [result.status for result in results]

@@ -1,0 +1,111 @@
+"""All that is kept on disk: what is there, and what clearing it leaves."""
+
+from dear_back_ends import DearDetector, DearEngine
+from skillplan.checks.feasibility import Feasibility
+from skillplan.checks.verdict_cache import DiskVerdictCache
+from skillplan.checks.verdict_folder import VerdictFolder
+from skillplan.model.skill_model import SkillModel
+from skillplan.testing import lid_task, reachable_states
+
+TASK = lid_task()
+OTHER = TASK.replace(name="other", chart=())
+
+
+def filled(folder, task=TASK, plugin=DearEngine, **options):
+    """Keep some verdicts in a folder; return the back end that gave them."""
+    asked = plugin(task, plugin.Options(**options))
+    feasibility = Feasibility(task, [asked], DiskVerdictCache(folder))
+    for state in reachable_states(SkillModel(Feasibility(task)), 20):
+        feasibility.rule_all([(k, state) for k in task.skills if k.applicable(state)])
+    return asked
+
+
+def names_in(folder):
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+
+
+def test_a_survey_finds_every_sound_verdict(tmp_path):
+    """Of whatever task and back end; an empty folder, or none, holds none."""
+    assert VerdictFolder(tmp_path / "nowhere").survey() == ([], [])
+    filled(tmp_path)
+    filled(tmp_path, OTHER, DearDetector)
+    sound, others = VerdictFolder(tmp_path).survey()
+    assert {(one.record.back_end, one.record.task) for one in sound} == {
+        ("dear-engine", "lid"),
+        ("dear-detector", "other"),
+    }
+    assert len(sound) == len([name for name in names_in(tmp_path) if name.endswith(".json")])
+    assert others == []
+    assert all(one.size_bytes == one.path.stat().st_size for one in sound)
+    assert all(one.modified_s == one.path.stat().st_mtime for one in sound)
+
+
+def test_what_a_back_end_would_use_is_what_it_finds(tmp_path):
+    """By its key: not what others said, or the same with another option."""
+    back_end = filled(tmp_path, seed=1)
+    filled(tmp_path, seed=2)
+    filled(tmp_path, OTHER, seed=1)
+    (own,) = VerdictFolder(tmp_path).kept_for([back_end])
+    assert own
+    assert {(one.record.task, one.record.options["seed"]) for one in own} == {("lid", 1)}
+    fresh = DearEngine(TASK, back_end.options)
+    again = Feasibility(TASK, [fresh], DiskVerdictCache(tmp_path))
+    for one in own:
+        record = one.record
+        again.rule(TASK.skill(record.skill), TASK.facts.of(*record.state))
+    assert again.executions == 0
+
+
+def litter(folder):
+    """Put files into a folder of verdicts that are not the cache's, and some that are."""
+    key = next(path for path in (folder / "dear-engine").iterdir())
+    own = [
+        folder / "dear-engine" / f"{'a' * 64}.json",
+        key / f".{'b' * 64}.json.123.tmp",
+        key / f"{'c' * 64}.json",
+    ]
+    foreign = [
+        folder / "README",
+        folder / "dear-engine" / "notes.txt",
+        key / "notes.json",
+        folder / "photos" / "holiday.json",
+    ]
+    for path in (*own, *foreign):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("{}")
+    return own, foreign
+
+
+def test_damaged_and_unfinished_files_and_those_of_the_format_before_are_told_apart(tmp_path):
+    """From verdicts, and from what is not the cache's."""
+    filled(tmp_path)
+    own, _ = litter(tmp_path)
+    assert sorted(VerdictFolder(tmp_path).survey()[1]) == sorted(own)
+
+
+def test_clearing_removes_all_that_is_the_caches_own_and_nothing_else(tmp_path):
+    """Neither files nor folders, nor what a link leads to."""
+    filled(tmp_path / "cache")
+    _, foreign = litter(tmp_path / "cache")
+    filled(tmp_path / "cache", plugin=DearDetector)
+    filled(tmp_path / "elsewhere")
+    (tmp_path / "cache" / "linked").symlink_to(tmp_path / "elsewhere" / "dear-engine")
+    before = names_in(tmp_path / "elsewhere")
+    count = len([path for path in (tmp_path / "cache").rglob("*") if path.is_file()])
+    assert VerdictFolder(tmp_path / "cache").clear() == count - len(foreign)
+    left = [path for path in (tmp_path / "cache").rglob("*") if path.is_file()]
+    assert sorted(left) == sorted(foreign)
+    assert not (tmp_path / "cache" / "dear-detector").exists()
+    assert names_in(tmp_path / "elsewhere") == before
+
+
+def test_clearing_a_task_leaves_the_others(tmp_path):
+    """By the name it was kept under."""
+    filled(tmp_path)
+    kept = filled(tmp_path, OTHER)
+    count = len(VerdictFolder(tmp_path).survey()[0])
+    (own,) = VerdictFolder(tmp_path).kept_for([kept])
+    assert VerdictFolder(tmp_path).clear({"lid"}) == count - len(own)
+    assert [one.path for one in VerdictFolder(tmp_path).survey()[0]] == sorted(
+        one.path for one in own
+    )

@@ -1,0 +1,107 @@
+"""Kept verdicts asked anew."""
+
+import pytest
+
+from dear_back_ends import DearEngine
+from situations import fake_back_end
+from skillplan.checks.feasibility import Feasibility
+from skillplan.checks.verdict_cache import DiskVerdictCache
+from skillplan.checks.verdict_folder import VerdictFolder
+from skillplan.checks.verification import draw, put_to_the_test
+from skillplan.errors import BackEndError
+from skillplan.model.enumeration import enumerate_feasibility
+from skillplan.task.verdict import Verdict
+from skillplan.testing import lid_task
+
+TASK = lid_task()
+
+
+def engine():
+    return DearEngine(TASK)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with what an engine says of the task."""
+    enumerate_feasibility(Feasibility(TASK, [engine()], DiskVerdictCache(tmp_path)))
+    return VerdictFolder(tmp_path)
+
+
+def test_a_sample_depends_on_the_seed_only(folder):
+    """Without repetition, in the order of the files; all where there are fewer."""
+    kept = folder.kept_for([engine()])
+    drawn = draw(kept, 3, seed=4)
+    assert drawn == draw(kept, 3, seed=4)
+    assert len({one.path for _, one in drawn}) == 3
+    assert {tuple(one.path for _, one in draw(kept, 3, seed=s)) for s in range(8)} != {
+        tuple(one.path for _, one in drawn)
+    }
+    assert [one for _, one in draw(kept, 10_000, seed=0)] == kept[0]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_sound_verdicts_are_the_same_bit_for_bit(folder, jobs):
+    """Of every skill, in one process or several."""
+    drawn = draw(folder.kept_for([engine()]), 10_000, seed=0)
+    done = []
+    trials = put_to_the_test(
+        Feasibility(TASK, [engine()]), drawn, jobs=jobs, on_trial=lambda: done.append(1)
+    )
+    assert len(trials) == len(drawn) == len(done) > 3
+    assert all(trial.same for trial in trials)
+
+
+def answering(verdict):
+    """Return an engine-like back end under the engine's name that says something else."""
+    return fake_back_end(TASK, verdict, name="dear-engine", dear=True)
+
+
+@pytest.mark.parametrize(
+    ("change", "differs_in"),
+    [
+        (lambda v: v, ()),
+        (lambda v: Verdict.infeasible("else", v.present, v.absent, v.evidence), "status reason"),
+        (lambda v: Verdict.feasible(evidence=v.evidence), "facts"),
+        (
+            lambda v: Verdict.feasible(v.present, v.absent, {**v.evidence, "luck": 0.5, "n": 1}),
+            "evidence: luck|evidence: n",
+        ),
+        (lambda v: Verdict.feasible(v.present, v.absent), "evidence: facts|evidence: luck"),
+    ],
+)
+def test_a_difference_says_in_what(folder, change, differs_in):
+    """In status, reason, facts or an entry of the evidence."""
+    kept = folder.kept_for([engine()])
+    feasible = [one for one in kept[0] if one.record.status == "feasible"]
+    said = feasible[0].record.verdict(TASK.facts)
+    fresh = Feasibility(TASK, [answering(change(said))])
+    (trial,) = put_to_the_test(fresh, [(0, feasible[0])])
+    parts = differs_in if isinstance(differs_in, tuple) else tuple(differs_in.split("|"))
+    assert trial.differs_in == (("status", "reason") if parts == ("status reason",) else parts)
+    assert trial.same == (not differs_in)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_trial_can_be_ended_early(folder, jobs):
+    """What has been tried by then is returned."""
+    drawn = draw(folder.kept_for([engine()]), 10_000, seed=0)
+    done = []
+    trials = put_to_the_test(
+        Feasibility(TASK, [engine()]),
+        drawn,
+        jobs=jobs,
+        stopped=lambda: len(done) >= 2,
+        on_trial=lambda: done.append(1),
+    )
+    assert 2 <= len(trials) < len(drawn)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_back_end_that_raises_is_named(folder, tmp_path, jobs):
+    """It is no difference."""
+    log = tmp_path / "log"
+    log.mkdir()
+    (index, one), *_ = draw(folder.kept_for([engine()]), 1, seed=0)
+    options = DearEngine.Options(log=str(log), fail_on=one.record.skill, how="raise")
+    with pytest.raises(BackEndError, match="the simulator has gone away"):
+        put_to_the_test(Feasibility(TASK, [DearEngine(TASK, options)]), [(index, one)], jobs=jobs)

@@ -1,0 +1,97 @@
+"""What runs note: lines that come back as they were, and damage that is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from skillplan.errors import OptionError
+from skillplan.records.training.metrics_file import (
+    FiguresRecord,
+    RunMetrics,
+    metrics_line,
+    metrics_of,
+    read_metrics,
+)
+from skillplan.solvers.learning.learner import Episode
+
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+EPISODES = st.builds(
+    Episode,
+    run=st.just(3),
+    step=st.integers(1, 10**9),
+    end=st.sampled_from(["complete", "infeasible", "out-of-time"]),
+    actions=st.lists(st.integers(0, 500), max_size=30).map(tuple),
+    cost=FINITE,
+    reward=FINITE,
+    greedy=st.booleans(),
+)
+GOOD = metrics_line(Episode(0, 7, "complete", (0, 1), 1.5, 10.0, True))
+
+
+@given(st.lists(EPISODES, max_size=8), st.dictionaries(st.text(min_size=1), FINITE, max_size=4))
+def test_every_line_comes_back_as_it_was(episodes: list[Episode], figures: dict[str, float]):
+    episodes.sort(key=lambda one: one.step)
+    figures = {name: value for name, value in figures.items() if name not in ("kind", "step")}
+    record = FiguresRecord(10**9, figures)
+    lines = [metrics_line(one) for one in (*episodes, record)]
+    assert all("\n" not in line for line in lines)
+    assert RunMetrics(tuple(episodes), (record,)) == metrics_of(lines, Path("a"), 3)
+
+
+def test_figures_that_are_not_finite_are_left_out() -> None:
+    line = metrics_line(FiguresRecord(5, {"loss": float("nan"), "q": 1.0, "far": float("inf")}))
+    (found,) = metrics_of([line], Path("a"), 0).figures
+    assert FiguresRecord(5, {"q": 1.0}) == found
+
+
+def test_an_episode_whose_cost_is_not_finite_is_refused() -> None:
+    with pytest.raises(ValueError, match="JSON"):
+        metrics_line(Episode(0, 7, "complete", (0, 1), float("nan"), 10.0, True))
+
+
+def test_a_run_that_has_noted_nothing_has_no_metrics(tmp_path: Path) -> None:
+    assert RunMetrics() == read_metrics(tmp_path / "metrics.jsonl", 0)
+
+
+@pytest.mark.parametrize("length", range(1, len(GOOD) + 1))
+def test_a_piece_of_a_line_at_the_end_is_left_out(tmp_path: Path, length: int) -> None:
+    path = tmp_path / "metrics.jsonl"
+    path.write_text(f"{GOOD}\n{GOOD[:length]}")
+    assert 1 == len(read_metrics(path, 0).episodes)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("{", "["),
+        ('"episode"', '"epsiode"'),
+        ('"complete"', '"lost"'),
+        ('"step":7', '"step":0'),
+        ('"step":7', '"step":3'),
+        ('"step":7', '"step":"7"'),
+        ('"length":2', '"length":3'),
+        ('"actions":[0,1]', '"actions":[0,-1]'),
+        ('"actions":[0,1]', '"actions":[0,1.5]'),
+        ('"actions":[0,1]', '"actions":null'),
+        ('"cost":1.5', '"cost":NaN'),
+        ('"cost":1.5', '"cost":true'),
+        ('"reward":10.0', '"reword":10.0'),
+        ('"greedy":true', '"greedy":1'),
+        (GOOD, "7"),
+        (GOOD, "[" * 5_000),
+    ],
+)
+def test_another_damaged_line_is_named(tmp_path: Path, old: str, new: str) -> None:
+    path = tmp_path / "metrics.jsonl"
+    bad = GOOD.replace(old, new)
+    assert bad != GOOD
+    before = GOOD.replace('"step":7', '"step":5')
+    path.write_text(f"{before}\n{bad}\n{GOOD}\n")
+    with pytest.raises(OptionError) as caught:
+        read_metrics(path, 0)
+    assert str(caught.value).startswith(f"{path}:2: is damaged: ")
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,188 @@
+"""The referee's row: what it refuses to hold, and its document."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from skillplan.cli.output import as_json, exit_code
+from skillplan.model.replay import Step
+from skillplan.records.origin import Origin
+from skillplan.records.result import Result, Status, tolerance
+from skillplan.task.task import Task
+from skillplan.views.tables.results import comparison_table, number, percent, plan_table
+
+STEP = Step(0, "pick(a)", 3, (0.0, 0.0, 0.1), None, 2.0, 4.5, None)
+
+
+@pytest.fixture
+def optimal() -> Result:
+    """One step of 2 m, proved to be the best."""
+    return Result(
+        task="lid",
+        kind="assembly",
+        sha256="0" * 64,
+        solver="exact",
+        seed=0,
+        physics="kinematic",
+        collision="aabb",
+        status=Status.OPTIMAL,
+        cost=2.0,
+        cost_unit="m",
+        lower_bound=2.0,
+        steps=(STEP,),
+        makespan_s=4.5,
+    )
+
+
+@pytest.fixture
+def unsolved(optimal: Result) -> Result:
+    """Nothing found."""
+    nothing: dict[str, Any] = {"cost": None, "lower_bound": None, "steps": (), "makespan_s": None}
+    return replace(optimal, status=Status.UNSOLVED, **nothing)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"cost": None}, "A result optimal must have a cost"),
+        ({"status": Status.INFEASIBLE}, "A result infeasible must not have a cost"),
+        ({"status": Status.WRONG}, "must not have a cost"),
+        ({"wall_s": -0.1}, "must be >= 0"),
+        ({"makespan_s": -1.0}, "must be >= 0"),
+        ({"cost": -2.0, "lower_bound": None}, "must be >= 0"),
+        ({"lower_bound": 2.1}, "Bound 2.1 exceeds cost 2.0"),
+        ({"lower_bound": 1.9}, "must not have a gap"),
+        ({"lower_bound": None}, "must not have a gap"),
+    ],
+)
+def test_a_result_that_contradicts_itself_is_refused(
+    optimal: Result, changes: dict[str, Any], message: str
+) -> None:
+    """Each check trips."""
+    with pytest.raises(ValueError, match=message):
+        replace(optimal, **changes)
+
+
+def test_rounding_is_no_contradiction(optimal: Result) -> None:
+    """A bound above the cost by less than the tolerance is the cost."""
+    assert 0.0 == replace(optimal, lower_bound=2.0 + tolerance(2.0) / 2).gap
+
+
+@pytest.mark.parametrize(
+    ("cost", "bound", "gap"),
+    [(2.0, 1.5, 0.25), (2.0, 0.0, 1.0), (0.0, 0.0, 0.0), (2.0, -math.inf, None), (2.0, None, None)],
+)
+def test_the_gap_is_a_fraction_of_the_cost(
+    optimal: Result, cost: float, bound: float | None, gap: float | None
+) -> None:
+    """None where either is missing."""
+    solved = replace(optimal, status=Status.SOLVED, cost=cost, lower_bound=bound)
+    assert gap == solved.gap
+
+
+def test_a_result_without_a_plan_has_neither_gap_nor_makespan(unsolved: Result) -> None:
+    """A bound alone is no gap."""
+    bounded = replace(unsolved, lower_bound=1.0)
+    assert (None, None) == (bounded.gap, bounded.makespan)
+
+
+def test_the_document_is_json_whatever_the_bound(unsolved: Result) -> None:
+    """An infinite bound, proof that there is no plan, becomes null."""
+    infeasible = replace(unsolved, status=Status.INFEASIBLE, lower_bound=math.inf)
+    document = json.loads(as_json(infeasible.document()))
+    assert ("infeasible", None, None) == (
+        document["status"],
+        document["lower_bound"],
+        document["cost"],
+    )
+
+
+def test_the_document_has_the_steps(optimal: Result) -> None:
+    """As lists and numbers, a place that there is not as null."""
+    document = optimal.document()
+    assert "skillplan.result/1" == document["schema"]
+    assert (["pick(a)"], [3], 1) == (
+        document["skills"],
+        document["actions"],
+        document["makespan"],
+    )
+    (step,) = document["steps"]
+    assert ([0.0, 0.0, 0.1], None) == (step["start"], step["goal"])
+
+
+def test_a_bound_goes_with_the_method_that_proved_it(optimal: Result, unsolved: Result) -> None:
+    """And without a finite bound there is none to name."""
+    named = replace(optimal, bound_method="counting")
+    assert "counting" == named.document()["bound_method"]
+    for bound in (None, -math.inf):
+        empty = replace(unsolved, lower_bound=bound, bound_method="counting")
+        assert "" == empty.document()["bound_method"]
+
+
+def test_the_document_says_where_the_task_is_from(optimal: Result) -> None:
+    """A task that was made by hand is from nowhere."""
+    assert optimal.document()["origin"] is None
+    origin = Origin("lid.yaml", None, {"step_limit": "9"}, "kinematic", ("aabb",), {"aabb": {}})
+    assert {
+        "file": "lid.yaml",
+        "part": None,
+        "set": {"step_limit": "9"},
+        "physics": "kinematic",
+        "collision": ["aabb"],
+        "options": {"aabb": {}},
+    } == replace(optimal, origin=origin).document()["origin"]
+
+
+def test_the_table_tells_of_bound_choice_and_start(
+    optimal: Result, unsolved: Result, board_task: Task
+) -> None:
+    """Each in a line; without a plan the bound says what it means."""
+    trace = {"choice": "exact, as the task is small", "start": "from a plan of 3 m"}
+    notes = plan_table(replace(optimal, bound_method="counting", trace=trace), board_task).notes
+    for line in (
+        "bound      2.00000 m by counting",
+        "choice     exact, as the task is small",
+        "start      from a plan of 3 m",
+    ):
+        assert line in notes
+    notes = plan_table(replace(unsolved, lower_bound=1.0), board_task).notes
+    assert "bound      no plan costs less than 1.00000 m, by exact" in notes
+    notes = plan_table(unsolved, board_task).notes
+    assert not [line for line in notes if line.startswith(("bound", "choice", "start"))]
+
+
+def test_a_number_that_is_not_finite_never_reaches_a_document() -> None:
+    """NaN is no JSON."""
+    with pytest.raises(ValueError, match="JSON"):
+        as_json({"cost": math.nan})
+
+
+def test_the_exit_code_is_that_of_the_most_telling_row(optimal: Result, unsolved: Result) -> None:
+    """Interrupted before wrong before solved before the rest."""
+    wrong = replace(unsolved, status=Status.WRONG)
+    refused = replace(unsolved, status=Status.REFUSED)
+    interrupted = replace(unsolved, interrupted=True)
+    assert 0 == exit_code([optimal, unsolved, refused])
+    assert 1 == exit_code([unsolved, refused])
+    assert 2 == exit_code([refused])
+    assert 2 == exit_code([optimal, wrong])
+    assert 130 == exit_code([optimal, wrong, interrupted])
+    assert 1 == exit_code([])
+
+
+def test_a_comparison_has_a_row_for_each_result(optimal: Result, unsolved: Result) -> None:
+    """A dash where there is no figure; reasons stand below."""
+    table = comparison_table([optimal, replace(unsolved, reason="time limit")], "side by side")
+    assert ["2.00000", "-"] == [row[2] for row in table.rows]
+    assert ["exact: time limit"] == list(table.notes)
+
+
+def test_figures_are_shown_in_fixed_digits() -> None:
+    """0.0070 is 0.70 %."""
+    assert ("0.70 %", "-") == (percent(0.0070), percent(None))
+    assert ("1.50", "-") == (number(1.5, 2), number(None, 2))

@@ -1,0 +1,150 @@
+"""Folders of runs as they are read: all of it, and one clear error for whatever is wrong."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from skillplan.errors import OptionError
+from skillplan.pipeline.setup import load_problem
+from skillplan.records.training.run_folder import RunFolder, copy_name, is_run_folder
+from sop_instances import FOLDER
+from tabular_learner import learner_installed
+from training_situations import BOARD, train
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a short training of seven runs, one of which has failed."""
+    folder = tmp_path_factory.mktemp("kept")
+    with pytest.MonkeyPatch.context() as patch, learner_installed(folder / "site", patch):
+        train(folder / "run", {"fails": "4@150"}, steps=300, checkpoint_steps=100)
+    return folder / "run"
+
+
+@pytest.fixture
+def run_dir(kept: Path, tmp_path: Path) -> Path:
+    """The same, to be changed freely."""
+    return Path(shutil.copytree(kept, tmp_path / "run"))
+
+
+def test_all_that_was_asked_is_there(kept: Path) -> None:
+    manifest = RunFolder(kept).manifest
+    assert ("tabular", 300, tuple(range(7))) == (manifest.solver, manifest.steps, manifest.seeds)
+    assert ("markov", "applicable", "reward") == (
+        manifest.observation,
+        manifest.mask,
+        manifest.objective,
+    )
+    assert ("kinematic", ("precedence",)) == (manifest.physics, manifest.collision)
+    assert {"python", "skillplan", "numpy", "tabular-learner"} == set(manifest.versions)
+    assert "inverter-board" == manifest.task.name
+
+
+def test_every_run_is_there_with_its_policies(kept: Path) -> None:
+    folder = RunFolder(kept)
+    runs = folder.runs()
+    assert list(range(7)) == [one.run for one in runs] == [one.seed for one in runs]
+    assert [4] == [one.run for one in runs if one.failure]
+    assert all(one.policy is not None and one.last is not None for one in runs)
+    assert all((one.best is None) == (one.policy.kept == "last") for one in runs if one.policy)
+    assert runs[2].episodes == folder.run(2).episodes
+    with pytest.raises(OptionError, match="has no run 7, only 0 to 6"):
+        folder.run(7)
+
+
+def test_the_task_is_loaded_from_where_it_was_or_else_from_the_copy(run_dir: Path) -> None:
+    assert str(BOARD) == RunFolder(run_dir).source
+    manifest = json.loads((run_dir / "manifest.json").read_text())
+    manifest["task"]["path"] = str(run_dir / "gone.yaml")
+    (run_dir / "manifest.json").write_text(json.dumps(manifest))
+    assert str(run_dir / "task.yaml") == RunFolder(run_dir).source
+
+
+def test_a_copy_keeps_the_suffix_by_which_it_is_read(tmp_path: Path) -> None:
+    source = Path(shutil.copy(FOLDER / "ESC07.sop", tmp_path / "learned.sop"))
+    with pytest.MonkeyPatch.context() as patch, learner_installed(tmp_path / "site", patch):
+        train(tmp_path / "run", steps=100, checkpoint_steps=100, source=source)
+    source.unlink()
+    folder = RunFolder(tmp_path / "run")
+    assert str(tmp_path / "run" / "task.sop") == folder.source
+    assert folder.manifest.task.sha256 == load_problem(folder.source).sha256
+
+
+@pytest.mark.parametrize(
+    ("source", "name"),
+    [
+        ("a.yaml", "task.yaml"),
+        ("b/a.yml", "task.yaml"),
+        ("a", "task.yaml"),
+        ("a.json", "task.yaml"),
+        ("A.SOP", "task.sop"),
+    ],
+)
+def test_a_copy_takes_the_name_of_no_other_file(source: str, name: str) -> None:
+    assert name == copy_name(source)
+
+
+def test_a_folder_of_runs_is_told_from_a_task_file(kept: Path, tmp_path: Path) -> None:
+    assert is_run_folder(kept)
+    assert not is_run_folder(BOARD)
+    assert not is_run_folder(tmp_path)
+    assert not is_run_folder(tmp_path / "\0")
+
+
+def test_a_run_that_is_damaged_says_so_and_the_others_are_read(run_dir: Path) -> None:
+    path = run_dir / "runs" / "02" / "policy.safetensors"
+    path.write_bytes(b"")
+    with pytest.raises(OptionError, match="is damaged"):
+        RunFolder(run_dir).run(2)
+    runs = RunFolder(run_dir).runs()
+    assert runs[2].failure.startswith(f"{path}: is damaged")
+    assert runs[3].policy is not None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"schema": "skillplan.run/2"}, "another version, skillplan.run/2; this skillplan reads"),
+        ({"schema": "skillplan.sweep/1"}, "is no document skillplan.run/1"),
+        ({"steps": 0}, "steps"),
+        ({"steps": 400}, "the option steps is not the number of steps"),
+        ({"groups": [[0, 1]]}, "the groups do not hold every run once"),
+        ({"seeds": []}, "seeds"),
+        ({"options": {"steps": 300}}, "an option of observation, mask, objective is missing"),
+        ({"task": {"name": "a"}}, "task.kind"),
+        ({"surplus": 1}, "surplus"),
+    ],
+)
+def test_a_manifest_that_makes_no_sense_is_named(
+    run_dir: Path, change: dict[str, object], message: str
+) -> None:
+    path = run_dir / "manifest.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
+    with pytest.raises(OptionError) as caught:
+        RunFolder(run_dir)
+    assert str(caught.value).startswith(f"{path}: is ")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "task.json", "result.json"])
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b"[" * 100_000])
+def test_a_document_that_is_no_json_is_named(run_dir: Path, name: str, content: bytes) -> None:
+    (run_dir / name).write_bytes(content)
+    with pytest.raises(OptionError) as caught:
+        RunFolder(run_dir).result()
+    assert str(caught.value).startswith(f"{run_dir / name}: is ")
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_no_folder_of_runs_is_named(tmp_path: Path) -> None:
+    with pytest.raises(OptionError, match="there is no such folder"):
+        RunFolder(tmp_path / "nowhere")
+    with pytest.raises(OptionError, match=r"holds no manifest.json"):
+        RunFolder(tmp_path)
+    with pytest.raises(OptionError, match="there is no such folder"):
+        RunFolder(tmp_path / "\0")

@@ -1,0 +1,89 @@
+"""What differs between two task files is named key by key."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from situations import CONFIGS
+from skillplan.pipeline.setup import load_problem
+from skillplan.records.task_difference import (
+    MISSING,
+    Difference,
+    differences,
+    resolved_config,
+    what_changed,
+)
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.text(),
+    lambda values: st.lists(values) | st.dictionaries(st.text(), values),
+)
+
+
+@given(JSON)
+def test_nothing_differs_from_itself(value: Any) -> None:
+    assert [] == differences(value, copy.deepcopy(value))
+
+
+@given(JSON, JSON)
+def test_whatever_differs_is_found(one: Any, other: Any) -> None:
+    def text(value: Any) -> str:
+        return repr(value)
+
+    if text(one) == text(other):
+        return
+    found = differences(one, other)
+    if isinstance(one, dict) and isinstance(other, dict) and one == other:
+        # Of mappings the order does not count.
+        return
+    assert found
+    assert all(str(difference) for difference in found)
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "text"),
+    [
+        ({"a": {"b": [1, 2]}}, {"a": {"b": [1, 3]}}, "a.b[1]: 2 there, 3 now"),
+        ({"a": 1}, {}, "a: 1 there, nothing now"),
+        ({}, {"a": None}, "a: nothing there, null now"),
+        ({"a": [1]}, {"a": [1, 2]}, "a: [1] there, [1, 2] now"),
+        ({"a": 1}, {"a": True}, "a: 1 there, true now"),
+        ({"a": 1}, {"a": 1.0}, "a: 1 there, 1.0 now"),
+        ({"a": "x" * 90}, {"a": ""}, f'a: "{"x" * 56}... there, "" now'),
+    ],
+)
+def test_a_difference_is_told_with_its_key(was: Any, now: Any, text: str) -> None:
+    assert [text] == [str(one) for one in differences(was, now)]
+
+
+def test_a_key_that_is_missing_is_no_key_that_is_null() -> None:
+    assert [Difference("a", MISSING, None)] == differences({}, {"a": None})
+
+
+def test_of_a_file_what_was_set_is_what_changed() -> None:
+    path = CONFIGS / "inverter_board.yaml"
+    changes = {"parts.pcb.mass_kg": "0.5", "step_limit": "33"}
+    was, now = (resolved_config(load_problem(path, None, some)) for some in ({}, changes))
+    told = what_changed(was, now)
+    assert "parts.pcb.mass_kg: " in told
+    assert "step_limit: 20 there, 33 now" in told
+    assert 1 == told.count("; ")
+
+
+def test_what_does_not_make_another_task_is_not_named() -> None:
+    path = CONFIGS / "inverter_board.yaml"
+    was, now = (
+        resolved_config(load_problem(path, None, some)) for some in ({}, {"description": "other"})
+    )
+    assert "nothing that its file says" == what_changed(was, now)
+
+
+def test_many_differences_are_counted() -> None:
+    told = what_changed({str(i): 0 for i in range(20)}, {str(i): 1 for i in range(20)}, most=3)
+    assert told.endswith("; and 17 more")
+    assert 3 == told.count(" there, ")

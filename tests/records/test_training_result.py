@@ -1,0 +1,322 @@
+"""Several training runs as one document and one table."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from skillplan.model.replay import replay
+from skillplan.pipeline.run import make_model
+from skillplan.pipeline.setup import load_problem
+from skillplan.records.optimum import Optimum
+from skillplan.records.training.layouts_result import LayoutOutcome, LayoutsResult
+from skillplan.records.training.outcome import (
+    GreedyRollOut,
+    RunOutcome,
+    RunStatus,
+    Tally,
+    TrainingRecord,
+    deviation,
+    training_record,
+)
+from skillplan.records.training.published_runs import TABLE_III, published_runs
+from skillplan.records.training.result import RandomBaseline, Sampling, TrainingResult
+from skillplan.solvers.learning.learner import Episode
+from skillplan.task.task import Task
+from skillplan.views.tables.table import as_csv, as_markdown
+from skillplan.views.tables.training import training_tables
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+BEST = 1.8670860141568904
+
+
+@pytest.fixture(scope="module")
+def board() -> Task:
+    return load_problem(CONFIGS / "inverter_board.yaml").task
+
+
+def a_roll_out(cost: float | None = BEST, kept: Any = "best") -> GreedyRollOut:
+    reason = "" if cost is not None else "pick(pcb) at step 2: the hand is full"
+    return GreedyRollOut(kept, (0, 1), ("pick(pcb)", "place(pcb)"), cost, 400, reason)
+
+
+def a_run(run: int = 0, cost: float | None = BEST, **more: Any) -> RunOutcome:
+    best = a_roll_out(cost) if cost is not None else None
+    return RunOutcome(run, 7 + run, best=best, last=a_roll_out(cost, "last"), **more)
+
+
+def a_result(task: Task, *outcomes: RunOutcome, **more: Any) -> TrainingResult:
+    more.setdefault("optimum", Optimum(BEST, (0, 1)))
+    return TrainingResult(task, "runs", "dqn", 20_000, outcomes, **more)
+
+
+def an_episode(step: int, cost: float | None = None) -> Episode:
+    end: Any = "infeasible" if cost is None else "complete"
+    return Episode(0, step, end, (step % 7,), cost or 0.0, 0.0, greedy=False)
+
+
+class TestRecord:
+    def test_it_counts_all_episodes_and_those_of_the_last_2000_steps(self) -> None:
+        episodes = [
+            an_episode(500),
+            an_episode(1_000, 3.0),
+            an_episode(1_001),
+            an_episode(3_000, 2),
+        ]
+        record = training_record(episodes, 3_000, 1.5)
+        assert (Tally(2, 4), Tally(1, 2)) == (record.every, record.recent)
+        assert (1_000, 2.0, (4,), 1.5) == (
+            record.first_success_step,
+            record.best_cost,
+            record.best_actions,
+            record.wall_s,
+        )
+
+    def test_a_run_without_success_has_no_best(self) -> None:
+        record = training_record([an_episode(5)], 10)
+        assert (None, None, ()) == (
+            record.first_success_step,
+            record.best_cost,
+            record.best_actions,
+        )
+
+    def test_a_run_without_an_episode_has_no_rate(self) -> None:
+        assert training_record([], 10).recent.rate is None
+
+    @pytest.mark.parametrize("counts", [(2, 1), (-1, 3)])
+    def test_more_successes_than_episodes_are_refused(self, counts: tuple[int, int]) -> None:
+        with pytest.raises(ValueError, match="make no sense"):
+            Tally(*counts)
+
+
+class TestOutcome:
+    def test_a_run_stands_for_its_best_policy(self) -> None:
+        run = RunOutcome(0, 7, best=a_roll_out(2.0), last=a_roll_out(None, "last"))
+        assert (RunStatus.COMPLETE, 2.0, "") == (run.status, run.cost, run.reason)
+
+    def test_without_a_best_one_it_stands_for_its_last(self) -> None:
+        run = RunOutcome(0, 7, last=a_roll_out(None, "last"))
+        assert RunStatus.INCOMPLETE is run.status
+        assert "pick(pcb) at step 2: the hand is full" == run.reason
+
+    def test_a_run_that_failed_says_why_and_may_have_a_policy_all_the_same(self) -> None:
+        run = RunOutcome(0, 7, "its figures are not finite", best=a_roll_out(2.0))
+        assert (RunStatus.FAILED, "its figures are not finite", 2.0) == (
+            run.status,
+            run.reason,
+            run.cost,
+        )
+
+    def test_a_roll_out_has_a_cost_or_a_reason(self) -> None:
+        with pytest.raises(ValueError, match="or there is a reason"):
+            GreedyRollOut("best", (), (), 1.0, reason="no")
+        with pytest.raises(ValueError, match="or there is a reason"):
+            GreedyRollOut("best", (), (), None)
+
+    def test_what_a_proof_leaves_open_is_no_deviation(self) -> None:
+        assert 0.0 == deviation(BEST * (1 - 5e-7), BEST)
+        assert 0.0 == deviation(BEST * (1 + 5e-7), BEST)
+        assert pytest.approx(1.25e-5, rel=0.02) == deviation(1.86710934, BEST)
+
+    def test_nothing_costs_too_much_where_nothing_is_free(self) -> None:
+        assert deviation(None, 1.0) is None
+        assert deviation(1.0, None) is None
+        assert 0.0 == deviation(0.0, 0.0)
+        assert deviation(1.0, 0.0) is None
+
+
+class TestResult:
+    def test_runs_are_counted_by_how_near_they_come(self, board: Task) -> None:
+        costs = [BEST, 1.867109595246078, 1.88012, 1.939, None]
+        result = a_result(board, *(a_run(i, cost) for i, cost in enumerate(costs)))
+        document = result.document()
+        assert (4, 1, 2, 3) == tuple(
+            document[key]
+            for key in ("completed_runs", "optimal_runs", "zero_percent_runs", "one_percent_runs")
+        )
+
+    def test_without_a_proof_nothing_is_said_of_deviations(self, board: Task) -> None:
+        result = a_result(board, a_run(), optimum=Optimum(reason="exact: unsolved, time limit"))
+        document = result.document()
+        for key in ("optimum", "optimal_runs", "zero_percent_runs", "deviation_iqm"):
+            assert document[key] is None, key
+        assert document["runs"][0]["deviation"] is None
+        assert BEST == document["cost_iqm"]["value"]
+        assert [] == document["published"]
+
+    def test_what_was_seen_on_other_layouts_is_not_held_to_this_ones_optimum(
+        self, board: Task
+    ) -> None:
+        record = training_record([an_episode(10, 2.2)], 100, 1.0)
+        (own,) = a_result(board, a_run(training=record)).document()["runs"]
+        (other,) = a_result(board, a_run(training=record), family=True).document()["runs"]
+        assert 2.2 == own["best_cost_seen"] == other["best_cost_seen"]
+        assert own["best_deviation_seen"] > 0.1
+        assert other["best_deviation_seen"] is None
+
+    def test_success_is_of_sampled_roll_outs_where_there_are_any(self, board: Task) -> None:
+        record = TrainingRecord(20_000, Tally(5, 50), Tally(3, 4))
+        trained = a_result(board, a_run(training=record), a_run(1, training=record))
+        assert Tally(6, 8) == trained.success
+        sampled = a_result(
+            board,
+            a_run(training=record, sampled=Tally(9, 10)),
+            a_run(1, training=record, sampled=Tally(0, 10)),
+            sampling=Sampling(10, 0.05, 0),
+        )
+        document = sampled.document()
+        assert (0.45, "sampled", 0.75) == (
+            document["success_rate"],
+            document["success_of"],
+            document["training_success_rate"],
+        )
+        low, high = document["success_ci95"]
+        assert 0.25 < low < 0.45 < high < 0.66
+
+    def test_the_document_is_json(self, board: Task) -> None:
+        result = a_result(
+            board,
+            a_run(),
+            RunOutcome(1, 8, "broke down"),
+            baseline=RandomBaseline(Tally(0, 100), None, "none"),
+            steps_per_s=1234.5,
+        )
+        document = json.loads(json.dumps(result.document(), allow_nan=False))
+        assert "skillplan.training/1" == document["schema"]
+        assert [1] == document["failed_runs"]
+        assert 0.0 == document["random_baseline"]["success_rate"]
+        keys = (
+            "run seed status actions skills cost deviation success_rate best_cost_seen wall_s "
+            "completed_step training_success_rate"
+        )
+        for run in document["runs"]:
+            assert set(keys.split()) <= set(run)
+
+    @pytest.mark.parametrize("words", [{}, {"cost": 1.0, "reason": "no"}], ids=["neither", "both"])
+    def test_an_optimum_is_proved_or_there_is_a_reason(self, words: dict[str, Any]) -> None:
+        with pytest.raises(ValueError, match="proved, or there is a reason"):
+            Optimum(**words)
+
+
+class TestPublished:
+    def test_every_sequence_of_table_iii_costs_what_is_printed(self, board: Task) -> None:
+        """Replayed on the board; the optimum rounds to the paper's."""
+        model = make_model(board)
+        for one in TABLE_III:
+            if one.cost is not None:
+                walked = replay(model, [board.skill(action) for action in one.actions])
+                assert walked.complete
+                assert one.cost == round(walked.cost, 3)
+                assert one.deviation == pytest.approx(one.cost / 1.867 - 1, abs=6e-5)
+
+    def test_it_stands_beside_runs_on_the_papers_board(self, board: Task) -> None:
+        assert TABLE_III == published_runs(board, BEST)
+
+    def test_it_stands_beside_no_other_task(self, board: Task) -> None:
+        """Not beside a board whose optimum is another one or not known, nor another board."""
+        other = load_problem(CONFIGS / "motor_drive.yaml").task
+        assert () == published_runs(board, None)
+        assert () == published_runs(board, 1.9)
+        assert () == published_runs(board.replace(name="my-board"), BEST)
+        assert () == published_runs(other.replace(name="inverter-board"), BEST)
+
+
+class TestTable:
+    def test_a_row_says_what_table_iii_says_and_the_paper_beside_it(self, board: Task) -> None:
+        (table,) = training_tables(a_result(board, a_run(), a_run(1, 1.8801202), a_run(2, None)))
+        cells = [dict(zip((c.heading for c in table.columns), r, strict=True)) for r in table.rows]
+        assert ["0,1", "0,1", "N/A"] == [row["sequence"] for row in cells]
+        assert ["1.86709", "1.88012", "N/A"] == [row["distance [m]"] for row in cells]
+        assert ["0.00 %", "0.70 %", "N/A"] == [row["deviation"] for row in cells]
+        assert ["1.880", "N/A", "1.867"] == [row["paper [m]"] for row in cells]
+        assert ["0.70 %", "N/A", "0.00 %"] == [row["paper dev."] for row in cells]
+
+    def test_more_runs_than_the_papers_have_nothing_beside_them(self, board: Task) -> None:
+        (table,) = training_tables(a_result(board, *(a_run(i) for i in range(12))))
+        assert ("-", "-") == tuple(table.rows[11][-2:])
+
+    def test_another_task_has_no_column_of_the_paper(self) -> None:
+        other = load_problem(CONFIGS / "motor_drive.yaml").task
+        (table,) = training_tables(a_result(other, a_run()))
+        assert not any("paper" in column.heading for column in table.columns)
+        assert not any("Moller" in note for note in table.notes)
+
+    def test_below_stand_optimum_counts_intervals_and_what_failed(self, board: Task) -> None:
+        record = TrainingRecord(20_000, Tally(5, 50), Tally(3, 4), 900, 1.9)
+        result = a_result(
+            board,
+            a_run(training=record),
+            a_run(1, 1.8801202),
+            RunOutcome(2, 9, "its figures are not finite"),
+            baseline=RandomBaseline(Tally(1, 100), 1.9, "none"),
+            interrupted=True,
+        )
+        text = as_markdown(training_tables(result)[0])
+        for part in (
+            "optimum 1.86709 m, proved by auto",
+            "2 of 3 complete, 1 at 0.00 % (1 at the optimum itself), 2 within 1 %, 1 failed",
+            "interquartile mean 0.35 % (95 %: 0.00 % to 0.70 %), of the 2 runs that complete",
+            "75.0 % (95 %: 30.1 % to 95.4 %) of the 4 episodes",
+            "1.90000 m while learning, deviation 1.76 %",
+            "1.0 % (95 %: 0.2 % to 5.4 %) of 100 episodes of even chance, mask none",
+            "run 2 failed: its figures are not finite",
+            "Table III: 8 of 10 complete, 4 at 0.00 %",
+            "train --resume goes on",
+        ):
+            assert part in text, part
+
+    def test_csv_has_a_line_for_every_run(self, board: Task) -> None:
+        text = as_csv(training_tables(a_result(board, a_run(), a_run(1)))[0])
+        assert 3 == len(text.splitlines())
+        assert text.startswith("run,seed,sequence,distance [m],deviation,success")
+
+
+class TestLayouts:
+    def a_result(self, *costs: tuple[float | None, ...], **more: Any) -> LayoutsResult:
+        rows = tuple(
+            LayoutOutcome(
+                f"board/{number}",
+                Optimum(2.0, wall_s=0.05),
+                tuple(a_roll_out(cost) for cost in answers),
+                (0.01,) * len(answers),
+            )
+            for number, answers in enumerate(costs)
+        )
+        return LayoutsResult(rows, 40, **more)
+
+    def test_answers_are_counted_over_all_layouts(self) -> None:
+        result = self.a_result((2.0, 2.01), (2.1, None))
+        assert (3, 2, 1) == (
+            sum(row.completed for row in result.rows),
+            result.at_most(0.01),
+            result.at_most(0.0),
+        )
+        assert result.complete_share is not None
+        assert 0.75 == result.complete_share.value
+
+    def test_a_layout_counts_once_however_many_answers_it_has(self) -> None:
+        """The mean of its answers that complete; of none it has no figure."""
+        one = self.a_result((2.0, 2.2), (2.4,), (None,)).deviation_iqm
+        assert one is not None
+        assert pytest.approx((0.05 + 0.2) / 2) == one.value
+
+    def test_training_pays_off_after_the_layouts_whose_proofs_it_saves(self, board: Task) -> None:
+        notes = self.a_result((2.0,), training_s=8.0).table(board).notes
+        assert any("pays off after 200 layouts" in note for note in notes)
+
+    def test_training_does_not_pay_off_where_no_answer_completes(self, board: Task) -> None:
+        notes = self.a_result((None, None), training_s=8.0).table(board).notes
+        assert any("no answer completes" in note for note in notes)
+        assert not any("layouts" in note for note in notes if note.startswith("training"))
+
+    def test_where_a_proof_is_no_slower_it_is_said(self, board: Task) -> None:
+        slow = LayoutOutcome("board/0", Optimum(2.0, wall_s=0.01), (a_roll_out(2.0),), (0.02,))
+        notes = LayoutsResult((slow,), 40, 8.0).table(board).notes
+        assert any("never pays off" in note for note in notes)
+
+    def test_a_layout_that_no_policy_completes_is_shown(self, board: Task) -> None:
+        (row,) = self.a_result((None, None)).table(board).rows
+        assert ["board/0", "2.00000", "0.0500", "0 of 2", "N/A", "N/A", "N/A", "0.0100"] == row

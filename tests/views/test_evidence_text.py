@@ -1,0 +1,28 @@
+"""Evidence in one line."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from skillplan.views.tables.evidence_text import evidence_text
+
+
+@pytest.mark.parametrize(
+    ("evidence", "text"),
+    [
+        ({}, ""),
+        (
+            {"force_n": 12.3456, "bodies": ["left finger", "pcb"]},
+            "force_n 12.35, bodies left finger pcb",
+        ),
+        ({"sensed": {"held": True, "jaw_width_m": 0.0}}, "sensed (held yes, jaw_width_m 0)"),
+        ({"moved_mm": {}, "bodies": []}, "moved_mm none, bodies none"),
+        ({"offset_m": [-0.0, 0.25]}, "offset_m 0 0.25"),
+        ({"tool": None, "steps": 1042}, "tool unknown, steps 1042"),
+    ],
+)
+def test_it_reads_well(evidence: dict[str, Any], text: str) -> None:
+    """Figures of four digits, lists with blanks, what belongs to one thing in brackets."""
+    assert text == evidence_text(evidence)
