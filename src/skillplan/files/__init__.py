@@ -1,1 +1,4 @@
-"""Reading and writing files safely: limits, regular files only, atomic replacement. It never knows what a file means."""
+"""Reading and writing files safely: limits, regular files only, atomic replacement.
+
+It never knows what a file means.
+"""

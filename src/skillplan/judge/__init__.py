@@ -1,1 +1,4 @@
-"""What grades solvers: replays of plans, checks of claims, second proofs. It never searches for a solver."""
+"""What grades solvers: replays of plans, checks of claims, second proofs.
+
+It never searches for a solver.
+"""

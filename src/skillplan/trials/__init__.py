@@ -1,1 +1,4 @@
-"""Detectors and engines compared on executions known to be right or wrong; never a part of solving."""
+"""Detectors and engines compared on executions known to be right or wrong.
+
+Never a part of solving.
+"""

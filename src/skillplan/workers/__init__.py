@@ -1,1 +1,4 @@
-"""Processes that do jobs for this one; the only floor that starts any, and it never knows what a job means."""
+"""Processes that do jobs for this one.
+
+The only floor that starts any, and it never knows what a job means.
+"""

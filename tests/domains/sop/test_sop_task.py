@@ -294,7 +294,8 @@ def test_a_sop_file_needs_no_arrays() -> None:
     """Reading, grounding and searching a small one import no numerics."""
     path = FOLDER / "ESC07.sop"
     code = (
-        "import sys; from skillplan.pipeline.setup import load_problem; from skillplan.pipeline.run import solve\n"
+        "import sys\nfrom skillplan.pipeline.setup import load_problem\n"
+        "from skillplan.pipeline.run import solve\n"
         f"assert solve(load_problem({str(path)!r}).task, 'exact').cost == 2125\n"
         "assert 'numpy' not in sys.modules and 'skillplan.domains.assembly' not in sys.modules"
     )

@@ -1,1 +1,4 @@
-"""Learning from episodes: tabular control, and the interface of deep learners. It never queries back ends."""
+"""Learning from episodes: tabular control, and the interface of deep learners.
+
+It never queries back ends.
+"""

@@ -1,1 +1,4 @@
-"""Search on the lazy model: exhaustive, exact, constraint satisfaction. It never queries back ends."""
+"""Search on the lazy model: exhaustive, exact, constraint satisfaction.
+
+It never queries back ends.
+"""

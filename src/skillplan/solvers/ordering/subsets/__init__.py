@@ -1,1 +1,4 @@
-"""Dynamic programming over feasible subsets (Held-Karp), from one end or both; it never solves a linear program."""
+"""Dynamic programming over feasible subsets (Held-Karp), from one end or both.
+
+It never solves a linear program.
+"""
