@@ -7,7 +7,8 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from skillplan.domains.load import Problem, TaskDomain, load_task
+from skillplan.domains.domain import Domain
+from skillplan.domains.load import FileChecks, Problem, load_task
 from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError
 from skillplan.pipeline import registry
 from skillplan.records.origin import Origin
@@ -15,6 +16,7 @@ from skillplan.task.back_end import BackEnd
 from skillplan.task.task import BackEndChoice, Task
 
 DEFAULT_PHYSICS = "kinematic"
+BACK_END_KINDS = ("physics", "collision")
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ def _willing(kind: str, name: str, task: Task) -> BackEnd | None:
     return back_end if refusal is None else None
 
 
-def _faults(kind: str, back_end: BackEnd, domain: TaskDomain) -> Iterator[Issue]:
+def _faults(kind: str, back_end: BackEnd, domain: Domain) -> Iterator[Issue]:
     """Yield what a back end finds wrong with single bodies or skills, by their places."""
     try:
         found = dict(back_end.faults())
@@ -152,24 +154,35 @@ def load_problem(
     BackEndError
         If a back end fails to start.
     """
-    kinds = ("physics", "collision")
-    asked = asked or {}
+    return load_task(path, registry.InstalledDomains(), _BackEndChecks(asked or {}), changes)
 
-    def is_asked(kind: str, name: str) -> bool:
-        return kind not in asked or name in asked[kind]
 
-    def check_content(content: Mapping[str, Any]) -> Iterator[Issue]:
-        for kind in kinds:
+class _BackEndChecks(FileChecks):
+    """What the back ends that will be queried have to say of a file.
+
+    Parameters
+    ----------
+    asked
+        As in `load_problem`.
+    """
+
+    def __init__(self, asked: Mapping[str, Collection[str]]) -> None:
+        self._asked = asked
+
+    def content_issues(self, content: Mapping[str, Any]) -> Iterator[Issue]:
+        """Yield unknown back ends and wrong options that the file chooses."""
+        for kind in BACK_END_KINDS:
             section = content.get(kind)
             for name, options in section.items() if isinstance(section, dict) else ():
-                if is_asked(kind, name) and (options is None or isinstance(options, dict)):
+                if self._serves(kind, name) and (options is None or isinstance(options, dict)):
                     for issue in registry.choice_issues(kind, name, options or {}):
                         yield issue.under(kind)
 
-    def check_task(task: Task, domain: TaskDomain) -> Iterator[Issue]:
+    def task_issues(self, task: Task, domain: Domain) -> Iterator[Issue]:
+        """Yield why back ends refuse a task, and what they find wrong with its bodies."""
         chosen = {"physics": (task.physics,) if task.physics else (), "collision": task.collision}
-        for kind in kinds:
-            for choice in (one for one in chosen[kind] if is_asked(kind, one.name)):
+        for kind in BACK_END_KINDS:
+            for choice in (one for one in chosen[kind] if self._serves(kind, one.name)):
                 back_end, refusal = _make_back_end(kind, choice.name, choice.options, task)
                 if refusal is not None:
                     message = f"cannot serve this task: {refusal}"
@@ -177,16 +190,11 @@ def load_problem(
                 else:
                     yield from _faults(kind, back_end, domain)
             declared = {one.name for one in chosen[kind]}
-            for name in dict.fromkeys(asked.get(kind, ())):
+            for name in dict.fromkeys(self._asked.get(kind, ())):
                 willing = None if name in declared else _willing(kind, name, task)
                 if willing is not None:
                     yield from _faults(kind, willing, domain)
 
-    return load_task(
-        path,
-        lambda kind: registry.load("domain", kind)(),
-        registry.names("domain"),
-        check_content,
-        check_task,
-        changes,
-    )
+    def _serves(self, kind: str, name: str) -> bool:
+        """Whether a back end that the file chooses will be queried."""
+        return kind not in self._asked or name in self._asked[kind]
