@@ -62,8 +62,19 @@ class Asking:
     goes_on: bool = False
 
 
-def introduce(back_ends: Sequence[BackEnd]) -> None:
-    """Tell every back end which others are asked beside it.
+class IntroducedBackEnds(tuple[BackEnd, ...]):
+    """Back ends that have been told of each other, which is done once."""
+
+    __slots__ = ()
+
+
+def introduce(back_ends: Sequence[BackEnd]) -> IntroducedBackEnds:
+    """Tell every back end which others are queried beside it.
+
+    Returns
+    -------
+    IntroducedBackEnds
+        The back ends in the given order.
 
     Raises
     ------
@@ -80,6 +91,7 @@ def introduce(back_ends: Sequence[BackEnd]) -> None:
             raise BackEndError(f"Back end {back_end.name!r} failed: {_in_words(error)}") from error
         if fault is not None:
             raise BackEndError(f"The basis of back end {back_end.name!r} is not JSON: {fault}.")
+    return IntroducedBackEnds(back_ends)
 
 
 def check(back_end: BackEnd, skill: Skill, state: State) -> Checked:

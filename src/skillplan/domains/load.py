@@ -11,7 +11,7 @@ import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from skillplan.errors import Issue, OptionError, PluginError, TaskError, name_hi
 from skillplan.files.overrides import overridden
 from skillplan.files.schema_errors import schema_issues, shown
 from skillplan.files.yaml import YAML_SUFFIXES, Document, parse, read_text
+from skillplan.task.back_end import BackEnd
 from skillplan.task.reachability import unreachable_facts
 from skillplan.task.task import Task
 
@@ -47,6 +48,9 @@ class Problem:
         One, or a chain of several that are solved in turn.
     domain
         What grounded them.
+    spare_back_ends
+        Back ends that loading constructed to see whether they serve the tasks. Whoever uses one
+        takes it out, so that none serves two solvers.
     """
 
     name: str
@@ -56,6 +60,7 @@ class Problem:
     config: BaseModel
     tasks: tuple[Task, ...]
     domain: Domain
+    spare_back_ends: list[BackEnd] = field(default_factory=list, compare=False, repr=False)
 
     @property
     def task(self) -> Task:

@@ -9,18 +9,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
+from skillplan.checks.feasibility import introduced
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.domain import Account
 from skillplan.domains.load import Problem
 from skillplan.errors import ChainBroken, OptionError, name_hint
 from skillplan.pipeline.registry import load
-from skillplan.pipeline.run import Attempt, attempt, blank_result, grade, make_solver, solve
+from skillplan.pipeline.run import Attempt, attempt, grade, make_draft, make_solver, solve
 from skillplan.pipeline.setup import Setup
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.result import Result, Status
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
+from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
 
 REFERENCE = "exact"
@@ -161,9 +163,9 @@ class _Chain:
     def _part(self, task: Task) -> ChainPart:
         self.stop.renew()
         if task.preset is not None and task.stage not in self.searched:
-            made = Attempt(
-                blank_result(task, "rule", self.setup, self.seed), Solution(Plan(task.preset))
-            )
+            draft = make_draft(task, "rule", self.setup, self.seed)
+            back_ends = self._back_ends(task)
+            made = Attempt(draft, Solution(Plan(task.preset)), back_ends=back_ends)
             return self._judged(task, made)
         key = (task.goal, task.facts.names, task.skills, task.reward, task.step_limit)
         stored = self.policies.get(key)
@@ -185,12 +187,16 @@ class _Chain:
             stop=self.stop,
             cache=self.cache,
             jobs=self.jobs,
+            back_ends=self._back_ends(task),
         )
 
+    def _back_ends(self, task: Task) -> Sequence[BackEnd]:
+        """Return the back ends for a task, those that loading constructed where they fit."""
+        return introduced(self.setup.back_ends(task, self.problem.spare_back_ends))
+
     def _judged(self, task: Task, made: Attempt) -> ChainPart:
-        made = replace(made, blank=replace(made.blank, task=task.name))
         result = grade(task, made, self.setup, self.cache, jobs=self.jobs)
-        optimum, method = self._optimum(task, result)
+        optimum, method = self._optimum(task, result, made.back_ends_of(task))
         cost, bound = result.cost, result.lower_bound
         if cost is not None and optimum is not None and (bound is None or bound < optimum):
             result = replace(result, lower_bound=min(optimum, cost), bound_method=method)
@@ -198,7 +204,9 @@ class _Chain:
         result = replace(result, interrupted=result.interrupted or self.stop.interrupted)
         return ChainPart(task, result, optimum)
 
-    def _optimum(self, task: Task, result: Result) -> tuple[float | None, str]:
+    def _optimum(
+        self, task: Task, result: Result, back_ends: Sequence[BackEnd] | None
+    ) -> tuple[float | None, str]:
         """Return the proved optimum of a task and what proved it.
 
         By exact search where the solver gave no bound.
@@ -211,7 +219,13 @@ class _Chain:
         if key not in self.optima:
             stop = self.stop.within(_REFERENCE_S)
             best = solve(
-                task, REFERENCE, self.setup, stop=stop, cache=VerdictCache(), jobs=self.jobs
+                task,
+                REFERENCE,
+                self.setup,
+                stop=stop,
+                cache=VerdictCache(),
+                jobs=self.jobs,
+                back_ends=back_ends,
             )
             proved = best.status is Status.OPTIMAL
             self.optima[key] = (best.cost, best.bound_method) if proved else (None, "")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from skillplan.domains.domain import Domain
@@ -37,8 +37,16 @@ class Setup:
     collision: tuple[str, ...] = ()
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
-    def back_ends(self, task: Task) -> list[BackEnd]:
+    def back_ends(self, task: Task, spare: list[BackEnd] | None = None) -> list[BackEnd]:
         """Return the back ends for a task, physics first.
+
+        Parameters
+        ----------
+        task
+            The task whose skills are checked.
+        spare
+            Back ends constructed already. One that fits is taken out of the list instead of
+            constructing another.
 
         Raises
         ------
@@ -49,9 +57,10 @@ class Setup:
         BackEndError
             If a back end fails to start.
         """
-        made = [self._make("physics", self.physics_choice(task), task)]
-        made += [self._make("collision", choice, task) for choice in self.collision_choices(task)]
-        return made
+        choices = [("physics", self.physics_choice(task))]
+        choices += [("collision", choice) for choice in self.collision_choices(task)]
+        spare = [] if spare is None else spare
+        return [self._make(kind, choice, task, spare) for kind, choice in choices]
 
     def origin(self, file: str, part: str | None, changes: Mapping[str, str]) -> Origin:
         """Return what a result says of where it comes from."""
@@ -71,20 +80,29 @@ class Setup:
             named = ("precedence",) if task.chart else ("aabb",) if task.scene.bodies else ()
         return [declared.get(name, BackEndChoice(name)) for name in dict.fromkeys(named)]
 
-    def _make(self, kind: str, choice: BackEndChoice, task: Task) -> BackEnd:
+    def _make(self, kind: str, choice: BackEndChoice, task: Task, spare: list[BackEnd]) -> BackEnd:
         values = {**choice.options, **self.options.get(choice.name, {})}
-        back_end, refusal = _make_back_end(kind, choice.name, values, task)
+        back_end, refusal = _make_back_end(kind, choice.name, values, task, spare)
         if refusal is not None:
             raise OptionError(f"{kind} {choice.name!r} cannot serve {task.name!r}: {refusal}")
         return back_end
 
 
 def _make_back_end(
-    kind: str, name: str, values: Mapping[str, Any], task: Task
+    kind: str,
+    name: str,
+    values: Mapping[str, Any],
+    task: Task,
+    spare: list[BackEnd] | None = None,
 ) -> tuple[BackEnd, str | None]:
-    """Return a back end for a task, and why it refuses the task, or None."""
+    """Return a back end for a task, one of the `spare` ones if it fits, and why it refuses."""
     plugin = registry.load(kind, name)
     options = registry.make_options(kind, name, plugin, values)
+    for made in spare or ():
+        if type(made) is plugin and made.task is task and made.options == options:
+            assert spare is not None
+            spare.remove(made)
+            return made, None
     try:
         back_end: BackEnd = plugin(task, options)
         return back_end, back_end.refuses()
@@ -154,7 +172,9 @@ def load_problem(
     BackEndError
         If a back end fails to start.
     """
-    return load_task(path, registry.InstalledDomains(), _BackEndChecks(asked or {}), changes)
+    checks = _BackEndChecks(asked or {})
+    problem = load_task(path, registry.InstalledDomains(), checks, changes)
+    return replace(problem, spare_back_ends=checks.made)
 
 
 class _BackEndChecks(FileChecks):
@@ -164,10 +184,16 @@ class _BackEndChecks(FileChecks):
     ----------
     asked
         As in `load_problem`.
+
+    Attributes
+    ----------
+    made
+        The back ends that were constructed.
     """
 
     def __init__(self, asked: Mapping[str, Collection[str]]) -> None:
         self._asked = asked
+        self.made: list[BackEnd] = []
 
     def content_issues(self, content: Mapping[str, Any]) -> Iterator[Issue]:
         """Yield unknown back ends and wrong options that the file chooses."""
@@ -188,11 +214,13 @@ class _BackEndChecks(FileChecks):
                     message = f"cannot serve this task: {refusal}"
                     yield Issue(message, (kind, choice.name), at_key=True)
                 else:
+                    self.made.append(back_end)
                     yield from _faults(kind, back_end, domain)
             declared = {one.name for one in chosen[kind]}
             for name in dict.fromkeys(self._asked.get(kind, ())):
                 willing = None if name in declared else _willing(kind, name, task)
                 if willing is not None:
+                    self.made.append(willing)
                     yield from _faults(kind, willing, domain)
 
     def _serves(self, kind: str, name: str) -> bool:
