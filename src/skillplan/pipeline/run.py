@@ -14,9 +14,9 @@ from typing import Any
 from skillplan.chart.precedence_chart import derive_chart
 from skillplan.checks.feasibility import CheckCount, Feasibility
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
-from skillplan.errors import SearchStopped, SkillplanError
+from skillplan.errors import SearchStopped, SkillplanError, SolverError, raised_by
 from skillplan.files.plain_json import json_fault
-from skillplan.judge.referee import cross_examine, judge
+from skillplan.judge.referee import judge
 from skillplan.model.obstruction import obstruction
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline import registry
@@ -94,10 +94,27 @@ def make_solver(name: str, options: Mapping[str, Any], stop: Stop | None = None)
         If an option is wrong.
     PluginError
         If the solver is unknown or broken.
+    SolverError
+        If the solver fails to start.
     """
     plugin = registry.load("solver", name)
-    solver: Solver = plugin(registry.make_options("solver", name, plugin, options), stop)
+    validated = registry.make_options("solver", name, plugin, options)
+    with _blamed(plugin):
+        solver: Solver = plugin(validated, stop)
     return solver
+
+
+def check_solver(name: str, options: Mapping[str, Any]) -> None:
+    """Raise what is wrong with a solver's name or options; does not construct it.
+
+    Raises
+    ------
+    OptionError
+        If an option is wrong.
+    PluginError
+        If the solver is unknown or broken.
+    """
+    registry.make_options("solver", name, registry.load("solver", name), options)
 
 
 def solve(
@@ -218,7 +235,7 @@ def attempt(
     back_ends = model.feasibility.back_ends
     draft = make_draft(task, solver.name, setup, seed)
     begin_s = time.perf_counter()
-    with _blamed(solver):
+    with _blamed(type(solver)):
         refusal = solver.refuses(model)
     if refusal is not None:
         return Attempt(draft, Solution(), refusal=refusal, back_ends=back_ends)
@@ -229,7 +246,7 @@ def attempt(
             # What expensive back ends say of the start plan is kept for the search.
             kept = cache if expensive(back_ends) else None
             fresh = make_model(task, setup, kept, jobs=jobs, back_ends=back_ends)
-            with closing(fresh.feasibility), _blamed(solver):
+            with closing(fresh.feasibility), _blamed(type(solver)):
                 search = partial(_search, solver, model, seed, stop)
                 solution = search_from(start, fresh, search, stop)
     wall_s = time.perf_counter() - begin_s
@@ -348,31 +365,30 @@ def _count(solution: Solution, *names: str) -> int | None:
 
 
 @contextmanager
-def _blamed(solver: Solver) -> Iterator[None]:
-    """Name the solver in whatever it raises that is not in words already."""
+def _blamed(plugin: type[Solver]) -> Iterator[None]:
+    """Name the solver, and the line of its code, in whatever it raises that is not in words."""
     try:
         yield
     except SkillplanError:
         raise
     except Exception as error:
-        raise SkillplanError(
-            f"The solver {solver.name!r} failed: {type(error).__name__}: {error}"
-        ) from error
+        words = raised_by(plugin, error)
+        raise SolverError(f"The solver {plugin.name!r} failed: {words}") from error
 
 
 def _search(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> Solution:
     try:
-        with _blamed(solver):
+        with _blamed(type(solver)):
             solution = solver.solve(model, seed=seed)
     except SearchStopped:
         return Solution(stop.best, stop.lower_bound)
     if not isinstance(solution, Solution):
-        raise SkillplanError(
+        raise SolverError(
             f"The solver {solver.name!r} returned {type(solution).__name__}, not a Solution."
         )
     fault = json_fault(solution.trace)
     if fault is not None:
-        raise SkillplanError(f"The trace of the solver {solver.name!r} is not JSON: {fault}.")
+        raise SolverError(f"The trace of the solver {solver.name!r} is not JSON: {fault}.")
     return solution
 
 
@@ -389,24 +405,3 @@ def cache_folder() -> Path:
 def warm_cache() -> DiskVerdictCache:
     """Return the cache that is kept between runs."""
     return DiskVerdictCache(cache_folder() / "verdicts")
-
-
-def solve_all(
-    task: Task,
-    solvers: Sequence[str],
-    setup: Setup = Setup(),
-    *,
-    seed: int = 0,
-    make_stop: Callable[[str], Stop] = lambda name: Stop(),
-    warm: bool = False,
-    jobs: int = 1,
-) -> list[Result]:
-    """Solve a task with several solvers, cold unless `warm`, and hold their claims together."""
-    results = []
-    for name in solvers:
-        stop = make_stop(name)
-        cache = warm_cache() if warm else VerdictCache()
-        results.append(solve(task, name, setup, seed=seed, stop=stop, cache=cache, jobs=jobs))
-        if stop.interrupted:
-            break
-    return cross_examine(results)

@@ -9,7 +9,7 @@ from typing import Any
 
 from skillplan.domains.domain import Domain
 from skillplan.domains.load import FileChecks, Problem, load_task
-from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError
+from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError, raised_by
 from skillplan.pipeline import registry
 from skillplan.records.origin import Origin
 from skillplan.task.back_end import BackEnd
@@ -109,9 +109,8 @@ def _make_back_end(
     except SkillplanError:
         raise
     except Exception as error:
-        raise BackEndError(
-            f"{kind} {name!r} failed on {task.name!r}: {type(error).__name__}: {error}"
-        ) from error
+        words = raised_by(plugin, error)
+        raise BackEndError(f"{kind} {name!r} failed on {task.name!r}: {words}") from error
 
 
 def _willing(kind: str, name: str, task: Task) -> BackEnd | None:
@@ -137,9 +136,9 @@ def _faults(kind: str, back_end: BackEnd, domain: Domain) -> Iterator[Issue]:
     except SkillplanError:
         raise
     except Exception as error:
-        name = f"{kind} {back_end.name!r}"
+        words = raised_by(type(back_end), error)
         raise BackEndError(
-            f"{name} failed on {back_end.task.name!r}: {type(error).__name__}: {error}"
+            f"{kind} {back_end.name!r} failed on {back_end.task.name!r}: {words}"
         ) from error
     for fact, message in found.items():
         yield Issue(message, domain.locate(fact), at_key=True)

@@ -18,6 +18,7 @@ PROOF = {
     Status.UNSOLVED: "unsolved",
     Status.REFUSED: "refused",
     Status.WRONG: "WRONG: the solver's claim does not hold",
+    Status.FAILED: "failed",
 }
 
 
