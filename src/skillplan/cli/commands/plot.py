@@ -5,25 +5,24 @@ from __future__ import annotations
 import importlib
 import os
 import sys
-from typing import Any
+from dataclasses import replace
+from typing import Annotated, Any, Literal
 
-import click
-from click.shell_completion import CompletionItem
+import typer
 
+from skillplan.cli.completion import task_files, words
 from skillplan.cli.option_fit import refuse_given
+from skillplan.cli.option_values import count_option, one_of
 from skillplan.cli.options import (
-    PluginName,
-    TaskPath,
-    asked,
-    back_end_options,
-    make_setup,
+    OUTPUT,
+    SOLVER,
+    BackEnds,
+    PartReading,
+    Seed,
+    TimeLimit,
     parse_options,
-    part_option,
-    seed_option,
-    set_option,
-    settings,
+    solver_option,
     split_names,
-    time_limit_option,
 )
 from skillplan.cli.run_figures import RUN_FIGURES, plot_run_folder
 from skillplan.errors import OptionError, name_hint
@@ -55,109 +54,103 @@ _OF_TASK = (
 _PROOF_S = 10.0
 
 
-def _listed(figures: dict[str, str]) -> str:
-    return "\n".join(f"  {name:<10} {line}" for name, line in figures.items())
+LISTS = {
+    "Figures of a task": FIGURES,
+    "Figures of a folder of runs": RUN_FIGURES,
+}
 
 
-EPILOG = (
-    f"\b\nFigures of a task:\n{_listed(FIGURES)}\n\n"
-    f"\b\nFigures of a folder of runs, by default both, as PNG and SVG, into the folder:\n"
-    f"{_listed(RUN_FIGURES)}"
-)
+def _figure(value: str) -> str:
+    known = {**FIGURES, **RUN_FIGURES}
+    if value not in known:
+        raise typer.BadParameter(f"No figure {value!r}. {name_hint(value, known)}")
+    return value
 
 
-class FigureName(click.ParamType[str]):
-    """A figure's name; completes to the figures there are."""
-
-    name = "figure"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the name, or say which is nearest."""
-        known = {**FIGURES, **RUN_FIGURES}
-        if value not in known:
-            self.fail(f"No figure {value!r}. {name_hint(str(value), known)}", param, ctx)
-        return str(value)
-
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        """Return the figures that begin like what was typed."""
-        return [
-            CompletionItem(name, help=line)
-            for name, line in {**FIGURES, **RUN_FIGURES}.items()
-            if name.startswith(incomplete)
-        ]
-
-
-@click.command("plot", epilog=EPILOG)
-@click.argument("task", type=TaskPath(), metavar="TASK|RUN")
-@click.argument("figure", type=FigureName(), required=False)
-@click.option(
-    "--out",
-    metavar="FILE",
-    help="Where to, .png or .svg; default: TASK-FIGURE.png in the current folder, after the "
-    "task's name, or FIGURE.png and FIGURE.svg in RUN. What was there is replaced.",
-)
-@click.option(
-    "--solver",
-    type=PluginName("solver"),
-    metavar="NAME",
-    help="Which solver's answer is drawn; default: sarsa for policy, learning and q-values, "
-    "fleet for fleet, auto for rewards, else exact.",
-)
-@back_end_options
-@set_option
-@part_option
-@click.option(
-    "--states",
-    metavar="NAMES",
-    help="For q-values: places such as C66,C13; default: where the way starts, and where it "
-    "goes on.",
-)
-@click.option(
-    "--seeds",
-    type=click.IntRange(1, 100),
-    default=5,
-    show_default=True,
-    metavar="N",
-    help="For learning: how many runs with seeds from --seed on the mean and the band are of.",
-)
-@seed_option
-@click.option(
-    "--against",
-    type=click.Choice(["steps", "episodes"]),
-    default="steps",
-    show_default=True,
-    help="Of a RUN: environment steps, of which all runs do as many, or episodes, as the paper "
-    "has it.",
-)
-@time_limit_option()
-@click.option(
-    "--dpi",
-    type=click.IntRange(30, 600),
-    default=150,
-    show_default=True,
-    metavar="N",
-    help="Dots per inch of a PNG.",
-)
-@click.pass_context
 def command(
-    ctx: click.Context,
-    task: str,
-    figure: str | None,
-    out: str | None,
-    solver: str | None,
-    physics: str | None,
-    collision: str | None,
-    options: tuple[str, ...],
-    changes: tuple[str, ...],
-    part: str | None,
-    states: str | None,
-    seeds: int,
-    seed: int,
-    against: str,
-    time_limit_s: float | None,
-    dpi: int,
+    ctx: typer.Context,
+    task: Annotated[
+        str,
+        typer.Argument(
+            metavar="TASK|RUN",
+            autocompletion=task_files,
+            help="A task file, or a folder that train has written.",
+            show_default=False,
+        ),
+    ],
+    figure: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="FIGURE",
+            parser=_figure,
+            autocompletion=words({**FIGURES, **RUN_FIGURES}),
+            help="One of those below; of a RUN by default all, as PNG and SVG, into the folder.",
+        ),
+    ] = None,
+    *,
+    reading: PartReading,
+    solver: Annotated[
+        str | None,
+        solver_option(
+            "Which solver's answer is drawn; default: sarsa for policy, learning and q-values, "
+            "fleet for fleet, auto for rewards, else exact."
+        ),
+    ] = None,
+    seed: Seed = 0,
+    seeds: Annotated[
+        int,
+        count_option(
+            "--seeds",
+            least=1,
+            most=100,
+            text="For learning: how many runs with seeds from --seed on the mean and the band are "
+            "of.",
+            rich_help_panel=SOLVER,
+        ),
+    ] = 5,
+    back_ends: BackEnds,
+    time_limit_s: TimeLimit = None,
+    states: Annotated[
+        str | None,
+        typer.Option(
+            "--states",
+            metavar="NAMES",
+            help="For q-values: places such as C66,C13; default: where the path starts, and where "
+            "it goes on.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    against: Annotated[
+        Literal["steps", "episodes"],
+        typer.Option(
+            "--against",
+            parser=one_of(("steps", "episodes")),
+            metavar="AXIS",
+            help="Of a RUN: steps of the environment, of which all runs do as many, or episodes, "
+            "as the paper has it.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = "steps",
+    dpi: Annotated[
+        int,
+        count_option(
+            "--dpi",
+            least=30,
+            most=600,
+            text="Dots per inch of a PNG.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = 150,
+    out: Annotated[
+        str | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="Where to, .png or .svg; default: TASK-FIGURE.png in the current folder, after "
+            "the task's name, or FIGURE.png and FIGURE.svg in RUN. What was there is replaced.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
 ) -> int:
     """Solve TASK and draw FIGURE of it, or draw what a RUN has learned; prints what is written.
 
@@ -168,7 +161,6 @@ def command(
     from skillplan.cli.writing import write_out
     from skillplan.pipeline.chain import solve_chain
     from skillplan.pipeline.run import solve
-    from skillplan.pipeline.setup import load_problem
     from skillplan.records.result import Status
 
     if os.path.isdir(task):
@@ -199,17 +191,17 @@ def command(
 
     if states is not None and figure != "q-values":
         raise OptionError(f"--states is for q-values; {figure} takes none.")
-    problem = load_problem(task, asked(physics, collision), settings(changes))
+    problem = reading.problem(task, back_ends)
     path = checked_path(f"{problem.name}-{figure}.png" if out is None else out)
     name = module.SOLVER if solver is None else solver
-    given = parse_options(options, name).get(name, {})
+    given = parse_options(back_ends.options, name).get(name, {})
     request = FigureRequest(
         figure,
         problem,
         name,
         given,
         seed,
-        part,
+        reading.part,
         tuple(split_names(states or "")),
         seeds,
         make_options("solver", name, load("solver", name), given).model_dump(),
@@ -217,8 +209,9 @@ def command(
     outcomes = []
     with stoppable(time_limit_s, label=f"{name} for {figure}") as stop:
         for run in module.runs(request):
-            entries = (*options, *(f"{name}.{key}={value}" for key, value in run.options.items()))
-            setup = make_setup(physics, collision, entries, (name,))(run.task or problem.tasks[-1])
+            own = [f"{name}.{key}={value}" for key, value in run.options.items()]
+            chosen = replace(back_ends, options=[*back_ends.options, *own])
+            setup = chosen.setup(run.task or problem.tasks[-1], (name,))
             stop.renew()
             if run.task is None:
                 answer: Any = solve_chain(problem, name, setup, seed=seed + run.seed, stop=stop)

@@ -2,107 +2,91 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
+from typing import Annotated, Any
 
-import click
+import typer
 
-from skillplan.cli.options import (
-    PluginName,
-    format_option,
-    make_setup,
-    part_option,
-    set_option,
-    settings,
-    task_argument,
-)
+from skillplan.cli.completion import plugin_names, plugin_options
+from skillplan.cli.option_values import positive_number
+from skillplan.cli.options import BACK_ENDS, OUTPUT, TASK, BackEnds, PartReading, Style, TaskFile
 
 ENGINE = "pybullet"
 
 
-class _Number(click.ParamType[float]):
-    """A number above 0, up to a limit; unlike click's range, no NaN."""
-
-    name = "number"
-
-    def __init__(self, most: float) -> None:
-        self.most = most
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Return the number."""
-        try:
-            number = float(value)
-        except ValueError:
-            self.fail(f"{value!r} is not a number.", param, ctx)
-        if not 0 < number <= self.most:
-            self.fail(f"must be above 0 and at most {self.most}, not {value}.", param, ctx)
-        return number
-
-
-@click.command("simulate")
-@task_argument
-@click.option(
-    "--sequence",
-    metavar="0,1,4,...",
-    required=True,
-    help="The plan: action numbers or skill names, separated by commas.",
-)
-@click.option(
-    "--physics",
-    type=PluginName("physics"),
-    metavar="NAME",
-    help="An engine that moves bodies; default: the task file's choice, or else pybullet.",
-)
-@click.option(
-    "-O",
-    "options",
-    metavar="PLUGIN.KEY=VALUE",
-    multiple=True,
-    help="Option of the engine; 'skillplan plugins physics NAME' lists them. May be repeated.",
-)
-@click.option(
-    "--video",
-    metavar="FILE",
-    help="Film it, as .gif or .mp4. What was there is replaced.",
-)
-@click.option(
-    "--fps",
-    type=_Number(50),
-    default=12.5,
-    show_default=True,
-    metavar="N",
-    help="Pictures a second of the video.",
-)
-@click.option(
-    "--speed",
-    type=_Number(1000),
-    default=1.0,
-    show_default=True,
-    metavar="X",
-    help="How many simulated seconds the video shows in a second.",
-)
-@click.option(
-    "--trace",
-    metavar="FILE",
-    help="Where hand and bodies were, 60 rows a simulated second, as .csv. What was there is "
-    "replaced.",
-)
-@set_option
-@part_option
-@format_option
 def command(
-    task: str,
-    sequence: str,
-    physics: str | None,
-    options: tuple[str, ...],
-    video: str | None,
-    fps: float,
-    speed: float,
-    trace: str | None,
-    changes: tuple[str, ...],
-    part: str | None,
-    style: str,
+    task: TaskFile,
+    sequence: Annotated[
+        str,
+        typer.Option(
+            "--sequence",
+            metavar="0,1,4,...",
+            help="The plan: action numbers or skill names, separated by commas.",
+            rich_help_panel=TASK,
+        ),
+    ],
+    reading: PartReading,
+    physics: Annotated[
+        str | None,
+        typer.Option(
+            "--physics",
+            metavar="NAME",
+            autocompletion=plugin_names("physics"),
+            help="An engine that moves bodies; default: the task file's choice, or else pybullet.",
+            rich_help_panel=BACK_ENDS,
+        ),
+    ] = None,
+    options: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-O",
+            metavar="KEY=VALUE",
+            autocompletion=plugin_options,
+            help="Option of the engine, as PLUGIN.KEY=VALUE; 'skillplan plugins physics NAME' "
+            "lists them. May be repeated.",
+            rich_help_panel=BACK_ENDS,
+        ),
+    ] = None,
+    video: Annotated[
+        str | None,
+        typer.Option(
+            "--video",
+            metavar="FILE",
+            help="Film it, as .gif or .mp4. What was there is replaced.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    fps: Annotated[
+        float,
+        typer.Option(
+            "--fps",
+            parser=positive_number(50),
+            metavar="N",
+            help="Pictures a second of the video.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = 12.5,
+    speed: Annotated[
+        float,
+        typer.Option(
+            "--speed",
+            parser=positive_number(1000),
+            metavar="X",
+            help="How many simulated seconds the video shows in a second.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = 1.0,
+    trace: Annotated[
+        str | None,
+        typer.Option(
+            "--trace",
+            metavar="FILE",
+            help="Where hand and bodies were, 60 rows a simulated second, as .csv. What was there "
+            "is replaced.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    style: Style = "table",
 ) -> int:
     """Execute a whole plan of TASK in one continuous simulated world.
 
@@ -122,7 +106,9 @@ def command(
     from skillplan.records.trace_file import SUFFIXES, trace_file
     from skillplan.views.video_file import VIDEOS, video_file
 
-    loaded, setup = _load(task, physics, options, changes, part)
+    # Detectors are not queried: the engine itself says what touches. Of those that the file
+    # chooses none needs to be installed.
+    loaded, setup = _load(task, BackEnds(physics, "aabb", options or []), reading)
     engine = performer(setup.back_ends(loaded), "move")
     skills = loaded.parse_sequence(sequence)
     possible, obstacle = applicable_part(loaded, skills)
@@ -178,28 +164,18 @@ def command(
     return EXIT_SOLVED if good else EXIT_NO_PLAN
 
 
-def _load(
-    path: str,
-    physics: str | None,
-    options: tuple[str, ...],
-    changes: tuple[str, ...],
-    part: str | None,
-) -> tuple[Any, Any]:
-    """Return task and setup; of engines the one asked for, or the file's, or else pybullet."""
+def _load(path: str, back_ends: BackEnds, reading: PartReading) -> tuple[Any, Any]:
+    """Return task and setup; of engines the one chosen, or the file's, or else pybullet."""
     from skillplan.errors import OptionError
     from skillplan.pipeline import registry
-    from skillplan.pipeline.setup import load_problem
 
-    # Detectors are not asked: the engine itself says what touches. Of those that the file
-    # chooses none needs to be installed.
-    asked = {"collision": ["aabb"], **({} if physics is None else {"physics": [physics]})}
-    loaded = load_problem(path, asked, settings(changes)).part(part)
-    if physics is None and loaded.physics is None:
+    loaded = reading.task(path, back_ends)
+    if back_ends.physics is None and loaded.physics is None:
         if ENGINE not in registry.names("physics"):
             raise OptionError(
                 f"simulate needs an engine that moves bodies, such as {ENGINE!r}: "
                 f"pip install skillplan-{ENGINE}."
             )
-        physics = ENGINE
-        loaded = load_problem(path, {**asked, "physics": [physics]}, settings(changes)).part(part)
-    return loaded, make_setup(physics, "aabb", options)(loaded)
+        back_ends = replace(back_ends, physics=ENGINE)
+        loaded = reading.task(path, back_ends)
+    return loaded, back_ends.setup(loaded)
