@@ -53,7 +53,9 @@ class Command(TyperCommand):
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """Return what the line is made of; what is needed stands without braces."""
         pieces = super().collect_usage_pieces(ctx)
-        return [one[1:-1] if one.startswith("{") and one.endswith("}") else one for one in pieces]
+        # That there may be several, as in {RUN...}..., their own word says.
+        plain = [one.removesuffix("...") if one.startswith("{") else one for one in pieces]
+        return [one[1:-1] if one.startswith("{") else one for one in plain]
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print the help, and the lists below it."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.domains.load import Problem
     from skillplan.pipeline.setup import Setup
     from skillplan.records.training.layouts_result import LayoutsResult
+    from skillplan.records.training.result import TrainingResult
     from skillplan.records.training.run_folder import RunFolder
     from skillplan.task.task import Task
     from skillplan.training.runs_evaluation import RunsEvaluation
@@ -46,27 +48,57 @@ class Wanted:
     time_limit_s: float | None
 
 
-def evaluate_run_folder(folder: RunFolder, wanted: Wanted, style: str) -> int:
-    """Try the policies of a folder of runs and print what they come to; return the exit code.
+def evaluate_run_folders(paths: Sequence[str], wanted: Wanted, style: str) -> int:
+    """Try the policies of folders of runs and print what they come to; return the exit code.
+
+    Parameters
+    ----------
+    paths
+        Of the folders, at least one; several are shown side by side.
+    wanted
+        How the policies are tried.
+    style
+        How to print.
 
     Raises
     ------
     OptionError
         If the task is another one now, or no policy can act on it.
     """
+    from skillplan.cli.output import emit
+    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
+    from skillplan.records.training.run_folder import RunFolder
+    from skillplan.views.tables.training import training_tables
+    from skillplan.views.tables.trainings import trainings_document, trainings_table
+
+    results, interrupted = [], False
+    for folder in [RunFolder(path) for path in paths]:
+        result, interrupted = _evaluated(folder, wanted)
+        results.append(result)
+        if interrupted:
+            break
+    failed = any(result.failed for result in results)
+    if len(paths) == 1:
+        emit(style, results[0].document(), training_tables(results[0]), failed=failed)
+    else:
+        emit(style, trainings_document(results), [trainings_table(results)], failed=failed)
+    if interrupted:
+        return EXIT_INTERRUPTED
+    return EXIT_SOLVED if all(result.completed for result in results) else EXIT_NO_PLAN
+
+
+def _evaluated(folder: RunFolder, wanted: Wanted) -> tuple[TrainingResult, bool]:
+    """Return what the policies of a folder come to, and whether the user interrupted it."""
     from contextlib import closing
     from dataclasses import replace
 
     from skillplan.checks.verdict_cache import VerdictCache
-    from skillplan.cli.output import emit
     from skillplan.cli.waiting import showing_checks, stoppable
-    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
     from skillplan.pipeline.run import make_model
     from skillplan.records.training.result import Sampling
     from skillplan.training.layouts_evaluation import unseen_layouts
     from skillplan.training.policy_roll_out import prove_optimum
     from skillplan.training.runs_evaluation import RunsEvaluation, check_same_task
-    from skillplan.views.tables.training import training_tables
 
     problem, setup = _loaded(folder, wanted)
     if not wanted.roll_outs.changed_task:
@@ -87,10 +119,7 @@ def evaluate_run_folder(folder: RunFolder, wanted: Wanted, style: str) -> int:
     if layouts and not interrupted:
         tried, interrupted = _tried_layouts(evaluation, layouts, setup, wanted)
         result = replace(result, layouts=tried)
-    emit(style, result.document(), training_tables(result), failed=bool(result.failed))
-    if interrupted:
-        return EXIT_INTERRUPTED
-    return EXIT_SOLVED if result.completed else EXIT_NO_PLAN
+    return result, interrupted
 
 
 def _layout_count(folder: RunFolder, wanted: Wanted) -> int:

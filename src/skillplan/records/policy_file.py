@@ -19,6 +19,8 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 
 SCHEMA = "skillplan.policy/1"
+POLICIES = "policies.json"
+"""The document in the folder of a result."""
 _MOST_BYTES = 256 * 1024 * 1024
 # So many goals are named in a message.
 _MOST_NAMED = 8
@@ -67,6 +69,12 @@ class StoredPolicy:
 
     solver: str
     policy: Policy
+
+
+def policies_path(path: str) -> str:
+    """Return the file that a user means: the file itself, or policies.json in a folder."""
+    named = Path(path)
+    return str(named / POLICIES) if named.is_dir() else path
 
 
 def read_policy(path: str, task: Task) -> StoredPolicy:

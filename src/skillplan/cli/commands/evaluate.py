@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import os
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -19,11 +19,21 @@ from skillplan.cli.options import (
     Style,
     TimeLimit,
 )
+from skillplan.cli.result_input import RESULT_HELP, load
 
-OF_TASK, OF_RUN = "Of a task: what is replayed", "Of a run"
-# What a task file takes and a folder of runs does not, and the other way round.
-_TASK_ONLY = ("sequence", "policy_file", "start", "part")
-_RUN_ONLY = ("task_file", "changed_task", "episodes", "temperature", "seed", "layouts")
+if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.pipeline.setup import Setup
+    from skillplan.solvers.solution import Policy
+    from skillplan.task.skill import Skill
+    from skillplan.task.task import Task
+
+OF_TASK, OF_RUN = "Of a task: what is replayed", "Of a result or a run"
+# What only a task file takes, what it does not, and what only a folder of runs takes.
+_REPLAYED = ("sequence", "policy_file", "start")
+_RECORDED = ("task_file", "changed_task")
+_RUN_ONLY = ("episodes", "temperature", "seed", "layouts")
+# Whoever proves the optimum beside a sequence; its options need not name it.
+DEFAULT_SOLVER = "auto"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +64,8 @@ class Replayed:
         typer.Option(
             "--policy",
             metavar="FILE",
-            help="Follow the policy of a policies.json instead, without planning anew.",
+            help="Follow the policy of a policies.json instead, or of the folder that has it, "
+            "without planning anew.",
             rich_help_panel=OF_TASK,
         ),
     ] = None
@@ -67,6 +78,30 @@ class Replayed:
             rich_help_panel=OF_TASK,
         ),
     ] = None
+
+    def on(self, task: Task) -> tuple[Task, Sequence[Skill] | Policy]:
+        """Return the task from where it is started, and the sequence or the policy.
+
+        Raises
+        ------
+        OptionError
+            If not just one of them is given, or something does not fit the task.
+        """
+        from skillplan.errors import OptionError
+        from skillplan.records.policy_file import policies_path, read_policy, start_state
+
+        if (self.sequence is None) == (self.policy_file is None):
+            raise OptionError("Give either --sequence or --policy.")
+        stored = None
+        if self.policy_file is not None:
+            stored = read_policy(policies_path(self.policy_file), task).policy
+        if self.start is not None:
+            try:
+                initial = start_state(task, self.start)
+            except OptionError as error:
+                raise OptionError(f"--from {self.start}: {error}") from None
+            task = task.replace(initial=initial, sha256=task.sha256)
+        return task, task.parse_sequence(self.sequence or "") if stored is None else stored
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +128,7 @@ class RollOuts:
             "--task",
             metavar="FILE",
             autocompletion=task_files,
-            help="The task file, where it is not to be the one that train was given.",
+            help="The task file, where it is not to be the one that was solved or learned.",
             rich_help_panel=OF_RUN,
         ),
     ] = None
@@ -101,7 +136,7 @@ class RollOuts:
         bool,
         typer.Option(
             "--changed-task",
-            help="Evaluate even where the task is another one than was learned.",
+            help="Evaluate even where the task is another one than was solved or learned.",
             rich_help_panel=OF_RUN,
         ),
     ] = False
@@ -140,12 +175,12 @@ class RollOuts:
 
 def command(
     ctx: typer.Context,
-    task: Annotated[
-        str,
+    inputs: Annotated[
+        list[str],
         typer.Argument(
-            metavar="TASK|RUN",
+            metavar="TASK|RESULT|RUN...",
             autocompletion=task_files,
-            help="A task file, or a folder that train has written.",
+            help=f"A task file; {RESULT_HELP}; or one or several folders that train has written.",
             show_default=False,
         ),
     ],
@@ -159,64 +194,84 @@ def command(
     time_limit_s: TimeLimit = 10.0,
     style: Style = "table",
 ) -> int:
-    """Replay a sequence of skills on TASK, follow a stored policy, or try those of a RUN.
+    """Replay a sequence of skills on TASK or the plan of RESULT, or try the policies of a RUN.
 
     Says whether it is feasible and complete, what it costs, how far that is from the proved
     optimum, or how far it may be at most, and otherwise which condition fails where. The time
-    limit is for proving the optimum.
+    limit is for proving the optimum. The task of RESULT is read as it was then, with the same
+    back ends, but for what is said otherwise.
 
-    RUN is a folder that train has written: the policy of every run is followed greedily and by
-    drawn actions, beside chance alone. Back ends are those of the training.
+    The policy of every run of a RUN is followed greedily and by drawn actions, beside chance
+    alone. Back ends are those of the training. Several are shown side by side.
     """
-    if os.path.isdir(task):
-        from skillplan.cli.run_folder_evaluation import Wanted, evaluate_run_folder
-        from skillplan.records.training.run_folder import RunFolder
+    from skillplan.errors import OptionError
+    from skillplan.records.result_file import is_result, run_folder
 
-        folder = RunFolder(task)
-        refuse_given(ctx, _TASK_ONLY, "is for a task file, not for a folder of runs")
+    folders = [run_folder(one) for one in inputs]
+    if len(inputs) > 1 and None in folders:
+        odd = inputs[folders.index(None)]
+        raise OptionError(f"{odd} is no folder of training runs; of others evaluate takes one.")
+    if folders[0] is not None:
+        from skillplan.cli.run_folder_evaluation import Wanted, evaluate_run_folders
+
+        refuse_given(ctx, _REPLAYED, "is for a task file, not for a folder of runs")
+        refuse_given(ctx, ("part",), "is for a task file, not for a folder of runs")
         wanted = Wanted(roll_outs, reading, back_ends, checking, seed, time_limit_s)
-        return evaluate_run_folder(folder, wanted, style)
-    refuse_given(ctx, _RUN_ONLY, "is for a folder of runs, not for a task file")
+        return evaluate_run_folders([one for one in folders if one is not None], wanted, style)
+    refuse_given(ctx, _RUN_ONLY, "is for a folder of runs")
+    if is_result(inputs[0]):
+        refuse_given(ctx, _REPLAYED, "is for a task file; a result holds its own plan")
+        loaded = load(
+            inputs[0],
+            reading,
+            back_ends,
+            solver=DEFAULT_SOLVER,
+            task_file=roll_outs.task_file,
+            changed_task=roll_outs.changed_task,
+        )
+        task, plan = loaded.planned()
+        skills = task.parse_sequence(",".join(plan))
+        return _evaluate(task, loaded.setup, skills, checking, time_limit_s, style)
+    refuse_given(ctx, _RECORDED, "is for a result or a folder of runs, not for a task file")
+    task = reading.task(inputs[0], back_ends)
+    setup = back_ends.setup(task, (DEFAULT_SOLVER,))
+    task, skills_or_policy = replayed.on(task)
+    return _evaluate(task, setup, skills_or_policy, checking, time_limit_s, style)
+
+
+def _evaluate(
+    task: Task,
+    setup: Setup,
+    plan: Sequence[Skill] | Policy,
+    checking: Checking,
+    time_limit_s: float | None,
+    style: str,
+) -> int:
+    """Replay a sequence, or what a policy does; print what it comes to and return the exit code."""
     from contextlib import closing
 
     from skillplan.checks.verdict_cache import VerdictCache
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import showing_checks, stoppable
-    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED, OptionError
+    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
     from skillplan.model.policy_value import roll_out
     from skillplan.model.replay import replay
-    from skillplan.pipeline.run import DEFAULT_SOLVER, make_model, solve
+    from skillplan.pipeline.run import make_model, solve
     from skillplan.records.evaluation import Evaluation
-    from skillplan.records.policy_file import read_policy, start_state
-    from skillplan.solvers.solution import Plan
+    from skillplan.solvers.solution import Plan, Policy
 
-    loaded = reading.task(task, back_ends)
-    setup = back_ends.setup(loaded, (DEFAULT_SOLVER,))
-    sequence, policy_file, start = replayed.sequence, replayed.policy_file, replayed.start
-    if (sequence is None) == (policy_file is None):
-        raise OptionError("Give either --sequence or --policy.")
-    stored = None if policy_file is None else read_policy(policy_file, loaded)
-    if start is not None:
-        try:
-            initial = start_state(loaded, start)
-        except OptionError as error:
-            raise OptionError(f"--from {start}: {error}") from None
-        loaded = loaded.replace(initial=initial, sha256=loaded.sha256)
     cache = checking.cache() or VerdictCache()
     with showing_checks("replaying") as on_check:
-        model = make_model(loaded, setup, cache, jobs=checking.jobs, on_check=on_check)
+        model = make_model(task, setup, cache, jobs=checking.jobs, on_check=on_check)
         with closing(model.feasibility):
-            if stored is not None:
-                skills = tuple(roll_out(model, stored.policy.get))
-            else:
-                skills = loaded.parse_sequence(sequence or "")
+            skills = tuple(roll_out(model, plan.get) if isinstance(plan, Policy) else plan)
             walked = replay(model, skills)
     best = None
-    if walked.complete and loaded.deterministic:
+    if walked.complete and task.deterministic:
         with stoppable(time_limit_s, label="proving the optimum") as stop:
             known = Plan(tuple(skill.name for skill in skills), walked.cost)
             best = solve(
-                loaded,
+                task,
                 DEFAULT_SOLVER,
                 setup,
                 stop=stop,
@@ -224,7 +279,7 @@ def command(
                 jobs=checking.jobs,
                 start=known,
             )
-    evaluation = Evaluation(loaded, skills, walked, best)
+    evaluation = Evaluation(task, skills, walked, best)
     emit(style, evaluation.document(), [evaluation.table()], failed=not walked.complete)
     if best is not None and best.interrupted:
         return EXIT_INTERRUPTED

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from skillplan.cli.completion import skills
+from skillplan.cli.option_values import count_option
 from skillplan.cli.options import (
     OUTPUT,
     TASK,
@@ -16,6 +17,13 @@ from skillplan.cli.options import (
     Style,
     TaskFile,
 )
+from skillplan.cli.result_input import RESULT_HELP, load
+from skillplan.errors import OptionError
+
+if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.pipeline.restoration import LoadedResult
+    from skillplan.task.skill import Skill
+    from skillplan.task.task import Task
 
 
 def command(
@@ -38,6 +46,26 @@ def command(
             "--after",
             metavar="0,1,...",
             help="The sequence that leads to the state in question; default: the initial state.",
+            rich_help_panel=TASK,
+        ),
+    ] = None,
+    result: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="RESULT",
+            help=f"Take the sequence from a result of TASK, {RESULT_HELP}; --set, back ends and "
+            "their options are the result's, but for what is said otherwise.",
+            rich_help_panel=TASK,
+        ),
+    ] = None,
+    step: Annotated[
+        int | None,
+        count_option(
+            "--step",
+            least=1,
+            most=1_000_000,
+            text="With --from: the state in which step N of its plan begins; default: the end.",
             rich_help_panel=TASK,
         ),
     ] = None,
@@ -72,10 +100,19 @@ def command(
     from skillplan.pipeline.run import make_model
     from skillplan.records.explanation import explain
 
-    loaded = reading.task(task, back_ends)
-    setup = back_ends.setup(loaded)
+    if result is None:
+        if step is not None:
+            raise OptionError("--step counts the steps of a result: name it by --from RESULT.")
+        loaded = reading.task(task, back_ends)
+        setup = back_ends.setup(loaded)
+        before = loaded.parse_sequence(after) if after is not None else ()
+    else:
+        if after is not None:
+            raise OptionError("Give either --after or --from: both say what was done before.")
+        stored = load(result, reading, back_ends, task_file=task)
+        setup = stored.setup
+        loaded, before = _until(stored, step)
     chosen = loaded.skill(skill)
-    before = loaded.parse_sequence(after) if after is not None else ()
     paths = drawing_paths(picture, animate)
     cache = caching.cache()
     model = make_model(loaded, setup, cache)
@@ -86,3 +123,12 @@ def command(
     failed = not explanation.feasible
     emit(style, explanation.document(), explanation.tables(), failed=failed)
     return EXIT_SOLVED if explanation.feasible else EXIT_NO_PLAN
+
+
+def _until(stored: LoadedResult, step: int | None) -> tuple[Task, tuple[Skill, ...]]:
+    """Return a result's task, and the steps of its plan before one, or all."""
+    task, plan = stored.planned()
+    if step is not None and step > len(plan) + 1:
+        raise OptionError(f"--step {step}: the plan of {stored.path} has {len(plan)} steps.")
+    before = plan if step is None else plan[: step - 1]
+    return task, tuple(task.skill(name) for name in before)

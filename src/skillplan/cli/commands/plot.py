@@ -5,13 +5,14 @@ from __future__ import annotations
 import importlib
 import os
 import sys
-from dataclasses import replace
-from typing import Annotated, Any, Literal
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from skillplan.cli.completion import task_files, words
-from skillplan.cli.option_fit import refuse_given
+from skillplan.cli.completion import task_files
+from skillplan.cli.option_fit import given, refuse_given
 from skillplan.cli.option_values import count_option, one_of
 from skillplan.cli.options import (
     OUTPUT,
@@ -24,8 +25,14 @@ from skillplan.cli.options import (
     solver_option,
     split_names,
 )
-from skillplan.cli.run_figures import RUN_FIGURES, plot_run_folder
+from skillplan.cli.result_input import RESULT_HELP, load
+from skillplan.cli.run_figures import RUN_FIGURES
 from skillplan.errors import OptionError, name_hint
+
+if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.domains.load import Problem
+    from skillplan.pipeline.restoration import LoadedResult
+    from skillplan.solvers.stop import Stop
 
 # Figure to the line that the help shows; the module is named after the figure.
 FIGURES = {
@@ -60,40 +67,37 @@ LISTS = {
 }
 
 
-def _figure(value: str) -> str:
+def _figure(name: str) -> str:
     known = {**FIGURES, **RUN_FIGURES}
-    if value not in known:
-        raise typer.BadParameter(f"No figure {value!r}. {name_hint(value, known)}")
-    return value
+    if name not in known:
+        raise OptionError(f"No figure {name!r}. {name_hint(name, known)}")
+    return name
+
+
+def _complete(ctx: typer.Context, incomplete: str) -> list[str]:
+    figures = [one for one in (*FIGURES, *RUN_FIGURES) if one.startswith(incomplete)]
+    return [*task_files(incomplete), *(figures if ctx.params.get("inputs") else [])]
 
 
 def command(
     ctx: typer.Context,
-    task: Annotated[
-        str,
+    inputs: Annotated[
+        list[str],
         typer.Argument(
-            metavar="TASK|RUN",
-            autocompletion=task_files,
-            help="A task file, or a folder that train has written.",
+            metavar="TASK|RESULT|RUN... [FIGURE]",
+            autocompletion=_complete,
+            help=f"A task file; {RESULT_HELP}; or one or several folders that train has written. "
+            "Then the figure, one of those below; of a RUN by default all.",
             show_default=False,
         ),
     ],
-    figure: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="FIGURE",
-            parser=_figure,
-            autocompletion=words({**FIGURES, **RUN_FIGURES}),
-            help="One of those below; of a RUN by default all, as PNG and SVG, into the folder.",
-        ),
-    ] = None,
     *,
     reading: PartReading,
     solver: Annotated[
         str | None,
         solver_option(
-            "Which solver's answer is drawn; default: sarsa for policy, learning and q-values, "
-            "fleet for fleet, auto for rewards, else exact."
+            "Which solver's answer is drawn; default: of RESULT its own; of TASK sarsa for policy, "
+            "learning and q-values, fleet for fleet, auto for rewards, else exact."
         ),
     ] = None,
     seed: Seed = 0,
@@ -115,8 +119,9 @@ def command(
         typer.Option(
             "--states",
             metavar="NAMES",
-            help="For q-values: places such as C66,C13; default: where the path starts, and where "
-            "it goes on.",
+            help="For q-values: places such as --states C66,C13, or facts "
+            "that hold in one state each, such as --states 'held(pcb)'; default: where the path "
+            "starts, and where it goes on.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
@@ -152,21 +157,25 @@ def command(
         ),
     ] = None,
 ) -> int:
-    """Solve TASK and draw FIGURE of it, or draw what a RUN has learned; prints what is written.
+    """Draw FIGURE of TASK, solved anew, or of RESULT, or draw what a RUN has learned.
 
-    RUN is a folder that train has written.
+    Prints the files that are written. RESULT is drawn as it is stored where its plan is all that
+    the figure shows; what is to be seen of the search, or with another solver, is solved anew
+    with the task, the back ends and the options of the result. The curves of several RUNs stand
+    in one figure.
     """
-    from skillplan.cli.output import exit_code
-    from skillplan.cli.waiting import stoppable
-    from skillplan.cli.writing import write_out
-    from skillplan.pipeline.chain import solve_chain
-    from skillplan.pipeline.run import solve
-    from skillplan.records.result import Status
+    from skillplan.records.result_file import is_result, run_folder
 
-    if os.path.isdir(task):
+    sources, figure = _split(inputs)
+    folders = [run_folder(one) for one in sources]
+    if len(sources) > 1 and None in folders:
+        odd = sources[folders.index(None)]
+        raise OptionError(f"{odd} is no folder of training runs; of others plot takes one.")
+    if folders[0] is not None:
+        from skillplan.cli.run_figures import Drawing, plot_run_folders
         from skillplan.records.training.run_folder import RunFolder
 
-        folder = RunFolder(task)
+        runs = [RunFolder(one) for one in folders if one is not None]
         refuse_given(ctx, _OF_TASK, "is for a task file, not for a folder of runs")
         if figure in FIGURES:
             raise OptionError(
@@ -175,7 +184,7 @@ def command(
             )
         _check_matplotlib()
         limit_s = _PROOF_S if time_limit_s is None else time_limit_s
-        return plot_run_folder(folder, figure, out, against, limit_s, dpi)
+        return plot_run_folders(runs, figure, out, Drawing(against, limit_s, dpi))
     refuse_given(ctx, ("against",), "is for a folder of runs, not for a task file")
     if figure is None:
         raise OptionError(f"Name a figure of the task: {', '.join(FIGURES)}.")
@@ -184,48 +193,129 @@ def command(
             f"Figure {figure!r} is of a folder of runs, which train writes; of a task file there "
             f"are {', '.join(FIGURES)}."
         )
-    module = _module(figure)
+    if states is not None and figure != "q-values":
+        raise OptionError(f"--states is for q-values; {figure} takes none.")
+    wanted = _Wanted(figure, solver, seed, seeds, split_names(states or ""), time_limit_s, dpi, out)
+    if not is_result(sources[0]):
+        module = _module(figure)
+        problem = reading.problem(sources[0], back_ends)
+        return _plot(module, problem, reading.part, back_ends, wanted)
+    return _plot_result(ctx, sources[0], reading, back_ends, wanted)
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """What is drawn, and how."""
+
+    figure: str
+    solver: str | None
+    seed: int
+    seeds: int
+    states: Sequence[str]
+    time_limit_s: float | None
+    dpi: int
+    out: str | None
+
+
+def _plot_result(
+    ctx: typer.Context, path: str, reading: PartReading, back_ends: BackEnds, wanted: _Wanted
+) -> int:
+    """Draw a figure of a stored result: of its plan, or with its solver, options and seed."""
+    module = _module(wanted.figure)
+    loaded = load(path, reading, back_ends, solver=wanted.solver)
+    stored, origin = loaded.stored, loaded.origin
+    own = [
+        f"{plugin}.{key}={value}"
+        for plugin, values in origin.options.items()
+        for key, value in values.items()
+    ]
+    chosen = BackEnds(origin.physics, ",".join(origin.collision) or None, own)
+    anew = any(given(ctx, name) for name in ("solver", "options", "seed"))
+    solver = wanted.solver or stored.solver
+    seed = wanted.seed if given(ctx, "seed") else stored.seed
+    kept = None if anew else loaded
+    # Of a result of one task the part is known, of that of a chain the figure chooses.
+    part = reading.part or (None if stored.is_chain else origin.part)
+    return _plot(
+        module, loaded.problem, part, chosen, replace(wanted, solver=solver, seed=seed), kept
+    )
+
+
+def _plot(
+    module: Any,
+    problem: Problem,
+    part: str | None,
+    back_ends: BackEnds,
+    wanted: _Wanted,
+    kept: LoadedResult | None = None,
+) -> int:
+    """Solve what a figure needs, or take it from a result, and draw it."""
+    from skillplan.cli.output import exit_code
+    from skillplan.cli.waiting import stoppable
+    from skillplan.cli.writing import write_out
     from skillplan.pipeline.registry import load, make_options
+    from skillplan.records.result import Status
     from skillplan.views.figures.figure_file import checked_path, save_figure
     from skillplan.views.figures.figure_request import FigureRequest, Outcome
 
-    if states is not None and figure != "q-values":
-        raise OptionError(f"--states is for q-values; {figure} takes none.")
-    problem = reading.problem(task, back_ends)
-    path = checked_path(f"{problem.name}-{figure}.png" if out is None else out)
-    name = module.SOLVER if solver is None else solver
+    figure = wanted.figure
+    path = checked_path(f"{problem.name}-{figure}.png" if wanted.out is None else wanted.out)
+    name = module.SOLVER if wanted.solver is None else wanted.solver
     given = parse_options(back_ends.options, name).get(name, {})
     request = FigureRequest(
         figure,
         problem,
         name,
         given,
-        seed,
-        reading.part,
-        tuple(split_names(states or "")),
-        seeds,
+        wanted.seed,
+        part,
+        tuple(wanted.states),
+        wanted.seeds,
         make_options("solver", name, load("solver", name), given).model_dump(),
     )
     outcomes = []
-    with stoppable(time_limit_s, label=f"{name} for {figure}") as stop:
+    with stoppable(wanted.time_limit_s, label=f"{name} for {figure}") as stop:
         for run in module.runs(request):
-            own = [f"{name}.{key}={value}" for key, value in run.options.items()]
-            chosen = replace(back_ends, options=[*back_ends.options, *own])
-            setup = chosen.setup(run.task or problem.tasks[-1], (name,))
             stop.renew()
-            if run.task is None:
-                answer: Any = solve_chain(problem, name, setup, seed=seed + run.seed, stop=stop)
-            else:
-                answer = solve(run.task, name, setup, seed=seed + run.seed, stop=stop)
+            answer = _answer(run, request, back_ends, stop, kept)
             if answer.cost is None or answer.interrupted:
                 learned = run.may_fail and answer.status is Status.UNSOLVED and answer.trace
                 if answer.interrupted or not learned:
                     _say_why(problem.name, answer)
                     return exit_code([answer])
             outcomes.append(Outcome(run, answer))
-    save_figure(module.draw(request, outcomes), path, dpi)
+    save_figure(module.draw(request, outcomes), path, wanted.dpi)
     write_out(f"{path}\n")
     return 0
+
+
+def _answer(
+    run: Any, request: Any, back_ends: BackEnds, stop: Stop, kept: LoadedResult | None
+) -> Any:
+    """Return what comes of a run: what a result holds of it, or else a search."""
+    from skillplan.pipeline.chain import solve_chain
+    from skillplan.pipeline.run import solve
+
+    problem, name = request.problem, request.solver
+    if kept is not None and not run.options and not run.may_fail:
+        held = kept.answer_for(run.task)
+        if held is not None:
+            return held
+    own = [f"{name}.{key}={value}" for key, value in run.options.items()]
+    chosen = replace(back_ends, options=[*back_ends.options, *own])
+    setup = chosen.setup(run.task or problem.tasks[-1], (name,))
+    seed = request.seed + run.seed
+    if run.task is None:
+        return solve_chain(problem, name, setup, seed=seed, stop=stop)
+    return solve(run.task, name, setup, seed=seed, stop=stop)
+
+
+def _split(inputs: Sequence[str]) -> tuple[list[str], str | None]:
+    """Return what is drawn of, and the figure; the last word is one unless there is such a file."""
+    *sources, last = inputs
+    if not sources or os.path.exists(last):
+        return list(inputs), None
+    return sources, _figure(last)
 
 
 def _say_why(name: str, answer: Any) -> None:

@@ -3,29 +3,44 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skillplan.cli.completion import plugin_names, plugin_options
+from skillplan.cli.completion import plugin_names, plugin_options, task_files
 from skillplan.cli.option_values import positive_number
-from skillplan.cli.options import BACK_ENDS, OUTPUT, TASK, BackEnds, PartReading, Style, TaskFile
+from skillplan.cli.options import BACK_ENDS, OUTPUT, TASK, BackEnds, PartReading, Style
+from skillplan.cli.result_input import RESULT_HELP, load
+
+if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.pipeline.setup import Setup
+    from skillplan.task.skill import Skill
+    from skillplan.task.task import Task
 
 ENGINE = "pybullet"
 
 
 def command(
-    task: TaskFile,
-    sequence: Annotated[
+    task: Annotated[
         str,
-        typer.Option(
-            "--sequence",
-            metavar="0,1,4,...",
-            help="The plan: action numbers or skill names, separated by commas.",
-            rich_help_panel=TASK,
+        typer.Argument(
+            metavar="TASK|RESULT",
+            autocompletion=task_files,
+            help=f"A task file; or {RESULT_HELP}.",
+            show_default=False,
         ),
     ],
     reading: PartReading,
+    sequence: Annotated[
+        str | None,
+        typer.Option(
+            "--sequence",
+            metavar="0,1,4,...",
+            help="The plan of TASK: action numbers or skill names, separated by commas. RESULT "
+            "holds its own.",
+            rich_help_panel=TASK,
+        ),
+    ] = None,
     physics: Annotated[
         str | None,
         typer.Option(
@@ -88,7 +103,7 @@ def command(
     ] = None,
     style: Style = "table",
 ) -> int:
-    """Execute a whole plan of TASK in one continuous simulated world.
+    """Execute a whole plan of TASK, or that of RESULT, in one continuous simulated world.
 
     Says how each skill went, what was sensed, and how far from its goal every body ended. The
     plan ends at the first skill that fails; Ctrl-C ends it after the skill under way.
@@ -108,9 +123,9 @@ def command(
 
     # Detectors are not queried: the engine itself says what touches. Of those that the file
     # chooses none needs to be installed.
-    loaded, setup = _load(task, BackEnds(physics, "aabb", options or []), reading)
+    back_ends = BackEnds(physics, "aabb", options or [])
+    loaded, setup, skills = _load(task, sequence, back_ends, reading)
     engine = performer(setup.back_ends(loaded), "move")
-    skills = loaded.parse_sequence(sequence)
     possible, obstacle = applicable_part(loaded, skills)
     film = None if video is None else output_path("--video", video, VIDEOS, "videos")
     table = None if trace is None else output_path("--trace", trace, SUFFIXES, "traces")
@@ -164,18 +179,41 @@ def command(
     return EXIT_SOLVED if good else EXIT_NO_PLAN
 
 
-def _load(path: str, back_ends: BackEnds, reading: PartReading) -> tuple[Any, Any]:
-    """Return task and setup; of engines the one chosen, or the file's, or else pybullet."""
+def _load(
+    path: str, sequence: str | None, back_ends: BackEnds, reading: PartReading
+) -> tuple[Task, Setup, tuple[Skill, ...]]:
+    """Return task, setup and plan; of engines the one chosen, or the file's, or else pybullet."""
+    from skillplan.errors import OptionError
+    from skillplan.records.result_file import is_result
+
+    stored = is_result(path)
+    if stored and sequence is not None:
+        raise OptionError("--sequence is for a task file; a result holds its own plan.")
+    if not stored and sequence is None:
+        raise OptionError("Give the plan by --sequence, or a RESULT in the place of TASK.")
+
+    def read(chosen: BackEnds) -> tuple[Task, Setup, tuple[Skill, ...]]:
+        if stored:
+            loaded = load(path, reading, chosen)
+            task, plan = loaded.planned()
+            return task, loaded.setup, task.parse_sequence(",".join(plan))
+        task = reading.task(path, chosen)
+        return task, chosen.setup(task), task.parse_sequence(sequence or "")
+
+    task, setup, skills = read(back_ends)
+    if setup.physics is None and task.physics is None:
+        return read(replace(back_ends, physics=_engine()))
+    return task, setup, skills
+
+
+def _engine() -> str:
+    """Return the engine that serves where nobody names one."""
     from skillplan.errors import OptionError
     from skillplan.pipeline import registry
 
-    loaded = reading.task(path, back_ends)
-    if back_ends.physics is None and loaded.physics is None:
-        if ENGINE not in registry.names("physics"):
-            raise OptionError(
-                f"simulate needs an engine that moves bodies, such as {ENGINE!r}: "
-                f"pip install skillplan-{ENGINE}."
-            )
-        back_ends = replace(back_ends, physics=ENGINE)
-        loaded = reading.task(path, back_ends)
-    return loaded, back_ends.setup(loaded)
+    if ENGINE not in registry.names("physics"):
+        raise OptionError(
+            f"simulate needs an engine that moves bodies, such as {ENGINE!r}: "
+            f"pip install skillplan-{ENGINE}."
+        )
+    return ENGINE
