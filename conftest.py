@@ -1,8 +1,8 @@
 """For all tests, of the core and of every plugin: how many examples, and where verdicts are kept.
 
 Property tests draw the same examples in every run. ``make test`` takes the profile `fast`; ``make
-test-all`` takes `thorough`, by ``--hypothesis-profile=thorough``. A test whose examples are
-expensive names both of its counts, by `examples` of ``tests/support``.
+test-all`` takes `thorough`, by ``--hypothesis-profile=thorough``. A test that asks for a
+number of its own asks for ``examples(number)`` of ``tests/support``.
 """
 
 import pytest

@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from expensive_back_ends import (
     CheapDetector,
     ExpensiveDetector,
@@ -106,7 +107,7 @@ def any_of(workers):
     return FakeProcess.rng.sample(workers, FakeProcess.rng.randint(1, len(workers)))
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(task=small_tasks(), seed=SEEDS, jobs=st.integers(2, 5))
 def test_verdicts_counts_and_cache_do_not_depend_on_which_process_is_faster(
     tmp_path_factory, task, seed, jobs
@@ -135,7 +136,7 @@ def test_verdicts_counts_and_cache_are_the_same_in_one_two_and_three_processes(
     assert one == two == three
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(task=small_tasks(), seed=SEEDS)
 def test_verdicts_and_cache_do_not_depend_on_the_order_of_questions(tmp_path_factory, task, seed):
     """Nor does how often each back end is asked that is not kept from it by another."""
