@@ -126,7 +126,9 @@ def read_result(path: str) -> StoredResult:
     OptionError
         If it cannot be read, is no result, is of another version, or lacks a key.
     """
-    return read_checked(result_path(path), schemas.RESULT, StoredResult, _REMEDY)
+    named = Path(path)
+    within = named if named.is_dir() else None
+    return read_checked(result_path(path), schemas.RESULT, StoredResult, _REMEDY, within=within)
 
 
 def other_task(stored: StoredResult, problem: Problem) -> str | None:
