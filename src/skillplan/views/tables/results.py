@@ -19,6 +19,7 @@ PROOF = {
     Status.UNSOLVED: "unsolved",
     Status.REFUSED: "refused",
     Status.WRONG: "WRONG: the solver's claim does not hold",
+    Status.FAILED: "failed",
 }
 
 
