@@ -10,8 +10,7 @@ import typer
 from rich.text import Text
 
 from skillplan.cli.app import COMMANDS, EPILOG, app
-from skillplan.cli.commands.plot import FIGURES
-from skillplan.cli.run_figures import RUN_FIGURES
+from skillplan.views.figures.catalogue import RUN_FIGURES, TASK_FIGURES
 
 OPTIMUM = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 EXACT = ("--solver", "exact")
@@ -175,7 +174,6 @@ class TestThree:
         "words",
         [
             ("search-optimal", "BOARD"),
-            ("compare", "BOARD", "--solvers", "exact"),
             ("evaluate", "BOARD", "--sequence", "0"),
             ("explain", "BOARD", "0"),
             ("chart", "BOARD"),
@@ -269,5 +267,5 @@ class TestHelp:
     def test_the_figures_of_plot_stand_in_a_list(self, cli: Any) -> None:
         """Each with its line."""
         words = words_of(cli("plot", "--help").out)
-        for name, line in {**FIGURES, **RUN_FIGURES}.items():
-            assert f"{name} {line}" in words
+        for name, figure in {**TASK_FIGURES, **RUN_FIGURES}.items():
+            assert f"{name} {figure.line}" in words

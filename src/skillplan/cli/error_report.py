@@ -12,7 +12,7 @@ from typing import Any
 import typer
 
 from skillplan.cli.writing import write_out
-from skillplan.errors import EXIT_BACK_END, SkillplanError, TaskError
+from skillplan.errors import EXIT_BACK_END, SkillplanError, TaskError, traceback_text
 
 _MOST_LINES = 200
 
@@ -57,6 +57,7 @@ def report_error(error: SkillplanError, words: Sequence[str]) -> int:
         print(f"skillplan: error: {text.decode(sys.stderr.encoding or 'utf-8')}", file=sys.stderr)
     if len(lines) > len(shown):
         print(f"skillplan: and {len(lines) - len(shown)} more faults", file=sys.stderr)
+    print(traceback_text(error), file=sys.stderr, end="")
     _print_document(error_document(error), words)
     return error.exit_code
 
@@ -81,6 +82,8 @@ def report_bug(error: Exception, words: Sequence[str]) -> None:
 
 def error_document(error: Exception) -> dict[str, Any]:
     """Return the JSON document ``skillplan.error/1``."""
+    from skillplan.records import schemas
+
     issues = []
     if isinstance(error, TaskError):
         issues = [
@@ -95,7 +98,7 @@ def error_document(error: Exception) -> dict[str, Any]:
         ]
     usage = isinstance(error, typer.TyperException)
     return {
-        "schema": "skillplan.error/1",
+        "schema": schemas.ERROR,
         "error": type(error).__name__,
         "message": error.format_message() if usage else str(error),  # type: ignore[attr-defined]
         "exit_code": getattr(error, "exit_code", EXIT_BACK_END),

@@ -237,7 +237,7 @@ def load_result(
         If the task file is wrong.
     """
     stored = read_result(path)
-    if stored.status in (Status.REFUSED, Status.WRONG):
+    if stored.status in (Status.REFUSED, Status.WRONG, Status.FAILED):
         raise OptionError(f"{path}: claims nothing, its status is {stored.status}.")
     origin = override.over(found_origin(path, stored, override.file))
     problem = load_problem(origin.file, named_back_ends(origin), origin.changes)

@@ -26,7 +26,8 @@ def command(
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import showing_checks
     from skillplan.pipeline.run import make_feasibility
-    from skillplan.views.tables.chart import chart_document, chart_table
+    from skillplan.records.chart import chart_document
+    from skillplan.views.tables.chart import chart_table
 
     # A chart derived from the chart would say nothing.
     chosen = replace(back_ends, collision=back_ends.collision or "aabb")

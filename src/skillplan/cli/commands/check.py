@@ -28,6 +28,7 @@ def command(
     from skillplan.errors import OptionError
     from skillplan.pipeline.setup import Setup
     from skillplan.records.checked import Checked
+    from skillplan.views.tables.checked import checked_tables
 
     problem = reading.problem(task)
     names = [[made.name for made in Setup().back_ends(one)] for one in problem.tasks]
@@ -35,5 +36,5 @@ def command(
     if explain_errata and errata is None:
         raise OptionError(f"No errata are known of the paper behind {problem.kind!r} tasks.")
     checked = Checked(problem, names, errata)
-    emit(style, checked.document(), checked.tables())
+    emit(style, checked.document(), checked_tables(checked))
     return 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Annotated
 
 import typer
@@ -84,16 +83,14 @@ def command(
     from contextlib import ExitStack
     from dataclasses import replace
 
-    from skillplan.checks.verdict_cache import VerdictCache
     from skillplan.cli.output import emit, exit_code
     from skillplan.errors import OptionError
-    from skillplan.pipeline.chain import solve_chain_with_all, solver_names
-    from skillplan.pipeline.run import make_solver, solve_all, warm_cache
-    from skillplan.records.chain_result import ChainResult
-    from skillplan.records.result import Result
+    from skillplan.pipeline.chain import solver_names
+    from skillplan.pipeline.comparison import compare_solvers
+    from skillplan.pipeline.run import check_solver
+    from skillplan.records import schemas
     from skillplan.solvers.stop import Stop
-    from skillplan.views.tables.chain import chain_comparison_tables
-    from skillplan.views.tables.results import comparison_table
+    from skillplan.views.tables.solved import comparison_tables
 
     if (solvers is None) == (detectors is None):
         raise OptionError("Give either --solvers or --detectors.")
@@ -122,7 +119,7 @@ def command(
     every = tuple(dict.fromkeys(each for name in names for each in solver_names(name)))
     setup = back_ends.setup(last, every)
     for name in every:
-        make_solver(name, setup.options.get(name, {}))
+        check_solver(name, setup.options.get(name, {}))
     with ExitStack() as waiting:
 
         def make_stop(name: str) -> Stop:
@@ -132,27 +129,14 @@ def command(
         title = f"{problem.name}: {setup.physics_choice(last).name} physics, collision "
         title += ",".join(choice.name for choice in setup.collision_choices(last)) or "none"
         title += ", warm cache" if warm else ", cold cache"
-        results: Sequence[Result | ChainResult]
-        if problem.is_chain:
-            results = chains = solve_chain_with_all(
-                problem,
-                names,
-                setup,
-                seed=seed,
-                make_stop=make_stop,
-                make_cache=warm_cache if warm else VerdictCache,
-                jobs=jobs,
-            )
-            tables = chain_comparison_tables(chains, title)
-        else:
-            results = single = solve_all(
-                last, names, setup, seed=seed, make_stop=make_stop, warm=warm, jobs=jobs
-            )
-            tables = [comparison_table(single, title, last.metric.decimals)]
+        results = compare_solvers(
+            problem, names, setup, seed=seed, make_stop=make_stop, warm=warm, jobs=jobs
+        )
+    tables = comparison_tables(results, title, last.metric.decimals)
     origin = setup.origin(task, None, reading.settings())
     not_run = list(names[len(results) :])
     document = {
-        "schema": "skillplan.comparison/1",
+        "schema": schemas.COMPARISON,
         "warm": warm,
         "not_run": not_run,
         "rows": [replace(result, origin=origin).document() for result in results],

@@ -259,6 +259,7 @@ def _evaluate(
     from skillplan.pipeline.run import make_model, solve
     from skillplan.records.evaluation import Evaluation
     from skillplan.solvers.solution import Plan, Policy
+    from skillplan.views.tables.evaluation import evaluation_table
 
     cache = checking.cache() or VerdictCache()
     with showing_checks("replaying") as on_check:
@@ -280,7 +281,7 @@ def _evaluate(
                 start=known,
             )
     evaluation = Evaluation(task, skills, walked, best)
-    emit(style, evaluation.document(), [evaluation.table()], failed=not walked.complete)
+    emit(style, evaluation.document(), [evaluation_table(evaluation)], failed=not walked.complete)
     if best is not None and best.interrupted:
         return EXIT_INTERRUPTED
     return EXIT_SOLVED if walked.complete else EXIT_NO_PLAN

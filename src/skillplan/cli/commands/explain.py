@@ -99,6 +99,7 @@ def command(
     from skillplan.errors import EXIT_NO_PLAN, EXIT_SOLVED
     from skillplan.pipeline.run import make_model
     from skillplan.records.explanation import explain
+    from skillplan.views.tables.explanation import explanation_tables
 
     if result is None:
         if step is not None:
@@ -121,7 +122,7 @@ def command(
     if engine is not None:
         explanation = explanation.drawn(draw(engine, chosen, explanation.state, paths))
     failed = not explanation.feasible
-    emit(style, explanation.document(), explanation.tables(), failed=failed)
+    emit(style, explanation.document(), explanation_tables(explanation), failed=failed)
     return EXIT_SOLVED if explanation.feasible else EXIT_NO_PLAN
 
 

@@ -26,25 +26,13 @@ from skillplan.cli.options import (
     split_names,
 )
 from skillplan.cli.result_input import RESULT_HELP, load
-from skillplan.cli.run_figures import RUN_FIGURES
 from skillplan.errors import OptionError, name_hint
+from skillplan.views.figures.catalogue import RUN_FIGURES, TASK_FIGURES, figure_module
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.domains.load import Problem
     from skillplan.pipeline.restoration import LoadedResult
     from skillplan.solvers.stop import Stop
-
-# Figure to the line that the help shows; the module is named after the figure.
-FIGURES = {
-    "policy": "the bench, with an arrow for what a policy recommends in every position",
-    "placement": "heads and bases along the trajectory, and which base holds which head",
-    "learning": "steps of an episode against episodes, for two sets of parameters",
-    "q-values": "action values of some states against episodes",
-    "rewards": "action and reward of every step",
-    "gantt": "when head, PKM and base carry out the five steps",
-    "fleet": "the ways of several bases on one bench, with their parallel steps",
-}
-_OF_THE_BENCH = ("fleet", "placement", "policy")
 
 # What a task file takes and a folder of runs does not.
 _OF_TASK = (
@@ -62,20 +50,20 @@ _PROOF_S = 10.0
 
 
 LISTS = {
-    "Figures of a task": FIGURES,
-    "Figures of a folder of runs": RUN_FIGURES,
+    "Figures of a task or a result": {name: one.line for name, one in TASK_FIGURES.items()},
+    "Figures of a folder of runs": {name: one.line for name, one in RUN_FIGURES.items()},
 }
 
 
 def _figure(name: str) -> str:
-    known = {**FIGURES, **RUN_FIGURES}
+    known = [*TASK_FIGURES, *RUN_FIGURES]
     if name not in known:
         raise OptionError(f"No figure {name!r}. {name_hint(name, known)}")
     return name
 
 
 def _complete(ctx: typer.Context, incomplete: str) -> list[str]:
-    figures = [one for one in (*FIGURES, *RUN_FIGURES) if one.startswith(incomplete)]
+    figures = [one for one in (*TASK_FIGURES, *RUN_FIGURES) if one.startswith(incomplete)]
     return [*task_files(incomplete), *(figures if ctx.params.get("inputs") else [])]
 
 
@@ -177,7 +165,7 @@ def command(
 
         runs = [RunFolder(one) for one in folders if one is not None]
         refuse_given(ctx, _OF_TASK, "is for a task file, not for a folder of runs")
-        if figure in FIGURES:
+        if figure in TASK_FIGURES:
             raise OptionError(
                 f"Figure {figure!r} is of a task file; of a folder of runs there are "
                 f"{' and '.join(RUN_FIGURES)}."
@@ -187,11 +175,11 @@ def command(
         return plot_run_folders(runs, figure, out, Drawing(against, limit_s, dpi))
     refuse_given(ctx, ("against",), "is for a folder of runs, not for a task file")
     if figure is None:
-        raise OptionError(f"Name a figure of the task: {', '.join(FIGURES)}.")
+        raise OptionError(f"Name a figure of the task: {', '.join(TASK_FIGURES)}.")
     if figure in RUN_FIGURES:
         raise OptionError(
             f"Figure {figure!r} is of a folder of runs, which train writes; of a task file there "
-            f"are {', '.join(FIGURES)}."
+            f"are {', '.join(TASK_FIGURES)}."
         )
     if states is not None and figure != "q-values":
         raise OptionError(f"--states is for q-values; {figure} takes none.")
@@ -326,10 +314,7 @@ def _say_why(name: str, answer: Any) -> None:
 def _module(figure: str) -> Any:
     """Return the module that draws a figure of a task."""
     _check_matplotlib()
-    package = "skillplan.views.figures"
-    if figure in _OF_THE_BENCH:
-        package += ".swarmitfix"
-    return importlib.import_module(f"{package}.{figure.replace('-', '_')}_figure")
+    return figure_module(figure)
 
 
 def _check_matplotlib() -> None:

@@ -78,56 +78,42 @@ def command(
     from dataclasses import replace
 
     from skillplan.cli.output import as_json, emit, exit_code, prepare_folder, save
-    from skillplan.pipeline.chain import solve_chain, solver_names
-    from skillplan.pipeline.run import solve
-    from skillplan.records.chain_result import ChainResult
-    from skillplan.records.policy_file import policy_document
-    from skillplan.records.result import Result
-    from skillplan.records.result_file import start_plan
-    from skillplan.views.tables.chain import appendix_tables, chain_tables
-    from skillplan.views.tables.results import plan_table
-    from skillplan.views.tables.table import as_csv
+    from skillplan.pipeline.chain import solver_names
+    from skillplan.pipeline.solve_problem import solve_problem
+    from skillplan.records.policy_file import POLICIES, policy_document, solved_tasks
+    from skillplan.records.result_file import PLAN, RESULT, start_plan
+    from skillplan.views.tables.rendering import as_csv
+    from skillplan.views.tables.solved import saved_tables, solved_tables
 
     part = reading.part
     problem = reading.problem(task, back_ends)
     solver = solver or problem.domain.default_solver(problem.config)
+    last = problem.tasks[-1] if part is None else problem.part(part)
     setup = back_ends.setup(problem.tasks[-1], solver_names(solver))
     plan = None if start is None else start_plan(start, problem, part)
-    origin = setup.origin(task, part, reading.settings())
     folder = prepare_folder(out)
-    result: Result | ChainResult
     with limits.stoppable(solver, gap) as stop:
-        cache = checking.cache()
-        if problem.is_chain and part is None:
-            chain = solve_chain(
-                problem, solver, setup, seed=seed, stop=stop, cache=cache, jobs=checking.jobs
-            )
-            result = chain = replace(chain, origin=origin)
-            tables, appendix = chain_tables(chain), appendix_tables(chain)
-            solved = [(part.task, part.result) for part in chain.parts if not part.reused]
-        else:
-            task_meant = problem.part(part)
-            found = solve(
-                task_meant,
-                solver,
-                setup,
-                seed=seed,
-                stop=stop,
-                cache=cache,
-                jobs=checking.jobs,
-                start=plan,
-            )
-            result = found = replace(found, origin=origin)
-            tables, appendix = [plan_table(found, task_meant)], {}
-            solved = [(task_meant, found)]
+        result = solve_problem(
+            problem,
+            part,
+            solver,
+            setup,
+            seed=seed,
+            stop=stop,
+            cache=checking.cache(),
+            jobs=checking.jobs,
+            start=plan,
+        )
+    result = replace(result, origin=setup.origin(task, part, reading.settings()))
+    tables = solved_tables(result, last)
     if folder is not None:
-        save(folder, "result.json", as_json(result.document()))
-        save(folder, "plan.csv", as_csv(tables[-1]))
-        for name, table in appendix.items():
+        save(folder, RESULT, as_json(result.document()))
+        save(folder, PLAN, as_csv(tables[-1]))
+        for name, table in saved_tables(result).items():
             save(folder, name, as_csv(table))
-        policies = policy_document(problem.sha256, solver, solved)
+        policies = policy_document(problem.sha256, solver, solved_tasks(result, last))
         if policies is not None:
-            save(folder, "policies.json", as_json(policies))
+            save(folder, POLICIES, as_json(policies))
     code = exit_code([result])
     emit(style, result.document(), tables, failed=code != 0)
     return code

@@ -54,6 +54,7 @@ def command(
     from skillplan.cli.waiting import stoppable
     from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
     from skillplan.pipeline.certification import certify
+    from skillplan.views.tables.certificate import certificate_table
 
     with stoppable(time_limit_s, label="verifying") as stop:
         cache = caching.cache()
@@ -61,5 +62,5 @@ def command(
     code = EXIT_SOLVED if certificate.valid else EXIT_NO_PLAN
     if stop.interrupted:
         code = EXIT_INTERRUPTED
-    emit(style, certificate.document(), [certificate.table()], failed=code != 0)
+    emit(style, certificate.document(), [certificate_table(certificate)], failed=code != 0)
     return code

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from skillplan.records.training.result import TrainingResult
 from skillplan.views.tables.results import number, percent
@@ -36,11 +35,6 @@ def trainings_table(results: Sequence[TrainingResult]) -> Table:
     notes = ["deviation and success are interquartile means of the runs"]
     notes += [f"{one.run_dir}: interrupted" for one in results if one.interrupted]
     return Table(title, columns, [_row(one) for one in results], notes)
-
-
-def trainings_document(results: Sequence[TrainingResult]) -> dict[str, Any]:
-    """Return the JSON document ``skillplan.trainings/1``: a training document for each."""
-    return {"schema": "skillplan.trainings/1", "rows": [one.document() for one in results]}
 
 
 def _row(result: TrainingResult) -> list[str]:
