@@ -188,8 +188,8 @@ def test_everything_public_has_a_docstring(path: Path) -> None:
 class TestExports:
     def test_they_are_sorted_and_all_there(self) -> None:
         """`from skillplan import *` gives exactly what is promised, in order."""
-        assert sorted(skillplan.__all__) == skillplan.__all__
-        assert set(skillplan._HOMES) == set(skillplan.__all__)
+        assert sorted(skillplan._HOMES) == skillplan.__all__
+        assert "solve_problem" in skillplan.__all__
 
     @pytest.mark.parametrize("name", skillplan.__all__)
     def test_each_comes_from_where_the_table_says(self, name: str) -> None:
@@ -203,7 +203,7 @@ class TestExports:
         tree = ast.parse((SOURCE / "__init__.py").read_text("utf-8"))
         (block,) = [node for node in tree.body if isinstance(node, ast.If)]
         seen = {
-            alias.name: statement.module
+            alias.asname: statement.module
             for statement in block.body
             if isinstance(statement, ast.ImportFrom)
             for alias in statement.names
