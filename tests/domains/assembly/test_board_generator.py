@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -24,6 +23,7 @@ from skillplan.pipeline.run import make_feasibility, solve
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.records.result import Status
 from skillplan.task.task import Task
+from yaml_data import yaml_text
 
 BOARDS = st.builds(
     BoardGenerator,
@@ -35,7 +35,7 @@ BOARDS = st.builds(
 
 
 def content(board: BoardGenerator) -> Any:
-    return yaml.safe_load(board.text())
+    return yaml_text(board.text())
 
 
 def loaded(board: BoardGenerator) -> Task:
