@@ -1,8 +1,8 @@
-"""The situations that runs have met: what was observed, what was allowed, how often what was tried.
+"""Visit counts: which observations a run has met, and how often it took which action there.
 
-A situation is an observation and, if wanted, the action before it: where observations leave out
-what costs depend on, it says more than the observation alone. Networks never see it; it tells
-apart what is counted and remembered.
+With the action before it an observation says more, where observations leave out what costs depend
+on. The networks never see that action; it tells observations apart when they are counted and
+remembered.
 """
 
 from __future__ import annotations
@@ -13,44 +13,44 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_torch.batched_network import fitting
+from skillplan_torch.snapshot_arrays import fitting
 
 _FIRST_SIZE = 512
 
 
-class Situations:
-    """Numbers for the situations of every run, from 0 on in the order in which they were met.
+class ObservationCounts:
+    """Gives the observations of every run indices, from 0 on in the order of their first visits.
 
     Parameters
     ----------
     runs, features, actions
         How many.
     tells_last_action
-        Whether the action before belongs to a situation.
+        Whether observations after different actions are different.
 
     Attributes
     ----------
     observations, masks
-        By run and situation, shapes (runs, size, features) and (runs, size, actions).
-    tried
-        How often an action was taken in a situation, shape (runs, size, actions).
+        By run and index, shapes (runs, size, features) and (runs, size, actions).
+    visits
+        How often an action was taken there, shape (runs, size, actions).
     """
 
     def __init__(self, runs: int, features: int, actions: int, tells_last_action: bool) -> None:
         self._tells_last_action = tells_last_action
-        self._numbers: list[dict[bytes, int]] = [{} for _ in range(runs)]
+        self._indices: list[dict[bytes, int]] = [{} for _ in range(runs)]
         self._before = np.zeros((runs, _FIRST_SIZE), dtype=np.int64)
         self.observations = np.zeros((runs, _FIRST_SIZE, features), dtype=np.float32)
         self.masks = np.zeros((runs, _FIRST_SIZE, actions), dtype=np.bool_)
-        self.tried = np.zeros((runs, _FIRST_SIZE, actions), dtype=np.int64)
+        self.visits = np.zeros((runs, _FIRST_SIZE, actions), dtype=np.int64)
 
-    def numbers(
+    def indices(
         self,
         observations: NDArray[np.float32],
         masks: NDArray[np.bool_],
         before: Sequence[int],
     ) -> NDArray[np.int64]:
-        """Return the number of the situation that every run is in.
+        """Return the index of what every run observes; new observations are added.
 
         Parameters
         ----------
@@ -59,35 +59,35 @@ class Situations:
         before
             The action before of every run, -1 at the start of an episode.
         """
-        found = np.empty(len(self._numbers), dtype=np.int64)
-        for run, known in enumerate(self._numbers):
+        found = np.empty(len(self._indices), dtype=np.int64)
+        for run, known in enumerate(self._indices):
             last = before[run] if self._tells_last_action else -1
             key = _key(observations[run], masks[run], last)
-            number = known.get(key)
-            if number is None:
-                number = known[key] = len(known)
-                if number == self.tried.shape[1]:
+            index = known.get(key)
+            if index is None:
+                index = known[key] = len(known)
+                if index == self.visits.shape[1]:
                     self._grow()
-                self._before[run, number] = last
-                self.observations[run, number] = observations[run]
-                self.masks[run, number] = masks[run]
-            found[run] = number
+                self._before[run, index] = last
+                self.observations[run, index] = observations[run]
+                self.masks[run, index] = masks[run]
+            found[run] = index
         return found
 
     def known(self, run: int) -> int:
-        """Return how many situations a run has met."""
-        return len(self._numbers[run])
+        """Return how many different observations a run has met."""
+        return len(self._indices[run])
 
     def arrays(self, name: str) -> dict[str, NDArray[Any]]:
-        """Return copies of all there is to know, to be read by `read`."""
-        known = np.array([len(one) for one in self._numbers], dtype=np.int64)
+        """Return copies of all observations and counts, to be read by `read`."""
+        known = np.array([len(one) for one in self._indices], dtype=np.int64)
         most = max(1, int(known.max()))
         return {
             f"{name}.known": known,
             f"{name}.before": self._before[:, :most].copy(),
             f"{name}.observations": self.observations[:, :most].copy(),
             f"{name}.masks": self.masks[:, :most].copy(),
-            f"{name}.tried": self.tried[:, :most].copy(),
+            f"{name}.tried": self.visits[:, :most].copy(),
         }
 
     def read(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -98,26 +98,26 @@ class Situations:
         ValueError
             If it is of another shape.
         """
-        runs = len(self._numbers)
+        runs = len(self._indices)
         known = fitting(arrays, f"{name}.known", (runs,))
         most = max(1, int(known.max()))
-        while self.tried.shape[1] < most:
+        while self.visits.shape[1] < most:
             self._grow()
         for key, mine in (
             ("before", self._before),
             ("observations", self.observations),
             ("masks", self.masks),
-            ("tried", self.tried),
+            ("tried", self.visits),
         ):
             mine[:, :most] = fitting(arrays, f"{name}.{key}", (runs, most, *mine.shape[2:]))
-        self._numbers = [
+        self._indices = [
             {
                 _key(
-                    self.observations[run, number],
-                    self.masks[run, number],
-                    int(self._before[run, number]),
-                ): number
-                for number in range(int(known[run]))
+                    self.observations[run, index],
+                    self.masks[run, index],
+                    int(self._before[run, index]),
+                ): index
+                for index in range(int(known[run]))
             }
             for run in range(runs)
         ]
@@ -126,7 +126,7 @@ class Situations:
         self._before = doubled(self._before)
         self.observations = doubled(self.observations)
         self.masks = doubled(self.masks)
-        self.tried = doubled(self.tried)
+        self.visits = doubled(self.visits)
 
 
 def doubled(array: NDArray[Any]) -> NDArray[Any]:

@@ -13,13 +13,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_torch.batched_network import fitting
-from skillplan_torch.situations import doubled, of_runs
+from skillplan_torch.observation_counts import doubled, of_runs
+from skillplan_torch.snapshot_arrays import fitting
 
 _FIRST_SIZE = 1_024
 # Added to errors, so that nothing is never drawn.
 _LEAST_PRIORITY = 1e-3
-_COLUMNS = ("situation", "action", "reward", "end", "following", "steps", "best", "seen", "tried")
+# What a transition has, by its name in a snapshot.
+_COLUMNS = {
+    "situation": "observation",
+    "action": "action",
+    "reward": "reward",
+    "end": "end",
+    "following": "next_observation",
+    "steps": "steps",
+    "best": "best",
+    "seen": "seen",
+    "tried": "tried",
+    "error": "error",
+}
 
 
 class ReplayMemory:
@@ -39,10 +51,10 @@ class ReplayMemory:
 
     Attributes
     ----------
-    situation, action, following
-        Numbers, shape (runs, size).
+    observation, action, next_observation
+        Indices, shape (runs, size); of observations those of `ObservationCounts`.
     reward
-        What was paid, summed over the steps of the transition.
+        Scaled rewards, summed over the steps of the transition.
     end
         How the episode ended with it; 0 where it went on.
     steps
@@ -50,7 +62,7 @@ class ReplayMemory:
     seen, tried
         How often the transition was seen, and its choice tried.
     best
-        The most that was paid in all from there to a completed end; NaN where none was.
+        The greatest return from there to a completed end; NaN where there was none.
     """
 
     def __init__(self, runs: int, capacity: int, *, distinct: bool, priority: float) -> None:
@@ -59,7 +71,7 @@ class ReplayMemory:
         self._choices: list[dict[tuple[int, int], list[int]]] = [{} for _ in range(runs)]
         self._added = [0] * runs
         shape = (runs, min(capacity, _FIRST_SIZE))
-        self.situation, self.action, self.following, self.end, self.steps = (
+        self.observation, self.action, self.next_observation, self.end, self.steps = (
             np.zeros(shape, dtype=np.int64) for _ in range(5)
         )
         self.reward = np.zeros(shape)
@@ -70,33 +82,49 @@ class ReplayMemory:
     def add(
         self,
         run: int,
-        situation: int,
+        observation: int,
         action: int,
         reward: float,
         end: int,
-        following: int,
+        next_observation: int,
         steps: int,
     ) -> int:
-        """Remember a transition of a run, and return where."""
-        key = (situation, action, following, end)
+        """Remember a transition of a run, and return where.
+
+        Parameters
+        ----------
+        run
+            Whose.
+        observation, action
+            Index of what was observed, and what was done.
+        reward
+            Of all its steps.
+        end
+            How the episode ended with it; 0 where it went on.
+        next_observation
+            Index of what was observed after it.
+        steps
+            Of how many it consists, >= 1.
+        """
+        key = (observation, action, next_observation, end)
         slot = self._slots[run].get(key) if self._distinct else None
         if slot is None:
             slot = self._free(run)
             if self._distinct:
                 self._slots[run][key] = slot
-                self._choices[run].setdefault((situation, action), []).append(slot)
-            self.situation[run, slot], self.action[run, slot] = situation, action
-            self.following[run, slot], self.end[run, slot] = following, end
+                self._choices[run].setdefault((observation, action), []).append(slot)
+            self.observation[run, slot], self.action[run, slot] = observation, action
+            self.next_observation[run, slot], self.end[run, slot] = next_observation, end
             self.best[run, slot], self.seen[run, slot] = np.nan, 0
             self.error[run, slot] = self.error[run].max()
         self.reward[run, slot], self.steps[run, slot] = reward, steps
         self.seen[run, slot] += 1
         if self._distinct:
-            self._count(run, (situation, action))
+            self._count(run, (observation, action))
         return slot
 
     def complete(self, run: int, slots: Sequence[int], rewards: Sequence[float]) -> None:
-        """Take note of what was paid from the transitions of a completed episode to its end.
+        """Take note of the returns from the transitions of a completed episode to its end.
 
         Parameters
         ----------
@@ -105,7 +133,7 @@ class ReplayMemory:
         slots
             Where the transition that begins with every step is remembered.
         rewards
-            What every step paid.
+            Of every step.
         """
         total = 0.0
         for slot, reward in zip(reversed(slots), reversed(rewards), strict=True):
@@ -155,7 +183,7 @@ class ReplayMemory:
     def arrays(self, name: str) -> dict[str, NDArray[Any]]:
         """Return copies of all that is remembered, to be read by `read`."""
         most = max(1, *(self.size(run) for run in range(len(self._added))))
-        found = {key: getattr(self, key)[:, :most].copy() for key in (*_COLUMNS, "error")}
+        found = {key: getattr(self, column)[:, :most].copy() for key, column in _COLUMNS.items()}
         found["added"] = np.array(self._added, dtype=np.int64)
         return {f"{name}.{key}": array for key, array in found.items()}
 
@@ -172,8 +200,8 @@ class ReplayMemory:
         most = max(1, *(self.size(run) for run in range(runs)))
         while self.reward.shape[1] < most:
             self._grow()
-        for key in (*_COLUMNS, "error"):
-            getattr(self, key)[:, :most] = fitting(arrays, f"{name}.{key}", (runs, most))
+        for key, column in _COLUMNS.items():
+            getattr(self, column)[:, :most] = fitting(arrays, f"{name}.{key}", (runs, most))
         for run in range(runs if self._distinct else 0):
             self._slots[run], self._choices[run] = {}, {}
             for slot in range(self.size(run)):
@@ -191,9 +219,9 @@ class ReplayMemory:
 
     def _key(self, run: int, slot: int) -> tuple[int, int, int, int]:
         return (
-            int(self.situation[run, slot]),
+            int(self.observation[run, slot]),
             int(self.action[run, slot]),
-            int(self.following[run, slot]),
+            int(self.next_observation[run, slot]),
             int(self.end[run, slot]),
         )
 
@@ -211,5 +239,5 @@ class ReplayMemory:
         return slot
 
     def _grow(self) -> None:
-        for key in (*_COLUMNS, "error"):
-            setattr(self, key, doubled(getattr(self, key)))
+        for column in _COLUMNS.values():
+            setattr(self, column, doubled(getattr(self, column)))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skillplan_torch.situations import Situations, doubled, of_runs
+from skillplan_torch.observation_counts import ObservationCounts, doubled, of_runs
 
 ACTIONS = 3
 
@@ -20,31 +20,31 @@ def mask(number):
     return np.array([True, number % 2 == 0, number % 3 == 0])
 
 
-def met(situations, numbers, before):
+def met(counts, numbers, before):
     """Return the numbers of what every run observes."""
-    return situations.numbers(
+    return counts.indices(
         np.stack([bits(n) for n in numbers]), np.stack([mask(n) for n in numbers]), before
     ).tolist()
 
 
-def rebuilt(situations, runs, **more):
-    other = Situations(runs, 12, ACTIONS, **more)
-    other.read("s", situations.arrays("s"))
+def rebuilt(counts, runs, **more):
+    other = ObservationCounts(runs, 12, ACTIONS, **more)
+    other.read("s", counts.arrays("s"))
     return other
 
 
 class TestNumbers:
     def test_they_are_given_in_the_order_in_which_a_run_meets_them(self):
-        situations = Situations(2, 12, ACTIONS, True)
-        assert met(situations, [5, 8], [-1, -1]) == [0, 0]
-        assert met(situations, [6, 8], [0, -1]) == [1, 0]
-        assert met(situations, [5, 5], [-1, -1]) == [0, 1]
-        assert [situations.known(run) for run in (0, 1)] == [2, 2]
+        counts = ObservationCounts(2, 12, ACTIONS, True)
+        assert met(counts, [5, 8], [-1, -1]) == [0, 0]
+        assert met(counts, [6, 8], [0, -1]) == [1, 0]
+        assert met(counts, [5, 5], [-1, -1]) == [0, 1]
+        assert [counts.known(run) for run in (0, 1)] == [2, 2]
 
     @pytest.mark.parametrize(("tells", "expected"), [(True, [0, 1, 2]), (False, [0, 0, 0])])
     def test_the_action_before_tells_them_apart_where_that_is_wanted(self, tells, expected):
-        situations = Situations(1, 12, ACTIONS, tells)
-        assert [met(situations, [5], [before])[0] for before in (-1, 0, 2)] == expected
+        counts = ObservationCounts(1, 12, ACTIONS, tells)
+        assert [met(counts, [5], [before])[0] for before in (-1, 0, 2)] == expected
 
     @settings(max_examples=50, deadline=None, derandomize=True, database=None)
     @given(
@@ -58,34 +58,34 @@ class TestNumbers:
     def test_they_are_those_of_a_plain_dictionary_also_where_they_are_read_again(
         self, way, tells, cut
     ):
-        situations, known = Situations(2, 12, ACTIONS, tells), ({}, {})
+        counts, known = ObservationCounts(2, 12, ACTIONS, tells), ({}, {})
         for i, (first, second, before) in enumerate(way):
             if i == cut:
-                situations = rebuilt(situations, 2, tells_last_action=tells)
-            found = met(situations, [first, second], [before, before])
+                counts = rebuilt(counts, 2, tells_last_action=tells)
+            found = met(counts, [first, second], [before, before])
             for run, seen in enumerate((first, second)):
                 key = (seen, before if tells else None)
                 assert found[run] == known[run].setdefault(key, len(known[run]))
         for run, numbers in enumerate(known):
-            assert situations.known(run) == len(numbers)
+            assert counts.known(run) == len(numbers)
             for (seen, _), number in numbers.items():
-                assert (situations.observations[run, number] == bits(seen)).all()
-                assert (situations.masks[run, number] == mask(seen)).all()
+                assert (counts.observations[run, number] == bits(seen)).all()
+                assert (counts.masks[run, number] == mask(seen)).all()
 
 
 class TestGrowth:
     def test_there_is_room_for_more_than_at_first(self):
-        situations = Situations(2, 12, ACTIONS, False)
-        first = situations.tried.shape[1]
+        counts = ObservationCounts(2, 12, ACTIONS, False)
+        first = counts.visits.shape[1]
         for number in range(3 * first):
             # The second run meets one situation only.
-            assert met(situations, [number, 7], [-1, -1]) == [number, 0]
-            situations.tried[0, number, number % ACTIONS] += number
-        assert situations.tried.shape[1] >= 3 * first
-        for one in (situations, rebuilt(situations, 2, tells_last_action=False)):
+            assert met(counts, [number, 7], [-1, -1]) == [number, 0]
+            counts.visits[0, number, number % ACTIONS] += number
+        assert counts.visits.shape[1] >= 3 * first
+        for one in (counts, rebuilt(counts, 2, tells_last_action=False)):
             for number in range(0, 3 * first, 97):
                 assert (one.observations[0, number] == bits(number)).all()
-                assert one.tried[0, number].sum() == number
+                assert one.visits[0, number].sum() == number
                 assert met(one, [number, 7], [-1, -1]) == [number, 0]
             assert one.known(0) == 3 * first
             assert one.known(1) == 1
@@ -96,18 +96,18 @@ class TestGrowth:
 
 class TestGoingOn:
     def test_arrays_are_as_long_as_what_is_known(self):
-        situations = Situations(2, 12, ACTIONS, True)
-        assert situations.arrays("s")["s.tried"].shape == (2, 1, ACTIONS)
-        met(situations, [1, 1], [-1, -1])
-        met(situations, [2, 1], [-1, -1])
-        assert situations.arrays("s")["s.tried"].shape == (2, 2, ACTIONS)
+        counts = ObservationCounts(2, 12, ACTIONS, True)
+        assert counts.arrays("s")["s.tried"].shape == (2, 1, ACTIONS)
+        met(counts, [1, 1], [-1, -1])
+        met(counts, [2, 1], [-1, -1])
+        assert counts.arrays("s")["s.tried"].shape == (2, 2, ACTIONS)
 
     def test_arrays_of_others_are_refused(self):
-        situations = Situations(2, 12, ACTIONS, True)
-        met(situations, [1, 2], [-1, -1])
+        counts = ObservationCounts(2, 12, ACTIONS, True)
+        met(counts, [1, 2], [-1, -1])
         for shape in ((3, 12, ACTIONS), (2, 11, ACTIONS), (2, 12, ACTIONS + 1)):
             with pytest.raises(ValueError, match="missing or of another shape"):
-                Situations(*shape, True).read("s", situations.arrays("s"))
+                ObservationCounts(*shape, True).read("s", counts.arrays("s"))
 
 
 @settings(max_examples=30, deadline=None, derandomize=True, database=None)

@@ -1,4 +1,4 @@
-"""The best policy of every run among those that it had on its way.
+"""The best evaluated policy of every run: the cheapest of those that an episode has followed.
 
 Moller et al., section 5, evaluate the best performing model of every session.
 """
@@ -20,8 +20,8 @@ _TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
-class Walk:
-    """An episode that completed the task, with what was observed and allowed on its way.
+class CompletedEpisode:
+    """An episode that completed the task, with what was observed and allowed in it.
 
     Parameters
     ----------
@@ -39,49 +39,51 @@ class Walk:
     actions: NDArray[np.int64]
 
     def follows_from(self, policy: NetworkPolicy) -> bool:
-        """Whether a policy does the same all the way."""
+        """Whether a policy takes the same actions throughout."""
         return bool((policy.greedy(self.observations, self.masks) == self.actions).all())
 
 
-class KeptPolicies:
+class BestPolicies:
     """The policies that complete the task at least cost, as far as episodes have shown.
 
-    Where every skill has one outcome, a policy that would do what an episode did all its way
-    comes to what that one came to. So every policy is held against the cheapest episode so far
-    and the one that has just ended, at the end of every episode.
+    Where every skill has one outcome, a policy that would take the actions of an episode costs
+    what the episode cost. So every policy is compared with the cheapest episode so far and the
+    one that has just ended, at the end of every episode.
 
     Parameters
     ----------
     runs
         How many.
     keeps
-        Whether one episode tells what a policy costs; otherwise none is kept.
+        Whether one episode tells what a policy costs; otherwise no policy is kept.
     """
 
     def __init__(self, runs: int, *, keeps: bool) -> None:
         self._keeps = keeps
         self._best: list[tuple[float, int, NetworkPolicy] | None] = [None] * runs
-        self._cheapest: list[Walk | None] = [None] * runs
+        self._cheapest: list[CompletedEpisode | None] = [None] * runs
 
-    def ended(self, run: int, step: int, walk: Walk | None, policy: NetworkPolicy) -> None:
+    def ended(
+        self, run: int, step: int, episode: CompletedEpisode | None, policy: NetworkPolicy
+    ) -> None:
         """Take note of the end of an episode.
 
         Parameters
         ----------
         run, step
             Whose, and after how many steps.
-        walk
-            The episode, if it completed the task.
+        episode
+            It, if it completed the task.
         policy
             The run's policy as it is.
         """
         if not self._keeps:
             return
         cheapest = self._cheapest[run]
-        if walk is not None and (cheapest is None or walk.cost < cheapest.cost - _TOLERANCE):
-            self._cheapest[run] = cheapest = walk
+        if episode is not None and (cheapest is None or episode.cost < cheapest.cost - _TOLERANCE):
+            self._cheapest[run] = cheapest = episode
         best = self._best[run]
-        for one in (cheapest, walk):
+        for one in (cheapest, episode):
             if one is None or (best is not None and one.cost >= best[0] - _TOLERANCE):
                 continue
             if one.follows_from(policy):
@@ -101,11 +103,11 @@ class KeptPolicies:
                 for i, weight in enumerate(best[2].weights):
                     found[f"{name}.{run}.{i}.weight"] = weight.copy()
                     found[f"{name}.{run}.{i}.bias"] = best[2].biases[i].copy()
-            walk = self._cheapest[run]
-            if walk is not None:
-                found[f"{name}.{run}.observations"] = walk.observations
-                found[f"{name}.{run}.masks"] = walk.masks
-                found[f"{name}.{run}.actions"] = walk.actions
+            episode = self._cheapest[run]
+            if episode is not None:
+                found[f"{name}.{run}.observations"] = episode.observations
+                found[f"{name}.{run}.masks"] = episode.masks
+                found[f"{name}.{run}.actions"] = episode.actions
         return found
 
     def document(self) -> list[dict[str, Any]]:
@@ -113,9 +115,9 @@ class KeptPolicies:
         return [
             {
                 "best": None if best is None else {"cost": best[0], "step": best[1]},
-                "cheapest": None if walk is None else walk.cost,
+                "cheapest": None if episode is None else episode.cost,
             }
-            for best, walk in zip(self._best, self._cheapest, strict=True)
+            for best, episode in zip(self._best, self._cheapest, strict=True)
         ]
 
     def read(
@@ -156,7 +158,7 @@ class KeptPolicies:
             )
             self._best[run] = (float(best["cost"]), int(best["step"]), policy)
         if cost is not None:
-            self._cheapest[run] = Walk(
+            self._cheapest[run] = CompletedEpisode(
                 float(cost),
                 *(
                     np.array(arrays[f"{name}.{key}"])

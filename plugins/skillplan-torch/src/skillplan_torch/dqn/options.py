@@ -1,4 +1,4 @@
-"""What deep Q-learning can be told; all of it stands in the manifest of a run."""
+"""The options of deep Q-learning; the manifest of a run holds all of them."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from typing import Literal
 
 from pydantic import Field
 
-from skillplan.solvers.learning.learner import LearnerOptions
 from skillplan_torch.batched_network import BLOCK
+from skillplan_torch.network_options import NetworkOptions
 
 
-class DqnOptions(LearnerOptions):
+class DqnOptions(NetworkOptions):
     """The defaults complete and optimise the inverter board with and without masks."""
 
     # Exploration
@@ -72,10 +72,10 @@ class DqnOptions(LearnerOptions):
     )
     tell_last_action: bool = Field(
         default=True,
-        description="tell apart what was done before when counting and remembering; the "
-        "network never sees it [-]",
+        description="tell observations apart by the action before them when counting and "
+        "remembering; the network never sees it [-]",
     )
-    # Memory
+    # Replay memory
     replay: Literal["distinct", "recent"] = Field(
         default="distinct",
         description="remember every distinct transition once, or the last ones [-]",
@@ -105,17 +105,10 @@ class DqnOptions(LearnerOptions):
         le=1.0,
         description="share of the steps after which the best return comes in [-]",
     )
-    # Network
-    width: int = Field(
-        default=256,
-        ge=BLOCK,
-        le=8_192,
-        multiple_of=BLOCK,
-        description="units of a hidden layer, a multiple of 32 [-]",
-    )
-    layers: int = Field(default=1, ge=0, le=8, description="hidden layers [-]")
+    # Updates
     dueling: bool = Field(
-        default=False, description="learn the value of a situation apart from its actions' [-]"
+        default=False,
+        description="learn the value of a state apart from the advantages of its actions [-]",
     )
     batch: int = Field(
         default=64,
@@ -130,57 +123,20 @@ class DqnOptions(LearnerOptions):
     warm_up: int = Field(
         default=100, ge=1, le=1_000_000, description="steps before the first update [-]"
     )
-    learning_rate: float = Field(
-        default=1e-3, gt=0.0, le=1.0, description="step size of Adam, at first [-]"
-    )
-    learning_rate_end: float = Field(
-        default=2e-5, gt=0.0, le=1.0, description="step size of Adam, in the end [-]"
-    )
     decay_from: float = Field(
-        default=0.6, ge=0.0, lt=1.0, description="share of the steps after which it falls [-]"
+        default=0.6,
+        ge=0.0,
+        lt=1.0,
+        description="share of the steps after which the learning rate falls [-]",
     )
     target_rate: float = Field(
         default=0.02,
         gt=0.0,
         le=1.0,
-        description="share of the way that the target network goes at every update [-]",
-    )
-    gamma: float = Field(
-        default=1.0, ge=0.0, le=1.0, description="discount factor of later rewards [-]"
-    )
-    # What is learned from
-    complete: float = Field(
-        default=4.0,
-        ge=0.0,
-        le=1e6,
-        description="worth of completing, instead of the reward [-]",
-    )
-    failure: float = Field(
-        default=1.0,
-        ge=0.0,
-        le=1e6,
-        description="loss by failing, instead of the reward [-]",
-    )
-    steps_worth: float = Field(
-        default=4.0,
-        ge=0.0,
-        le=1e6,
-        description="loss by as many usual steps as the step limit allows, to which rewards of "
-        "steps are scaled [-]",
-    )
-    step_floor: float = Field(
-        default=4.0,
-        ge=1.0,
-        le=1e6,
-        description="no step loses more than so many usual ones [-]",
+        description="share by which every update moves the target network to the other [-]",
     )
     late_is_failure: bool = Field(
         default=False,
         description="take the step limit for a failure of the last skill; otherwise what is "
-        "learned of it goes on with the situation after it, as no one observes the time [-]",
-    )
-    count_last_cost: bool = Field(
-        default=True,
-        description="count the cost of the skill that completes the task, too, for which Table "
-        "II pays nothing but the completion [-]",
+        "learned of it goes on with the state after it, as no one observes the time [-]",
     )

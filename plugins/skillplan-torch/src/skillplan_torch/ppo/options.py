@@ -1,14 +1,25 @@
-"""What proximal policy optimisation can be told; all of it stands in the manifest of a run."""
+"""The options of proximal policy optimisation; the manifest of a run holds all of them."""
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pydantic import Field
 
-from skillplan.solvers.learning.learner import LearnerOptions
 from skillplan_torch.batched_network import BLOCK
+from skillplan_torch.network_options import (
+    FailureLoss,
+    FinalLearningRate,
+    GoalReward,
+    Layers,
+    NetworkOptions,
+    StepFloor,
+    StepsWorth,
+    Width,
+)
 
 
-class PpoOptions(LearnerOptions):
+class PpoOptions(NetworkOptions):
     """The defaults find the optimum of the inverter board with the mask of the applicable.
 
     Without a mask it takes novelty=3, failure=0.2 and gamma=0.8: then failing late is better
@@ -21,6 +32,29 @@ class PpoOptions(LearnerOptions):
         le=1_000_000_000,
         description="environment steps of a run; `train --steps` goes before it [-]",
     )
+    width: Width = 64
+    layers: Layers = 2
+    learning_rate_end: Annotated[
+        FinalLearningRate,
+        Field(description="step size of Adam, in the end, approached linearly [-]"),
+    ] = 1e-4
+    complete: GoalReward = 1.0
+    failure: Annotated[
+        FailureLoss,
+        Field(
+            description="loss by failing or running out of time, in place of the environment's "
+            "reward [-]"
+        ),
+    ] = 1.0
+    steps_worth: Annotated[
+        StepsWorth,
+        Field(
+            description="loss by as many typical steps as the step limit allows: rewards of "
+            "steps are scaled to it, and by the share of a run's latest episodes that "
+            "completed the task, lest failing early is cheaper than trying [-]"
+        ),
+    ] = 1.25
+    step_floor: StepFloor = 8.0
     # Updates
     rollout: int = Field(
         default=512,
@@ -45,23 +79,11 @@ class PpoOptions(LearnerOptions):
         le=1.0,
         description="share by which an update may change a probability and still gain [-]",
     )
-    learning_rate: float = Field(
-        default=1e-3, gt=0.0, le=1.0, description="step size of Adam, at first [-]"
-    )
-    learning_rate_end: float = Field(
-        default=1e-4,
-        gt=0.0,
-        le=1.0,
-        description="step size of Adam, in the end, approached linearly [-]",
-    )
     max_gradient: float = Field(
         default=0.5,
         gt=0.0,
         le=1e6,
         description="length to which longer gradients of a network are cut [-]",
-    )
-    gamma: float = Field(
-        default=1.0, ge=0.0, le=1.0, description="discount factor of later rewards [-]"
     )
     gae_lambda: float = Field(
         default=0.95,
@@ -92,47 +114,6 @@ class PpoOptions(LearnerOptions):
         default=0.0,
         ge=0.0,
         le=1e6,
-        description="paid at first for what was never done before where the run is, divided "
+        description="reward at first for what was never done before where the run is, divided "
         "by the root of the count and falling linearly to 0 in the end [-]",
-    )
-    # Networks
-    width: int = Field(
-        default=64,
-        ge=BLOCK,
-        le=8_192,
-        multiple_of=BLOCK,
-        description="units of a hidden layer, a multiple of 32 [-]",
-    )
-    layers: int = Field(default=2, ge=0, le=8, description="hidden layers [-]")
-    # What is learned from
-    complete: float = Field(
-        default=1.0,
-        ge=0.0,
-        le=1e6,
-        description="worth of completing, instead of the reward [-]",
-    )
-    failure: float = Field(
-        default=1.0,
-        ge=0.0,
-        le=1e6,
-        description="loss by failing or running out of time, instead of the reward [-]",
-    )
-    steps_worth: float = Field(
-        default=1.25,
-        ge=0.0,
-        le=1e6,
-        description="loss by as many usual steps as the step limit allows: rewards of steps "
-        "are multiplied so, and by the share of a run's latest episodes that completed, lest "
-        "failing early is cheaper than trying [-]",
-    )
-    step_floor: float = Field(
-        default=8.0,
-        ge=1.0,
-        le=1e6,
-        description="no step loses more than so many usual ones [-]",
-    )
-    count_last_cost: bool = Field(
-        default=True,
-        description="count the cost of the skill that completes the task, too, for which Table "
-        "II pays nothing but the completion [-]",
     )

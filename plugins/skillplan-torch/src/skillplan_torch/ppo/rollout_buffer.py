@@ -1,4 +1,8 @@
-"""The steps that runs did since their policies last changed, and what was better than expected."""
+"""The steps of runs since their last update, and how much better than expected they went on.
+
+Advantages after Schulman et al., "High-dimensional continuous control using generalized advantage
+estimation" (2016).
+"""
 
 from __future__ import annotations
 
@@ -9,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.env.transition_table import GOES_ON
-from skillplan_torch.batched_network import fitting
+from skillplan_torch.snapshot_arrays import fitting
 
 
-class RollOut:
+class RolloutBuffer:
     """A fixed number of steps of every run, in order; all arrays begin with (runs, steps).
 
     Parameters
@@ -32,8 +36,8 @@ class RollOut:
         Whether it was drawn from the policy: only then is it learned from.
     ends
         As in the infos of `SkillVectorEnv`.
-    paid
-        What the environment paid for the cost, see `StepPay`.
+    step_rewards
+        The environment's for the cost, see `RewardScaling`.
     novelties
         How new it was: 1 where it was never done before.
     """
@@ -45,7 +49,7 @@ class RollOut:
         self.actions = np.zeros((runs, steps), dtype=np.int64)
         self.drawn = np.zeros((runs, steps), dtype=np.bool_)
         self.ends = np.zeros((runs, steps), dtype=np.int8)
-        self.paid = np.zeros((runs, steps), dtype=np.float64)
+        self.step_rewards = np.zeros((runs, steps), dtype=np.float64)
         self.novelties = np.zeros((runs, steps), dtype=np.float64)
 
     @property
@@ -59,20 +63,28 @@ class RollOut:
         actions: NDArray[np.int64],
         drawn: NDArray[np.bool_],
         ends: NDArray[np.int8],
-        paid: NDArray[np.float64],
+        step_rewards: NDArray[np.float64],
         novelties: NDArray[np.float64],
     ) -> None:
-        """Add a step of every run; `before` is what was observed and allowed."""
+        """Add a step of every run.
+
+        Parameters
+        ----------
+        before
+            What was observed and allowed.
+        actions, drawn, ends, step_rewards, novelties
+            As the attributes, shape (runs,).
+        """
         slot = self.filled
         self.observations[:, slot], self.masks[:, slot] = before
         self.actions[:, slot], self.drawn[:, slot] = actions, drawn
-        self.ends[:, slot], self.paid[:, slot] = ends, paid
+        self.ends[:, slot], self.step_rewards[:, slot] = ends, step_rewards
         self.novelties[:, slot] = novelties
         self.filled += 1
 
     def advantages(
         self,
-        worth: NDArray[np.float64],
+        rewards: NDArray[np.float64],
         values: NDArray[np.float32],
         ahead: NDArray[np.float32],
         gamma: float,
@@ -82,7 +94,7 @@ class RollOut:
 
         Parameters
         ----------
-        worth
+        rewards
             Of every step by itself, shape (runs, steps).
         values
             What was expected where it was done, shape (runs, steps).
@@ -91,12 +103,12 @@ class RollOut:
         gamma
             Discount factor.
         gae_lambda
-            How far is looked: 0 one step, 1 to the end of the episode.
+            How far to look: 0 one step, 1 to the end of the episode.
         """
         goes_on = np.where(self.ends == GOES_ON, gamma, 0.0)
-        found, later = np.zeros(worth.shape), np.zeros(len(worth))
-        for slot in range(worth.shape[1] - 1, -1, -1):
-            error = worth[:, slot] + goes_on[:, slot] * ahead - values[:, slot]
+        found, later = np.zeros(rewards.shape), np.zeros(len(rewards))
+        for slot in range(rewards.shape[1] - 1, -1, -1):
+            error = rewards[:, slot] + goes_on[:, slot] * ahead - values[:, slot]
             later = error + goes_on[:, slot] * gae_lambda * later
             found[:, slot], ahead = later, values[:, slot]
         return found.astype(np.float32)
@@ -126,4 +138,13 @@ class RollOut:
             np.copyto(array, fitting(arrays, f"{name}.{key}", array.shape))
 
     def _own(self) -> dict[str, NDArray[Any]]:
-        return {key: value for key, value in vars(self).items() if isinstance(value, np.ndarray)}
+        """Return the arrays by their names in a snapshot."""
+        return {
+            "observations": self.observations,
+            "masks": self.masks,
+            "actions": self.actions,
+            "drawn": self.drawn,
+            "ends": self.ends,
+            "paid": self.step_rewards,
+            "novelties": self.novelties,
+        }
