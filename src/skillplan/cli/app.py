@@ -134,6 +134,8 @@ def _print_error_document(document: dict[str, Any], words: list[str]) -> None:
 
 def error_document(error: Exception) -> dict[str, Any]:
     """Return the JSON document ``skillplan.error/1``."""
+    from skillplan.records import schemas
+
     issues = []
     if isinstance(error, TaskError):
         issues = [
@@ -147,7 +149,7 @@ def error_document(error: Exception) -> dict[str, Any]:
             for issue in error.issues
         ]
     return {
-        "schema": "skillplan.error/1",
+        "schema": schemas.ERROR,
         "error": type(error).__name__,
         "message": error.format_message()
         if isinstance(error, click.ClickException)

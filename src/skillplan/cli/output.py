@@ -19,7 +19,8 @@ from skillplan.errors import (
 from skillplan.files.atomic_file import write_whole
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result, Status
-from skillplan.views.tables.table import Table, render
+from skillplan.views.tables.rendering import render
+from skillplan.views.tables.table import Table
 
 _EXIT = {
     Status.OPTIMAL: EXIT_SOLVED,

@@ -16,11 +16,11 @@ from typing import IO, Any
 from skillplan import __version__
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
+from skillplan.records import schemas
 from skillplan.records.sweep.plan import SweepPlan, same
 from skillplan.records.sweep.record import SweepRecord, record_of
 
 MANIFEST, RUNS = "manifest.json", "runs.jsonl"
-SCHEMA = "skillplan.sweep-manifest/1"
 
 # What a study may differ in from the one that is resumed, in words.
 _WORDS = {
@@ -135,7 +135,7 @@ class StudyFolder:
         else:
             self._lines.truncate(0)
             content = {
-                "schema": SCHEMA,
+                "schema": schemas.SWEEP_MANIFEST,
                 **asked,
                 "command": list(command),
                 "python": sys.version.split()[0],
@@ -159,8 +159,10 @@ class StudyFolder:
 
     def _compare(self, asked: dict[str, Any]) -> None:
         content = json.loads((self.path / MANIFEST).read_text("utf-8"))
-        if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-            raise OptionError(f"--out {self.path}: {MANIFEST} is no document {SCHEMA}.")
+        if not isinstance(content, dict) or content.get("schema") != schemas.SWEEP_MANIFEST:
+            raise OptionError(
+                f"--out {self.path}: {MANIFEST} is no document {schemas.SWEEP_MANIFEST}."
+            )
         for key, words in _WORDS.items():
             if not same(content.get(key), asked[key]):
                 was, now = _differing(content.get(key), asked[key])

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
+from skillplan.records import schemas
 from skillplan.solvers.learning.learner import Snapshot
 
-SCHEMA = "skillplan.checkpoint/1"
 _KEY = "skillplan"
 _REMEDY = "Delete it, and --resume begins its runs anew"
 
@@ -60,7 +60,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         name: np.asarray(array, order="C") for name, array in checkpoint.snapshot.arrays.items()
     }
     content = {
-        "schema": SCHEMA,
+        "schema": schemas.CHECKPOINT,
         "steps": checkpoint.steps,
         "lengths": dict(checkpoint.lengths),
         "notes": dict(checkpoint.snapshot.notes),
@@ -99,10 +99,10 @@ def read_checkpoint(path: Path) -> Checkpoint | None:
     except (SafetensorError, ValueError, KeyError, TypeError, AttributeError) as error:
         reason = f"{type(error).__name__}: {error}" if isinstance(error, KeyError) else str(error)
         raise OptionError(f"{path}: is damaged: {reason.rstrip('.')}. {_REMEDY}.") from None
-    if content["schema"] != SCHEMA:
+    if content["schema"] != schemas.CHECKPOINT:
         raise OptionError(
-            f"{path}: is of another version, {content['schema']}; this skillplan reads {SCHEMA}. "
-            "Use the version that wrote it."
+            f"{path}: is of another version, {content['schema']}; this skillplan reads "
+            f"{schemas.CHECKPOINT}. Use the version that wrote it."
         )
     return Checkpoint(content["steps"], content["lengths"], Snapshot(arrays, content["notes"]))
 

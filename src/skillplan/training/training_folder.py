@@ -22,12 +22,11 @@ from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.folder_lock import FolderLock
 from skillplan.files.json_file import json_text
+from skillplan.records import schemas
 from skillplan.records.task_difference import differences, resolved_config, what_changed
 from skillplan.records.training.metrics_file import METRICS
 from skillplan.records.training.run_folder import (
-    CONFIG_SCHEMA,
     MANIFEST,
-    MANIFEST_SCHEMA,
     RESULT,
     TASK_CONFIG,
     RunFolder,
@@ -164,8 +163,10 @@ class TrainingFolder:
             raise OptionError(f"--out {self.path}: holds no {MANIFEST}, so nothing to resume.")
         source = Path(problem.source)
         write_whole(self.path / copy, source.read_bytes())
-        write_whole(self.path / TASK_CONFIG, json_text(CONFIG_SCHEMA, resolved_config(problem)))
-        write_whole(self.path / MANIFEST, json_text(MANIFEST_SCHEMA, asked))
+        write_whole(
+            self.path / TASK_CONFIG, json_text(schemas.RESOLVED_TASK, resolved_config(problem))
+        )
+        write_whole(self.path / MANIFEST, json_text(schemas.RUN, asked))
         return asked
 
     def _compare(self, stored: RunFolder, asked: RunManifest, problem: Problem) -> None:

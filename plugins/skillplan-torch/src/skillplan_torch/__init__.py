@@ -4,4 +4,4 @@ It holds what computes with torch. It never reads or writes files, grades its ow
 imports the command line, views or trainings of skillplan.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

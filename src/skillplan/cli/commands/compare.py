@@ -90,6 +90,7 @@ def command(
     from skillplan.pipeline.chain import solve_chain_with_all, solver_names
     from skillplan.pipeline.run import make_solver, solve_all, warm_cache
     from skillplan.pipeline.setup import load_problem
+    from skillplan.records import schemas
     from skillplan.records.chain_result import ChainResult
     from skillplan.records.result import Result
     from skillplan.solvers.stop import Stop
@@ -163,7 +164,7 @@ def command(
     origin = setup.origin(task, None, changed)
     not_run = list(names[len(results) :])
     document = {
-        "schema": "skillplan.comparison/1",
+        "schema": schemas.COMPARISON,
         "warm": warm,
         "not_run": not_run,
         "rows": [replace(result, origin=origin).document() for result in results],

@@ -18,10 +18,10 @@ from skillplan.env.observation import Observation
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.json_file import json_text, read_checked
+from skillplan.records import schemas
 from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.task.task import Task
 
-SCHEMA = "skillplan.network-policy/1"
 _REMEDY = "Train anew, or go on with --resume, which writes it again"
 _MOST_BYTES = 1024 * 1024 * 1024
 
@@ -132,7 +132,7 @@ def write_network(folder: Path, stem: str, network: NetworkPolicy, **content: An
         sha256=hashlib.sha256(data).hexdigest(),
     )
     write_whole(folder / f"{stem}.safetensors", data)
-    write_whole(folder / f"{stem}.json", json_text(SCHEMA, said))
+    write_whole(folder / f"{stem}.json", json_text(schemas.NETWORK_POLICY, said))
 
 
 def read_network(path: Path) -> StoredNetwork:
@@ -148,7 +148,7 @@ def read_network(path: Path) -> StoredNetwork:
     OptionError
         If a file cannot be read, is none that `write_network` wrote, or does not fit the other.
     """
-    said = read_checked(path, SCHEMA, NetworkPolicyContent, _REMEDY)
+    said = read_checked(path, schemas.NETWORK_POLICY, NetworkPolicyContent, _REMEDY)
     weights = path.with_suffix(".safetensors")
     try:
         if weights.stat().st_size > _MOST_BYTES:

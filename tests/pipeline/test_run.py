@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from dear_back_ends import DearEngine
+from expensive_back_ends import ExpensiveEngine
 from situations import CONFIGS, FakeSetup, fake_back_end, solver_that, two_roads_task
 from skillplan.checks.verdict_cache import DiskVerdictCache
 from skillplan.collision.detector import Detector
@@ -183,7 +183,7 @@ def test_a_refusal_is_a_result_in_words():
     assert (result.status, result.reason, result.cost) == ("refused", "needs a larger task", None)
 
 
-def test_a_search_shows_what_it_asks_of_dear_back_ends():
+def test_a_search_shows_what_it_asks_of_expensive_back_ends():
     """With its own figures, through the stop."""
     shown = []
     stop = Stop(on_progress=shown.append)
@@ -210,8 +210,8 @@ def test_a_plan_takes_as_long_as_the_back_ends_say():
 def test_a_result_does_not_depend_on_how_many_processes_check(solver):
     """Neither plan, nor proof, nor counts."""
     task = lid_task()
-    options = DearEngine.Options(seed=2)
-    setup = FakeSetup(make=lambda task: [DearEngine(task, options)])
+    options = ExpensiveEngine.Options(seed=2)
+    setup = FakeSetup(make=lambda task: [ExpensiveEngine(task, options)])
     found = [replace(solve(task, solver, setup, jobs=jobs), wall_s=0.0) for jobs in (1, 2)]
     assert found[0] == found[1]
     assert found[0].checks > 0

@@ -19,7 +19,7 @@ from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Status
 from skillplan.solvers.stop import Stop
 
-CONFIGS = Path(__file__).parents[1] / "configs"
+CONFIGS = Path(__file__).parents[2] / "configs"
 GOALS = """\
 kind: swarmitfix
 name: goals
