@@ -49,7 +49,7 @@ def hand_boxes(opening_m: float) -> Iterable[Box]:
 
 
 def wrist_box() -> Box:
-    """Return a box about the last links of the arm above the hand, whichever way they lead."""
+    """Return a box about the last links of the arm above the hand, wherever they lead."""
     low_m, high_m = panda.TIP_M, panda.TIP_M + _WRIST_HEIGHT_M
     size = (2 * _WRIST_REACH_M, 2 * _WRIST_REACH_M, high_m - low_m)
     return Box(size, (0.0, 0.0, (low_m + high_m) / 2))

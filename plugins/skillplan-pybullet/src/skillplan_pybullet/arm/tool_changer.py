@@ -13,9 +13,9 @@ import numpy as np
 
 from skillplan.task.motion import Point
 from skillplan.task.scene import Pose, Scene, Tool, ToolKind
-from skillplan_pybullet.hand_shapes import tool_body
-from skillplan_pybullet.simulated_arm import ROBOT, SimulatedArm
-from skillplan_pybullet.world import World
+from skillplan_pybullet.arm.hand_shapes import tool_body
+from skillplan_pybullet.arm.simulated_arm import ROBOT, SimulatedArm
+from skillplan_pybullet.simulator.world import World
 
 # Couplings that are farther apart do not engage [m].
 _MISALIGNED_M = 0.002

@@ -14,15 +14,16 @@ from skillplan.task.scene import GraspKind, Pose, Robot
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
+from skillplan_pybullet.arm.hand_turns import HandTurns, Posture
+from skillplan_pybullet.arm.panda_kinematics import UnreachableError
+from skillplan_pybullet.arm.simulated_arm import SimulatedArm
+from skillplan_pybullet.execution.controlled_robot import StuckError
+from skillplan_pybullet.execution.skill_runner import SkillRunner
+from skillplan_pybullet.execution.support_trial import SupportTrials
+from skillplan_pybullet.execution.surroundings import Neighbourhood, Surroundings
 from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.hand_turns import HandTurns, Posture
-from skillplan_pybullet.panda_kinematics import UnreachableError
 from skillplan_pybullet.record import Record
-from skillplan_pybullet.simulated_arm import SimulatedArm
-from skillplan_pybullet.skill_runner import SkillRunner, StuckError
-from skillplan_pybullet.support_trial import SupportTrials
-from skillplan_pybullet.surroundings import Neighbourhood, Surroundings
-from skillplan_pybullet.world import GRAVITY_M_PER_S2, UpsetError, World
+from skillplan_pybullet.simulator.world import GRAVITY_M_PER_S2, UpsetError, World
 
 # The world comes to rest for so long before anything is done [s].
 SETTLE_S = 0.1
@@ -63,48 +64,49 @@ class Workcell:
         watch
             Called after every simulation step with the robot at work.
         """
-        way = strokes(self.task, skill, state, self.settings.drop_height_m)
-        course, here = self._course(skill, state), self._here(way[0], state)
+        motions = strokes(self.task, skill, state, self.settings.drop_height_m)
+        route, here = self._route_facts(skill, state), self._here(motions[0], state)
         around = self.around(skill, state)
         with World(self.settings.friction) as world:
             arm = SimulatedArm(world, self.robot.base, self.settings)
             try:
-                yaws = self._yaws(arm, way, here)
+                yaws = self._yaws(arm, motions, here)
             except UnreachableError as error:
                 none = self.task.facts.none
-                return self._blank(skill, course, none, unreachable=str(error))
+                return self._draft(skill, route, none, unreachable=str(error))
             # After what the arm can reach, which does not depend on any body.
             fallen = self.supports.fallen(around, state)
             if fallen is not None and watch is None:
-                present = fallen.present | course
-                return self._blank(skill, present, fallen.absent, unsettled=fallen.reason)
+                present = fallen.present | route
+                return self._draft(skill, present, fallen.absent, unsettled=fallen.reason)
             try:
-                return self._run(skill, state, way, yaws, around, world, arm, watch)
+                turned = list(zip(motions, yaws, strict=True))
+                return self._run(skill, state, turned, arm, around, watch)
             except UnreachableError as error:
                 basis = around.present, around.absent
-                return self._blank(skill, *basis, unreachable=str(error))
+                return self._draft(skill, *basis, unreachable=str(error))
             except (UpsetError, np.linalg.LinAlgError) as error:
-                return self._blank(skill, around.present, around.absent, upset=str(error))
+                return self._draft(skill, around.present, around.absent, upset=str(error))
 
     def around(self, skill: Skill, state: State) -> Neighbourhood:
         """Return what an execution has in its world, and the facts that all of it rests on."""
-        way = strokes(self.task, skill, state, self.settings.drop_height_m)
-        found = self.surroundings.around(skill, way, state, self._here(way[0], state))
-        return found.resting_on(self._course(skill, state))
+        motions = strokes(self.task, skill, state, self.settings.drop_height_m)
+        found = self.surroundings.around(skill, motions, state, self._here(motions[0], state))
+        return found.resting_on(self._route_facts(skill, state))
 
-    def _course(self, skill: Skill, state: State) -> State:
-        """Return the facts on which the way rests: the route, and where a travel begins."""
+    def _route_facts(self, skill: Skill, state: State) -> State:
+        """Return the facts that decide the route, and where a transfer motion begins."""
         assert skill.motion is not None
         facts, routes = self.task.facts.none, skill.motion.routes
         if len(routes) > 1:
             facts |= next(r.when for r in routes if state.bits & r.when.bits == r.when.bits)
-        if self.surroundings.travel_matters:
+        if self.surroundings.transfer_matters:
             facts |= self.task.facts.of(self.robot.place(state)[0])
         return facts
 
     def _here(self, first: Stroke, state: State) -> Point | None:
-        """Return where the arm travels from, if anything may be in the way of that."""
-        if not self.surroundings.travel_matters:
+        """Return where a transfer motion begins, if anything can block one."""
+        if not self.surroundings.transfer_matters:
             return None
         x_m, y_m, _ = self.robot.place(state)[1]
         height_m = self.turns.height_m(self.robot.place(state)[0], self.robot.safe_height_m)
@@ -114,59 +116,76 @@ class Workcell:
         self,
         skill: Skill,
         state: State,
-        way: Sequence[Stroke],
-        yaws: Sequence[float],
-        around: Neighbourhood,
-        world: World,
+        motions: Sequence[tuple[Stroke, float]],
         arm: SimulatedArm,
+        around: Neighbourhood,
         watch: Callable[[SkillRunner], None] | None,
     ) -> Record:
-        scene = self.task.scene
+        """Execute motions, each with how the hand is turned, and return the record.
+
+        Parameters
+        ----------
+        skill, state
+            What is executed, and where it starts.
+        motions
+            Of the skill, and how the hand is turned in each [rad].
+        arm
+            At rest where it begins.
+        around
+            What else is in its world.
+        watch
+            Called after every simulation step.
+        """
+        scene, world = self.task.scene, arm.world
+        plain = [motion for motion, _ in motions]
         colours = {body.name: index for index, body in enumerate(scene.bodies)}
         for one in around.bodies:
             world.add(one.body, one.placement.pose, colours[one.body.name])
-        runner = SkillRunner(world, arm, scene, self.settings, way[0].tool)
+        first = plain[0]
+        runner = SkillRunner(world, arm, scene, self.settings, first.tool)
         if watch is not None:
             runner.every_step = lambda: watch(runner)
-        handled = {stroke.visit.subject for stroke in way}
+        handled = {motion.visit.subject for motion in plain}
         stopped = None
         try:
-            first = way[0].visit
-            if first.event is Event.RELEASE:
-                runner.take(scene.body(first.subject), first.yaw_rad)
+            if first.visit.event is Event.RELEASE:
+                runner.take(scene.body(first.visit.subject), first.visit.yaw_rad)
             else:
-                runner.bring_out(first.subject, state)
+                runner.bring_out(first.visit.subject, state)
             runner.wait(SETTLE_S)
             runner.watch(handled)
-            for index, (stroke, yaw_rad) in enumerate(zip(way, yaws, strict=True)):
-                if index or self.surroundings.travel_matters:
-                    runner.log.phase(f"the travel to {stroke.visit.subject}")
-                    runner.travel(stroke.above, yaw_rad)
-                runner.run(stroke, yaw_rad)
+            for index, (motion, yaw_rad) in enumerate(motions):
+                if index or self.surroundings.transfer_matters:
+                    runner.log.phase(f"the travel to {motion.visit.subject}")
+                    runner.transfer(motion.above, yaw_rad)
+                runner.run(motion, yaw_rad)
         except StuckError:
             stopped = runner.log.phase_now or "its way before anything was done"
-        self._sense(runner, way[-1], stopped)
-        return self._record(skill, state, way, (around.present, around.absent), runner)
+        self._sense(runner, plain[-1], stopped)
+        return self._record(skill, state, plain, (around.present, around.absent), runner)
 
-    def _yaws(self, arm: SimulatedArm, way: Sequence[Stroke], here: Point | None) -> list[float]:
-        """Put the arm where it begins; return how its hand is turned at every stroke.
+    def _yaws(
+        self, arm: SimulatedArm, motions: Sequence[Stroke], here: Point | None
+    ) -> list[float]:
+        """Put the arm where it begins; return how its hand is turned in every motion [rad].
 
         Raises
         ------
         UnreachableError
-            If either end of a stroke, or where it begins, is out of reach.
+            If either end of a motion, or where it begins, is out of reach.
         """
         begins: list[Posture] = []
-        for stroke in way:
-            begins.append(self.turns.towards(stroke, begins[-1] if begins else None))
-        arm.stand(here or way[0].above, begins[0].yaw_rad, self._first_opening(way[0]))
+        for motion in motions:
+            begins.append(self.turns.towards(motion, begins[-1] if begins else None))
+        first = motions[0]
+        arm.stand(here or first.above, begins[0].yaw_rad, self._first_opening(first))
         return [posture.yaw_rad for posture in begins]
 
-    def _first_opening(self, stroke: Stroke) -> float:
-        if stroke.visit.event not in (Event.GRASP, Event.RELEASE):
+    def _first_opening(self, motion: Stroke) -> float:
+        if motion.visit.event not in (Event.GRASP, Event.RELEASE):
             return panda.OPENING_M / 2
-        grasp = grasp_of(self.task.scene.body(stroke.visit.subject))
-        return jaw_opening_m(grasp, self.settings.clearance_m, stroke.tool)
+        grasp = grasp_of(self.task.scene.body(motion.visit.subject))
+        return jaw_opening_m(grasp, self.settings.clearance_m, motion.tool)
 
     def _sense(self, runner: SkillRunner, last: Stroke, stopped: str | None) -> None:
         sensed = runner.sensed
@@ -179,18 +198,18 @@ class Workcell:
                 sensed["jaw_width_m"] = runner.arm.jaw_width_m()
 
     def record_of(
-        self, skill: Skill, state: State, way: Sequence[Stroke], runner: SkillRunner
+        self, skill: Skill, state: State, motions: Sequence[Stroke], runner: SkillRunner
     ) -> Record:
         """Return the record of a skill that a robot has just executed in a larger world."""
-        self._sense(runner, way[-1], None)
+        self._sense(runner, motions[-1], None)
         none = self.task.facts.none
-        return self._record(skill, state, way, (none, none), runner)
+        return self._record(skill, state, motions, (none, none), runner)
 
     def _record(
         self,
         skill: Skill,
         state: State,
-        way: Sequence[Stroke],
+        motions: Sequence[Stroke],
         basis: tuple[State, State],
         runner: SkillRunner,
     ) -> Record:
@@ -206,7 +225,7 @@ class Workcell:
             {pair: np.array(values) for pair, values in sorted(log.pairs.items())},
             {name: np.array(values) for name, values in log.moved.items() if name in known},
             {name: world.pose(name) for name in known},
-            self._expected(skill, state, way[-1], known),
+            self._expected(skill, state, motions[-1], known),
             runner.sensed,
             steps=world.steps,
         )
@@ -224,7 +243,7 @@ class Workcell:
             poses[body.name] = Pose.upright((x_m, y_m, bottom_m), last.visit.yaw_rad)
         return {name: poses[name] for name in names if name in poses}
 
-    def _blank(
+    def _draft(
         self,
         skill: Skill,
         present: State,

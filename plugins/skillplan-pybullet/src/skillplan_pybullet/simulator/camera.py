@@ -9,7 +9,7 @@ import pybullet
 
 from skillplan.physics.performance import Image
 from skillplan.task.motion import Point
-from skillplan_pybullet.world import World
+from skillplan_pybullet.simulator.world import World
 
 WIDTH, HEIGHT = 640, 480
 

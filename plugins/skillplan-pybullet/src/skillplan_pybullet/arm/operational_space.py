@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.robots import panda
-from skillplan_pybullet.dynamics import Terms
-from skillplan_pybullet.panda_kinematics import TipPose, pointing_down, rotation_error
-from skillplan_pybullet.straight_motion import Setpoint
+from skillplan_pybullet.arm.dynamics import Terms
+from skillplan_pybullet.arm.panda_kinematics import TipPose, pointing_down, rotation_error
+from skillplan_pybullet.arm.straight_motion import Setpoint
 
 Vector = NDArray[np.float64]
 

@@ -141,7 +141,7 @@ def reach(tip: Point, yaw_rad: float, base: Point, seed: Vector | None = None) -
 
 
 def follow(tip: Point, yaw_rad: float, base: Point, joints: Vector) -> Vector:
-    """Return joint angles near given ones that bring the tip to a point a little way off.
+    """Return joint angles near given ones that bring the tip to a point close by.
 
     Raises
     ------

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skillplan.task.scene import Pose
-from skillplan_pybullet.contact_log import STEPS_PER_FRAME
-from skillplan_pybullet.world import STEP_S, TABLE
-
-if TYPE_CHECKING:
-    from skillplan_pybullet.skill_runner import SkillRunner
+from skillplan_pybullet.execution.contact_log import STEPS_PER_FRAME
+from skillplan_pybullet.execution.controlled_robot import ControlledRobot
+from skillplan_pybullet.simulator.world import STEP_S, TABLE
 
 # A screw is brought so far above where it touches, and then felt for [m].
 FEEL_FROM_M = 0.001
@@ -26,24 +23,24 @@ _PRESS_SPEED_M_PER_S = 0.004
 _HELD_SCREW_KG = 0.1
 
 
-def put_at_bit(runner: SkillRunner, screw: str) -> None:
+def put_at_bit(robot: ControlledRobot, screw: str) -> None:
     """Put a screw at the bit, unless it is there already."""
-    if runner.carried == screw:
+    if robot.carried == screw:
         return
-    world, body = runner.world, runner.scene.body(screw)
-    x, y, z = runner.tools.upright_tip().position
+    world, body = robot.world, robot.scene.body(screw)
+    x, y, z = robot.tools.upright_tip().position
     world.add(body, Pose((x, y, z - body.height_m)), len(world.bodies))
     world.weigh(screw, _HELD_SCREW_KG)
-    runner.bind(screw)
-    runner.carry(screw)
+    robot.bind(screw)
+    robot.carry(screw)
 
 
-def drive(runner: SkillRunner, screw: str, contact_m: float) -> None:
+def drive(robot: ControlledRobot, screw: str, contact_m: float) -> None:
     """Feel for the hole's mouth and press, the force measured over the last half; let go then.
 
     Parameters
     ----------
-    runner
+    robot
         With the screw at its bit, above the hole.
     screw
         Its name.
@@ -53,43 +50,43 @@ def drive(runner: SkillRunner, screw: str, contact_m: float) -> None:
     Raises
     ------
     StuckError
-        If something is in the arm's way.
+        If something blocks the arm.
     """
-    world, arm, settings = runner.world, runner.arm, runner.settings
+    world, arm, settings = robot.world, robot.arm, robot.settings
     assert arm.wanted is not None
-    drivers = {screw, *runner.tools.robot_parts}
+    drivers = {screw, *robot.tools.robot_parts}
     through = {name for name in (*world.bodies, TABLE) if name not in drivers}
     # It lands on whatever is there; what else the robot touches meanwhile is not meant to be.
-    runner.log.free.add(screw)
+    robot.log.free.add(screw)
     x, y, z = arm.wanted.position.tolist()
     lowest = contact_m - settings.press_travel_m
-    while z > lowest and runner.log.pressing_n({screw}, through) < _FELT_N:
+    while z > lowest and robot.log.pressing_n({screw}, through) < _FELT_N:
         z -= _FEEL_SPEED_M_PER_S * STEP_S
         arm.wanted = replace(arm.wanted, position=np.array([x, y, z]), velocity=np.zeros(3))
-        runner.step()
+        robot.step()
     arm.press_n = settings.press_force_n
     readings = []
     steps = round(_PRESS_S / STEP_S)
     for step in range(steps):
-        z = _pressing_height_m(runner, z, runner.log.pressing_n({screw}, through))
+        z = _pressing_height_m(robot, z, robot.log.pressing_n({screw}, through))
         arm.wanted = replace(arm.wanted, position=np.array([x, y, z]))
-        runner.step()
+        robot.step()
         if step >= steps // 2 and step % STEPS_PER_FRAME == 0:
-            readings.append(runner.log.pressing_n({screw}, through))
+            readings.append(robot.log.pressing_n({screw}, through))
     arm.press_n = 0.0
-    runner.sensed["fastening_force_n"] = float(np.mean(readings))
-    runner.unbind()
-    world.weigh(screw, runner.scene.body(screw).mass_kg)
-    runner.carry(None)
+    robot.sensed["fastening_force_n"] = float(np.mean(readings))
+    robot.unbind()
+    world.weigh(screw, robot.scene.body(screw).mass_kg)
+    robot.carry(None)
 
 
-def _pressing_height_m(runner: SkillRunner, height_m: float, felt_n: float) -> float:
+def _pressing_height_m(robot: ControlledRobot, height_m: float, felt_n: float) -> float:
     """Return at what height the tip is to be while it presses [m].
 
-    Under operational-space control a force is asked for, and the height gives way to it;
+    Under operational-space control a force is commanded, and the height yields to it;
     position control is lowered until as much is felt.
     """
-    if runner.settings.control == "osc":
-        return float(runner.arm.tip().position[2])
-    short = felt_n < runner.settings.press_force_n
+    if robot.settings.control == "osc":
+        return float(robot.arm.tip().position[2])
+    short = felt_n < robot.settings.press_force_n
     return height_m - _PRESS_SPEED_M_PER_S * STEP_S if short else height_m

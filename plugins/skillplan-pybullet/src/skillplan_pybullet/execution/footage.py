@@ -9,14 +9,14 @@ from skillplan.physics.linear_motions import strokes
 from skillplan.physics.performance import Image
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
-from skillplan_pybullet.camera import Camera, alarm
-from skillplan_pybullet.collision_signs import presses, pushes
-from skillplan_pybullet.execution import Workcell
+from skillplan_pybullet.execution.skill_runner import SkillRunner
+from skillplan_pybullet.execution.workcell import Workcell
 from skillplan_pybullet.record import FRAMES_PER_S, Record
-from skillplan_pybullet.skill_runner import SkillRunner
-from skillplan_pybullet.world import STEPS_PER_S
+from skillplan_pybullet.simulator.camera import Camera, alarm
+from skillplan_pybullet.simulator.world import STEPS_PER_S
+from skillplan_pybullet.verdicts.contact_threshold import presses, pushes
 
-# Bodies that nothing bears are shown after so many frames, on their way down.
+# Bodies without a support are shown after so many frames, as they fall.
 _FALLING_FRAMES = 4
 
 
@@ -113,6 +113,6 @@ def footage(workcell: Workcell, skill: Skill, state: State, frames_per_s: float)
 
 
 def _camera(workcell: Workcell, skill: Skill, state: State) -> Camera:
-    way = strokes(workcell.task, skill, state, workcell.settings.drop_height_m)
-    x_m, y_m, z_m = way[-1].tip
+    motions = strokes(workcell.task, skill, state, workcell.settings.drop_height_m)
+    x_m, y_m, z_m = motions[-1].tip
     return Camera((x_m, y_m, z_m + 0.05))

@@ -9,9 +9,9 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from skillplan_pybullet.arm.simulated_arm import LINK_NAMES, ROBOT, SimulatedArm
 from skillplan_pybullet.record import FRAMES_PER_S, Pair
-from skillplan_pybullet.simulated_arm import LINK_NAMES, ROBOT, SimulatedArm
-from skillplan_pybullet.world import STEPS_PER_S, TABLE, World
+from skillplan_pybullet.simulator.world import STEPS_PER_S, TABLE, World
 
 Vector = NDArray[np.float64]
 

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from skillplan.task.scene import Body, Pose
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
-from skillplan_pybullet.mass_properties import MassProperties, mass_properties
-from skillplan_pybullet.quiet_output import quiet_output
+from skillplan_pybullet.simulator.mass_properties import MassProperties, mass_properties
+from skillplan_pybullet.simulator.quiet_output import quiet_output
 
 STEPS_PER_S = 240
 STEP_S = 1 / STEPS_PER_S

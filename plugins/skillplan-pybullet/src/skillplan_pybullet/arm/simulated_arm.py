@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from skillplan.robots import panda
 from skillplan.task.motion import Point
-from skillplan_pybullet.dynamics import (
+from skillplan_pybullet.arm.dynamics import (
     ARM_JOINTS,
     FINGER_LINKS,
     HAND_LINK,
@@ -17,12 +17,12 @@ from skillplan_pybullet.dynamics import (
     PinocchioDynamics,
     PybulletDynamics,
 )
+from skillplan_pybullet.arm.operational_space import torques
+from skillplan_pybullet.arm.panda_kinematics import TipPose, follow, reach
+from skillplan_pybullet.arm.straight_motion import Setpoint
 from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.operational_space import torques
-from skillplan_pybullet.panda_kinematics import TipPose, follow, reach
-from skillplan_pybullet.quiet_output import quiet_output
-from skillplan_pybullet.straight_motion import Setpoint
-from skillplan_pybullet.world import GRAVITY_M_PER_S2, STEP_S, World
+from skillplan_pybullet.simulator.quiet_output import quiet_output
+from skillplan_pybullet.simulator.world import GRAVITY_M_PER_S2, STEP_S, World
 
 Vector = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""What is sensed after an execution, held against what the skill was to bring about."""
+"""Postconditions: what is sensed after an execution, compared with what the skill predicts."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Tolerances:
     fastening_n: float
 
 
-def rule(skill: Skill, record: Record, tolerances: Tolerances) -> Verdict:
+def postcondition_verdict(skill: Skill, record: Record, tolerances: Tolerances) -> Verdict:
     """Return the verdict on the postcondition of an execution."""
     present, absent = record.present, record.absent
     if record.upset is not None:

@@ -1,4 +1,4 @@
-"""Whether bodies stay where a state has them, before the robot moves: each with what bears it."""
+"""Whether bodies stay where a state has them, before the robot moves: each on its supports."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from skillplan.task.shape import Mesh
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pybullet.surroundings import Located, Neighbourhood, Surroundings
-from skillplan_pybullet.world import World
+from skillplan_pybullet.execution.surroundings import Located, Neighbourhood, Surroundings
+from skillplan_pybullet.simulator.world import World
 
 # Bodies that move by more than this in so many steps do not stay [m].
 _FALLEN_M = 0.001
@@ -46,7 +46,7 @@ class SupportTrials:
     task
         Whose bodies they are.
     surroundings
-        Knows what bears what.
+        Knows the supports.
     friction
         Of bodies and table [-].
     """
@@ -58,7 +58,7 @@ class SupportTrials:
     def fallen(self, around: Neighbourhood, state: State) -> Fallen | None:
         """Return the first body of a neighbourhood that does not stay, or None.
 
-        What that rests on is what bears it, and the bodies that were looked at before it.
+        That rests on its supports, and on the bodies that were looked at before it.
         """
         facts = self.task.facts
         present = absent = facts.none
@@ -72,8 +72,8 @@ class SupportTrials:
             absent |= beneath.absent
             moved_m = self._moved_m(one, beneath)
             if moved_m > _FALLEN_M:
-                borne = [other.body.name for other in beneath.bodies if other is not one]
-                on = f"does not stay on {', '.join(borne)}" if borne else "has nothing beneath it"
+                below = [other.body.name for other in beneath.bodies if other is not one]
+                on = f"does not stay on {', '.join(below)}" if below else "has nothing beneath it"
                 return Fallen(
                     name,
                     f"{name} {on}: it falls before the robot has moved",

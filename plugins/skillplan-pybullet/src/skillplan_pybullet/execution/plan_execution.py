@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,53 +21,84 @@ from skillplan.task.scene import Pose
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
-from skillplan_pybullet.camera import Camera
-from skillplan_pybullet.collision_signs import presses
-from skillplan_pybullet.contact_log import STEPS_PER_FRAME
-from skillplan_pybullet.execution import SETTLE_S
-from skillplan_pybullet.hand_turns import Posture
-from skillplan_pybullet.panda_kinematics import UnreachableError
-from skillplan_pybullet.postconditions import offset_m, rule, tilt_rad
-from skillplan_pybullet.simulated_arm import SimulatedArm
-from skillplan_pybullet.skill_runner import SkillRunner, StuckError
-from skillplan_pybullet.world import STEPS_PER_S, UpsetError, World
-
-if TYPE_CHECKING:
-    from skillplan_pybullet.engine import PybulletEngine
+from skillplan_pybullet.arm.hand_turns import Posture
+from skillplan_pybullet.arm.panda_kinematics import UnreachableError
+from skillplan_pybullet.arm.simulated_arm import SimulatedArm
+from skillplan_pybullet.execution.contact_log import STEPS_PER_FRAME
+from skillplan_pybullet.execution.controlled_robot import StuckError
+from skillplan_pybullet.execution.skill_runner import SkillRunner
+from skillplan_pybullet.execution.workcell import SETTLE_S, Workcell
+from skillplan_pybullet.simulator.camera import Camera
+from skillplan_pybullet.simulator.world import STEPS_PER_S, UpsetError, World
+from skillplan_pybullet.verdicts.contact_threshold import presses
+from skillplan_pybullet.verdicts.postconditions import (
+    Tolerances,
+    offset_m,
+    postcondition_verdict,
+    tilt_rad,
+)
 
 # How the hand is turned in the ready posture [rad].
 _HOME_YAW_RAD = -np.pi / 2
 _OVERVIEW_M = 0.95
 
 
-def perform(
-    engine: PybulletEngine,
+@dataclass(frozen=True, slots=True)
+class Observers:
+    """Who looks on while a plan is executed.
+
+    Parameters
+    ----------
+    frames_per_s
+        Pictures a simulated second [1/s]; None for none.
+    show
+        Is given every picture.
+    note
+        Is given a sample of every frame of 1/60 s.
+    """
+
+    frames_per_s: float | None = None
+    show: Callable[[Image], None] | None = None
+    note: Callable[[Sample], None] | None = None
+
+
+def execute_plan(
+    workcell: Workcell,
+    tolerances: Tolerances,
     skills: Sequence[Skill],
-    *,
-    frames_per_s: float | None,
-    show: Callable[[Image], None] | None,
-    note: Callable[[Sample], None] | None,
+    observers: Observers,
     stopped: Callable[[], bool],
 ) -> Performance:
-    """Execute a plan without a break; see :meth:`skillplan.physics.performance.Performer`."""
-    with World(engine.options.friction) as world:
-        return _Play(engine, world, frames_per_s, show, note).play(skills, stopped)
+    """Execute a plan without a break; see :meth:`skillplan.physics.performance.Performer`.
+
+    Parameters
+    ----------
+    workcell
+        Whose task and settings they are.
+    tolerances
+        How exactly every prediction has to come true.
+    skills
+        The plan.
+    observers
+        Who looks on.
+    stopped
+        Whether to end before the next skill.
+    """
+    with World(workcell.settings.friction) as world:
+        return _PlanExecution(workcell, tolerances, world, observers).play(skills, stopped)
 
 
-class _Play:
+class _PlanExecution:
     def __init__(
-        self,
-        engine: PybulletEngine,
-        world: World,
-        frames_per_s: float | None,
-        show: Callable[[Image], None] | None,
-        note: Callable[[Sample], None] | None,
+        self, workcell: Workcell, tolerances: Tolerances, world: World, observers: Observers
     ) -> None:
-        self.engine, self.world, self.show, self.note = engine, world, show, note
-        self.task = engine.task
+        self.workcell, self.tolerances, self.world = workcell, tolerances, world
+        self.show, self.note = observers.show, observers.note
+        self.task = workcell.task
         self.robot = self.task.scene.robots[0]
-        self.arm = SimulatedArm(world, self.robot.base, engine.options)
-        self.every = STEPS_PER_S / frames_per_s if frames_per_s and show else None
+        self.arm = SimulatedArm(world, self.robot.base, workcell.settings)
+        frames_per_s = observers.frames_per_s
+        self.every = STEPS_PER_S / frames_per_s if frames_per_s and self.show else None
         self.shown = 0
         self.skill = ""
         self.camera = Camera(self._middle(), _OVERVIEW_M)
@@ -90,13 +121,13 @@ class _Play:
             self.world,
             self.arm,
             self.task.scene,
-            self.engine.workcell.settings,
+            self.workcell.settings,
             self.robot.tool(state),
             self._every_step,
         )
         self.runner = runner
         with suppress(StuckError, UpsetError):
-            # What is in the arm's way from the start, the first skill will say.
+            # What blocks the arm from the start, the first skill will say.
             runner.wait(SETTLE_S)
         done: list[PerformedSkill] = []
         for skill in skills:
@@ -126,28 +157,27 @@ class _Play:
             )
         if skill.motion is None:
             return Verdict.feasible(facts.none, facts.none)
-        way = strokes(self.task, skill, state, self.engine.options.drop_height_m)
+        motions = strokes(self.task, skill, state, self.workcell.settings.drop_height_m)
         runner = self.runner
-        runner.watch({stroke.visit.subject for stroke in way})
+        runner.watch({motion.visit.subject for motion in motions})
         try:
-            for stroke in way:
-                runner.bring_out(stroke.visit.subject, state)
-                runner.log.phase(f"the travel to {stroke.visit.subject}")
-                yaw_rad = self.engine.workcell.turns.towards(stroke, self._posture()).yaw_rad
-                runner.travel(stroke.above, yaw_rad)
-                runner.run(stroke, yaw_rad)
+            for motion in motions:
+                runner.bring_out(motion.visit.subject, state)
+                runner.log.phase(f"the travel to {motion.visit.subject}")
+                yaw_rad = self.workcell.turns.towards(motion, self._posture()).yaw_rad
+                runner.transfer(motion.above, yaw_rad)
+                runner.run(motion, yaw_rad)
         except (UpsetError, np.linalg.LinAlgError) as error:
             return Verdict.unknown(str(error))
         except UnreachableError as error:
             return Verdict.infeasible(str(error), facts.none, facts.none)
         except StuckError:
             runner.sensed["stuck_on"] = runner.log.phase_now
-        return self._sensed(skill, state, way)
+        return self._sensed(skill, state, motions)
 
-    def _sensed(self, skill: Skill, state: State, way: Sequence[Stroke]) -> Verdict:
-        workcell = self.engine.workcell
-        record = workcell.record_of(skill, state, way, self.runner)
-        verdict = rule(skill, record, self.engine.tolerances)
+    def _sensed(self, skill: Skill, state: State, motions: Sequence[Stroke]) -> Verdict:
+        record = self.workcell.record_of(skill, state, motions, self.runner)
+        verdict = postcondition_verdict(skill, record, self.tolerances)
         if not verdict.is_feasible:
             return verdict
         pressing = presses(record)

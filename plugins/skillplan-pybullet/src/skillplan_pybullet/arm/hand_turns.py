@@ -17,7 +17,7 @@ from skillplan.robots import panda
 from skillplan.task.scene import Robot
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pybullet.panda_kinematics import UnreachableError, Vector, reach
+from skillplan_pybullet.arm.panda_kinematics import UnreachableError, Vector, reach
 
 _READY = np.array(panda.READY_RAD)
 
@@ -46,33 +46,33 @@ class HandTurns:
 
     def __init__(self, task: Task, drop_height_m: float) -> None:
         self.robot: Robot = task.scene.robots[0]
-        self._strokes: dict[str, list[Stroke]] = {}
+        self._motions: dict[str, list[Stroke]] = {}
         self._heights: dict[str, float] = {}
         for skill in task.skills:
             for route in skill.motion.routes if skill.motion is not None else ():
                 state: State = skill.precondition.requires | route.when
-                way = strokes(task, skill, state, drop_height_m)
-                for stroke in way:
-                    self._strokes.setdefault(stroke.visit.subject, []).append(stroke)
+                motions = strokes(task, skill, state, drop_height_m)
+                for motion in motions:
+                    self._motions.setdefault(motion.visit.subject, []).append(motion)
                 for fact in skill.prediction.add:
                     if fact in self.robot.places:
-                        height_m = max(self._heights.get(fact, 0.0), way[-1].above[2])
+                        height_m = max(self._heights.get(fact, 0.0), motions[-1].above[2])
                         self._heights[fact] = height_m
         self._turns: dict[str, float] = {}
 
-    def yaw_rad(self, stroke: Stroke) -> float:
-        """Return how the hand is turned at a stroke [rad]."""
-        subject = stroke.visit.subject
+    def yaw_rad(self, motion: Stroke) -> float:
+        """Return how the hand is turned in a motion [rad]."""
+        subject = motion.visit.subject
         if subject not in self._turns:
             self._turns[subject] = min((0.0, math.pi), key=lambda turn: self._effort(subject, turn))
-        return stroke.closing_yaw_rad + self._turns[subject]
+        return motion.closing_yaw_rad + self._turns[subject]
 
-    def towards(self, stroke: Stroke, now: Posture | None = None) -> Posture:
-        """Return the posture above a stroke, its turn counted the way the wrist can get there.
+    def towards(self, motion: Stroke, now: Posture | None = None) -> Posture:
+        """Return the posture above a motion's target, its turn counted as the wrist can get there.
 
         Parameters
         ----------
-        stroke
+        motion
             One of the task.
         now
             The posture that it is reached from; None where the arm begins there.
@@ -80,11 +80,11 @@ class HandTurns:
         Raises
         ------
         UnreachableError
-            If either end of the stroke is out of reach.
+            If either end of the motion is out of reach.
         """
-        yaw_rad = self.yaw_rad(stroke)
-        reach(stroke.tip, yaw_rad, self.robot.base)
-        joints = reach(stroke.above, yaw_rad, self.robot.base)
+        yaw_rad = self.yaw_rad(motion)
+        reach(motion.tip, yaw_rad, self.robot.base)
+        joints = reach(motion.above, yaw_rad, self.robot.base)
         return Posture(joints, yaw_rad if now is None else unwound(yaw_rad, joints, now))
 
     def height_m(self, place_fact: str, least_m: float) -> float:
@@ -94,11 +94,11 @@ class HandTurns:
     def _effort(self, subject: str, turn_rad: float) -> float:
         """Return how far a turn takes the wrist from its middle at worst; infinite if too far."""
         worst = 0.0
-        for stroke in self._strokes[subject]:
-            yaw_rad = stroke.closing_yaw_rad + turn_rad
+        for motion in self._motions[subject]:
+            yaw_rad = motion.closing_yaw_rad + turn_rad
             try:
-                joints: Vector = reach(stroke.tip, yaw_rad, self.robot.base)
-                reach(stroke.above, yaw_rad, self.robot.base, joints)
+                joints: Vector = reach(motion.tip, yaw_rad, self.robot.base)
+                reach(motion.above, yaw_rad, self.robot.base, joints)
             except UnreachableError:
                 return math.inf
             worst = max(worst, float(np.abs(joints - _READY).max()))
@@ -106,7 +106,7 @@ class HandTurns:
 
 
 def unwound(yaw_rad: float, joints: Vector, now: Posture) -> float:
-    """Return the same turn of the hand, counted so that the wrist gets there the way it can.
+    """Return the same turn of the hand, counted so that the wrist can get there.
 
     A hand that points down turns with its first joint and against its last.
 

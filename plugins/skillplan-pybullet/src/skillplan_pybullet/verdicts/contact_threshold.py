@@ -1,4 +1,4 @@
-"""What in a record shows that bodies collided: one pressed on another, or was pushed aside."""
+"""The contact threshold: from what force or displacement on a contact is a collision."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from skillplan_pybullet.record import Pair, Record
 
-# More than so much, averaged over so many frames, is a press [N], [-]; as in Moller et al.,
-# section 4.3, it is the frames up to each.
+# A mean force above this is a collision [N], and it is averaged over this many frames [-]; as in
+# Moller et al., section 4.3, those up to each.
 FORCE_N = 0.05
 FRAMES = 6
-# What is not handled and moves by more than this was pushed [m].
+# A body that is not handled and moves by more than this was pushed [m].
 DISPLACEMENT_M = 0.001
 
 

@@ -73,12 +73,24 @@ class StraightMotion:
         acceleration_m_per_s2: float,
         speed_rad_per_s: float = 1.0,
     ) -> StraightMotion:
-        """Return the fastest move within limits of speed and acceleration."""
-        way_m = float(np.linalg.norm(end - start))
+        """Return the fastest move within limits of speed and acceleration.
+
+        Parameters
+        ----------
+        start, end
+            Positions [m], shape (3,).
+        start_yaw_rad, end_yaw_rad
+            How the hand is turned [rad].
+        speed_m_per_s, acceleration_m_per_s2
+            Limits of the tip [m/s], [m/s2], > 0.
+        speed_rad_per_s
+            Limit of the hand's turning [rad/s], > 0.
+        """
+        distance_m = float(np.linalg.norm(end - start))
         turn_rad = abs(end_yaw_rad - start_yaw_rad)
         duration_s = max(
-            _PEAK_SPEED * way_m / speed_m_per_s,
-            math.sqrt(_PEAK_ACCELERATION * way_m / acceleration_m_per_s2),
+            _PEAK_SPEED * distance_m / speed_m_per_s,
+            math.sqrt(_PEAK_ACCELERATION * distance_m / acceleration_m_per_s2),
             _PEAK_SPEED * turn_rad / speed_rad_per_s,
             1e-3,
         )
@@ -90,11 +102,11 @@ class StraightMotion:
         share = fraction**3 * (10 - 15 * fraction + 6 * fraction**2)
         rate = 30 * fraction**2 * (1 - fraction) ** 2 / self.duration_s
         change = 60 * fraction * (1 - fraction) * (1 - 2 * fraction) / self.duration_s**2
-        way, turn = self.end - self.start, self.end_yaw_rad - self.start_yaw_rad
+        path, turn = self.end - self.start, self.end_yaw_rad - self.start_yaw_rad
         return Setpoint(
-            self.start + share * way,
-            rate * way,
+            self.start + share * path,
+            rate * path,
             self.start_yaw_rad + share * turn,
             rate * turn,
-            change * way,
+            change * path,
         )

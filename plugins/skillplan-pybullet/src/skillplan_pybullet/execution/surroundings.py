@@ -1,6 +1,6 @@
 """Which bodies can matter to a skill, and the facts that say whether they are there.
 
-A body matters where a box about it comes near a box about what moves, or where it bears one
+A body matters where a box about it comes near a box about what moves, or where it supports one
 that does. Nothing else is put into the simulated world, so that an execution is a function of
 the skill and of those facts.
 """
@@ -20,7 +20,7 @@ from skillplan.task.scene import WORLD, Body, Grasp, Placement, Pose
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pybullet.hand_shapes import hand_boxes, tool_boxes, wrist_box
+from skillplan_pybullet.arm.hand_shapes import hand_boxes, tool_boxes, wrist_box
 
 # Two bodies that are this close may touch when the hand is off its path [m].
 MARGIN_M = 0.003
@@ -47,8 +47,8 @@ class Neighbourhood:
     present, absent
         The facts that decide it.
     near
-        The places near what moves, whether anything is there or not; what bears a body is
-        there because of that body.
+        The places near what moves, whether anything is there or not; a support is in the world
+        because of the body on it.
     """
 
     bodies: tuple[Located, ...]
@@ -83,18 +83,18 @@ class Surroundings:
             for placement in body.placements
             if placement.solid and placement.frame == WORLD
         )
-        self._bearers = {
+        self._supports = {
             (one.body.name, one.placement.fact): tuple(self._beneath(one)) for one in self._located
         }
         self._near: dict[tuple[str, tuple[Stroke, ...], Point | None], tuple[Located, ...]] = {}
         lowest_m = min(robot.safe_height_m for robot in task.scene.robots) - MARGIN_M
         # Nothing that the arm moves hangs below the safe height between two places.
-        self.travel_matters = any(
+        self.transfer_matters = any(
             box.high[2] > lowest_m for one in self._located for box in one.boxes
         )
 
     def around(
-        self, skill: Skill, way: Sequence[Stroke], state: State, here: Point | None = None
+        self, skill: Skill, motions: Sequence[Stroke], state: State, here: Point | None = None
     ) -> Neighbourhood:
         """Return what may matter to a skill in a state.
 
@@ -102,24 +102,24 @@ class Surroundings:
         ----------
         skill
             With a motion.
-        way
-            Its strokes.
+        motions
+            Of the skill.
         state
             Where it starts.
         here
-            Where the arm travels from [m]; None where nothing can be in the way of a travel.
+            Where the transfer motion begins [m]; None where nothing can block one.
         """
-        key = (skill.name, tuple(way), here)
+        key = (skill.name, tuple(motions), here)
         if key not in self._near:
-            self._near[key] = tuple(self._close_to(way, here))
-        handled = {stroke.visit.subject for stroke in way}
+            self._near[key] = tuple(self._close_to(motions, here))
+        handled = {motion.visit.subject for motion in motions}
         own = [
             one for one in self._located if one.body.name in handled and one.placement.fact in state
         ]
         return self._reaching_down([*own, *self._near[key]], state)
 
     def support(self, body: Located, state: State) -> Neighbourhood:
-        """Return a body and what bears it, directly or not."""
+        """Return a body and its supports, direct or not."""
         return self._reaching_down([body], state)
 
     def stands_on_table(self, body: Located) -> bool:
@@ -127,7 +127,7 @@ class Surroundings:
         return min(box.low[2] for box in body.boxes) <= _TOUCH_M
 
     def _reaching_down(self, above: Sequence[Located], state: State) -> Neighbourhood:
-        """Return bodies and what bears those that are there, directly or not."""
+        """Return bodies and the supports of those that are there, direct or not."""
         todo = sorted(above, key=self._located.index)
         looked_at: list[Located] = []
         while todo:
@@ -135,7 +135,7 @@ class Surroundings:
             if one not in looked_at:
                 looked_at.append(one)
                 if one.placement.fact in state:
-                    todo += self._bearers[one.body.name, one.placement.fact]
+                    todo += self._supports[one.body.name, one.placement.fact]
         looked_at.sort(key=self._located.index)
         there = tuple(one for one in looked_at if one.placement.fact in state)
         missing = [one.placement.fact for one in looked_at if one not in there]
@@ -154,13 +154,17 @@ class Surroundings:
             ):
                 yield other
 
-    def _close_to(self, way: Sequence[Stroke], here: Point | None) -> list[Located]:
+    def _close_to(self, motions: Sequence[Stroke], here: Point | None) -> list[Located]:
         near: list[Located] = []
-        moving = [item for stroke in way for item in self._moving(stroke)]
+        moving = [item for motion in motions for item in self._moving(motion)]
         if here is not None:
-            for begin, stroke in zip([here, *(one.above for one in way)], way, strict=False):
-                moving += self._travelling(begin, stroke)
-        spared = {stroke.visit.subject for stroke in way if stroke.visit.event is not Event.DRIVE}
+            for begin, motion in zip(
+                [here, *(one.above for one in motions)], motions, strict=False
+            ):
+                moving += self._transferred(begin, motion)
+        spared = {
+            motion.visit.subject for motion in motions if motion.visit.event is not Event.DRIVE
+        }
         for one in self._located:
             if one.body.name in spared:
                 continue
@@ -170,7 +174,7 @@ class Surroundings:
                 for obstacle in one.boxes
             ):
                 near.append(one)
-        if any(stroke.visit.event is Event.DRIVE for stroke in way):
+        if any(motion.visit.event is Event.DRIVE for motion in motions):
             # What is pressed may tip, and what stands on it then counts.
             pressed = list(near)
             near += [
@@ -178,52 +182,53 @@ class Surroundings:
                 for one in self._located
                 if one not in near
                 and any(
-                    bearer in pressed for bearer in self._bearers[one.body.name, one.placement.fact]
+                    support in pressed
+                    for support in self._supports[one.body.name, one.placement.fact]
                 )
             ]
         return near
 
-    def _moving(self, stroke: Stroke) -> Iterator[tuple[WorldBox, Point]]:
-        """Yield what moves on a stroke, at its lowest, and the way up from there."""
-        low_m = stroke.tip[2]
-        by: Point = (0.0, 0.0, stroke.above[2] - low_m)
-        tip: Point = stroke.tip
+    def _moving(self, motion: Stroke) -> Iterator[tuple[WorldBox, Point]]:
+        """Yield what moves in a motion, at its lowest, and the displacement up from there."""
+        low_m = motion.tip[2]
+        by: Point = (0.0, 0.0, motion.above[2] - low_m)
+        tip: Point = motion.tip
         yield world_box(wrist_box(), tip), by
-        if stroke.visit.event in (Event.GRASP, Event.RELEASE):
-            body = self.task.scene.body(stroke.visit.subject)
+        if motion.visit.event in (Event.GRASP, Event.RELEASE):
+            body = self.task.scene.body(motion.visit.subject)
             grasp = grasp_of(body)
-            yield from ((box, by) for box in self._hand(stroke, grasp))
+            yield from ((box, by) for box in self._hand(motion, grasp))
             # Down to its goal, also where it is let go from above.
-            held = Pose.upright(stroke.visit.position, stroke.visit.yaw_rad)
+            held = Pose.upright(motion.visit.position, motion.visit.yaw_rad)
             yield from ((box, by) for box in world_boxes(body, held))
             return
-        tool = stroke.tool
+        tool = motion.tool
         for box in tool_boxes(tool):
-            yield world_box(box, tip, stroke.closing_yaw_rad), by
-        if stroke.visit.event is Event.LOAD:
+            yield world_box(box, tip, motion.closing_yaw_rad), by
+        if motion.visit.event is Event.LOAD:
             loaded = next(
                 item
                 for robot in self.task.scene.robots
                 for item in robot.tools
-                if item.name == stroke.visit.subject
+                if item.name == motion.visit.subject
             )
             for box in tool_boxes(loaded):
-                yield world_box(box, tip, stroke.closing_yaw_rad), by
-        if stroke.visit.event is Event.DRIVE:
-            screw = self.task.scene.body(stroke.visit.subject)
+                yield world_box(box, tip, motion.closing_yaw_rad), by
+        if motion.visit.event is Event.DRIVE:
+            screw = self.task.scene.body(motion.visit.subject)
             # A hole is felt for beyond its mouth.
-            x_m, y_m, z_m = stroke.visit.position
+            x_m, y_m, z_m = motion.visit.position
             deepest: Point = (x_m, y_m, z_m - self.press_travel_m)
             for box in screw.boxes:
                 yield world_box(box, deepest), (0.0, 0.0, by[2] + self.press_travel_m)
 
-    def _travelling(self, begin: Point, stroke: Stroke) -> Iterator[tuple[WorldBox, Point]]:
-        """Yield what moves on the travel to a stroke, however it is turned, and the way."""
-        x, y, z = stroke.tip
-        by: Point = (stroke.above[0] - begin[0], stroke.above[1] - begin[1], 0.0)
-        lift_m = min(begin[2], stroke.above[2]) - z
-        rise_m = abs(begin[2] - stroke.above[2])
-        for box, _ in self._moving(stroke):
+    def _transferred(self, begin: Point, motion: Stroke) -> Iterator[tuple[WorldBox, Point]]:
+        """Yield what the transfer motion to a motion moves, however turned, and how far."""
+        x, y, z = motion.tip
+        by: Point = (motion.above[0] - begin[0], motion.above[1] - begin[1], 0.0)
+        lift_m = min(begin[2], motion.above[2]) - z
+        rise_m = abs(begin[2] - motion.above[2])
+        for box, _ in self._moving(motion):
             radius_m = max(
                 math.hypot(corner_x - x, corner_y - y)
                 for corner_x in (box.low[0], box.high[0])
@@ -233,12 +238,12 @@ class Surroundings:
             high = (begin[0] + radius_m, begin[1] + radius_m, box.high[2] + lift_m + rise_m)
             yield WorldBox(low, high), by
 
-    def _hand(self, stroke: Stroke, grasp: Grasp) -> Iterator[WorldBox]:
+    def _hand(self, motion: Stroke, grasp: Grasp) -> Iterator[WorldBox]:
         """Yield what takes or leaves a part: the hand, or the tool that is there instead."""
-        if stroke.tool is not None and tool_shapes(stroke.tool):
-            for box in tool_boxes(stroke.tool):
-                yield world_box(box, stroke.tip, stroke.closing_yaw_rad)
+        if motion.tool is not None and tool_shapes(motion.tool):
+            for box in tool_boxes(motion.tool):
+                yield world_box(box, motion.tip, motion.closing_yaw_rad)
             return
-        opening_m = jaw_opening_m(grasp, self.clearance_m, stroke.tool)
+        opening_m = jaw_opening_m(grasp, self.clearance_m, motion.tool)
         for box in hand_boxes(opening_m):
-            yield world_box(box, stroke.tip, stroke.closing_yaw_rad)
+            yield world_box(box, motion.tip, motion.closing_yaw_rad)
