@@ -29,6 +29,7 @@ OPENING_MODULES = {"tempfile", "shutil", "fcntl", "mmap", "filelock", "fileinput
 OPENS = {
     "workers/resident_memory.py": "the process file system of Linux",
     "workers/worker_processes.py": "the null device, for what libraries print",
+    "domains/domain.py": "the starter that lies in the package of a domain",
     "cli/writing.py": "the null device, once stdout is gone",
     "skillplan_pybullet/quiet_output.py": "the null device, for what pybullet prints",
     "skillplan_pybullet/world.py": "meshes for pybullet, in a temporary folder of its own",

@@ -8,13 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from skillplan.cli.writing import write_out
 from skillplan import errors
+from skillplan.cli.writing import write_out
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result, Status
-from skillplan.views.tables.table import Table, render
+from skillplan.views.tables.rendering import render
+from skillplan.views.tables.table import Table
 
 
 def emit(
@@ -39,13 +40,13 @@ def as_json(document: dict[str, Any]) -> str:
 def exit_code(results: Sequence[Result | ChainResult]) -> int:
     """Return the exit code of a command that printed these results.
 
-    Interrupted wins, then a wrong claim, then any solved result; where all were refused, what
-    was given does not fit.
+    Interrupted wins, then a wrong claim or a plugin that failed, then any solved result; where
+    all were refused, what was given does not fit.
     """
     found = {result.status for result in results}
     return errors.exit_code(
         solved=bool(found & {Status.OPTIMAL, Status.SOLVED}),
-        wrong=Status.WRONG in found or found == {Status.REFUSED},
+        wrong=bool(found & {Status.WRONG, Status.FAILED}) or found == {Status.REFUSED},
         interrupted=any(result.interrupted for result in results),
     )
 

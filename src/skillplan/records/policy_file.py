@@ -11,13 +11,13 @@ from typing import Any
 from skillplan.errors import OptionError, name_hint
 from skillplan.files.regular_file import RefusedFile, read_bytes
 from skillplan.files.strict_json import parse_json
+from skillplan.records import schemas
 from skillplan.records.result import Result
 from skillplan.solvers.solution import Policy
 from skillplan.task.skill import Outcome
 from skillplan.task.state import State
 from skillplan.task.task import Task
 
-SCHEMA = "skillplan.policy/1"
 _MOST_BYTES = 256 * 1024 * 1024
 # So many goals are named in a message.
 _MOST_NAMED = 8
@@ -49,7 +49,7 @@ def policy_document(
     ]
     if not policies:
         return None
-    return {"schema": SCHEMA, "sha256": sha256, "solver": solver, "policies": policies}
+    return {"schema": schemas.POLICY, "sha256": sha256, "solver": solver, "policies": policies}
 
 
 @dataclass(frozen=True)
@@ -180,8 +180,10 @@ def _read(path: str) -> dict[str, Any]:
         document = parse_json(content)
     except ValueError as error:
         raise OptionError(f"{path}: is not JSON: {error}.") from None
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
-        raise OptionError(f"{path}: is no document {SCHEMA}. search-optimal --out writes one.")
+    if not isinstance(document, dict) or document.get("schema") != schemas.POLICY:
+        raise OptionError(
+            f"{path}: is no document {schemas.POLICY}. search-optimal --out writes one."
+        )
     try:
         sound = (
             isinstance(document["sha256"], str)

@@ -19,11 +19,11 @@ from skillplan.files.folder_lock import FolderLock
 from skillplan.files.growing_file import GrowingFile
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.strict_json import parse_json
+from skillplan.records import schemas
 from skillplan.records.sweep.plan import SweepPlan, same
 from skillplan.records.sweep.record import SweepRecord, record_of
 
 MANIFEST, RUNS = "manifest.json", "runs.jsonl"
-SCHEMA = "skillplan.sweep-manifest/1"
 _MOST_BYTES = 1024**3
 
 # What a study may differ in from the one that is resumed, in words.
@@ -143,7 +143,7 @@ class StudyFolder:
         else:
             self._lines.cut(0)
             content = {
-                "schema": SCHEMA,
+                "schema": schemas.SWEEP_MANIFEST,
                 **asked,
                 "command": list(command),
                 "python": sys.version.split()[0],
@@ -154,8 +154,10 @@ class StudyFolder:
 
     def _compare(self, asked: dict[str, Any]) -> None:
         content = parse_json(read_bytes(self.path / MANIFEST, _MOST_BYTES, within=self.path))
-        if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-            raise OptionError(f"--out {self.path}: {MANIFEST} is no document {SCHEMA}.")
+        if not isinstance(content, dict) or content.get("schema") != schemas.SWEEP_MANIFEST:
+            raise OptionError(
+                f"--out {self.path}: {MANIFEST} is no document {schemas.SWEEP_MANIFEST}."
+            )
         for key, words in _WORDS.items():
             if not same(content.get(key), asked[key]):
                 was, now = _differing(content.get(key), asked[key])

@@ -20,9 +20,9 @@ from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.strict_json import parse_json
+from skillplan.records import schemas
 from skillplan.solvers.learning.learner import Snapshot
 
-SCHEMA = "skillplan.checkpoint/1"
 _KEY = "skillplan"
 # More than any replay memory that fits into a machine of today.
 _MOST_BYTES = 64 * 1024**3
@@ -73,7 +73,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint, *, within: Path | None 
         name: np.asarray(array, order="C") for name, array in checkpoint.snapshot.arrays.items()
     }
     content = {
-        "schema": SCHEMA,
+        "schema": schemas.CHECKPOINT,
         "steps": checkpoint.steps,
         "lengths": dict(checkpoint.lengths),
         "notes": dict(checkpoint.snapshot.notes),
@@ -119,10 +119,10 @@ def read_checkpoint(path: Path, *, within: Path | None = None) -> Checkpoint | N
     except (SafetensorError, ValueError, KeyError, TypeError, AttributeError) as error:
         reason = f"{type(error).__name__}: {error}" if isinstance(error, KeyError) else str(error)
         raise OptionError(f"{path}: is damaged: {reason.rstrip('.')}. {_REMEDY}.") from None
-    if content["schema"] != SCHEMA:
+    if content["schema"] != schemas.CHECKPOINT:
         raise OptionError(
-            f"{path}: is of another version, {content['schema']}; this skillplan reads {SCHEMA}. "
-            "Use the version that wrote it."
+            f"{path}: is of another version, {content['schema']}; this skillplan reads "
+            f"{schemas.CHECKPOINT}. Use the version that wrote it."
         )
     return Checkpoint(content["steps"], content["lengths"], Snapshot(arrays, content["notes"]))
 

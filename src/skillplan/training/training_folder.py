@@ -23,12 +23,11 @@ from skillplan.files.folder_lock import FolderLock
 from skillplan.files.json_file import json_text
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.yaml import MAX_BYTES
+from skillplan.records import schemas
 from skillplan.records.task_difference import differences, resolved_config, what_changed
 from skillplan.records.training.metrics_file import METRICS, metrics_lines
 from skillplan.records.training.run_folder import (
-    CONFIG_SCHEMA,
     MANIFEST,
-    MANIFEST_SCHEMA,
     RESULT,
     TASK_CONFIG,
     RunFolder,
@@ -168,8 +167,10 @@ class TrainingFolder:
             raise OptionError(f"--out {self.path}: holds no {MANIFEST}, so nothing to resume.")
         content = read_bytes(problem.source, max(MAX_BYTES, problem.domain.max_bytes))
         write_whole(self.path / copy, content)
-        write_whole(self.path / TASK_CONFIG, json_text(CONFIG_SCHEMA, resolved_config(problem)))
-        write_whole(self.path / MANIFEST, json_text(MANIFEST_SCHEMA, asked))
+        write_whole(
+            self.path / TASK_CONFIG, json_text(schemas.RESOLVED_TASK, resolved_config(problem))
+        )
+        write_whole(self.path / MANIFEST, json_text(schemas.RUN, asked))
         return asked
 
     def _compare(self, stored: RunFolder, asked: RunManifest, problem: Problem) -> None:

@@ -173,7 +173,7 @@ class _Mp4Writer:
         except ImportError:
             raise OptionError(
                 f"{option}: MP4 needs imageio-ffmpeg, which is not installed: pip install "
-                "imageio-ffmpeg, or end the name in .gif."
+                "'skillplan[video]', or end the name in .gif."
             ) from None
         self._ffmpeg = imageio_ffmpeg.get_ffmpeg_exe()
 

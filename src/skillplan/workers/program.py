@@ -52,7 +52,7 @@ class FedProgram:
         _, said = self._process.communicate()
         if self._process.returncode:
             lines = said.decode("utf-8", "replace").strip().splitlines()
-            raise OSError(lines[-1] if lines else f"{self._process.args[0]} failed")  # type: ignore[index]
+            raise OSError(lines[-1] if lines else "the program failed and said nothing")
 
 
 def output_of(words: Sequence[str]) -> str | None:

@@ -19,10 +19,10 @@ from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.json_file import json_text, read_checked
 from skillplan.files.regular_file import read_bytes
+from skillplan.records import schemas
 from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.task.task import Task
 
-SCHEMA = "skillplan.network-policy/1"
 _REMEDY = "Train anew, or go on with --resume, which writes it again"
 _MOST_BYTES = 1024 * 1024 * 1024
 
@@ -142,7 +142,7 @@ def write_network(
         sha256=hashlib.sha256(data).hexdigest(),
     )
     write_whole(folder / f"{stem}.safetensors", data, within=within)
-    write_whole(folder / f"{stem}.json", json_text(SCHEMA, said), within=within)
+    write_whole(folder / f"{stem}.json", json_text(schemas.NETWORK_POLICY, said), within=within)
 
 
 def read_network(path: Path, *, within: Path | None = None) -> StoredNetwork:
@@ -160,7 +160,7 @@ def read_network(path: Path, *, within: Path | None = None) -> StoredNetwork:
     OptionError
         If a file cannot be read, is none that `write_network` wrote, or does not fit the other.
     """
-    said = read_checked(path, SCHEMA, NetworkPolicyContent, _REMEDY, within=within)
+    said = read_checked(path, schemas.NETWORK_POLICY, NetworkPolicyContent, _REMEDY, within=within)
     weights = path.with_suffix(".safetensors")
     try:
         data = read_bytes(weights, _MOST_BYTES, within=within)
