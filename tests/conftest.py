@@ -28,6 +28,12 @@ def _cache_folder(tmp_path_factory):
         yield
 
 
+@pytest.fixture(autouse=True)
+def _no_columns(monkeypatch):
+    """No test depends on the width of the terminal that it is started from."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+
+
 @pytest.fixture(scope="session")
 def lid_task():
     """A box, a fuse that goes into it, and a lid that is screwed on."""

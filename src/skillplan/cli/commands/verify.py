@@ -25,23 +25,34 @@ from skillplan.cli.options import PositiveSeconds, TaskPath, format_option, no_c
     show_default=True,
     help="Prove nothing a second time that takes longer than S seconds in all.",
 )
+@click.option(
+    "--verbose",
+    is_flag=True,
+    help="Show every claim with how it was checked, also those that hold.",
+)
 @no_cache_option
 @format_option
 def command(
-    result: str, task_file: str | None, time_limit_s: float, no_cache: bool, style: str
+    result: str,
+    task_file: str | None,
+    time_limit_s: float,
+    verbose: bool,
+    no_cache: bool,
+    style: str,
 ) -> int:
     """Check the claims of RESULT independently of what made it.
 
     RESULT is a result.json of search-optimal, or the folder that --out named. The plan is
     replayed, the arithmetic is done anew, and what is claimed of all plans is proved a second
-    time, by another method, where the case is small enough and the time limit allows.
+    time, by another method, where the case is small enough and the time limit allows. What does
+    not hold is listed, what does is told in short.
     """
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import stoppable
     from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
     from skillplan.pipeline.certification import certify
     from skillplan.pipeline.run import warm_cache
-    from skillplan.views.tables.certificate import certificate_table
+    from skillplan.views.tables.certificate import certificate_summary, certificate_table
 
     with stoppable(time_limit_s, label="verifying") as stop:
         cache = None if no_cache else warm_cache()
@@ -49,5 +60,8 @@ def command(
     code = EXIT_SOLVED if certificate.valid else EXIT_NO_PLAN
     if stop.interrupted:
         code = EXIT_INTERRUPTED
-    emit(style, certificate.document(), [certificate_table(certificate)], failed=code != 0)
+    # Only people want it short: Markdown and CSV hold every claim.
+    whole = verbose or style != "table"
+    table = certificate_table(certificate) if whole else certificate_summary(certificate)
+    emit(style, certificate.document(), [table], failed=code != 0)
     return code
