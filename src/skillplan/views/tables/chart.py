@@ -31,7 +31,8 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
             )
         )
     rows += [(before, after, "MISSING", "-", "-") for before, after in chart.missing]
-    columns = [Column(name) for name in ("before", "after", "hand-made", "asked", "reason")]
+    columns = [Column(name) for name in ("before", "after", "hand-made")]
+    columns += [Column("asked", short="query"), Column("reason")]
     if chart.hand_made is None:
         notes = ["The task file has no hand-made chart to compare with."]
     elif not chart.missing and not chart.extra:
