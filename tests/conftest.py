@@ -20,6 +20,15 @@ settings.load_profile("repeatable")
 CONFIGS = Path(__file__).parents[1] / "configs"
 
 
+def pytest_addoption(parser):
+    """Let the documentation be brought up to date by the tests that check it."""
+    parser.addoption(
+        "--update-transcripts",
+        action="store_true",
+        help="write what commands print into README and docs instead of comparing",
+    )
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _cache_folder(tmp_path_factory):
     """No test touches the user's cache."""
