@@ -26,7 +26,8 @@ from record_file import RecordFile
 from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.pipeline import registry
 from skillplan.solvers.stop import relative_gap
-from skillplan.views.tables.table import Column, Table, render
+from skillplan.views.tables.rendering import render
+from skillplan.views.tables.table import Column, Table
 
 PARTS = (6, 10, 15, 20, 30, 50, 100)
 DENSITIES = (0.1, 0.3)

@@ -1,7 +1,7 @@
 """No input whatever reaches the user as a traceback.
 
-The same examples in every run. ``SKILLPLAN_FUZZ=50`` draws fifty times as many, other ones each
-time.
+The same examples in every run, more of them in the whole suite. ``SKILLPLAN_FUZZ=50`` draws fifty
+times as many, other ones each time.
 """
 
 import contextlib
@@ -16,6 +16,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan.cli.app import COMMANDS, main
 from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
 from skillplan.pipeline import registry
@@ -201,9 +202,9 @@ STRUCTURES = st.recursive(
 
 
 def many(count):
-    """Return settings for `count` examples."""
+    """Return settings for `count` examples in the whole suite."""
     return settings(
-        max_examples=count * FACTOR,
+        max_examples=examples(count) * FACTOR,
         derandomize=FACTOR == 1,
         deadline=None,
         database=None,

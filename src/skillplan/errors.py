@@ -13,6 +13,7 @@ What a robot may meet (a blocked place, a missing support) is never an error: it
     ├── NotASequencing            a model is not a sequencing problem
     ├── NotMultiAgent             a model is not one of agents that move between places
     ├── ChainBroken               what a stage of a chain gave leaves nothing for the next
+    ├── SolverError               a solver raised, or returned what is no solution
     ├── BackEndError              a physics or collision back end failed        exit code 3
     └── SearchStopped             a stop reached a solver that does not poll for it
 """
@@ -20,8 +21,11 @@ What a robot may meet (a blocked place, a missing support) is never an error: it
 from __future__ import annotations
 
 import difflib
+import os
+import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import ClassVar
 
 EXIT_SOLVED = 0
@@ -32,9 +36,16 @@ EXIT_INTERRUPTED = 130
 
 
 class SkillplanError(Exception):
-    """Base of all errors; ``str(error)`` is the message for the user."""
+    """Base of all errors; ``str(error)`` is the message for the user.
+
+    Attributes
+    ----------
+    remote_traceback
+        Where a plugin raised in another process; empty where it did in this one.
+    """
 
     exit_code: ClassVar[int] = EXIT_WRONG_INPUT
+    remote_traceback: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +129,10 @@ class ChainBroken(SkillplanError):
     """What one stage of a chain gave leaves the next without anything to choose from."""
 
 
+class SolverError(SkillplanError):
+    """A solver raised, or returned something else than a solution."""
+
+
 class BackEndError(SkillplanError):
     """A physics or collision back end raised instead of returning a verdict."""
 
@@ -128,6 +143,62 @@ class SearchStopped(SkillplanError):
     """Raised by the model in a solver that goes on asking long after it was told to stop."""
 
     exit_code = EXIT_INTERRUPTED
+
+
+def raised_by(plugin: type, error: Exception) -> str:
+    """Return what a plugin raised, with file and line of the plugin's own code.
+
+    Parameters
+    ----------
+    plugin
+        The class of the plugin.
+    error
+        What it raised. One of ours is in words already and is returned as it is.
+    """
+    if isinstance(error, SkillplanError):
+        return str(error)
+    words = f"{type(error).__name__}: {error}"
+    place = _place_of(plugin, error)
+    if not place:
+        return words
+    hint = "" if debugging() else "; SKILLPLAN_DEBUG=1 shows the traceback"
+    return f"{words} ({place}{hint})"
+
+
+def debugging() -> bool:
+    """Whether ``SKILLPLAN_DEBUG`` asks for tracebacks."""
+    return bool(os.environ.get("SKILLPLAN_DEBUG"))
+
+
+def traceback_text(error: SkillplanError) -> str:
+    """Return the traceback of what a plugin raised where `debugging`; empty otherwise."""
+    if not debugging():
+        return ""
+    if error.remote_traceback or error.__cause__ is None:
+        return error.remote_traceback
+    import traceback
+
+    return "".join(traceback.format_exception(error.__cause__))
+
+
+def _place_of(plugin: type, error: Exception) -> str:
+    """Return ``FILE:LINE`` of the innermost code of a plugin's package on the way to an error.
+
+    Where none of it is, as for a call with a wrong number of arguments, that of the innermost.
+    """
+    module = sys.modules.get(plugin.__module__.partition(".")[0])
+    file = getattr(module, "__file__", None)
+    root = None if file is None else Path(file)
+    if root is not None and root.name == "__init__.py":
+        root = root.parent
+    own = last = ""
+    step = error.__traceback__
+    while step is not None:
+        last = f"{step.tb_frame.f_code.co_filename}:{step.tb_lineno}"
+        if root is not None and Path(step.tb_frame.f_code.co_filename).is_relative_to(root):
+            own = last
+        step = step.tb_next
+    return own or last
 
 
 def format_path(path: Sequence[str | int]) -> str:

@@ -16,10 +16,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dear_back_ends import (
+from example_count import examples
+from expensive_back_ends import (
     CheapDetector,
-    DearDetector,
-    DearEngine,
+    ExpensiveDetector,
+    ExpensiveEngine,
     SharingDetector,
     StartlessEngine,
     TalkingEngine,
@@ -48,11 +49,11 @@ def chain(task, *, seed=0, **options):
     options = {"seed": seed, **options}
     return [
         plugin(task, plugin.Options(**options))
-        for plugin in (CheapDetector, DearEngine, DearDetector)
+        for plugin in (CheapDetector, ExpensiveEngine, ExpensiveDetector)
     ]
 
 
-def one_engine(task=TASK, plugin=DearEngine, **options):
+def one_engine(task=TASK, plugin=ExpensiveEngine, **options):
     return [plugin(task, plugin.Options(**options))]
 
 
@@ -106,7 +107,7 @@ def any_of(workers):
     return FakeProcess.rng.sample(workers, FakeProcess.rng.randint(1, len(workers)))
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(task=small_tasks(), seed=SEEDS, jobs=st.integers(2, 5))
 def test_verdicts_counts_and_cache_do_not_depend_on_which_process_is_faster(
     tmp_path_factory, task, seed, jobs
@@ -135,7 +136,7 @@ def test_verdicts_counts_and_cache_are_the_same_in_one_two_and_three_processes(
     assert one == two == three
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(task=small_tasks(), seed=SEEDS)
 def test_verdicts_and_cache_do_not_depend_on_the_order_of_questions(tmp_path_factory, task, seed):
     """Nor does how often each back end is asked that is not kept from it by another."""
@@ -180,7 +181,7 @@ def test_the_engine_and_the_detector_of_one_question_are_asked_in_one_process(tm
     """So that the detector can read what the engine has just simulated."""
     options = {"log": str(tmp_path), "wait_s": 0.02}
     back_ends = [
-        DearEngine(TASK, DearEngine.Options(**options)),
+        ExpensiveEngine(TASK, ExpensiveEngine.Options(**options)),
         SharingDetector(TASK, SharingDetector.Options(**options)),
     ]
     feasibility = Feasibility(TASK, back_ends, jobs=2)
@@ -202,7 +203,7 @@ def test_every_process_tells_its_back_ends_what_is_beside_them(jobs):
     sharing = SharingDetector(TASK)
     feasibility = Feasibility(TASK, [*one_engine(), sharing], jobs=jobs)
     feasibility.rule(*question)
-    assert feasibility.cache.find(sharing, *question).evidence == {"beside": "dear-engine"}
+    assert feasibility.cache.find(sharing, *question).evidence == {"beside": "expensive-engine"}
 
 
 def test_cheap_back_ends_are_asked_in_this_process():
@@ -241,7 +242,7 @@ def test_a_process_that_is_killed_costs_its_check_only(tmp_path, how):
     what = "signal 9 (SIGKILL)" if how == "kill" else "exit code 7"
     assert lost.status == "unknown"
     assert lost.reason == f"the process that checked it was ended by {what}, twice"
-    assert lost.stage == "dear-engine"
+    assert lost.stage == "expensive-engine"
     assert len([one for one in checks_in(log) if one[1] == "pick(fuse)"]) == 2
     expected = Feasibility(TASK, one_engine()).rule_all(questions)
     expected = dict(zip([k.name for k, _ in questions], expected, strict=True))
@@ -366,13 +367,13 @@ PROGRAM = """
     # A shell starts what runs in its background deaf to interrupts.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.path[:0] = {path!r}
-    from dear_back_ends import DearEngine
+    from expensive_back_ends import ExpensiveEngine
     from skillplan.checks.feasibility import Feasibility
     from skillplan.testing import lid_task
 
     if __name__ == "__main__":
         task = lid_task()
-        engine = DearEngine(task, DearEngine.Options(log={log!r}, wait_s={wait_s}))
+        engine = ExpensiveEngine(task, ExpensiveEngine.Options(log={log!r}, wait_s={wait_s}))
         feasibility = Feasibility(task, [engine], jobs=2)
         questions = [(k, task.initial) for k in task.skills if k.applicable(task.initial)]
         feasibility.rule_all(questions)
@@ -446,7 +447,7 @@ def test_whoever_polls_can_end_the_asking_in_the_middle_of_a_check(tmp_path):
         feasibility.rule_all([question_on("pick(fuse)")], poll)
     assert time.monotonic() - begin_s < PATIENCE_S
     wait_until_gone({process for *_, process in checks_in(tmp_path)})
-    assert feasibility.rule(*question_on("pick(fuse)")).stage in ("", "dear-engine")
+    assert feasibility.rule(*question_on("pick(fuse)")).stage in ("", "expensive-engine")
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

@@ -168,7 +168,6 @@ class TestThree:
         "words",
         [
             ("search-optimal", "BOARD"),
-            ("compare", "BOARD", "--solvers", "exact"),
             ("evaluate", "BOARD", "--sequence", "0"),
             ("explain", "BOARD", "0"),
             ("chart", "BOARD"),

@@ -11,18 +11,20 @@ import pytest
 
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.domain import Account, Listing
-from skillplan.pipeline.run import attempt, blank_result, grade, solve
+from skillplan.pipeline.run import attempt, grade, make_draft, solve
 from skillplan.pipeline.setup import Setup
 from skillplan.records.chain_result import ChainPart, ChainResult
+from skillplan.records.grading import Grade
 from skillplan.records.result import Result, Status
 from skillplan.task.task import Task
 from skillplan.views.tables.chain import (
     appendix_tables,
     chain_comparison_tables,
     chain_tables,
-    listing_table,
 )
-from skillplan.views.tables.table import as_csv, render
+from skillplan.views.tables.listing import listing_table
+from skillplan.views.tables.rendering import render
+from skillplan.views.tables.table import as_csv
 from swarm_situations import base_task
 
 TWO, ONE = base_task(66, 42), base_task(42, 29)
@@ -40,9 +42,8 @@ def result(task: Task, status: Status = Status.OPTIMAL, **changes: Any) -> Resul
         }
     else:
         figures = {"reason": "told"}
-    values = {"solver": "made", "cost_unit": "steps", **figures, **changes}
-    blank = blank_result(task, values.pop("solver"), Setup(), 0)
-    return replace(blank, status=status, **values)
+    granted = Grade(status, **figures)
+    return replace(make_draft(task, "made", Setup(), 0).graded(granted), **changes)
 
 
 def part(

@@ -8,11 +8,11 @@ import pytest
 
 from situations import assembly, config_content
 from skillplan.checks.single_check import check, introduce
+from skillplan.records.detectors import decisive
 from skillplan.task.verdict import VerdictStatus
 from skillplan.trials.detector_trial import Truth
 from skillplan.trials.detector_trials import try_detectors
 from skillplan.trials.fault_injection import staged_collisions
-from skillplan.views.tables.detectors import decisive
 from skillplan_pybullet.contact_force import ContactForceDetector
 from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine

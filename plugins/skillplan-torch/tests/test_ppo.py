@@ -200,7 +200,7 @@ class TestRunsSideBySide:
 
 
 class TestGoingOn:
-    @settings(max_examples=12, deadline=None, derandomize=True, database=None)
+    @settings(max_examples=12)
     @given(cuts=st.lists(st.integers(0, STEPS), max_size=4), novelty=st.sampled_from([0.0, 1.0]))
     def test_a_training_that_was_interrupted_goes_on_bit_for_bit(self, cuts, novelty):
         learner = solver(novelty=novelty)

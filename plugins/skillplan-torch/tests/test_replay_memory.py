@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan_torch.replay_memory import ReplayMemory
 
 TRANSITIONS = st.tuples(
@@ -81,7 +82,7 @@ def rebuilt(memory, runs, capacity, **more):
 
 
 class TestWhatIsRemembered:
-    @settings(max_examples=150, deadline=None, derandomize=True, database=None)
+    @settings(max_examples=examples(150))
     @given(HAPPENINGS, st.integers(1, 12), st.booleans(), st.integers(0, 60))
     def test_it_is_what_a_list_would_hold(self, happenings, capacity, distinct, cut):
         more = {"distinct": distinct, "priority": 0.0}

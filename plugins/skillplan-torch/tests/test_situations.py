@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan_torch.situations import Situations, doubled, of_runs
 
 ACTIONS = 3
@@ -46,7 +47,7 @@ class TestNumbers:
         situations = Situations(1, 12, ACTIONS, tells)
         assert [met(situations, [5], [before])[0] for before in (-1, 0, 2)] == expected
 
-    @settings(max_examples=50, deadline=None, derandomize=True, database=None)
+    @settings(max_examples=examples(50))
     @given(
         st.lists(
             st.tuples(st.integers(0, 20), st.integers(0, 20), st.integers(-1, ACTIONS - 1)),
@@ -110,7 +111,7 @@ class TestGoingOn:
                 Situations(*shape, True).read("s", situations.arrays("s"))
 
 
-@settings(max_examples=30, deadline=None, derandomize=True, database=None)
+@settings(max_examples=examples(30))
 @given(st.integers(1, 4), st.integers(1, 9), st.integers(0, 6), st.integers(0, 99))
 def test_entries_of_runs_are_those_at_their_indices(runs, size, count, seed):
     generator = np.random.default_rng(seed)

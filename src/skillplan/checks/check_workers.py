@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from pydantic import BaseModel
 
 from skillplan.checks.single_check import Asking, Checked, check, introduce
-from skillplan.errors import BackEndError
+from skillplan.errors import BackEndError, raised_by, traceback_text
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
@@ -44,6 +44,20 @@ class Conversation(Protocol):
 _Content = tuple[Task, list[tuple[type[BackEnd], BaseModel]]]
 _Job = tuple[int, int, int]
 _Fields = tuple[str, str, str, int, int, dict[str, Any], float]
+
+
+@dataclass(frozen=True, slots=True)
+class _Failed:
+    """What a back end raised: the message, and the traceback if one is to be shown."""
+
+    words: str
+    traceback: str
+
+    def error(self) -> BackEndError:
+        """Return the error as it arises in this process."""
+        error = BackEndError(self.words)
+        error.remote_traceback = self.traceback
+        return error
 
 
 @dataclass(slots=True)
@@ -164,8 +178,8 @@ class CheckWorkers:
             worker.end()
             self._lose(worker, said, pending, waiting)
             return
-        if isinstance(said.content, str):
-            pending.conversation.fail(BackEndError(said.content))
+        if isinstance(said.content, _Failed):
+            pending.conversation.fail(said.content.error())
             following = None
         else:
             following = _go_on(pending.conversation, self._checked(said.content))
@@ -230,8 +244,8 @@ def _end_all(idle: list[WorkerProcess], busy: dict[WorkerProcess, _Pending]) -> 
     busy.clear()
 
 
-def _prepare(content: _Content) -> Callable[[_Job], _Fields | str]:
-    """Return what checks, in a process of its own: the words of the error where one is raised."""
+def _prepare(content: _Content) -> Callable[[_Job], _Fields | _Failed]:
+    """Return what checks, in a process of its own."""
     task, made = content
     back_ends = []
     for plugin, options in made:
@@ -242,16 +256,16 @@ def _prepare(content: _Content) -> Callable[[_Job], _Fields | str]:
         except Exception as error:
             raise BackEndError(
                 f"Back end {plugin.name!r} failed to start in a process of its own: "
-                f"{type(error).__name__}: {error}"
+                f"{raised_by(plugin, error)}"
             ) from error
     introduce(back_ends)
 
-    def answer(job: _Job) -> _Fields | str:
+    def answer(job: _Job) -> _Fields | _Failed:
         back_end, action, bits = job
         try:
             checked = check(back_ends[back_end], task.skills[action], task.facts.state(bits))
         except BackEndError as error:
-            return str(error)
+            return _Failed(str(error), traceback_text(error))
         verdict = checked.verdict
         assert verdict.present is not None
         assert verdict.absent is not None

@@ -21,6 +21,7 @@ from skillplan.errors import (
     EXIT_INTERRUPTED,
     SkillplanError,
     TaskError,
+    traceback_text,
 )
 
 # Command to the line that the group's help shows; the module is named after the command,
@@ -123,6 +124,7 @@ def _report(error: SkillplanError, words: list[str]) -> None:
         print(f"skillplan: error: {text.decode(sys.stderr.encoding or 'utf-8')}", file=sys.stderr)
     if len(lines) > len(shown):
         print(f"skillplan: and {len(lines) - len(shown)} more faults", file=sys.stderr)
+    print(traceback_text(error), file=sys.stderr, end="")
     _print_error_document(error_document(error), words)
 
 
@@ -134,6 +136,8 @@ def _print_error_document(document: dict[str, Any], words: list[str]) -> None:
 
 def error_document(error: Exception) -> dict[str, Any]:
     """Return the JSON document ``skillplan.error/1``."""
+    from skillplan.records import schemas
+
     issues = []
     if isinstance(error, TaskError):
         issues = [
@@ -147,7 +151,7 @@ def error_document(error: Exception) -> dict[str, Any]:
             for issue in error.issues
         ]
     return {
-        "schema": "skillplan.error/1",
+        "schema": schemas.ERROR,
         "error": type(error).__name__,
         "message": error.format_message()
         if isinstance(error, click.ClickException)

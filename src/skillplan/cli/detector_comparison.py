@@ -11,8 +11,9 @@ from skillplan.cli.options import split_names
 from skillplan.cli.output import emit
 from skillplan.errors import EXIT_INTERRUPTED, EXIT_SOLVED, OptionError
 from skillplan.pipeline.setup import load_problem
+from skillplan.records.detectors import detectors_document
 from skillplan.trials.detector_trials import try_detectors
-from skillplan.views.tables.detectors import detectors_document, detectors_tables
+from skillplan.views.tables.detectors import detectors_tables
 
 
 def compare_detectors(

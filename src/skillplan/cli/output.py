@@ -19,7 +19,8 @@ from skillplan.errors import (
 from skillplan.files.atomic_file import write_whole
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result, Status
-from skillplan.views.tables.table import Table, render
+from skillplan.views.tables.rendering import render
+from skillplan.views.tables.table import Table
 
 _EXIT = {
     Status.OPTIMAL: EXIT_SOLVED,
@@ -28,6 +29,7 @@ _EXIT = {
     Status.UNSOLVED: EXIT_NO_PLAN,
     Status.REFUSED: EXIT_WRONG_INPUT,
     Status.WRONG: EXIT_WRONG_INPUT,
+    Status.FAILED: EXIT_WRONG_INPUT,
 }
 
 
@@ -53,11 +55,11 @@ def as_json(document: dict[str, Any]) -> str:
 def exit_code(results: Sequence[Result | ChainResult]) -> int:
     """Return the exit code of a command that printed these results.
 
-    Interrupted wins, then a wrong claim, then any solved result.
+    Interrupted wins, then a wrong claim or a plugin that failed, then any solved result.
     """
     if any(result.interrupted for result in results):
         return EXIT_INTERRUPTED
-    if any(result.status is Status.WRONG for result in results):
+    if any(result.status in (Status.WRONG, Status.FAILED) for result in results):
         return EXIT_WRONG_INPUT
     return min((_EXIT[result.status] for result in results), default=EXIT_NO_PLAN)
 

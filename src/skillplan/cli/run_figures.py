@@ -6,6 +6,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from skillplan.errors import OptionError
+from skillplan.views.figures.catalogue import RUN_FIGURES
 
 if TYPE_CHECKING:  # --help pays for no imports
     from matplotlib.figure import Figure
@@ -13,12 +14,6 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.records.training.run_folder import RunFolder
     from skillplan.task.task import Task
     from skillplan.views.figures.figure_style import Heading
-
-# Figure to the line that the help shows.
-RUN_FIGURES = {
-    "success": "how often the last 100 episodes of training succeed, over all runs",
-    "distances": "what every completed sequence of training costs, run by run",
-}
 
 
 def plot_run_folder(

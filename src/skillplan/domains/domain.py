@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import resources
 from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -94,6 +96,8 @@ class Domain(ABC):
         other files are YAML.
     max_bytes
         Greatest size of such a file.
+    starter_suffix
+        End of the name of the file that `starter` returns.
     """
 
     kind: ClassVar[str]
@@ -101,6 +105,7 @@ class Domain(ABC):
     stages: ClassVar[tuple[str, ...]] = ()
     suffixes: ClassVar[tuple[str, ...]] = ()
     max_bytes: ClassVar[int] = MAX_BYTES
+    starter_suffix: ClassVar[str] = ".yaml"
 
     def read(self, text: str, source: str) -> Document:
         """Return the content of a file with one of the domain's `suffixes`.
@@ -212,3 +217,19 @@ class Domain(ABC):
     def locate(self, fact: str) -> tuple[str | int, ...]:
         """Return the path of the file's entry that a fact comes from; the root by default."""
         return ()
+
+    def starter(self) -> str:
+        """Return a commented file to begin one's own from: valid, soon solved, its keys explained.
+
+        By default it is the file ``starter.yaml`` in the package that holds the domain's class.
+
+        Raises
+        ------
+        OptionError
+            If there is none.
+        """
+        package = sys.modules[type(self).__module__].__package__
+        file = resources.files(package or "skillplan") / f"starter{self.starter_suffix}"
+        if not file.is_file():
+            raise OptionError(f"Tasks of kind {self.kind!r} have no starter file.")
+        return file.read_text("utf-8")

@@ -59,7 +59,7 @@ def certify(
         If a back end fails.
     """
     stored = read_result(path)
-    if stored.status in (Status.REFUSED, Status.WRONG):
+    if stored.status in (Status.REFUSED, Status.WRONG, Status.FAILED):
         raise OptionError(f"{path}: claims nothing, its status is {stored.status}.")
     origin = _origin(path, stored, task_file)
     problem = load_problem(origin.file, _asked(origin), origin.changes)

@@ -7,10 +7,19 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from skillplan.domains.domain import Account
+from skillplan.records import schemas
 from skillplan.records.origin import Origin
 from skillplan.records.result import Result, Status, tolerance
 from skillplan.solvers.stop import relative_gap
 from skillplan.task.task import Task
+
+_WEAKEST_FIRST = (
+    Status.FAILED,
+    Status.WRONG,
+    Status.REFUSED,
+    Status.INFEASIBLE,
+    Status.UNSOLVED,
+)
 
 
 @dataclass(frozen=True)
@@ -131,7 +140,7 @@ class ChainResult:
     def status(self) -> Status:
         """What the referee grants the whole: no more than its weakest part."""
         found = [part.result.status for part in self.parts]
-        for status in (Status.WRONG, Status.REFUSED, Status.INFEASIBLE, Status.UNSOLVED):
+        for status in _WEAKEST_FIRST:
             if status in found:
                 return status
         if not self.complete:
@@ -258,7 +267,7 @@ class ChainResult:
         bound = self.lower_bound
         extra: Mapping[str, Any] = self.account.document
         return {
-            "schema": "skillplan.result/1",
+            "schema": schemas.RESULT,
             "task": {"name": self.name, "kind": self.kind, "sha256": self.sha256},
             "origin": None if self.origin is None else self.origin.document(),
             "solver": self.solver,

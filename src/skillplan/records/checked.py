@@ -8,8 +8,7 @@ from typing import Any
 
 from skillplan.domains.domain import Listing
 from skillplan.domains.load import Problem
-from skillplan.views.tables.chain import listing_table
-from skillplan.views.tables.table import Column, Table
+from skillplan.records import schemas
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class Checked:
             else {"errata": [dict(zip(errata.columns, row, strict=True)) for row in errata.rows]}
         )
         return {
-            "schema": "skillplan.check/1",
+            "schema": schemas.CHECK,
             "task": {"name": problem.name, "kind": problem.kind, "sha256": problem.sha256},
             "valid": True,
             "tasks": [
@@ -56,25 +55,3 @@ class Checked:
             ],
             **found,
         }
-
-    def tables(self) -> list[Table]:
-        """Return a row for every task of the file, and the errata."""
-        errata = [] if self.errata is None else [listing_table(self.errata)]
-        return [*errata, self._tasks()]
-
-    def _tasks(self) -> Table:
-        columns = [
-            Column("task"),
-            Column("actions", right=True),
-            Column("facts", right=True),
-            Column("observed", right=True),
-            Column("step limit", right=True),
-            Column("back ends"),
-        ]
-        keys = ("skills", "facts", "observation", "step_limit")
-        rows = [
-            (task["name"], *(str(task[key]) for key in keys), ", ".join(task["back_ends"]))
-            for task in self.document()["tasks"]
-        ]
-        notes = [f"kind       {self.problem.kind}", f"sha256     {self.problem.sha256}"]
-        return Table(f"{self.problem.name}: valid", columns, rows, notes)

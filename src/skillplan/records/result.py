@@ -9,6 +9,7 @@ from enum import StrEnum
 from typing import Any
 
 from skillplan.model.replay import Step
+from skillplan.records import schemas
 from skillplan.records.origin import Origin
 from skillplan.solvers.stop import relative_gap
 from skillplan.task.skill import Skill
@@ -20,7 +21,8 @@ class Status(StrEnum):
 
     ``optimal``: a valid plan, proved to be the best. ``solved``: a valid plan.
     ``infeasible``: proved that there is none. ``unsolved``: none found. ``refused``: the solver
-    does not serve such a task. ``wrong``: the solver claimed what does not hold.
+    does not serve such a task. ``wrong``: the solver claimed what does not hold. ``failed``: the
+    solver or a back end raised.
     """
 
     OPTIMAL = "optimal"
@@ -29,6 +31,7 @@ class Status(StrEnum):
     UNSOLVED = "unsolved"
     REFUSED = "refused"
     WRONG = "wrong"
+    FAILED = "failed"
 
 
 @dataclass(frozen=True)
@@ -127,7 +130,7 @@ class Result:
         bound = self.lower_bound
         bound = bound if bound is not None and math.isfinite(bound) else None
         return {
-            "schema": "skillplan.result/1",
+            "schema": schemas.RESULT,
             "task": {"name": self.task, "kind": self.kind, "sha256": self.sha256},
             "origin": None if self.origin is None else self.origin.document(),
             "solver": self.solver,

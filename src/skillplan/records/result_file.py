@@ -10,11 +10,11 @@ from pydantic import BaseModel, ConfigDict, Field
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError
 from skillplan.files.json_file import read_checked
+from skillplan.records import schemas
 from skillplan.records.origin import Origin
 from skillplan.records.result import Status
 from skillplan.solvers.solution import Plan
 
-SCHEMA = "skillplan.result/1"
 _REMEDY = "Give a result.json of search-optimal, or the folder that --out named"
 # So much of a hash tells two apart.
 _SHOWN_HASH = 12
@@ -126,7 +126,9 @@ def read_result(path: str) -> StoredResult:
     OptionError
         If it cannot be read, is no result, is of another version, or lacks a key.
     """
-    return read_checked(result_path(path), SCHEMA, StoredResult, _REMEDY)
+    named = Path(path)
+    within = named if named.is_dir() else None
+    return read_checked(result_path(path), schemas.RESULT, StoredResult, _REMEDY, within=within)
 
 
 def other_task(stored: StoredResult, problem: Problem) -> str | None:

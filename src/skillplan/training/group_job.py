@@ -8,10 +8,10 @@ from pathlib import Path
 
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.json_file import json_text
+from skillplan.records import schemas
 from skillplan.records.training.outcome import GreedyRollOut
 from skillplan.records.training.run_folder import (
     PROGRESS,
-    PROGRESS_SCHEMA,
     GroupProgress,
     group_path,
 )
@@ -97,7 +97,8 @@ def write_progress(folder: Path, group: int, progress: GroupProgress) -> None:
     """
     with writing(folder, f"groups/{group}/{PROGRESS}"):
         group_path(folder, group).mkdir(parents=True, exist_ok=True)
-        write_whole(group_path(folder, group) / PROGRESS, json_text(PROGRESS_SCHEMA, progress))
+        text = json_text(schemas.RUN_GROUP, progress)
+        write_whole(group_path(folder, group) / PROGRESS, text, within=folder)
 
 
 def failed_progress(

@@ -6,14 +6,22 @@ group's checkpoint; if that one is ended, too, the group's runs have failed, and
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from skillplan.checks.verdict_cache import VerdictCache
-from skillplan.errors import BackEndError, OptionError, PluginError, SearchStopped, SkillplanError
+from skillplan.errors import (
+    BackEndError,
+    OptionError,
+    PluginError,
+    SearchStopped,
+    SkillplanError,
+    debugging,
+    raised_by,
+)
+from skillplan.pipeline.registry import load
 from skillplan.records.training.run_folder import CHECKPOINT, group_path
 from skillplan.training.group_job import GroupJob, GroupOutcome, GroupReport
 from skillplan.training.group_training import GroupTraining
@@ -275,7 +283,8 @@ def _failure(job: GroupJob, error: Exception) -> GroupFailure:
         return GroupFailure(job.group, str(error), fatal=True)
     if isinstance(error, SkillplanError):
         return GroupFailure(job.group, str(error), back_end=isinstance(error, BackEndError))
-    if os.environ.get("SKILLPLAN_DEBUG"):
+    if debugging():
         raise error
-    words = f"The solver {job.plan.solver!r} failed: {type(error).__name__}: {error}"
+    name = job.plan.solver
+    words = f"The solver {name!r} failed: {raised_by(load('solver', name), error)}"
     return GroupFailure(job.group, words)

@@ -10,6 +10,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan.domains.swarmitfix.base.goal_choice import GoalRule, LeastSwings, choose
 from skillplan.domains.swarmitfix.base.goals import GoalSet, How, ReachRules, goal_sets
 from skillplan.domains.swarmitfix.bench.bench import Bench
@@ -67,7 +68,7 @@ def walk(goals):
     return sum(map(len, ways)), round(sum(times), 6)
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(position_sets)
 def test_the_whole_trajectory_rule_is_as_good_as_trying_everything(sets) -> None:
     choice = choose(BENCH, HOME, made(sets), GoalRule.WHOLE_TRAJECTORY, SWING_S)

@@ -1,3 +1,3 @@
 """Deep reinforcement learning for skillplan: DQN and PPO."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -56,7 +56,8 @@ def show(
     from skillplan.errors import OptionError
     from skillplan.pipeline.run import make_feasibility, warm_cache
     from skillplan.pipeline.setup import load_problem
-    from skillplan.views.tables.cache import CacheSurvey
+    from skillplan.records.cache import CacheSurvey
+    from skillplan.views.tables.cache import survey_table
 
     root = warm_cache().folder
     folder = VerdictFolder(root)
@@ -72,7 +73,7 @@ def show(
         found = folder.kept_for(feasibility.back_ends)
         every = [one for own in found for one in own]
         survey = CacheSurvey(root, every, time.time(), task=loaded)
-    emit(style, survey.document(), [survey.table()])
+    emit(style, survey.document(), [survey_table(survey)])
     return 0
 
 
@@ -116,7 +117,8 @@ def verify(
     from skillplan.errors import EXIT_BACK_END, EXIT_INTERRUPTED, EXIT_SOLVED
     from skillplan.pipeline.run import make_feasibility, warm_cache
     from skillplan.pipeline.setup import load_problem
-    from skillplan.views.tables.cache import CacheTest
+    from skillplan.records.cache import CacheTest
+    from skillplan.views.tables.cache import cache_test_table
 
     loaded = load_problem(task, asked(physics, collision), settings(changes)).part(part)
     setup = make_setup(physics, collision, options)(loaded)
@@ -135,7 +137,7 @@ def verify(
     dropped = sum(folder.drop(trial.kept) for trial in trials if not trial.same)
     every = sum(map(len, kept))
     test = CacheTest(loaded, every, trials, seed, len(trials) < len(drawn), dropped)
-    emit(style, test.document(), [test.table()], failed=bool(test.different))
+    emit(style, test.document(), [cache_test_table(test)], failed=bool(test.different))
     if test.different:
         return EXIT_BACK_END
     return EXIT_INTERRUPTED if test.interrupted else EXIT_SOLVED
@@ -175,7 +177,8 @@ def fill(
     from skillplan.model.enumeration import enumerate_feasibility
     from skillplan.pipeline.run import make_feasibility, warm_cache
     from skillplan.pipeline.setup import load_problem
-    from skillplan.views.tables.cache import CacheFilling
+    from skillplan.records.cache import CacheFilling
+    from skillplan.views.tables.cache import filling_table
 
     loaded = load_problem(task, asked(physics, collision), settings(changes)).part(part)
     setup = make_setup(physics, collision, options)(loaded)
@@ -192,7 +195,7 @@ def fill(
     kept = any(back_end.dear for back_end in asking.back_ends)
     folder = cache.folder if cache is not None and kept else None
     filling = CacheFilling(loaded, names, counts, time.perf_counter() - begin_s, folder)
-    emit(style, filling.document(), [filling.table()], failed=not counts.complete)
+    emit(style, filling.document(), [filling_table(filling)], failed=not counts.complete)
     return EXIT_SOLVED if counts.complete else EXIT_INTERRUPTED
 
 
@@ -210,7 +213,8 @@ def clear(task: str | None, yes: bool, style: str) -> int:
     from skillplan.errors import OptionError
     from skillplan.pipeline.run import warm_cache
     from skillplan.pipeline.setup import load_problem
-    from skillplan.views.tables.cache import clearing_document, clearing_table
+    from skillplan.records.cache import clearing_document
+    from skillplan.views.tables.cache import clearing_table
 
     problem = None if task is None else load_problem(task)
     root = warm_cache().folder

@@ -50,7 +50,8 @@ def command(
     from skillplan.cli.waiting import showing_checks
     from skillplan.pipeline.run import make_feasibility, warm_cache
     from skillplan.pipeline.setup import load_problem
-    from skillplan.views.tables.chart import chart_document, chart_table
+    from skillplan.records.chart import chart_document
+    from skillplan.views.tables.chart import chart_table
 
     loaded = load_problem(task, asked(physics, collision or "aabb"), settings(changes)).part(part)
     # A chart derived from the chart would say nothing.

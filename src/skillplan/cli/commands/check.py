@@ -22,6 +22,7 @@ def command(task: str, changes: tuple[str, ...], explain_errata: bool, style: st
     from skillplan.errors import OptionError
     from skillplan.pipeline.setup import Setup, load_problem
     from skillplan.records.checked import Checked
+    from skillplan.views.tables.checked import checked_tables
 
     problem = load_problem(task, None, settings(changes))
     names = [[made.name for made in Setup().back_ends(one)] for one in problem.tasks]
@@ -29,5 +30,5 @@ def command(task: str, changes: tuple[str, ...], explain_errata: bool, style: st
     if explain_errata and errata is None:
         raise OptionError(f"No errata are known of the paper behind {problem.kind!r} tasks.")
     checked = Checked(problem, names, errata)
-    emit(style, checked.document(), checked.tables())
+    emit(style, checked.document(), checked_tables(checked))
     return 0

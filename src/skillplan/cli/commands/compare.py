@@ -87,9 +87,11 @@ def command(
     from skillplan.cli.output import emit, exit_code
     from skillplan.cli.waiting import stoppable
     from skillplan.errors import OptionError
-    from skillplan.pipeline.chain import solve_chain_with_all, solver_names
-    from skillplan.pipeline.run import make_solver, solve_all, warm_cache
+    from skillplan.pipeline.chain import solver_names
+    from skillplan.pipeline.comparison import solve_all, solve_chain_with_all
+    from skillplan.pipeline.run import check_solver, warm_cache
     from skillplan.pipeline.setup import load_problem
+    from skillplan.records import schemas
     from skillplan.records.chain_result import ChainResult
     from skillplan.records.result import Result
     from skillplan.solvers.stop import Stop
@@ -126,7 +128,7 @@ def command(
     every = tuple(dict.fromkeys(each for name in names for each in solver_names(name)))
     setup = make_setup(physics, collision, options, every)(last)
     for name in every:
-        make_solver(name, setup.options.get(name, {}))
+        check_solver(name, setup.options.get(name, {}))
     with ExitStack() as waiting:
 
         def make_stop(name: str) -> Stop:
@@ -163,7 +165,7 @@ def command(
     origin = setup.origin(task, None, changed)
     not_run = list(names[len(results) :])
     document = {
-        "schema": "skillplan.comparison/1",
+        "schema": schemas.COMPARISON,
         "warm": warm,
         "not_run": not_run,
         "rows": [replace(result, origin=origin).document() for result in results],

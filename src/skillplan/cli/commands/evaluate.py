@@ -178,6 +178,7 @@ def command(
     from skillplan.records.evaluation import Evaluation
     from skillplan.records.policy_file import read_policy, start_state
     from skillplan.solvers.solution import Plan
+    from skillplan.views.tables.evaluation import evaluation_table
 
     loaded = load_problem(task, asked(physics, collision), settings(changes)).part(part)
     setup = make_setup(physics, collision, options, (DEFAULT_SOLVER,))(loaded)
@@ -207,7 +208,7 @@ def command(
                 loaded, DEFAULT_SOLVER, setup, stop=stop, cache=cache, jobs=jobs, start=known
             )
     evaluation = Evaluation(loaded, skills, walked, best)
-    emit(style, evaluation.document(), [evaluation.table()], failed=not walked.complete)
+    emit(style, evaluation.document(), [evaluation_table(evaluation)], failed=not walked.complete)
     if best is not None and best.interrupted:
         return EXIT_INTERRUPTED
     return EXIT_SOLVED if walked.complete else EXIT_NO_PLAN

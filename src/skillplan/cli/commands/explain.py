@@ -62,6 +62,7 @@ def command(
     from skillplan.pipeline.run import make_model, warm_cache
     from skillplan.pipeline.setup import load_problem
     from skillplan.records.explanation import explain
+    from skillplan.views.tables.explanation import explanation_tables
 
     loaded = load_problem(task, asked(physics, collision), settings(changes)).part(part)
     setup = make_setup(physics, collision, options)(loaded)
@@ -75,5 +76,5 @@ def command(
     if engine is not None:
         explanation = explanation.drawn(draw(engine, chosen, explanation.state, paths))
     failed = not explanation.feasible
-    emit(style, explanation.document(), explanation.tables(), failed=failed)
+    emit(style, explanation.document(), explanation_tables(explanation), failed=failed)
     return EXIT_SOLVED if explanation.feasible else EXIT_NO_PLAN

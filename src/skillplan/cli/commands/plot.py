@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+from collections.abc import Mapping
 from typing import Any
 
 import click
@@ -25,20 +26,14 @@ from skillplan.cli.options import (
     split_names,
     time_limit_option,
 )
-from skillplan.cli.run_figures import RUN_FIGURES, plot_run_folder
+from skillplan.cli.run_figures import plot_run_folder
 from skillplan.errors import OptionError, name_hint
-
-# Figure to the line that the help shows; the module is named after the figure.
-FIGURES = {
-    "policy": "the bench, with an arrow for what a policy recommends in every position",
-    "placement": "heads and bases along the trajectory, and which base holds which head",
-    "learning": "steps of an episode against episodes, for two sets of parameters",
-    "q-values": "action values of some states against episodes",
-    "rewards": "action and reward of every step",
-    "gantt": "when head, PKM and base carry out the five steps",
-    "fleet": "the ways of several bases on one bench, with their parallel steps",
-}
-_OF_THE_BENCH = ("fleet", "placement", "policy")
+from skillplan.views.figures.catalogue import (
+    RUN_FIGURES,
+    TASK_FIGURES,
+    CatalogueEntry,
+    figure_module,
+)
 
 # What a task file takes and a folder of runs does not.
 _OF_TASK = (
@@ -55,12 +50,12 @@ _OF_TASK = (
 _PROOF_S = 10.0
 
 
-def _listed(figures: dict[str, str]) -> str:
-    return "\n".join(f"  {name:<10} {line}" for name, line in figures.items())
+def _listed(figures: Mapping[str, CatalogueEntry]) -> str:
+    return "\n".join(f"  {name:<10} {figure.line}" for name, figure in figures.items())
 
 
 EPILOG = (
-    f"\b\nFigures of a task:\n{_listed(FIGURES)}\n\n"
+    f"\b\nFigures of a task:\n{_listed(TASK_FIGURES)}\n\n"
     f"\b\nFigures of a folder of runs, by default both, as PNG and SVG, into the folder:\n"
     f"{_listed(RUN_FIGURES)}"
 )
@@ -73,7 +68,7 @@ class FigureName(click.ParamType[str]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Return the name, or say which is nearest."""
-        known = {**FIGURES, **RUN_FIGURES}
+        known = {**TASK_FIGURES, **RUN_FIGURES}
         if value not in known:
             self.fail(f"No figure {value!r}. {name_hint(str(value), known)}", param, ctx)
         return str(value)
@@ -83,8 +78,8 @@ class FigureName(click.ParamType[str]):
     ) -> list[CompletionItem]:
         """Return the figures that begin like what was typed."""
         return [
-            CompletionItem(name, help=line)
-            for name, line in {**FIGURES, **RUN_FIGURES}.items()
+            CompletionItem(name, help=one.line)
+            for name, one in {**TASK_FIGURES, **RUN_FIGURES}.items()
             if name.startswith(incomplete)
         ]
 
@@ -176,7 +171,7 @@ def command(
 
         folder = RunFolder(task)
         refuse_given(ctx, _OF_TASK, "is for a task file, not for a folder of runs")
-        if figure in FIGURES:
+        if figure in TASK_FIGURES:
             raise OptionError(
                 f"Figure {figure!r} is of a task file; of a folder of runs there are "
                 f"{' and '.join(RUN_FIGURES)}."
@@ -186,11 +181,11 @@ def command(
         return plot_run_folder(folder, figure, out, against, limit_s, dpi)
     refuse_given(ctx, ("against",), "is for a folder of runs, not for a task file")
     if figure is None:
-        raise OptionError(f"Name a figure of the task: {', '.join(FIGURES)}.")
+        raise OptionError(f"Name a figure of the task: {', '.join(TASK_FIGURES)}.")
     if figure in RUN_FIGURES:
         raise OptionError(
             f"Figure {figure!r} is of a folder of runs, which train writes; of a task file there "
-            f"are {', '.join(FIGURES)}."
+            f"are {', '.join(TASK_FIGURES)}."
         )
     module = _module(figure)
     from skillplan.pipeline.registry import load, make_options
@@ -243,10 +238,7 @@ def _say_why(name: str, answer: Any) -> None:
 def _module(figure: str) -> Any:
     """Return the module that draws a figure of a task."""
     _check_matplotlib()
-    package = "skillplan.views.figures"
-    if figure in _OF_THE_BENCH:
-        package += ".swarmitfix"
-    return importlib.import_module(f"{package}.{figure.replace('-', '_')}_figure")
+    return figure_module(figure)
 
 
 def _check_matplotlib() -> None:

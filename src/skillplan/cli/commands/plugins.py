@@ -37,7 +37,8 @@ def command(kind: str | None, name: str | None, style: str) -> int:
     """List installed plugins, of one KIND if given; with NAME, the plugin's options."""
     from skillplan.cli.output import emit
     from skillplan.pipeline import registry
-    from skillplan.views.tables.plugins import plugin_document, plugin_tables
+    from skillplan.records.plugin_info import plugin_document
+    from skillplan.views.tables.plugins import plugin_tables
 
     kinds = [kind] if kind else list(registry.KINDS)
     infos = [info for one in kinds for info in registry.describe(one)]

@@ -120,6 +120,7 @@ def command(
     from skillplan.physics.performance import Performance, Sample
     from skillplan.records.simulation import Simulation, applicable_part
     from skillplan.records.trace_file import SUFFIXES, trace_file
+    from skillplan.views.tables.simulation import simulation_tables
     from skillplan.views.video_file import VIDEOS, video_file
 
     loaded, setup = _load(task, physics, options, changes, part)
@@ -172,7 +173,7 @@ def command(
         obstacle,
     )
     good = simulation.feasible and simulation.complete and not stopped
-    emit(style, simulation.document(), simulation.tables(), failed=not good)
+    emit(style, simulation.document(), simulation_tables(simulation), failed=not good)
     if stopped:
         return EXIT_INTERRUPTED
     return EXIT_SOLVED if good else EXIT_NO_PLAN

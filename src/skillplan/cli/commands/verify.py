@@ -41,6 +41,7 @@ def command(
     from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
     from skillplan.pipeline.certification import certify
     from skillplan.pipeline.run import warm_cache
+    from skillplan.views.tables.certificate import certificate_table
 
     with stoppable(time_limit_s, label="verifying") as stop:
         cache = None if no_cache else warm_cache()
@@ -48,5 +49,5 @@ def command(
     code = EXIT_SOLVED if certificate.valid else EXIT_NO_PLAN
     if stop.interrupted:
         code = EXIT_INTERRUPTED
-    emit(style, certificate.document(), [certificate.table()], failed=code != 0)
+    emit(style, certificate.document(), [certificate_table(certificate)], failed=code != 0)
     return code

@@ -5,6 +5,7 @@ Veeramani and Muthuswamy 2022, Fig. 8 and section 5.2.
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -272,8 +273,7 @@ def _curve(request: FigureRequest, label: str, results: Sequence[Result]) -> Lea
 
 def _fewest(request: FigureRequest, task: Task) -> float | None:
     """Return the mean of the fewest steps to the goal over all starts, where that is known."""
-    if task not in request.walks() or task.kind != "swarmitfix":
+    if task not in request.walks():
         return None
-    bench = request.bench()
-    distances = bench.distances(bench.position(request.ends(task)[1]))
-    return float(distances[distances > 0].mean())
+    fewest = [steps for steps in request.walk_steps(task).fewest.values() if steps > 0]
+    return statistics.fmean(fewest) if fewest else None

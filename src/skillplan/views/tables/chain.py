@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skillplan.domains.domain import Listing
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.result import Result, Status
-from skillplan.views.tables.results import PROOF, number, percent
+from skillplan.views.tables.listing import listing_table
+from skillplan.views.tables.results import PROOF
 from skillplan.views.tables.table import Column, Table
+from skillplan.views.tables.wording import number, percent
 
 
 def chain_tables(result: ChainResult) -> list[Table]:
@@ -69,19 +70,6 @@ def _because(result: ChainResult) -> str:
 def appendix_tables(result: ChainResult) -> dict[str, Table]:
     """Return the domain's tables that are saved but not shown, by the name of the file."""
     return {name: listing_table(listing) for name, listing in result.account.appendix.items()}
-
-
-def listing_table(listing: Listing) -> Table:
-    """Return a domain's listing as a table; columns of figures are set flush right."""
-    columns = []
-    for index, heading in enumerate(listing.columns):
-        cells = [row[index] for row in listing.rows]
-        columns.append(Column(heading, right=all(_is_figure(cell) for cell in cells)))
-    return Table(listing.title, columns, listing.rows, listing.notes)
-
-
-def _is_figure(cell: str) -> bool:
-    return cell in ("-", "") or cell.replace(".", "", 1).lstrip("-").isdigit()
 
 
 def _row(part: ChainPart) -> tuple[str, ...]:

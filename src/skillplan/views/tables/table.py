@@ -1,4 +1,4 @@
-"""One table, shown as a terminal table, CSV or Markdown."""
+"""One table as data, as CSV and as Markdown."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import IO
 
 
 @dataclass(frozen=True)
@@ -49,28 +48,6 @@ class Table:
         for row in self.rows:
             if len(row) != len(self.columns):
                 raise ValueError(f"Row {row} does not have {len(self.columns)} cells.")
-
-
-def render(tables: Sequence[Table], style: str, out: IO[str]) -> str:
-    """Return tables as text.
-
-    Parameters
-    ----------
-    tables
-        At least one; CSV holds the last only, which is the most particular.
-    style
-        ``table``, ``csv`` or ``md``.
-    out
-        Where the text will go: a terminal's width and colours count.
-    """
-    if style == "csv":
-        return as_csv(tables[-1])
-    if style == "md":
-        return "\n".join(as_markdown(table) for table in tables)
-    # Here and not above: --help and JSON output must not pay for importing rich.
-    from skillplan.views.tables.terminal import as_terminal_text
-
-    return as_terminal_text(tables, out)
 
 
 def as_csv(table: Table) -> str:

@@ -21,11 +21,8 @@ from skillplan.records.task_difference import resolved_config
 from skillplan.records.training.metrics_file import METRICS, metrics_line
 from skillplan.records.training.network_policy_file import write_network
 from skillplan.records.training.run_folder import (
-    CONFIG_SCHEMA,
     MANIFEST,
-    MANIFEST_SCHEMA,
     PROGRESS,
-    PROGRESS_SCHEMA,
     TASK_CONFIG,
     GroupProgress,
     RunManifest,
@@ -123,9 +120,11 @@ def write_runs(
         git_commit=None,
         machine={},
     )
-    (path / MANIFEST).write_text(json_text(MANIFEST_SCHEMA, manifest))
+    (path / MANIFEST).write_text(json_text("skillplan.run/1", manifest))
     (path / copy_name(task_file)).write_text(Path(task_file).read_text("utf-8"))
-    (path / TASK_CONFIG).write_text(json_text(CONFIG_SCHEMA, resolved_config(problem)))
+    (path / TASK_CONFIG).write_text(
+        json_text("skillplan.resolved-task/1", resolved_config(problem))
+    )
     progress = GroupProgress(
         steps=steps if done is None else done,
         failures={},
@@ -137,7 +136,7 @@ def write_runs(
         asked={},
     )
     group_path(path, 0).mkdir(parents=True)
-    (group_path(path, 0) / PROGRESS).write_text(json_text(PROGRESS_SCHEMA, progress))
+    (group_path(path, 0) / PROGRESS).write_text(json_text("skillplan.group/1", progress))
     for run, sequence in enumerate(sequences):
         folder = run_path(path, run)
         folder.mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""Dear back ends for tests: importable, so that other processes can make them, too."""
+"""Expensive back ends for tests: importable, so that other processes can make them, too."""
 
 from __future__ import annotations
 
@@ -82,32 +82,32 @@ class _Ruled:
             time.sleep(600)
 
 
-class DearEngine(_Ruled, Engine):
-    """A dear engine."""
+class ExpensiveEngine(_Ruled, Engine):
+    """An expensive engine."""
 
-    name = "dear-engine"
+    name = "expensive-engine"
     expected_s = 0.5
     dear = True
     Options = Options
 
 
-class DearDetector(_Ruled, Detector):
-    """A dear detector, which is asked after the engine."""
+class ExpensiveDetector(_Ruled, Detector):
+    """An expensive detector, which is queried after the engine."""
 
-    name = "dear-detector"
+    name = "expensive-detector"
     expected_s = 1.0
     dear = True
     Options = Options
 
 
 class CheapDetector(_Ruled, Detector):
-    """A cheap detector, which is asked first."""
+    """A cheap detector, which is queried first."""
 
     name = "cheap-detector"
     Options = Options
 
 
-class TalkingEngine(DearEngine):
+class TalkingEngine(ExpensiveEngine):
     """Prints to stdout, also as a library in C does."""
 
     name = "talking-engine"
@@ -122,7 +122,7 @@ class TalkingEngine(DearEngine):
         return super().check(skill, state)
 
 
-class StartlessEngine(DearEngine):
+class StartlessEngine(ExpensiveEngine):
     """Starts in the process in which it was first made only."""
 
     name = "startless-engine"
@@ -134,7 +134,7 @@ class StartlessEngine(DearEngine):
         super().__init__(task, options)
 
 
-class SharingDetector(DearDetector):
+class SharingDetector(ExpensiveDetector):
     """Reads what the engine beside it remembers, and says so in its evidence."""
 
     name = "sharing-detector"

@@ -27,7 +27,7 @@ from skillplan.task.state import Facts, State
 from skillplan.task.task import Metric, Task
 from skillplan.task.verdict import Verdict
 
-CONFIGS = Path(__file__).parents[1] / "configs"
+CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 # Tasks made by hand.
@@ -319,7 +319,7 @@ class FakeSetup(Setup):
 
     make: object = field(default=lambda task: [])
 
-    def back_ends(self, task):
+    def back_ends(self, task, spare=None):
         """Return what was given."""
         return self.make(task)
 

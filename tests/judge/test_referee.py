@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from situations import (
     FakeSetup,
     assembly,
@@ -320,7 +321,7 @@ def test_a_bound_a_hair_too_high_is_caught_on_the_board(board_task):
         assert verdict_on(solution, board_task, Setup(collision=("precedence",))).status == status
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(content=small_assemblies(), factor=st.sampled_from([0.5, 0.999, 1.0, 1.001, 2.0]))
 def test_a_counterexample_is_found_exactly_where_there_is_one(content, factor):
     """On random assemblies without step limits that bind."""

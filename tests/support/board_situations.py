@@ -13,7 +13,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 
-BOARD = Path(__file__).parents[1] / "configs" / "inverter_board.yaml"
+BOARD = Path(__file__).parents[2] / "configs" / "inverter_board.yaml"
 
 # The optimum of the paper's Table III.
 OPTIMAL = (0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14, 15)

@@ -14,7 +14,7 @@ from skillplan.training.trainer import Trainer
 from skillplan.training.training_folder import TrainingFolder
 from skillplan.training.training_plan import TrainingPlan, plan_training
 
-BOARD = Path(__file__).parents[1] / "configs" / "inverter_board.yaml"
+BOARD = Path(__file__).parents[2] / "configs" / "inverter_board.yaml"
 # What a clock decides, and files that hold nothing else.
 _TIMED = ("progress.json", "result.json", "manifest.json")
 

@@ -31,6 +31,7 @@ from skillplan.views.figures.figure_style import (
     sheet,
     text_width_in,
 )
+from skillplan.views.figures.swarmitfix.requested_bench import requested_bench
 
 SOLVER = "exact"
 STEPS = {"retract": BLUE, "park": PURPLE, "swing": "#d9dce0", "approach": ORANGE, "support": GREEN}
@@ -223,7 +224,7 @@ def _mark_sequences(axes: Axes, bars: Sequence[Bar], in_per_s: float) -> None:
 
 def runs(request: FigureRequest) -> Sequence[Run]:
     """Return what has to be solved first: the whole chain."""
-    request.bench()
+    requested_bench(request)
     last = request.problem.tasks[-1]
     if len(last.places_in(last.initial)) != 1:
         raise request.unfit("it shows one base that walks, but the file has several")

@@ -9,7 +9,7 @@ from pathlib import Path
 from skillplan.domains.load import Problem
 from skillplan.pipeline.setup import load_problem
 
-FOLDER = Path(__file__).parent / "instances" / "sop"
+FOLDER = Path(__file__).parents[1] / "instances" / "sop"
 
 with (FOLDER / "best_known.csv").open(encoding="utf-8") as _file:
     BEST_KNOWN = {row["name"]: row for row in csv.DictReader(_file)}

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from skillplan.model.sequencing import SequencingProblem
 
-SOP = Path(__file__).parent / "instances" / "sop"
+SOP = Path(__file__).parents[1] / "instances" / "sop"
 
 
 def problem_of(first, costs, precedence=frozenset(), lengths=None, step_limit=1_000):

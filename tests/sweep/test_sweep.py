@@ -33,7 +33,7 @@ from skillplan.views.figures.figure_file import figure_bytes
 from skillplan.views.figures.sweep_figure import sweep_figure
 from skillplan.views.tables.sweep import setting_table, start_table
 
-CASES = Path(__file__).parents[1] / "configs" / "swarmitfix_cases.yaml"
+CASES = Path(__file__).parents[2] / "configs" / "swarmitfix_cases.yaml"
 QUICK = [("episodes", "300")]
 OUTCOME = StartOutcome("C20", Status.SOLVED, 4.0, 4, "", 0.1)
 GOOD_LINE = SweepRecord(1, 2, (OUTCOME,)).line()

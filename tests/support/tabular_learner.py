@@ -32,7 +32,7 @@ from skillplan.solvers.learning.learner import (
 from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.solvers.solution import Solution
 
-TESTS = Path(__file__).parent
+SUPPORT = Path(__file__).parent
 # What the environment's numbers mean.
 ENDS: tuple[End | None, ...] = (None, "complete", "infeasible", "out-of-time")
 
@@ -243,7 +243,7 @@ def learner_installed(folder: Path, patch: pytest.MonkeyPatch) -> Iterator[str]:
         "[skillplan.solver]\ntabular = tabular_learner:TabularLearner\n"
     )
     patch.syspath_prepend(str(folder))
-    patch.setenv("PYTHONPATH", os.pathsep.join([str(folder), str(TESTS)]))
+    patch.setenv("PYTHONPATH", os.pathsep.join([str(folder), str(SUPPORT)]))
     registry._providers.cache_clear()
     try:
         yield "tabular"
