@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -264,6 +265,27 @@ class TestErrors:
         error = getattr(errors, name)
         assert issubclass(error, errors.SkillplanError)
         assert code == error.exit_code
+
+    @pytest.mark.parametrize(
+        ("outcome", "code"),
+        [
+            ({}, 0),
+            ({"solved": False}, 1),
+            ({"wrong": True, "back_end_failed": True, "solved": False}, 2),
+            ({"back_end_failed": True, "solved": False}, 3),
+            ({"interrupted": True, "wrong": True, "back_end_failed": True}, 130),
+            ({"error": errors.OptionError("x")}, 2),
+            ({"error": errors.BackEndError("x"), "interrupted": True}, 3),
+            ({"error": KeyboardInterrupt()}, 130),
+            ({"error": ZeroDivisionError()}, 3),
+        ],
+        ids=str,
+    )
+    def test_one_function_turns_an_outcome_into_an_exit_code(
+        self, outcome: dict[str, Any], code: int
+    ) -> None:
+        """What an error says counts most, then an interruption, then what is wrong."""
+        assert code == errors.exit_code(**outcome)
 
     def test_the_tree_in_the_docstring_is_complete(self) -> None:
         """Each error class is drawn there."""

@@ -8,7 +8,7 @@ import typer
 
 from skillplan.cli.completion import task_files
 from skillplan.cli.option_values import positive_seconds
-from skillplan.cli.options import LIMITS, TASK, Caching, Style
+from skillplan.cli.options import LIMITS, OUTPUT, TASK, Caching, Style
 
 
 def command(
@@ -43,18 +43,27 @@ def command(
             rich_help_panel=LIMITS,
         ),
     ] = 60.0,
+    verbose: Annotated[
+        bool,
+        typer.Option(
+            "--verbose",
+            help="Show every claim with how it was checked, also those that hold.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = False,
     style: Style = "table",
 ) -> int:
     """Check the claims of RESULT independently of what made it.
 
     The plan is replayed, the arithmetic is done anew, and what is claimed of all plans is proved
     a second time, by another method, where the case is small enough and the time limit allows.
+    What does not hold is listed, what does is told in short.
     """
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import stoppable
     from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
     from skillplan.pipeline.certification import certify
-    from skillplan.views.tables.certificate import certificate_table
+    from skillplan.views.tables.certificate import certificate_summary, certificate_table
 
     with stoppable(time_limit_s, label="verifying") as stop:
         cache = caching.cache()
@@ -62,5 +71,8 @@ def command(
     code = EXIT_SOLVED if certificate.valid else EXIT_NO_PLAN
     if stop.interrupted:
         code = EXIT_INTERRUPTED
-    emit(style, certificate.document(), [certificate_table(certificate)], failed=code != 0)
+    # Only people want it short: Markdown and CSV hold every claim.
+    whole = verbose or style != "table"
+    table = certificate_table(certificate) if whole else certificate_summary(certificate)
+    emit(style, certificate.document(), [table], failed=code != 0)
     return code
