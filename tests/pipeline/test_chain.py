@@ -10,10 +10,10 @@ from skillplan.domains.load import Problem
 from skillplan.errors import OptionError, PluginError
 from skillplan.pipeline.chain import (
     solve_chain,
-    solve_chain_with_all,
     solver_names,
     solvers_by_stage,
 )
+from skillplan.pipeline.comparison import solve_chain_with_all
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Status

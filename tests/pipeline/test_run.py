@@ -7,10 +7,12 @@ import pytest
 from expensive_back_ends import ExpensiveEngine
 from situations import CONFIGS, FakeSetup, fake_back_end, solver_that, two_roads_task
 from skillplan.checks.verdict_cache import DiskVerdictCache
+from skillplan.collision.aabb import AabbDetector
 from skillplan.collision.detector import Detector
 from skillplan.errors import BackEndError, OptionError, PluginError, TaskError
 from skillplan.pipeline import registry
-from skillplan.pipeline.run import cache_folder, make_model, make_solver, solve, solve_all
+from skillplan.pipeline.comparison import solve_all
+from skillplan.pipeline.run import cache_folder, make_model, make_solver, solve
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.stop import Stop
@@ -163,7 +165,7 @@ def test_a_warm_cache_spares_dear_checks(tmp_path):
     ]
     assert results[0].steps == results[1].steps
     assert (results[0].checks > 0, results[1].checks) == (True, 0)
-    assert [bool(back_end.asked) for back_end in made] == [True, False, False, False]
+    assert [bool(back_end.asked) for back_end in made] == [True, False]
 
 
 def test_without_a_choice_the_cache_is_the_users(monkeypatch):
@@ -215,3 +217,83 @@ def test_a_result_does_not_depend_on_how_many_processes_check(solver):
     found = [replace(solve(task, solver, setup, jobs=jobs), wall_s=0.0) for jobs in (1, 2)]
     assert found[0] == found[1]
     assert found[0].checks > 0
+
+
+class TestConstruction:
+    """A back end may take seconds to start: it is constructed once for a solver and its judge."""
+
+    @pytest.fixture
+    def made(self):
+        """The back ends that were constructed."""
+        return []
+
+    @pytest.fixture
+    def setup(self, made):
+        """A setup whose one back end is noted when it is constructed."""
+
+        def make(task):
+            made.append(fake_back_end(task, Verdict.feasible()))
+            return [made[-1]]
+
+        return FakeSetup(make=make)
+
+    def test_search_and_judge_share_it(self, made, setup):
+        """As does the walk along a plan to start from."""
+        start = Plan(("to_a", "a_to_b", "finish"))
+        result = solve(two_roads_task(), "exact", setup, start=start)
+        assert result.status == "optimal"
+        assert len(made) == 1
+
+    def test_it_is_told_of_the_others_once(self):
+        """However many models are made of it."""
+        told = []
+
+        class Social(Detector):
+            """Notes who is beside it."""
+
+            name = "social"
+
+            def beside(self, others):
+                told.append(len(others))
+
+            def check(self, skill, state):
+                return Verdict.feasible()
+
+        setup = FakeSetup(make=lambda task: [Social(task), fake_back_end(task, name="other")])
+        solve(two_roads_task(), "exact", setup)
+        assert told == [1]
+
+    def test_each_solver_of_a_comparison_has_its_own(self, made, setup):
+        """What a back end remembers for one must not spare the next its work."""
+        solve_all(two_roads_task(), ["exact", "exhaustive"], setup)
+        assert len(made) == 2
+
+    def test_the_referee_has_a_fresh_model(self, made, setup):
+        """It queries cheap back ends anew, whoever has queried them before."""
+        queried = []
+        solver = solver_that(
+            lambda self, model: (
+                queried.append(len(made[0].asked)) or Solution(Plan(("to_b", "finish")))
+            )
+        )
+        assert solve(two_roads_task(), solver, setup).status == "solved"
+        assert queried == [0]
+        assert len(made[0].asked) == 2
+
+    def test_one_that_loading_constructed_is_handed_on_once(self):
+        """The next who wants one constructs another."""
+        problem = load_problem("configs/inverter_board.yaml", {"collision": ["aabb"]})
+        problem.spare_back_ends.append(AabbDetector(problem.task))
+        (spare,) = problem.spare_back_ends
+        setup = Setup(collision=("aabb",))
+        assert setup.back_ends(problem.task, problem.spare_back_ends)[1] is spare
+        assert setup.back_ends(problem.task, problem.spare_back_ends)[1] is not spare
+
+    def test_one_with_other_options_is_not_taken(self):
+        """Nor one of another task."""
+        task = lid_task()
+        spare = [AabbDetector(task)]
+        setup = Setup(collision=("aabb",), options={"aabb": {"tolerance_m": 0.002}})
+        assert setup.back_ends(task, spare)[1] is not spare[0]
+        assert Setup(collision=("aabb",)).back_ends(lid_task(), spare)[1] is not spare[0]
+        assert len(spare) == 1

@@ -319,7 +319,7 @@ class FakeSetup(Setup):
 
     make: object = field(default=lambda task: [])
 
-    def back_ends(self, task):
+    def back_ends(self, task, spare=None):
         """Return what was given."""
         return self.make(task)
 
