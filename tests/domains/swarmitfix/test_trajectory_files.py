@@ -121,7 +121,7 @@ class TestAnyFile:
             raise PermissionError(13, "Permission denied")
 
         (tmp_path / "mine.csv").touch()
-        monkeypatch.setattr(Path, "open", forbidden)
+        monkeypatch.setattr("skillplan.files.regular_file.open_regular", forbidden)
         with pytest.raises(TrajectoryFileError, match="may not be read"):
             read_trajectory(tmp_path / "mine.csv")
 
