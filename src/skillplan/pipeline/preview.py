@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing
 from typing import Any
 
+from skillplan.chart.conflict import conflict_lines
 from skillplan.chart.precedence_chart import DerivedChart, derive_chart
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.load import Problem
@@ -79,14 +80,16 @@ def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool)
         len(chart.relations),
         chart.circle,
         chart.impossible,
-        tuple(_obstacles(chart, names)),
+        tuple(_obstacles(chart, task, names)),
     )
 
 
-def _obstacles(chart: DerivedChart, names: tuple[str, ...]) -> list[str]:
-    """Return why no order can exist, in words."""
+def _obstacles(chart: DerivedChart, task: Task, names: tuple[str, ...]) -> Iterator[str]:
+    """Yield why no order can exist, in words."""
     by = f"by {', '.join(names)}"
-    said = [f"{by}, {skill} is never feasible: {why}." for skill, why in chart.impossible.items()]
-    if chart.circle:
-        said.append(f"{by}, no order exists: {' before '.join(chart.circle)}.")
-    return said
+    for skill, why in chart.impossible.items():
+        yield f"{by} {skill} is never feasible: {why}."
+    first, *rest = conflict_lines(task, chart.relations) or ("",)
+    if first:
+        yield f"{by} no order exists: {first}."
+        yield from (f"{line}." for line in rest)
