@@ -16,6 +16,15 @@ def _no_columns(monkeypatch):
     monkeypatch.delenv("COLUMNS", raising=False)
 
 
+def pytest_addoption(parser):
+    """Let the documentation be brought up to date by the tests that check it."""
+    parser.addoption(
+        "--update-transcripts",
+        action="store_true",
+        help="write what commands print into README and docs instead of comparing",
+    )
+
+
 @pytest.fixture(scope="session")
 def lid_task():
     """A box, a fuse that goes into it, and a lid that is screwed on."""
