@@ -63,7 +63,7 @@ class GroupReport:
     best_cost
         The least that an episode has cost; None where none succeeded.
     executions
-        Questions that dear back ends had to work for in this group so far.
+        Checks that expensive back ends have made in this group so far.
     """
 
     group: int

@@ -33,7 +33,7 @@ _EVENTS = "events.out.tfevents.skillplan"
 
 @contextmanager
 def writing(folder: Path, name: str) -> Iterator[None]:
-    """Turn a failure to write into the one message that says what is safe.
+    """Turn a failure to write into the one message that names what is safe.
 
     Raises
     ------
