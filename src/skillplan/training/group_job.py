@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skillplan.files.atomic_file import write_whole
+from skillplan.files.folder import make_folder
 from skillplan.files.json_file import json_text
 from skillplan.records import schemas
 from skillplan.records.training.outcome import GreedyRollOut
@@ -96,7 +97,7 @@ def write_progress(folder: Path, group: int, progress: GroupProgress) -> None:
         If it cannot be written.
     """
     with writing(folder, f"groups/{group}/{PROGRESS}"):
-        group_path(folder, group).mkdir(parents=True, exist_ok=True)
+        make_folder(group_path(folder, group), within=folder)
         text = json_text(schemas.RUN_GROUP, progress)
         write_whole(group_path(folder, group) / PROGRESS, text, within=folder)
 

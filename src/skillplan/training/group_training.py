@@ -12,6 +12,7 @@ from collections.abc import Callable
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.errors import OptionError, SkillplanError
+from skillplan.files.folder import make_folder
 from skillplan.files.folder_lock import FolderLock
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.run import make_model, warm_cache
@@ -66,7 +67,7 @@ class GroupTraining:
         self._logs: list[RunLog] = []
         self._path = group_path(job.folder, job.group)
         with writing(job.folder, f"groups/{job.group}"):
-            self._path.mkdir(parents=True, exist_ok=True)
+            make_folder(self._path, within=job.folder)
         self._lock = FolderLock(self._path, "training", _PATIENCE_S)
         try:
             checkpoint = read_checkpoint(self._path / CHECKPOINT, within=job.folder)

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from skillplan.errors import OptionError
+from skillplan.files.folder import make_folder
 from skillplan.files.growing_file import GrowingFile
 from skillplan.records.training.metrics_file import (
     METRICS,
@@ -163,7 +164,7 @@ class RunLog:
     def _open(self, name: str, length: int) -> None:
         path = self._folder / name
         with writing(self._folder, name):
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(path.parent, within=self._folder)
             file = self._files[name] = GrowingFile(path, self._folder)
             if file.length < length:
                 raise OptionError(
