@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from skillplan import errors
 from skillplan.cli.writing import write_out
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
+from skillplan.files.output_path import output_path, refusing
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result, Status
 from skillplan.views.tables.rendering import render
@@ -71,6 +73,32 @@ def prepare_folder(out: str | None) -> Path | None:
     if occupied is not None:
         raise OptionError(f"--out {out}: is not empty. Name a new folder.")
     return folder
+
+
+def write_new_file(out: str, text: str, suffixes: Collection[str], what: str) -> None:
+    """Write a file that is not there yet, in one piece.
+
+    Parameters
+    ----------
+    out
+        The file as ``--out`` names it.
+    text
+        What it is to hold.
+    suffixes
+        Those it may have.
+    what
+        What is written, in the plural.
+
+    Raises
+    ------
+    OptionError
+        If it is there already, or cannot be written.
+    """
+    path = output_path("--out", out, suffixes, what)
+    if os.path.lexists(path):
+        raise OptionError(f"--out {out}: is there already. Name a new file.")
+    with refusing("--out", path):
+        write_whole(path, text)
 
 
 def save(folder: Path, name: str, text: str) -> None:
