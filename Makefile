@@ -1,7 +1,6 @@
-# Everything runs in .venv, which the first target that needs it makes.
+# Everything runs in .venv. Each target installs there what it needs, and no more.
 PYTHON ?= python3
 BIN := .venv/bin
-INSTALLED := .venv/.installed
 SKILLPLAN := $(BIN)/skillplan
 BOARD := configs/inverter_board.yaml
 BENCH := configs/swarmitfix_polygonal.yaml
@@ -9,11 +8,21 @@ OPTIMUM := 0,1,2,3,4,5,8,9,10,11,6,7,13,14,15
 # pybullet has wheels up to CPython 3.11; everything else works without it.
 HAS_PYBULLET = $(BIN)/python -c 'import sys; sys.exit(sys.version_info >= (3, 12))'
 PHYSICS := --physics pybullet --collision contact-pairs
-SOURCES := src tests benchmarks examples plugins
+SOURCES := src tests benchmarks examples plugins docs .ci
+# Without bytecode every process of a test, and every command, would compile all that it imports.
+unexport PYTHONDONTWRITEBYTECODE
+# Bytecode is made when a module is first imported: most of what is installed never is.
+PIP := PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet \
+	--disable-pip-version-check --no-compile --no-build-isolation
+# A stamp a set of packages, newer than the lists that it was installed from.
+LISTS := pyproject.toml constraints.txt $(wildcard plugins/*/pyproject.toml)
 
-.PHONY: demo test test-all check format bench schema clean
+.PHONY: demo test test-all check format bench schema docs dist-check clean help
 
-demo: $(INSTALLED)  ## the board to its proven optimum, also by physics and by learning; the bench; an order
+help:  ## list the targets
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
+
+demo: .venv/.demo  ## the board to its proven optimum, also by physics and by learning; the bench; an order
 	$(SKILLPLAN) chart $(BOARD) --collision swept
 	$(SKILLPLAN) compare $(BOARD) --solvers exhaustive,exact
 	$(SKILLPLAN) compare $(BENCH) --solvers csp,sarsa,monte-carlo,policy-iteration
@@ -24,23 +33,26 @@ demo: $(INSTALLED)  ## the board to its proven optimum, also by physics and by l
 	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && \
 	  $(SKILLPLAN) train $(BOARD) --solver dqn --runs 2 --steps 20000 --out "$$out/runs"
 
-test: $(INSTALLED)  ## the suite, without what takes minutes
+test: .venv/.test  ## the suite, without what takes minutes
 	$(BIN)/pytest -n auto -q tests plugins
 
-test-all: $(INSTALLED)  ## the whole suite
-	$(BIN)/pytest -n auto -q -m "slow or not slow" tests plugins
+test-all: .venv/.test  ## the whole suite
+	$(BIN)/pytest -n auto -q -m "slow or not slow" --hypothesis-profile=thorough tests plugins
 
-check: $(INSTALLED)  ## format, lint, types, import floors
+check: .venv/.test .venv/.check  ## format, lint, types, import floors
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/ruff check $(SOURCES)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-format: $(INSTALLED)  ## format, and mend what lint can mend
+format: .venv/.check  ## format, and mend what lint can mend
 	$(BIN)/ruff format $(SOURCES)
 	$(BIN)/ruff check --fix $(SOURCES)
 
-bench: $(INSTALLED)  ## ratios against a baseline of the same run
+docs: .venv/.docs  ## the documentation as pages, in docs/_build/html
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet --builder html docs docs/_build/html
+
+bench: .venv/.test  ## ratios against a baseline of the same run
 	$(BIN)/python benchmarks/startup.py
 	$(BIN)/python benchmarks/search.py
 	$(BIN)/python benchmarks/tabular.py
@@ -52,23 +64,44 @@ bench: $(INSTALLED)  ## ratios against a baseline of the same run
 	if $(HAS_PYBULLET); then $(BIN)/python benchmarks/physics.py; fi
 	$(BIN)/python benchmarks/learning.py
 
-schema: $(INSTALLED)  ## the JSON Schema that editors read
+schema: .venv/.core  ## the JSON Schema that editors read
 	$(SKILLPLAN) schema assembly > configs/assembly.schema.json
 	$(SKILLPLAN) schema sop > configs/sop.schema.json
 	$(SKILLPLAN) schema swarmitfix > configs/swarmitfix.schema.json
 
+dist-check: .venv/.core  ## build all wheels, install them apart from the sources, solve the board
+	$(PIP) build
+	$(BIN)/python .ci/dist_check.py
+
 clean:  ## all that these targets make
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf dist docs/_build
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-$(INSTALLED): pyproject.toml constraints.txt $(wildcard plugins/*/pyproject.toml)
+.venv/.core: $(LISTS)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "skillplan needs Python 3.11 or newer; name one: make PYTHON=python3.11"; exit 1; }
 	$(PYTHON) -m venv .venv
-	PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet --disable-pip-version-check \
-	  --editable '.[dev]' --editable plugins/skillplan-template \
-	  --editable plugins/skillplan-pinocchio --editable plugins/skillplan-torch \
-	  --editable plugins/skillplan-ortools \
-	  $$($(HAS_PYBULLET) && echo --editable plugins/skillplan-pybullet)
-	$(BIN)/python -m skillplan.solvers.ordering.warm_up
+	$(PIP) hatchling editables
+	$(PIP) --editable .
+	touch $@
+
+# The kernels of the ordering search compile while pip fetches the engines.
+.venv/.demo: .venv/.core
+	$(BIN)/python -m skillplan.solvers.ordering.warm_up & kernels=$$!; \
+	  $(PIP) --editable plugins/skillplan-pinocchio --editable plugins/skillplan-torch \
+	    $$($(HAS_PYBULLET) && echo --editable plugins/skillplan-pybullet) && wait $$kernels
+	touch $@
+
+.venv/.test: .venv/.demo
+	$(PIP) --editable '.[test]' --editable plugins/skillplan-template \
+	  --editable plugins/skillplan-ortools
+	touch $@
+
+.venv/.check: .venv/.core
+	$(PIP) --editable '.[check]'
+	touch $@
+
+.venv/.docs: .venv/.demo
+	$(PIP) --editable '.[docs]'
 	touch $@

@@ -9,8 +9,10 @@ import importlib
 import sys
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
+# Every public name and the module that it is imported from when first used. Type checkers read
+# the imports below instead; a test holds the two together.
 _HOMES = {
     "Account": "skillplan.domains.domain",
     "BackEnd": "skillplan.task.back_end",
@@ -46,69 +48,47 @@ _HOMES = {
     "make_model": "skillplan.pipeline.run",
     "solve": "skillplan.pipeline.run",
     "solve_chain": "skillplan.pipeline.chain",
+    "solve_problem": "skillplan.pipeline.solve_problem",
 }
 
-__all__ = [
-    "Account",
-    "BackEnd",
-    "Case",
-    "ChainResult",
-    "Condition",
-    "Detector",
-    "Domain",
-    "Engine",
-    "Facts",
-    "Outcome",
-    "Plan",
-    "Policy",
-    "Problem",
-    "Result",
-    "Scene",
-    "Setup",
-    "Skill",
-    "SkillEnv",
-    "SkillModel",
-    "SkillVectorEnv",
-    "SkillplanError",
-    "Solution",
-    "Solver",
-    "State",
-    "Status",
-    "Stop",
-    "Task",
-    "TaskError",
-    "Transition",
-    "Verdict",
-    "load_problem",
-    "make_model",
-    "solve",
-    "solve_chain",
-]
+__all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
-    from skillplan.collision.detector import Detector
-    from skillplan.domains.domain import Account, Domain
-    from skillplan.domains.load import Problem
-    from skillplan.env.skill_env import SkillEnv
-    from skillplan.env.skill_vector_env import SkillVectorEnv
-    from skillplan.errors import SkillplanError, TaskError
-    from skillplan.model.skill_model import SkillModel, Transition
-    from skillplan.physics.engine import Engine
-    from skillplan.pipeline.chain import solve_chain
-    from skillplan.pipeline.run import make_model, solve
-    from skillplan.pipeline.setup import Setup, load_problem
-    from skillplan.records.chain_result import ChainResult
-    from skillplan.records.result import Result, Status
-    from skillplan.solvers.solution import Plan, Policy, Solution
-    from skillplan.solvers.solver import Solver
-    from skillplan.solvers.stop import Stop
-    from skillplan.task.back_end import BackEnd
-    from skillplan.task.condition import Condition
-    from skillplan.task.scene import Scene
-    from skillplan.task.skill import Case, Outcome, Skill
-    from skillplan.task.state import Facts, State
-    from skillplan.task.task import Task
-    from skillplan.task.verdict import Verdict
+    from skillplan.collision.detector import Detector as Detector
+    from skillplan.domains.domain import Account as Account
+    from skillplan.domains.domain import Domain as Domain
+    from skillplan.domains.load import Problem as Problem
+    from skillplan.env.skill_env import SkillEnv as SkillEnv
+    from skillplan.env.skill_vector_env import SkillVectorEnv as SkillVectorEnv
+    from skillplan.errors import SkillplanError as SkillplanError
+    from skillplan.errors import TaskError as TaskError
+    from skillplan.model.skill_model import SkillModel as SkillModel
+    from skillplan.model.skill_model import Transition as Transition
+    from skillplan.physics.engine import Engine as Engine
+    from skillplan.pipeline.chain import solve_chain as solve_chain
+    from skillplan.pipeline.run import make_model as make_model
+    from skillplan.pipeline.run import solve as solve
+    from skillplan.pipeline.setup import Setup as Setup
+    from skillplan.pipeline.setup import load_problem as load_problem
+    from skillplan.pipeline.solve_problem import solve_problem as solve_problem
+    from skillplan.records.chain_result import ChainResult as ChainResult
+    from skillplan.records.result import Result as Result
+    from skillplan.records.result import Status as Status
+    from skillplan.solvers.solution import Plan as Plan
+    from skillplan.solvers.solution import Policy as Policy
+    from skillplan.solvers.solution import Solution as Solution
+    from skillplan.solvers.solver import Solver as Solver
+    from skillplan.solvers.stop import Stop as Stop
+    from skillplan.task.back_end import BackEnd as BackEnd
+    from skillplan.task.condition import Condition as Condition
+    from skillplan.task.scene import Scene as Scene
+    from skillplan.task.skill import Case as Case
+    from skillplan.task.skill import Outcome as Outcome
+    from skillplan.task.skill import Skill as Skill
+    from skillplan.task.state import Facts as Facts
+    from skillplan.task.state import State as State
+    from skillplan.task.task import Task as Task
+    from skillplan.task.verdict import Verdict as Verdict
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Every error a user or plugin author has to repair.
+"""Every error a user or plugin author has to repair, and the exit code of every outcome.
 
 What a robot may meet (a blocked place, a missing support) is never an error: it is a
 :class:`~skillplan.task.verdict.Verdict`.
@@ -13,6 +13,7 @@ What a robot may meet (a blocked place, a missing support) is never an error: it
     ├── NotASequencing            a model is not a sequencing problem
     ├── NotMultiAgent             a model is not one of agents that move between places
     ├── ChainBroken               what a stage of a chain gave leaves nothing for the next
+    ├── SolverError               a solver raised, or returned what is no solution
     ├── BackEndError              a physics or collision back end failed        exit code 3
     └── SearchStopped             a stop reached a solver that does not poll for it
 """
@@ -20,10 +21,14 @@ What a robot may meet (a blocked place, a missing support) is never an error: it
 from __future__ import annotations
 
 import difflib
+import os
+import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import ClassVar
 
+# What every command ends with; `exit_code` says when.
 EXIT_SOLVED = 0
 EXIT_NO_PLAN = 1
 EXIT_WRONG_INPUT = 2
@@ -31,10 +36,55 @@ EXIT_BACK_END = 3
 EXIT_INTERRUPTED = 130
 
 
+def exit_code(
+    error: BaseException | None = None,
+    *,
+    solved: bool = True,
+    wrong: bool = False,
+    back_end_failed: bool = False,
+    interrupted: bool = False,
+) -> int:
+    """Return the exit code of a command; the only place that knows which it is.
+
+    Where several hold, what stands first below counts.
+
+    Parameters
+    ----------
+    error
+        What was raised, if anything: an error of this module says its code itself, Ctrl-C is an
+        interruption, and anything else is a failure of the program, ``EXIT_BACK_END``.
+    interrupted
+        Whether it was stopped before its end: ``EXIT_INTERRUPTED``.
+    wrong
+        Whether what was given or claimed is wrong: ``EXIT_WRONG_INPUT``.
+    back_end_failed
+        Whether physics or collision checks failed: ``EXIT_BACK_END``.
+    solved
+        Whether there is a plan, or whatever else was wanted: ``EXIT_SOLVED``, else
+        ``EXIT_NO_PLAN``.
+    """
+    if isinstance(error, SkillplanError):
+        return error.exit_code
+    if interrupted or isinstance(error, KeyboardInterrupt):
+        return EXIT_INTERRUPTED
+    if wrong:
+        return EXIT_WRONG_INPUT
+    if back_end_failed or error is not None:
+        return EXIT_BACK_END
+    return EXIT_SOLVED if solved else EXIT_NO_PLAN
+
+
 class SkillplanError(Exception):
-    """Base of all errors; ``str(error)`` is the message for the user."""
+    """Base of all errors; ``str(error)`` is the message for the user.
+
+    Attributes
+    ----------
+    remote_traceback
+        Where a plugin raised in another process; empty where it did in this one.
+    """
 
     exit_code: ClassVar[int] = EXIT_WRONG_INPUT
+    remote_traceback: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +168,10 @@ class ChainBroken(SkillplanError):
     """What one stage of a chain gave leaves the next without anything to choose from."""
 
 
+class SolverError(SkillplanError):
+    """A solver raised, or returned something else than a solution."""
+
+
 class BackEndError(SkillplanError):
     """A physics or collision back end raised instead of returning a verdict."""
 
@@ -128,6 +182,62 @@ class SearchStopped(SkillplanError):
     """Raised by the model in a solver that goes on asking long after it was told to stop."""
 
     exit_code = EXIT_INTERRUPTED
+
+
+def raised_by(plugin: type, error: Exception) -> str:
+    """Return what a plugin raised, with file and line of the plugin's own code.
+
+    Parameters
+    ----------
+    plugin
+        The class of the plugin.
+    error
+        What it raised. One of ours is in words already and is returned as it is.
+    """
+    if isinstance(error, SkillplanError):
+        return str(error)
+    words = f"{type(error).__name__}: {error}"
+    place = _place_of(plugin, error)
+    if not place:
+        return words
+    hint = "" if debugging() else "; SKILLPLAN_DEBUG=1 shows the traceback"
+    return f"{words} ({place}{hint})"
+
+
+def debugging() -> bool:
+    """Whether ``SKILLPLAN_DEBUG`` asks for tracebacks."""
+    return bool(os.environ.get("SKILLPLAN_DEBUG"))
+
+
+def traceback_text(error: SkillplanError) -> str:
+    """Return the traceback of what a plugin raised where `debugging`; empty otherwise."""
+    if not debugging():
+        return ""
+    if error.remote_traceback or error.__cause__ is None:
+        return error.remote_traceback
+    import traceback
+
+    return "".join(traceback.format_exception(error.__cause__))
+
+
+def _place_of(plugin: type, error: Exception) -> str:
+    """Return ``FILE:LINE`` of the innermost code of a plugin's package on the way to an error.
+
+    Where none of it is, as for a call with a wrong number of arguments, that of the innermost.
+    """
+    module = sys.modules.get(plugin.__module__.partition(".")[0])
+    file = getattr(module, "__file__", None)
+    root = None if file is None else Path(file)
+    if root is not None and root.name == "__init__.py":
+        root = root.parent
+    own = last = ""
+    step = error.__traceback__
+    while step is not None:
+        last = f"{step.tb_frame.f_code.co_filename}:{step.tb_lineno}"
+        if root is not None and Path(step.tb_frame.f_code.co_filename).is_relative_to(root):
+            own = last
+        step = step.tb_next
+    return own or last
 
 
 def format_path(path: Sequence[str | int]) -> str:

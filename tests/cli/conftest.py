@@ -47,6 +47,12 @@ def board() -> str:
 
 
 @pytest.fixture
+def root() -> Path:
+    """The root of the repository."""
+    return ROOT
+
+
+@pytest.fixture
 def motor() -> str:
     """The larger board, whose sequences cannot be enumerated."""
     return MOTOR
@@ -73,7 +79,8 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
     folder = tmp_path / "site"
     folder.mkdir()
     monkeypatch.syspath_prepend(str(folder))
-    monkeypatch.setenv("PYTHONPATH", str(folder))
+    before = filter(None, [os.environ.get("PYTHONPATH")])
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(folder), *before]))
     installed: list[str] = []
 
     def put(kind: str, name: str, value: str, source: str) -> Path:

@@ -11,9 +11,10 @@ import pytest
 
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.domain import Account, Listing
-from skillplan.pipeline.run import attempt, blank_result, grade, solve
+from skillplan.pipeline.run import attempt, grade, make_draft, solve
 from skillplan.pipeline.setup import Setup
 from skillplan.records.chain_result import ChainPart, ChainResult
+from skillplan.records.grading import Grade
 from skillplan.records.result import Result, Status
 from skillplan.task.task import Task
 from skillplan.views.tables.chain import (
@@ -41,9 +42,8 @@ def result(task: Task, status: Status = Status.OPTIMAL, **changes: Any) -> Resul
         }
     else:
         figures = {"reason": "told"}
-    values = {"solver": "made", "cost_unit": "steps", **figures, **changes}
-    blank = blank_result(task, values.pop("solver"), Setup(), 0)
-    return replace(blank, status=status, **values)
+    granted = Grade(status, **figures)
+    return replace(make_draft(task, "made", Setup(), 0).graded(granted), **changes)
 
 
 def part(

@@ -6,6 +6,7 @@ import sys
 import pytest
 from hypothesis import given, settings
 
+from example_count import examples
 from situations import (
     assembly,
     cheapest_by_length,
@@ -64,7 +65,7 @@ def test_a_small_task_without_jobs_is_solved_all_the_same():
     assert (result.status, result.cost) == (Status.OPTIMAL, 3.0)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(content=small_assemblies())
 def test_it_proves_the_optimum_of_random_assemblies(content):
     """With step limits that bind; or that there is no plan."""
@@ -73,7 +74,7 @@ def test_it_proves_the_optimum_of_random_assemblies(content):
     assert_proved(model, optimum(cheapest_by_length(model)))
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(task=small_tasks())
 def test_it_proves_the_optimum_of_random_tasks(task):
     """Of no structure at all."""

@@ -5,6 +5,7 @@ from collections import Counter
 import pytest
 from hypothesis import given, settings
 
+from example_count import examples
 from situations import (
     assembly,
     cheapest_by_length,
@@ -88,7 +89,7 @@ def test_brute_force_counts_the_same_where_reloading_is_allowed():
     assert solution.trace["sequences"] == 925_020
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(small_assemblies().filter(lambda content: len(content["parts"]) == 2))
 def test_it_agrees_with_dynamic_programs_on_random_assemblies(content):
     """On the optimum, the fewest skills and the number of sequences of every length."""

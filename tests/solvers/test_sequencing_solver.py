@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from ordering_instances import instance_of
 from situations import (
     PatientStop,
@@ -81,7 +82,7 @@ def test_it_proves_what_exact_search_proves(config, detector):
     assert found.cost == pytest.approx(solve(task, "exact", setup).cost, abs=1e-9)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(content=small_assemblies(), solver=st.sampled_from(PROVING[1:]))
 def test_it_is_never_wrong_whatever_the_step_limit(content, solver):
     """Where the cheapest order has a plan that is too long, nothing is said to be optimal."""
@@ -113,7 +114,7 @@ def test_a_step_limit_that_binds_leaves_a_bound_and_words(board_task):
 
 
 @given(task=small_tasks())
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 def test_what_is_no_sequencing_problem_is_refused_in_words(task):
     """One sentence, with another solver to take."""
     refusal = make_solver("portfolio").refuses(model_of(task))

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from skillplan.domains.domain import Domain, Strict
-from skillplan.domains.load import Problem, load_task
+from skillplan.domains.load import load_task
 from skillplan.domains.sop import SopDomain
 from skillplan.errors import OptionError, PluginError, TaskError
 from skillplan.files.yaml import Document
@@ -35,35 +35,34 @@ class WordsDomain(Domain):
 
 
 @pytest.fixture
-def asked() -> list[str]:
-    """The kinds that were asked for."""
+def looked_up() -> list[str]:
+    """The kinds that were looked up."""
     return []
 
 
 @pytest.fixture
-def load(asked: list[str]) -> Any:
+def load(looked_up: list[str]) -> Any:
     """Load with three kinds, one of which is broken."""
 
-    def find(kind: str) -> Domain:
-        asked.append(kind)
-        if kind == "broken":
-            raise PluginError("cannot be imported")
-        return {"words": WordsDomain, "sop": SopDomain}[kind]()
+    class Domains(dict[str, type[Domain]]):
+        def __getitem__(self, kind: str) -> Any:
+            looked_up.append(kind)
+            if kind == "broken":
+                raise PluginError("cannot be imported")
+            return super().__getitem__(kind)()
 
-    def call(path: Path, **options: Any) -> Problem:
-        return load_task(path, find, ["broken", "sop", "words"], **options)
-
-    return call
+    domains: Any = Domains(broken=Domain, sop=SopDomain, words=WordsDomain)
+    return lambda path: load_task(path, domains)
 
 
 def test_a_suffix_is_read_by_the_domain_that_claims_it(
-    tmp_path: Path, load: Any, asked: list[str]
+    tmp_path: Path, load: Any, looked_up: list[str]
 ) -> None:
-    """The kind of that name is asked first, so that no other has to be imported."""
+    """The kind of that name is looked up first, so that no other has to be imported."""
     path = tmp_path / "a.words"
     path.write_text("three words here")
     assert 3 == load(path).task.skills[0].cost.least(0, 0)
-    assert ["words", "sop"] == asked
+    assert ["words", "sop"] == looked_up
 
 
 @pytest.mark.parametrize("name", ["a.list", "A.LIST"])
@@ -75,14 +74,14 @@ def test_a_broken_kind_keeps_nobody_from_reading(tmp_path: Path, load: Any, name
 
 
 @pytest.mark.parametrize("name", ["a.yaml", "a.yml", "a"])
-def test_yaml_asks_no_kind_but_its_own(
-    tmp_path: Path, load: Any, asked: list[str], name: str
+def test_yaml_looks_up_no_kind_but_its_own(
+    tmp_path: Path, load: Any, looked_up: list[str], name: str
 ) -> None:
     """What a file does not need is not imported for it."""
     path = tmp_path / name
     path.write_text("kind: sop\nname: two\ncosts: [[0, 7], [-1, 0]]\n")
     assert 7 == load(path).task.skills[0].cost.least(0, 0)
-    assert ["sop"] == asked
+    assert ["sop"] == looked_up
 
 
 def test_a_suffix_that_nobody_claims_is_yaml(tmp_path: Path, load: Any) -> None:

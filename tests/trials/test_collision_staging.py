@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given, settings
 
+from example_count import examples
 from situations import assembly, config_content, crowded_assemblies
 from skillplan.collision.boxes import sweep_hits, world_boxes
 from skillplan.physics.linear_motions import grasp_of, strokes
@@ -106,7 +107,7 @@ class TestStagedCollisions:
         trials = staged_collisions(board, board.skill("place(brace)"), after(board, *over))
         assert not [trial for trial in trials if trial.kind == "place taken"]
 
-    @settings(max_examples=60)
+    @settings(max_examples=examples(60))
     @given(crowded_assemblies())
     def test_the_staged_world_can_be_and_overlaps_nowhere(self, content) -> None:
         """Blocks stand on the table or on a part, clear of everything but what comes."""

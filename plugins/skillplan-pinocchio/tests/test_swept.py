@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from situations import assembly
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.run import make_feasibility, solve
@@ -307,7 +308,7 @@ class TestLinks:
 
 
 class TestReuse:
-    @settings(max_examples=60)
+    @settings(max_examples=examples(60))
     @given(data=st.data())
     def test_a_verdict_holds_in_every_state_that_agrees_on_its_facts(self, data, board):
         """Also in states that nothing leads to; the same reason and evidence, by a fresh one."""

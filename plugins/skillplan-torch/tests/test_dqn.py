@@ -460,7 +460,7 @@ class TestFailures:
 
 
 class TestGoingOn:
-    @settings(max_examples=8, deadline=None, derandomize=True, database=None)
+    @settings(max_examples=8)
     @given(
         st.lists(st.integers(0, STEPS), max_size=3),
         st.sampled_from(sorted(KINDS)),

@@ -11,6 +11,7 @@ from skillplan.checks.query_batch import QuestionBatch
 from skillplan.checks.single_check import (
     Asking,
     Checked,
+    IntroducedBackEnds,
     check,
     execution_time_s,
     introduce,
@@ -49,6 +50,19 @@ class CheckCount:
     checks: int
     hits: int
     to_go: int
+
+
+def introduced(back_ends: Iterable[BackEnd]) -> IntroducedBackEnds:
+    """Return back ends that know of each other, the cheapest first; the same ones if they do.
+
+    Raises
+    ------
+    BackEndError
+        If a back end does not get on with those beside it.
+    """
+    if isinstance(back_ends, IntroducedBackEnds):
+        return back_ends
+    return introduce(sorted(back_ends, key=lambda back_end: back_end.expected_s))
 
 
 class Feasibility:
@@ -101,8 +115,7 @@ class Feasibility:
         if jobs < 1:
             raise ValueError(f"There must be at least one process, not {jobs}.")
         self.task = task
-        self.back_ends = tuple(sorted(back_ends, key=lambda back_end: back_end.expected_s))
-        introduce(self.back_ends)
+        self.back_ends = introduced(back_ends)
         self.cache = VerdictCache() if cache is None else cache
         self.checks = 0
         self.hits = 0

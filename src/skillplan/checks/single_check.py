@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from skillplan.errors import BackEndError, SkillplanError
+from skillplan.errors import BackEndError, raised_by
 from skillplan.files.plain_json import json_fault
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
@@ -62,8 +62,19 @@ class Asking:
     goes_on: bool = False
 
 
-def introduce(back_ends: Sequence[BackEnd]) -> None:
-    """Tell every back end which others are asked beside it.
+class IntroducedBackEnds(tuple[BackEnd, ...]):
+    """Back ends that have been told of each other, which is done once."""
+
+    __slots__ = ()
+
+
+def introduce(back_ends: Sequence[BackEnd]) -> IntroducedBackEnds:
+    """Tell every back end which others are queried beside it.
+
+    Returns
+    -------
+    IntroducedBackEnds
+        The back ends in the given order.
 
     Raises
     ------
@@ -77,9 +88,11 @@ def introduce(back_ends: Sequence[BackEnd]) -> None:
         except BackEndError:
             raise
         except Exception as error:
-            raise BackEndError(f"Back end {back_end.name!r} failed: {_in_words(error)}") from error
+            words = raised_by(type(back_end), error)
+            raise BackEndError(f"Back end {back_end.name!r} failed: {words}") from error
         if fault is not None:
             raise BackEndError(f"The basis of back end {back_end.name!r} is not JSON: {fault}.")
+    return IntroducedBackEnds(back_ends)
 
 
 def check(back_end: BackEnd, skill: Skill, state: State) -> Checked:
@@ -97,8 +110,9 @@ def check(back_end: BackEnd, skill: Skill, state: State) -> Checked:
     except BackEndError:
         raise
     except Exception as error:
+        words = raised_by(type(back_end), error)
         raise BackEndError(
-            f"Back end {back_end.name!r} failed on {skill.name} in {state}: {_in_words(error)}"
+            f"Back end {back_end.name!r} failed on {skill.name} in {state}: {words}"
         ) from error
     took_s = time.perf_counter() - begin_s
     if not isinstance(verdict, Verdict):
@@ -136,8 +150,9 @@ def execution_time_s(back_end: BackEnd, skill: Skill, state: State) -> float | N
     except BackEndError:
         raise
     except Exception as error:
+        words = raised_by(type(back_end), error)
         raise BackEndError(
-            f"Back end {back_end.name!r} failed to time {skill.name} in {state}: {_in_words(error)}"
+            f"Back end {back_end.name!r} failed to time {skill.name} in {state}: {words}"
         ) from error
     if duration_s is None:
         return None
@@ -151,9 +166,3 @@ def execution_time_s(back_end: BackEnd, skill: Skill, state: State) -> float | N
 def tells_time(back_end: BackEnd) -> bool:
     """Whether a back end may know how long skills take."""
     return type(back_end).duration_s is not BackEnd.duration_s
-
-
-def _in_words(error: Exception) -> str:
-    if isinstance(error, SkillplanError):
-        return str(error)
-    return f"{type(error).__name__}: {error}"

@@ -1,7 +1,7 @@
 """From a path to a problem: the file's content, validated, and the tasks grounded from it.
 
 All faults of a file are reported at once. What a kind of task looks like is the business of
-its domain, which is passed in: this floor knows none.
+its domain; which domains there are, the caller says.
 """
 
 from __future__ import annotations
@@ -9,61 +9,25 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from skillplan.domains.domain import Domain
 from skillplan.errors import Issue, OptionError, PluginError, TaskError, name_hint
 from skillplan.files.overrides import overridden
 from skillplan.files.schema_errors import schema_issues, shown
 from skillplan.files.yaml import YAML_SUFFIXES, Document, parse, read_text
+from skillplan.task.back_end import BackEnd
 from skillplan.task.reachability import unreachable_facts
 from skillplan.task.task import Task
 
 # What a reader of the task may want to change without making it another task.
 _NOT_HASHED = ("description", "expect", "family")
-
-
-class TaskDomain(Protocol):
-    """What loading needs of a domain; see :class:`skillplan.domains.domain.Domain`."""
-
-    Config: Any
-    stages: Any
-    suffixes: Any
-    max_bytes: Any
-
-    def read(self, text: str, source: str) -> Document:
-        """Return the content of a file with one of the domain's suffixes."""
-
-    def issues(self, config: Any) -> Iterable[Issue]:
-        """Return the faults that a schema cannot see."""
-
-    def ground(self, config: Any, sha256: str) -> list[Task]:
-        """Return the tasks of a faultless content."""
-
-    def follow(
-        self, config: Any, sha256: str, plans: Mapping[str, Sequence[str]], refinement: int = 0
-    ) -> list[Task]:
-        """Return the tasks of a chain once some are solved."""
-
-    def account(self, config: Any, plans: Mapping[str, Sequence[str]], refinement: int = 0) -> Any:
-        """Return what is to be said beyond the plans."""
-
-    def default_solver(self, config: Any) -> str:
-        """Return the solver that serves a file best."""
-
-    def variants(self, config: Any, seed: int, count: int) -> list[Any]:
-        """Return contents like the given one."""
-
-    def errata(self, config: Any) -> Any:
-        """Return what the published source prints wrongly."""
-
-    def locate(self, fact: str) -> tuple[str | int, ...]:
-        """Return the path of the file's entry that a fact comes from."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +48,9 @@ class Problem:
         One, or a chain of several that are solved in turn.
     domain
         What grounded them.
+    spare_back_ends
+        Back ends that loading constructed to see whether they serve the tasks. Whoever uses one
+        takes it out, so that none serves two solvers.
     """
 
     name: str
@@ -92,7 +59,8 @@ class Problem:
     sha256: str
     config: BaseModel
     tasks: tuple[Task, ...]
-    domain: TaskDomain
+    domain: Domain
+    spare_back_ends: list[BackEnd] = field(default_factory=list, compare=False, repr=False)
 
     @property
     def task(self) -> Task:
@@ -172,12 +140,22 @@ class Problem:
         return self.domain.account(self.config, plans, refinement)
 
 
+class FileChecks:
+    """What is checked of a file beyond its domain; these find no fault."""
+
+    def content_issues(self, content: Mapping[str, Any]) -> Iterable[Issue]:
+        """Return faults of a content that is not validated yet."""
+        return ()
+
+    def task_issues(self, task: Task, domain: Domain) -> Iterable[Issue]:
+        """Return faults of a grounded task."""
+        return ()
+
+
 def load_task(
     path: str | os.PathLike[str],
-    find_domain: Callable[[str], TaskDomain],
-    known_kinds: Iterable[str] = (),
-    check_content: Callable[[Mapping[str, Any]], Iterable[Issue]] = lambda _: (),
-    check_task: Callable[[Task, TaskDomain], Iterable[Issue]] = lambda _, __: (),
+    domains: Mapping[str, Domain],
+    checks: FileChecks = FileChecks(),
     changes: Mapping[str, str] | None = None,
 ) -> Problem:
     """Load, validate and ground a task file.
@@ -186,14 +164,11 @@ def load_task(
     ----------
     path
         A YAML file, or one with a suffix that a domain reads.
-    find_domain
-        Returns the domain of a kind; raises `PluginError` for an unknown one.
-    known_kinds
-        What `find_domain` knows, to name in a message.
-    check_content
-        Returns faults of a content that is not validated yet.
-    check_task
-        Returns faults of a grounded task, given its domain.
+    domains
+        By kind. Only the domain of the file is looked up, so that the others need not be
+        imported; a look-up may raise `PluginError`.
+    checks
+        What is checked besides.
     changes
         Key path to YAML value: what the file is read as if it held.
 
@@ -205,9 +180,9 @@ def load_task(
         If a change does not fit the file.
     """
     source = os.fspath(path)
-    document = overridden(_read(source, find_domain, known_kinds), changes or {})
-    kind, domain = _domain(document, find_domain, known_kinds)
-    issues = list(check_content(document.data))
+    document = overridden(_read(source, domains), changes or {})
+    kind, domain = _domain(document, domains)
+    issues = list(checks.content_issues(document.data))
     config, faults = _validated(document, domain, {"folder": Path(source).parent})
     issues += faults
     if config is not None:
@@ -222,7 +197,7 @@ def load_task(
             Issue(f"the goal {fact} is out of reach: {reason}", domain.locate(fact))
             for fact, reason in lost.items()
         ]
-        issues += check_task(task, domain)
+        issues += checks.task_issues(task, domain)
     if issues:
         # Of tasks in a chain, what is wrong with one is often wrong with all.
         raise document.error(dict.fromkeys(issues))
@@ -230,28 +205,24 @@ def load_task(
     return Problem(name, kind, source, sha256, config, tuple(tasks), domain)
 
 
-def _read(
-    source: str, find_domain: Callable[[str], TaskDomain], known_kinds: Iterable[str]
-) -> Document:
+def _read(source: str, domains: Mapping[str, Domain]) -> Document:
     """Return the content of a file, by way of the domain that reads its suffix if there is one."""
     path = Path(source)
     suffix = path.suffix.lower()
     if suffix and suffix not in YAML_SUFFIXES:
-        # The kind of that name first: to ask a domain is to import it.
-        for kind in sorted(known_kinds, key=lambda kind: f".{kind}" != suffix):
+        # The kind of that name first: to look a domain up is to import it.
+        for kind in sorted(domains, key=lambda kind: f".{kind}" != suffix):
             try:
-                domain = find_domain(kind)
+                domain = domains[kind]
             except PluginError:
-                continue  # a broken one is told of where it is asked for
+                continue  # a broken one is reported where it is named
             if suffix in domain.suffixes:
                 return domain.read(read_text(path, source, domain.max_bytes), source)
     return parse(read_text(path, source), source)
 
 
-def _domain(
-    document: Document, find_domain: Callable[[str], TaskDomain], known_kinds: Iterable[str]
-) -> tuple[str, TaskDomain]:
-    known = sorted(known_kinds)
+def _domain(document: Document, domains: Mapping[str, Domain]) -> tuple[str, Domain]:
+    known = sorted(domains)
     kinds = ", ".join(known)
     if not isinstance(document.data, dict):
         message = f"must be a mapping with a key 'kind', not {shown(document.data)}."
@@ -262,17 +233,17 @@ def _domain(
     if not isinstance(kind, str):
         message = f"must be the name of a kind of task, not {shown(kind)}. Known: {kinds}."
         raise document.error([Issue(message, ("kind",))])
-    if known and kind not in known:
+    if kind not in known:
         hint = name_hint(kind, known)
         raise document.error([Issue(f"unknown kind {shown(kind)}. {hint}", ("kind",))])
     try:
-        return kind, find_domain(kind)
+        return kind, domains[kind]
     except PluginError as error:
         raise document.error([Issue(str(error), ("kind",))]) from None
 
 
 def _validated(
-    document: Document, domain: TaskDomain, context: Mapping[str, Any]
+    document: Document, domain: Domain, context: Mapping[str, Any]
 ) -> tuple[BaseModel | None, list[Issue]]:
     """Return the content, or None, and its faults but for those that the document knows.
 

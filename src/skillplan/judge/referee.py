@@ -12,6 +12,7 @@ from skillplan.errors import ModelTooLarge, SkillplanError
 from skillplan.model.policy_value import evaluate_policy, roll_out
 from skillplan.model.replay import Replay, replay
 from skillplan.model.skill_model import SkillModel
+from skillplan.records.grading import Grade
 from skillplan.records.result import Result, Status, tolerance
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.task.skill import Skill
@@ -24,20 +25,11 @@ AUDIT_SKILLS = 20_000
 CHANCE_STATES = 20_000
 
 
-def judge(
-    blank: Result,
-    solution: Solution,
-    model: SkillModel,
-    *,
-    unknown_met: bool,
-    audit: bool = True,
-) -> Result:
+def judge(solution: Solution, model: SkillModel, *, unknown_met: bool, audit: bool = True) -> Grade:
     """Return what the referee grants a solution.
 
     Parameters
     ----------
-    blank
-        The result to fill in; says who solved what, and how long it took.
     solution
         What the solver claims.
     model
@@ -45,55 +37,46 @@ def judge(
     unknown_met
         Whether the solver's model left out skills because a back end could not decide.
     audit
-        Whether the referee may search the model for a counterexample; not where asking is dear.
+        Whether the referee may search the model for a counterexample; not where checks are
+        expensive.
     """
     found = solution.found
     if isinstance(found, Plan):
-        result = _judge_plan(blank, found, model)
+        granted = _judge_plan(found, model)
     elif found is not None:
-        result = _judge_policy(blank, found, model)
+        granted = _judge_policy(found, model)
+    elif solution.proved:
+        granted = Grade(Status.INFEASIBLE)
     else:
-        result = replace(
-            blank,
-            status=Status.INFEASIBLE if solution.proved else Status.UNSOLVED,
-            reason="" if solution.proved else "no plan was found",
-        )
-    if result.status is not Status.WRONG:
-        result = _judge_proof(result, solution, model, unknown_met, audit)
-    return result
+        granted = Grade(Status.UNSOLVED, reason="no plan was found")
+    if granted.status is not Status.WRONG:
+        granted = _judge_proof(granted, solution, model, unknown_met, audit)
+    return granted
 
 
-def _judge_plan(blank: Result, plan: Plan, model: SkillModel) -> Result:
+def _judge_plan(plan: Plan, model: SkillModel) -> Grade:
     task = model.task
     if not task.deterministic:
-        return _wrong(blank, "a fixed sequence was returned for a task with chance; needs a policy")
+        return _wrong("a fixed sequence was returned for a task with chance; needs a policy")
     try:
         skills = [task.skills[task.action(name)] for name in plan.skills]
     except SkillplanError as error:
-        return _wrong(blank, f"the plan is not one of this task: {error}")
+        return _wrong(f"the plan is not one of this task: {error}")
     walked = replay(model, skills)
     if walked.violations:
         fault = walked.violations[0]
         where = f"step {fault.step + 1} ({fault.skill})" if fault.skill else "the end"
-        return _wrong(blank, f"the plan fails at {where}: {fault.stage}: {fault.reason}")
+        return _wrong(f"the plan fails at {where}: {fault.stage}: {fault.reason}")
     if plan.cost is not None and not abs(plan.cost - walked.cost) <= tolerance(walked.cost):
-        return _wrong(
-            blank, f"the solver says its plan costs {plan.cost!r}; it costs {walked.cost!r}"
-        )
-    return _solved(blank, walked)
+        return _wrong(f"the solver says its plan costs {plan.cost!r}; it costs {walked.cost!r}")
+    return _solved(walked)
 
 
-def _solved(blank: Result, walked: Replay) -> Result:
-    return replace(
-        blank,
-        status=Status.SOLVED,
-        cost=walked.cost,
-        steps=walked.steps,
-        makespan_s=walked.duration_s,
-    )
+def _solved(walked: Replay) -> Grade:
+    return Grade(Status.SOLVED, cost=walked.cost, steps=walked.steps, makespan_s=walked.duration_s)
 
 
-def _judge_policy(blank: Result, policy: Mapping[State, Skill], model: SkillModel) -> Result:
+def _judge_policy(policy: Mapping[State, Skill], model: SkillModel) -> Grade:
     task = model.task
 
     def choose(state: State) -> Skill | None:
@@ -110,21 +93,21 @@ def _judge_policy(blank: Result, policy: Mapping[State, Skill], model: SkillMode
         skills = roll_out(model, choose)
         value = None if task.deterministic else evaluate_policy(model, choose)
     except _NotOfThisTask as error:
-        return _wrong(blank, f"the policy is not one of this task: {error}")
+        return _wrong(f"the policy is not one of this task: {error}")
     except ModelTooLarge as error:
-        return replace(blank, status=Status.UNSOLVED, reason=f"cannot be judged: {error}")
+        return Grade(Status.UNSOLVED, reason=f"cannot be judged: {error}")
     walked = replay(model, skills)
     if not walked.feasible or (value is not None and value.infeasible):
         problem = value.problem if value is not None and value.infeasible else _fault(walked)
-        return _wrong(blank, f"the policy takes a step that is infeasible: {problem}")
+        return _wrong(f"the policy takes a step that is infeasible: {problem}")
     if value is None:
         if walked.complete:
-            return _solved(blank, walked)
+            return _solved(walked)
         reason = f"the policy does not complete the task: {_fault(walked)}"
-        return replace(blank, status=Status.UNSOLVED, reason=reason)
+        return Grade(Status.UNSOLVED, reason=reason)
     if value.cost is None:
-        return replace(blank, status=Status.UNSOLVED, reason=value.problem or "")
-    granted = _solved(blank, walked)
+        return Grade(Status.UNSOLVED, reason=value.problem or "")
+    granted = _solved(walked)
     return replace(granted, cost=value.cost, makespan_s=value.duration_s)
 
 
@@ -139,47 +122,47 @@ def _fault(walked: Replay) -> str:
 
 
 def _judge_proof(
-    result: Result, solution: Solution, model: SkillModel, unknown_met: bool, audit: bool
-) -> Result:
+    granted: Grade, solution: Solution, model: SkillModel, unknown_met: bool, audit: bool
+) -> Grade:
     """Grant the claimed bound and proof, or not."""
-    bound, cost = solution.lower_bound, result.cost
+    bound, cost = solution.lower_bound, granted.cost
     if cost is not None and bound is not None and bound > cost + tolerance(cost):
-        return _wrong(result, f"the solver claims the bound {bound!r} for a plan of {cost!r}")
+        return _wrong(f"the solver claims the bound {bound!r} for a plan of {cost!r}")
     if cost is not None and solution.proved and (bound is None or cost - bound > tolerance(cost)):
-        return _wrong(result, f"the solver claims a proof with the bound {bound!r}, not {cost!r}")
+        return _wrong(f"the solver claims a proof with the bound {bound!r}, not {cost!r}")
     if unknown_met:
         reason = "some verdicts are unknown, so that nothing is proved"
         status = Status.UNSOLVED if cost is None else Status.SOLVED
-        return replace(result, status=status, reason=reason)
+        return replace(granted, status=status, reason=reason)
     # Whatever is cheaper than the claimed bound refutes it.
-    claimed = math.inf if result.status is Status.INFEASIBLE else bound
+    claimed = math.inf if granted.status is Status.INFEASIBLE else bound
     if claimed is not None and not model.task.deterministic:
-        return _judge_expectation(result, solution, model, claimed, audit)
+        return _judge_expectation(granted, solution, model, claimed, audit)
     if audit and claimed is not None:
         cheaper = counterexample(model, claimed)
         if cheaper is not None:
             text = ",".join(str(model.task.action(skill)) for skill in cheaper)
             return _wrong(
-                result, f"the solver claims that no plan costs less than {claimed!r}, but: {text}"
+                f"the solver claims that no plan costs less than {claimed!r}, but: {text}"
             )
-    return _granted(result, solution)
+    return _proved(granted, solution)
 
 
-def _granted(result: Result, solution: Solution) -> Result:
-    """Return a result with a bound, and a proof if one is claimed, against which nothing stands."""
-    bound, cost = solution.lower_bound, result.cost
-    if bound is None or result.status is Status.INFEASIBLE:
-        return result
+def _proved(granted: Grade, solution: Solution) -> Grade:
+    """Return a grade with a bound, and a proof if one is claimed, against which nothing stands."""
+    bound, cost = solution.lower_bound, granted.cost
+    if bound is None or granted.status is Status.INFEASIBLE:
+        return granted
     if cost is None:
-        return replace(result, lower_bound=bound)
+        return replace(granted, lower_bound=bound)
     if solution.proved:
-        return replace(result, status=Status.OPTIMAL, lower_bound=cost)
-    return replace(result, lower_bound=min(bound, cost))
+        return replace(granted, status=Status.OPTIMAL, lower_bound=cost)
+    return replace(granted, lower_bound=min(bound, cost))
 
 
 def _judge_expectation(
-    result: Result, solution: Solution, model: SkillModel, claimed: float, audit: bool
-) -> Result:
+    granted: Grade, solution: Solution, model: SkillModel, claimed: float, audit: bool
+) -> Grade:
     """Hold what is claimed of every policy's expected cost against the least that there is.
 
     A sequence of skills cannot refute such a claim, only another policy can.
@@ -189,15 +172,14 @@ def _judge_expectation(
         least, doubt = _least(model)
     if least is not None and claimed > least + tolerance(least):
         return _wrong(
-            result,
             f"the solver claims that no policy costs less than {claimed!r}; the best costs "
             f"{least!r}",
         )
     if least is not None or not solution.proved:
-        return _granted(result, solution)
-    if result.status is Status.INFEASIBLE:
-        return replace(result, status=Status.UNSOLVED, reason=doubt)
-    return replace(_granted(result, replace(solution, proved=False)), reason=doubt)
+        return _proved(granted, solution)
+    if granted.status is Status.INFEASIBLE:
+        return replace(granted, status=Status.UNSOLVED, reason=doubt)
+    return replace(_proved(granted, replace(solution, proved=False)), reason=doubt)
 
 
 def _least(model: SkillModel) -> tuple[float | None, str]:
@@ -269,12 +251,16 @@ def cross_examine(results: Sequence[Result]) -> list[Result]:
                 f"claims that no plan costs less than {claimed!r}; {best.solver} found one of "
                 f"{best.cost!r}"
             )
-            result = _wrong(result, reason)
+            result = _refuted(result, reason)
         judged.append(result)
     return judged
 
 
-def _wrong(result: Result, reason: str) -> Result:
+def _wrong(reason: str) -> Grade:
+    return Grade(Status.WRONG, reason=reason)
+
+
+def _refuted(result: Result, reason: str) -> Result:
     cleared: dict[str, Any] = {"cost": None, "steps": (), "makespan_s": None, "lower_bound": None}
     return replace(result, status=Status.WRONG, reason=reason, **cleared)
 

@@ -6,21 +6,24 @@ the trajectory, goals of the base, ways of the base.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+from skillplan.checks.feasibility import introduced
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.domain import Account
 from skillplan.domains.load import Problem
-from skillplan.errors import ChainBroken, OptionError, name_hint
+from skillplan.errors import ChainBroken, OptionError, SkillplanError, name_hint
 from skillplan.pipeline.registry import load
-from skillplan.pipeline.run import Attempt, attempt, blank_result, grade, make_solver, solve
+from skillplan.pipeline.run import Attempt, attempt, grade, make_draft, make_solver, solve
 from skillplan.pipeline.setup import Setup
 from skillplan.records.chain_result import ChainPart, ChainResult
+from skillplan.records.grading import Grade
 from skillplan.records.result import Result, Status
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
+from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
 
 REFERENCE = "exact"
@@ -70,12 +73,31 @@ def solve_chain(
         If a back end fails.
     """
     stop = Stop() if stop is None else stop
-    work = _Chain(problem, solver, setup, seed, stop, cache, jobs)
-    return work.run()
+    spare = problem.spare_back_ends
+    return Chain(problem, solver, setup, seed, stop, cache, jobs, spare=spare).run()
 
 
-class _Chain:
-    """What the parts of one chain share."""
+class Chain:
+    """The tasks of a problem, solved in turn.
+
+    Parameters
+    ----------
+    problem, solver, setup, seed, stop, cache, jobs
+        As in `solve_chain`.
+    spare
+        Back ends constructed already; those that are used are taken out.
+
+    Attributes
+    ----------
+    tasks
+        As they stand, given the parts solved so far.
+    parts
+        What became of the first of them.
+    plans
+        Names of skills by the name of the task that they solve.
+    replans
+        How often the upper levels were planned anew because a lower one had failed.
+    """
 
     def __init__(
         self,
@@ -86,6 +108,8 @@ class _Chain:
         stop: Stop,
         cache: VerdictCache | None,
         jobs: int,
+        *,
+        spare: list[BackEnd],
     ) -> None:
         self.problem = problem
         self.solver = solver
@@ -94,6 +118,11 @@ class _Chain:
         self.stop = stop
         self.cache = VerdictCache() if cache is None else cache
         self.jobs = jobs
+        self.spare = spare
+        self.tasks = problem.tasks
+        self.parts: list[ChainPart] = []
+        self.plans: dict[str, tuple[str, ...]] = {}
+        self.replans = 0
         stages = (*problem.domain.stages, *(task.stage for task in problem.tasks))
         self.solvers = solvers_by_stage(solver, dict.fromkeys(stages))
         # A solver that is made for a stage searches even what has a plan by rule.
@@ -102,40 +131,40 @@ class _Chain:
         self.optima: dict[tuple[object, ...], tuple[float | None, str]] = {}
 
     def run(self) -> ChainResult:
-        tasks = self.problem.tasks
-        plans: dict[str, tuple[str, ...]] = {}
-        parts: list[ChainPart] = []
-        replans = 0
-        while len(parts) < len(tasks):
-            task = tasks[len(parts)]
-            if parts and task.stage != parts[-1].task.stage:
+        """Solve the tasks; errors are those of `solve_chain`."""
+        while len(self.parts) < len(self.tasks):
+            task = self.tasks[len(self.parts)]
+            if self.parts and task.stage != self.parts[-1].task.stage:
                 try:
-                    tasks = self.problem.follow(plans, replans)
+                    self.tasks = self.problem.follow(self.plans, self.replans)
                 except ChainBroken as error:
-                    return self._result(parts, len(tasks), {}, replans, f"{error}")
-                task = tasks[len(parts)]
+                    return self._result(f"{error}")
+                task = self.tasks[len(self.parts)]
             part = self._part(task)
             if part.result.cost is None and task.stage in self.searched:
-                finer = self._finer(task.stage, replans)
+                finer = self._finer(task.stage, self.replans)
                 if finer:
-                    replans, tasks, plans, parts = replans + 1, finer, {}, []
+                    self.tasks, self.parts, self.plans = finer, [], {}
+                    self.replans += 1
                     continue
-            parts.append(part)
+            self.parts.append(part)
             if part.result.cost is None:
                 break
-            plans[task.name] = tuple(step.skill for step in part.result.steps)
+            self.plans[task.name] = tuple(step.skill for step in part.result.steps)
             if self.stop.interrupted:
                 break
-        return self._result(parts, len(tasks), plans, replans)
+        return self._result()
 
-    def _result(
-        self,
-        parts: Sequence[ChainPart],
-        expected: int,
-        plans: Mapping[str, Sequence[str]],
-        replans: int,
-        broken: str = "",
-    ) -> ChainResult:
+    def failed(self, error: SkillplanError) -> ChainResult:
+        """Return the chain as far as it came before a solver or back end raised."""
+        task = self.tasks[len(self.parts)]
+        solver = self.solvers[task.stage]
+        granted = Grade(Status.FAILED, reason=str(error))
+        result = make_draft(task, solver, self.setup, self.seed).graded(granted)
+        self.parts.append(ChainPart(task, result))
+        return self._result()
+
+    def _result(self, broken: str = "") -> ChainResult:
         problem = self.problem
         return ChainResult(
             problem.name,
@@ -143,10 +172,10 @@ class _Chain:
             problem.sha256,
             self.solver,
             self.seed,
-            tuple(parts),
-            expected,
-            Account() if broken else problem.account(plans, replans),
-            replans,
+            tuple(self.parts),
+            len(self.tasks),
+            Account() if broken else problem.account(self.plans, self.replans),
+            self.replans,
             broken,
         )
 
@@ -161,9 +190,9 @@ class _Chain:
     def _part(self, task: Task) -> ChainPart:
         self.stop.renew()
         if task.preset is not None and task.stage not in self.searched:
-            made = Attempt(
-                blank_result(task, "rule", self.setup, self.seed), Solution(Plan(task.preset))
-            )
+            draft = make_draft(task, "rule", self.setup, self.seed)
+            back_ends = self._back_ends(task)
+            made = Attempt(draft, Solution(Plan(task.preset)), back_ends=back_ends)
             return self._judged(task, made)
         key = (task.goal, task.facts.names, task.skills, task.reward, task.step_limit)
         stored = self.policies.get(key)
@@ -185,12 +214,16 @@ class _Chain:
             stop=self.stop,
             cache=self.cache,
             jobs=self.jobs,
+            back_ends=self._back_ends(task),
         )
 
+    def _back_ends(self, task: Task) -> Sequence[BackEnd]:
+        """Return the back ends for a task, spare ones where they fit."""
+        return introduced(self.setup.back_ends(task, self.spare))
+
     def _judged(self, task: Task, made: Attempt) -> ChainPart:
-        made = replace(made, blank=replace(made.blank, task=task.name))
         result = grade(task, made, self.setup, self.cache, jobs=self.jobs)
-        optimum, method = self._optimum(task, result)
+        optimum, method = self._optimum(task, result, made.back_ends_of(task))
         cost, bound = result.cost, result.lower_bound
         if cost is not None and optimum is not None and (bound is None or bound < optimum):
             result = replace(result, lower_bound=min(optimum, cost), bound_method=method)
@@ -198,7 +231,9 @@ class _Chain:
         result = replace(result, interrupted=result.interrupted or self.stop.interrupted)
         return ChainPart(task, result, optimum)
 
-    def _optimum(self, task: Task, result: Result) -> tuple[float | None, str]:
+    def _optimum(
+        self, task: Task, result: Result, back_ends: Sequence[BackEnd] | None
+    ) -> tuple[float | None, str]:
         """Return the proved optimum of a task and what proved it.
 
         By exact search where the solver gave no bound.
@@ -211,7 +246,13 @@ class _Chain:
         if key not in self.optima:
             stop = self.stop.within(_REFERENCE_S)
             best = solve(
-                task, REFERENCE, self.setup, stop=stop, cache=VerdictCache(), jobs=self.jobs
+                task,
+                REFERENCE,
+                self.setup,
+                stop=stop,
+                cache=VerdictCache(),
+                jobs=self.jobs,
+                back_ends=back_ends,
             )
             proved = best.status is Status.OPTIMAL
             self.optima[key] = (best.cost, best.bound_method) if proved else (None, "")
@@ -278,25 +319,3 @@ def _answers(solution: Solution, task: Task) -> bool:
 
 # Exact search of one task, to stand beside a solver's plan, takes no longer than this.
 _REFERENCE_S = 5.0
-
-
-def solve_chain_with_all(
-    problem: Problem,
-    solvers: Sequence[str],
-    setup: Setup = Setup(),
-    *,
-    seed: int = 0,
-    make_stop: Callable[[str], Stop] = lambda name: Stop(),
-    make_cache: Callable[[], VerdictCache] = VerdictCache,
-    jobs: int = 1,
-) -> list[ChainResult]:
-    """Solve a chain with several solvers in turn, each with a cache and a stop of its own."""
-    results = []
-    for name in solvers:
-        stop = make_stop(name)
-        results.append(
-            solve_chain(problem, name, setup, seed=seed, stop=stop, cache=make_cache(), jobs=jobs)
-        )
-        if stop.interrupted:
-            break
-    return results

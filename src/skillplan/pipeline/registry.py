@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import importlib
 import inspect
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from skillplan.domains.domain import Domain
 from skillplan.errors import Issue, OptionError, PluginError, name_hint
 from skillplan.files.schema_errors import schema_issues, shown
 from skillplan.records.plugin_info import PluginInfo
@@ -26,6 +27,23 @@ KINDS = {
     "collision": "skillplan.collision.detector:Detector",
     "solver": "skillplan.solvers.solver:Solver",
 }
+
+
+class InstalledDomains(Mapping[str, Domain]):
+    """The installed domains by kind, sorted; one is imported when it is looked up.
+
+    A look-up raises `PluginError` as `load` does.
+    """
+
+    def __getitem__(self, kind: str) -> Domain:
+        domain: Domain = load("domain", kind)()
+        return domain
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(names("domain"))
+
+    def __len__(self) -> int:
+        return len(names("domain"))
 
 
 def names(kind: str) -> list[str]:

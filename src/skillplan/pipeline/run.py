@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,13 +14,14 @@ from typing import Any
 from skillplan.chart.precedence_chart import derive_chart
 from skillplan.checks.feasibility import CheckCount, Feasibility
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
-from skillplan.errors import SearchStopped, SkillplanError
+from skillplan.errors import SearchStopped, SkillplanError, SolverError, raised_by
 from skillplan.files.plain_json import json_fault
-from skillplan.judge.referee import cross_examine, judge
+from skillplan.judge.referee import judge
 from skillplan.model.obstruction import obstruction
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline import registry
 from skillplan.pipeline.setup import Setup
+from skillplan.records.grading import Draft, Grade
 from skillplan.records.result import Result, Status
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
@@ -42,9 +43,11 @@ def make_feasibility(
     *,
     jobs: int = 1,
     on_check: Callable[[CheckCount], None] | None = None,
+    back_ends: Sequence[BackEnd] | None = None,
 ) -> Feasibility:
-    """Return the chain of checks for a task; a fresh cache in memory by default."""
-    return Feasibility(task, setup.back_ends(task), cache, jobs=jobs, on_check=on_check)
+    """Return the chain of checks for a task; parameters are those of `make_model`."""
+    made = setup.back_ends(task) if back_ends is None else back_ends
+    return Feasibility(task, made, cache, jobs=jobs, on_check=on_check)
 
 
 def make_model(
@@ -55,9 +58,30 @@ def make_model(
     *,
     jobs: int = 1,
     on_check: Callable[[CheckCount], None] | None = None,
+    back_ends: Sequence[BackEnd] | None = None,
 ) -> SkillModel:
-    """Return the lazy model of a task; of several `jobs`, dear checks are made in processes."""
-    feasibility = make_feasibility(task, setup, cache, jobs=jobs, on_check=on_check)
+    """Return the lazy model of a task.
+
+    Parameters
+    ----------
+    task
+        What is modelled.
+    setup
+        Back ends and options.
+    cache
+        Where verdicts are kept; a fresh one in memory by default.
+    overdue
+        Returns True once a solver should have stopped long ago.
+    jobs
+        How many processes may be used for expensive checks, >= 1; 1 for this one.
+    on_check
+        Told of the checks of expensive back ends.
+    back_ends
+        Those constructed already for this task and setup; None to construct them.
+    """
+    feasibility = make_feasibility(
+        task, setup, cache, jobs=jobs, on_check=on_check, back_ends=back_ends
+    )
     return SkillModel(feasibility, overdue)
 
 
@@ -70,10 +94,27 @@ def make_solver(name: str, options: Mapping[str, Any], stop: Stop | None = None)
         If an option is wrong.
     PluginError
         If the solver is unknown or broken.
+    SolverError
+        If the solver fails to start.
     """
     plugin = registry.load("solver", name)
-    solver: Solver = plugin(registry.make_options("solver", name, plugin, options), stop)
+    validated = registry.make_options("solver", name, plugin, options)
+    with _blamed(plugin):
+        solver: Solver = plugin(validated, stop)
     return solver
+
+
+def check_solver(name: str, options: Mapping[str, Any]) -> None:
+    """Raise what is wrong with a solver's name or options; does not construct it.
+
+    Raises
+    ------
+    OptionError
+        If an option is wrong.
+    PluginError
+        If the solver is unknown or broken.
+    """
+    registry.make_options("solver", name, registry.load("solver", name), options)
 
 
 def solve(
@@ -86,6 +127,7 @@ def solve(
     cache: VerdictCache | None = None,
     jobs: int = 1,
     start: Plan | None = None,
+    back_ends: Sequence[BackEnd] | None = None,
 ) -> Result:
     """Solve a task and have the solution judged.
 
@@ -104,10 +146,12 @@ def solve(
     cache
         Where verdicts are kept; a fresh one in memory by default.
     jobs
-        How many processes dear back ends, and solvers that can, may use; 1 for this one.
+        How many processes expensive back ends, and solvers that can, may use; 1 for this one.
     start
         A plan to start from. Where it holds on the model, nothing that costs more is returned;
         where it does not, the trace says so under ``start``.
+    back_ends
+        Those constructed already for this task and setup; None to construct them.
 
     Raises
     ------
@@ -117,7 +161,17 @@ def solve(
         If a back end fails.
     """
     cache = VerdictCache() if cache is None else cache
-    made = attempt(task, solver, setup, seed=seed, stop=stop, cache=cache, jobs=jobs, start=start)
+    made = attempt(
+        task,
+        solver,
+        setup,
+        seed=seed,
+        stop=stop,
+        cache=cache,
+        jobs=jobs,
+        start=start,
+        back_ends=back_ends,
+    )
     return grade(task, made, setup, cache, jobs=jobs)
 
 
@@ -127,23 +181,31 @@ class Attempt:
 
     Parameters
     ----------
-    blank
-        The result to fill in: who solved what, how, and at what effort.
+    draft
+        Who solved what, how, and at what effort.
     solution
         What the solver claims.
     unknown_met
         Whether a back end could not decide about a skill on the way.
     stopped
         Why the search was stopped, or None while it was not.
-    dear
-        The back ends that were asked and whose verdicts cost much.
+    refusal
+        Why the solver does not serve the task, or None.
+    back_ends
+        Those that were queried; None where none has been constructed.
     """
 
-    blank: Result
+    draft: Draft
     solution: Solution
     unknown_met: bool = False
     stopped: str | None = None
-    dear: tuple[BackEnd, ...] = ()
+    refusal: str | None = None
+    back_ends: Sequence[BackEnd] | None = None
+
+    def back_ends_of(self, task: Task) -> Sequence[BackEnd] | None:
+        """Return the back ends if they are of `task`; None where it takes others."""
+        made = self.back_ends
+        return made if made and all(back_end.task is task for back_end in made) else None
 
 
 def attempt(
@@ -156,6 +218,7 @@ def attempt(
     cache: VerdictCache | None = None,
     jobs: int = 1,
     start: Plan | None = None,
+    back_ends: Sequence[BackEnd] | None = None,
 ) -> Attempt:
     """Let a solver work on a task; parameters and errors are those of `solve`."""
     stop = Stop() if stop is None else stop
@@ -166,28 +229,31 @@ def attempt(
     solver.jobs = jobs
     stop.decimals = task.metric.decimals
     cache = VerdictCache() if cache is None else cache
-    model = make_model(task, setup, cache, stop.overdue, jobs=jobs, on_check=stop.checked)
-    blank = blank_result(task, solver.name, setup, seed)
+    model = make_model(
+        task, setup, cache, stop.overdue, jobs=jobs, on_check=stop.checked, back_ends=back_ends
+    )
+    back_ends = model.feasibility.back_ends
+    draft = make_draft(task, solver.name, setup, seed)
     begin_s = time.perf_counter()
-    with _blamed(solver):
+    with _blamed(type(solver)):
         refusal = solver.refuses(model)
     if refusal is not None:
-        return Attempt(replace(blank, status=Status.REFUSED, reason=refusal), Solution())
-    dear = tuple(back_end for back_end in model.feasibility.back_ends if back_end.dear)
+        return Attempt(draft, Solution(), refusal=refusal, back_ends=back_ends)
     with closing(model.feasibility):
         if start is None:
             solution = _search(solver, model, seed, stop)
         else:
-            # What dear back ends say of the start plan is asked once, and kept for the search.
-            fresh = make_model(task, setup, cache if dear else None, jobs=jobs)
-            with closing(fresh.feasibility), _blamed(solver):
+            # What expensive back ends say of the start plan is kept for the search.
+            kept = cache if expensive(back_ends) else None
+            fresh = make_model(task, setup, kept, jobs=jobs, back_ends=back_ends)
+            with closing(fresh.feasibility), _blamed(type(solver)):
                 search = partial(_search, solver, model, seed, stop)
                 solution = search_from(start, fresh, search, stop)
     wall_s = time.perf_counter() - begin_s
     stats = model.stats
     iterations = _count(solution, "iterations", "expanded", "visited")
-    blank = replace(
-        blank,
+    draft = replace(
+        draft,
         states=max(stats.states, _count(solution, "states") or 0),
         expanded=stats.states if iterations is None else iterations,
         checks=stats.checks,
@@ -196,12 +262,12 @@ def attempt(
         interrupted=stop.interrupted,
         trace=solution.trace,
     )
-    return Attempt(blank, solution, stats.unknown > 0, stop.reason, dear)
+    return Attempt(draft, solution, stats.unknown > 0, stop.reason, None, back_ends)
 
 
-def blank_result(task: Task, solver: str, setup: Setup, seed: int) -> Result:
-    """Return a result that says who solves what, and nothing of how it went."""
-    return Result(
+def make_draft(task: Task, solver: str, setup: Setup, seed: int) -> Draft:
+    """Return a draft that says who solves what, and nothing of how it went."""
+    return Draft(
         task=task.name,
         kind=task.kind,
         sha256=task.sha256,
@@ -209,42 +275,68 @@ def blank_result(task: Task, solver: str, setup: Setup, seed: int) -> Result:
         seed=seed,
         physics=setup.physics_choice(task).name,
         collision=",".join(choice.name for choice in setup.collision_choices(task)),
-        status=Status.UNSOLVED,
         cost_unit=task.metric.unit,
     )
 
 
 def grade(task: Task, made: Attempt, setup: Setup, cache: VerdictCache, *, jobs: int = 1) -> Result:
-    """Have the referee judge an attempt at a task.
+    """Have the referee judge an attempt at a task, in a fresh model.
 
     The attempt may have been made at another task of the same skills: a stored policy answers
     from other starts, too.
+
+    Parameters
+    ----------
+    task
+        The task that the solution is held against.
+    made
+        What a solver made of it.
+    setup
+        Back ends and options.
+    cache
+        Where the verdicts of the attempt were kept.
+    jobs
+        How many processes expensive back ends may use, >= 1.
     """
-    if made.blank.status is Status.REFUSED:
-        return made.blank
-    dear = made.dear
-    # Verdicts of dear back ends were made by them, not by the solver, and are not asked twice.
-    fresh = make_model(task, setup, cache.only(dear), jobs=jobs)
+    draft = replace(made.draft, task=task.name)
+    if made.refusal is not None:
+        return draft.graded(Grade(Status.REFUSED, reason=made.refusal))
+    back_ends = made.back_ends_of(task) or setup.back_ends(task)
+    # Verdicts of expensive back ends were made by them, not by the solver: they are kept.
+    kept = expensive(back_ends)
+    fresh = make_model(task, setup, cache.only(kept), jobs=jobs, back_ends=back_ends)
     with closing(fresh.feasibility):
-        result = judge(
-            made.blank, made.solution, fresh, unknown_met=made.unknown_met, audit=not dear
-        )
-    if result.cost is not None:
-        result = replace(result, policy=made.solution.policy)
-    if result.lower_bound is not None:
-        # That nothing costs less than 0, nobody has worked out.
-        method = made.blank.solver if result.lower_bound else "no cost being below 0"
-        method = made.solution.trace.get("bound_method") or method
-        result = replace(result, bound_method=str(method))
-    if result.status is Status.INFEASIBLE:
-        result = replace(result, reason=_why_infeasible(fresh, charted=not dear))
+        granted = judge(made.solution, fresh, unknown_met=made.unknown_met, audit=not kept)
+        reason = granted.reason
+        if granted.status is Status.INFEASIBLE:
+            reason = _why_infeasible(fresh, charted=not kept)
     said = made.solution.trace.get("reason")
-    if result.status is Status.UNSOLVED and isinstance(said, str):
-        result = replace(result, reason=said)
-    if result.status in (Status.SOLVED, Status.UNSOLVED) and made.stopped:
-        reason = f"{made.stopped}: {result.reason}" if result.reason else made.stopped
-        result = replace(result, reason=reason)
-    return result
+    if granted.status is Status.UNSOLVED and isinstance(said, str):
+        reason = said
+    if granted.status in (Status.SOLVED, Status.UNSOLVED) and made.stopped:
+        reason = f"{made.stopped}: {reason}" if reason else made.stopped
+    return draft.graded(
+        replace(
+            granted,
+            reason=reason,
+            bound_method=_bound_method(draft.solver, granted, made.solution),
+            policy=None if granted.cost is None else made.solution.policy,
+        )
+    )
+
+
+def expensive(back_ends: Iterable[BackEnd]) -> tuple[BackEnd, ...]:
+    """Return the back ends whose verdicts are worth keeping."""
+    return tuple(back_end for back_end in back_ends if back_end.dear)
+
+
+def _bound_method(solver: str, granted: Grade, solution: Solution) -> str:
+    """Return what proved the bound, in words; empty where there is none."""
+    if granted.lower_bound is None:
+        return ""
+    # That nothing costs less than 0, nobody has worked out.
+    method = solver if granted.lower_bound else "no cost being below 0"
+    return str(solution.trace.get("bound_method") or method)
 
 
 def _why_infeasible(model: SkillModel, *, charted: bool) -> str:
@@ -253,13 +345,13 @@ def _why_infeasible(model: SkillModel, *, charted: bool) -> str:
     A chart asks about states that the search did not meet; dear back ends are not asked that.
     """
     task = model.task
+    if charted and task.deterministic and len(task.operations) <= _MOST_CHARTED:
+        obstacle = derive_chart(model.feasibility).obstacle(task)
+        if obstacle is not None:
+            return obstacle
     blamed = obstruction(model)
     if blamed is not None:
         return blamed
-    if charted and task.deterministic and len(task.operations) <= _MOST_CHARTED:
-        obstacle = derive_chart(model.feasibility).obstacle()
-        if obstacle is not None:
-            return obstacle
     return f"none within {task.step_limit} skills"
 
 
@@ -273,31 +365,30 @@ def _count(solution: Solution, *names: str) -> int | None:
 
 
 @contextmanager
-def _blamed(solver: Solver) -> Iterator[None]:
-    """Name the solver in whatever it raises that is not in words already."""
+def _blamed(plugin: type[Solver]) -> Iterator[None]:
+    """Name the solver, and the line of its code, in whatever it raises that is not in words."""
     try:
         yield
     except SkillplanError:
         raise
     except Exception as error:
-        raise SkillplanError(
-            f"The solver {solver.name!r} failed: {type(error).__name__}: {error}"
-        ) from error
+        words = raised_by(plugin, error)
+        raise SolverError(f"The solver {plugin.name!r} failed: {words}") from error
 
 
 def _search(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> Solution:
     try:
-        with _blamed(solver):
+        with _blamed(type(solver)):
             solution = solver.solve(model, seed=seed)
     except SearchStopped:
         return Solution(stop.best, stop.lower_bound)
     if not isinstance(solution, Solution):
-        raise SkillplanError(
+        raise SolverError(
             f"The solver {solver.name!r} returned {type(solution).__name__}, not a Solution."
         )
     fault = json_fault(solution.trace)
     if fault is not None:
-        raise SkillplanError(f"The trace of the solver {solver.name!r} is not JSON: {fault}.")
+        raise SolverError(f"The trace of the solver {solver.name!r} is not JSON: {fault}.")
     return solution
 
 
@@ -314,24 +405,3 @@ def cache_folder() -> Path:
 def warm_cache() -> DiskVerdictCache:
     """Return the cache that is kept between runs."""
     return DiskVerdictCache(cache_folder() / "verdicts")
-
-
-def solve_all(
-    task: Task,
-    solvers: Sequence[str],
-    setup: Setup = Setup(),
-    *,
-    seed: int = 0,
-    make_stop: Callable[[str], Stop] = lambda name: Stop(),
-    warm: bool = False,
-    jobs: int = 1,
-) -> list[Result]:
-    """Solve a task with several solvers, cold unless `warm`, and hold their claims together."""
-    results = []
-    for name in solvers:
-        stop = make_stop(name)
-        cache = warm_cache() if warm else VerdictCache()
-        results.append(solve(task, name, setup, seed=seed, stop=stop, cache=cache, jobs=jobs))
-        if stop.interrupted:
-            break
-    return cross_examine(results)

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from skillplan.domains.load import Problem, TaskDomain, load_task
-from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError
+from skillplan.domains.domain import Domain
+from skillplan.domains.load import FileChecks, Problem, load_task
+from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError, raised_by
 from skillplan.pipeline import registry
 from skillplan.records.origin import Origin
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import BackEndChoice, Task
 
 DEFAULT_PHYSICS = "kinematic"
+BACK_END_KINDS = ("physics", "collision")
 
 
 @dataclass(frozen=True)
@@ -35,8 +37,16 @@ class Setup:
     collision: tuple[str, ...] = ()
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
-    def back_ends(self, task: Task) -> list[BackEnd]:
+    def back_ends(self, task: Task, spare: list[BackEnd] | None = None) -> list[BackEnd]:
         """Return the back ends for a task, physics first.
+
+        Parameters
+        ----------
+        task
+            The task whose skills are checked.
+        spare
+            Back ends constructed already. One that fits is taken out of the list instead of
+            constructing another.
 
         Raises
         ------
@@ -47,9 +57,10 @@ class Setup:
         BackEndError
             If a back end fails to start.
         """
-        made = [self._make("physics", self.physics_choice(task), task)]
-        made += [self._make("collision", choice, task) for choice in self.collision_choices(task)]
-        return made
+        choices = [("physics", self.physics_choice(task))]
+        choices += [("collision", choice) for choice in self.collision_choices(task)]
+        spare = [] if spare is None else spare
+        return [self._make(kind, choice, task, spare) for kind, choice in choices]
 
     def origin(self, file: str, part: str | None, changes: Mapping[str, str]) -> Origin:
         """Return what a result says of where it comes from."""
@@ -69,29 +80,37 @@ class Setup:
             named = ("precedence",) if task.chart else ("aabb",) if task.scene.bodies else ()
         return [declared.get(name, BackEndChoice(name)) for name in dict.fromkeys(named)]
 
-    def _make(self, kind: str, choice: BackEndChoice, task: Task) -> BackEnd:
+    def _make(self, kind: str, choice: BackEndChoice, task: Task, spare: list[BackEnd]) -> BackEnd:
         values = {**choice.options, **self.options.get(choice.name, {})}
-        back_end, refusal = _make_back_end(kind, choice.name, values, task)
+        back_end, refusal = _make_back_end(kind, choice.name, values, task, spare)
         if refusal is not None:
             raise OptionError(f"{kind} {choice.name!r} cannot serve {task.name!r}: {refusal}")
         return back_end
 
 
 def _make_back_end(
-    kind: str, name: str, values: Mapping[str, Any], task: Task
+    kind: str,
+    name: str,
+    values: Mapping[str, Any],
+    task: Task,
+    spare: list[BackEnd] | None = None,
 ) -> tuple[BackEnd, str | None]:
-    """Return a back end for a task, and why it refuses the task, or None."""
+    """Return a back end for a task, one of the `spare` ones if it fits, and why it refuses."""
     plugin = registry.load(kind, name)
     options = registry.make_options(kind, name, plugin, values)
+    for made in spare or ():
+        if type(made) is plugin and made.task is task and made.options == options:
+            assert spare is not None
+            spare.remove(made)
+            return made, None
     try:
         back_end: BackEnd = plugin(task, options)
         return back_end, back_end.refuses()
     except SkillplanError:
         raise
     except Exception as error:
-        raise BackEndError(
-            f"{kind} {name!r} failed on {task.name!r}: {type(error).__name__}: {error}"
-        ) from error
+        words = raised_by(plugin, error)
+        raise BackEndError(f"{kind} {name!r} failed on {task.name!r}: {words}") from error
 
 
 def _willing(kind: str, name: str, task: Task) -> BackEnd | None:
@@ -110,16 +129,16 @@ def _willing(kind: str, name: str, task: Task) -> BackEnd | None:
     return back_end if refusal is None else None
 
 
-def _faults(kind: str, back_end: BackEnd, domain: TaskDomain) -> Iterator[Issue]:
+def _faults(kind: str, back_end: BackEnd, domain: Domain) -> Iterator[Issue]:
     """Yield what a back end finds wrong with single bodies or skills, by their places."""
     try:
         found = dict(back_end.faults())
     except SkillplanError:
         raise
     except Exception as error:
-        name = f"{kind} {back_end.name!r}"
+        words = raised_by(type(back_end), error)
         raise BackEndError(
-            f"{name} failed on {back_end.task.name!r}: {type(error).__name__}: {error}"
+            f"{kind} {back_end.name!r} failed on {back_end.task.name!r}: {words}"
         ) from error
     for fact, message in found.items():
         yield Issue(message, domain.locate(fact), at_key=True)
@@ -152,41 +171,57 @@ def load_problem(
     BackEndError
         If a back end fails to start.
     """
-    kinds = ("physics", "collision")
-    asked = asked or {}
+    checks = _BackEndChecks(asked or {})
+    problem = load_task(path, registry.InstalledDomains(), checks, changes)
+    return replace(problem, spare_back_ends=checks.made)
 
-    def is_asked(kind: str, name: str) -> bool:
-        return kind not in asked or name in asked[kind]
 
-    def check_content(content: Mapping[str, Any]) -> Iterator[Issue]:
-        for kind in kinds:
+class _BackEndChecks(FileChecks):
+    """What the back ends that will be queried have to say of a file.
+
+    Parameters
+    ----------
+    asked
+        As in `load_problem`.
+
+    Attributes
+    ----------
+    made
+        The back ends that were constructed.
+    """
+
+    def __init__(self, asked: Mapping[str, Collection[str]]) -> None:
+        self._asked = asked
+        self.made: list[BackEnd] = []
+
+    def content_issues(self, content: Mapping[str, Any]) -> Iterator[Issue]:
+        """Yield unknown back ends and wrong options that the file chooses."""
+        for kind in BACK_END_KINDS:
             section = content.get(kind)
             for name, options in section.items() if isinstance(section, dict) else ():
-                if is_asked(kind, name) and (options is None or isinstance(options, dict)):
+                if self._serves(kind, name) and (options is None or isinstance(options, dict)):
                     for issue in registry.choice_issues(kind, name, options or {}):
                         yield issue.under(kind)
 
-    def check_task(task: Task, domain: TaskDomain) -> Iterator[Issue]:
+    def task_issues(self, task: Task, domain: Domain) -> Iterator[Issue]:
+        """Yield why back ends refuse a task, and what they find wrong with its bodies."""
         chosen = {"physics": (task.physics,) if task.physics else (), "collision": task.collision}
-        for kind in kinds:
-            for choice in (one for one in chosen[kind] if is_asked(kind, one.name)):
+        for kind in BACK_END_KINDS:
+            for choice in (one for one in chosen[kind] if self._serves(kind, one.name)):
                 back_end, refusal = _make_back_end(kind, choice.name, choice.options, task)
                 if refusal is not None:
                     message = f"cannot serve this task: {refusal}"
                     yield Issue(message, (kind, choice.name), at_key=True)
                 else:
+                    self.made.append(back_end)
                     yield from _faults(kind, back_end, domain)
             declared = {one.name for one in chosen[kind]}
-            for name in dict.fromkeys(asked.get(kind, ())):
+            for name in dict.fromkeys(self._asked.get(kind, ())):
                 willing = None if name in declared else _willing(kind, name, task)
                 if willing is not None:
+                    self.made.append(willing)
                     yield from _faults(kind, willing, domain)
 
-    return load_task(
-        path,
-        lambda kind: registry.load("domain", kind)(),
-        registry.names("domain"),
-        check_content,
-        check_task,
-        changes,
-    )
+    def _serves(self, kind: str, name: str) -> bool:
+        """Whether a back end that the file chooses will be queried."""
+        return kind not in self._asked or name in self._asked[kind]

@@ -13,6 +13,14 @@ from skillplan.records.result import Result, Status, tolerance
 from skillplan.solvers.stop import relative_gap
 from skillplan.task.task import Task
 
+_WEAKEST_FIRST = (
+    Status.FAILED,
+    Status.WRONG,
+    Status.REFUSED,
+    Status.INFEASIBLE,
+    Status.UNSOLVED,
+)
+
 
 @dataclass(frozen=True)
 class ChainPart:
@@ -132,7 +140,7 @@ class ChainResult:
     def status(self) -> Status:
         """What the referee grants the whole: no more than its weakest part."""
         found = [part.result.status for part in self.parts]
-        for status in (Status.WRONG, Status.REFUSED, Status.INFEASIBLE, Status.UNSOLVED):
+        for status in _WEAKEST_FIRST:
             if status in found:
                 return status
         if not self.complete:

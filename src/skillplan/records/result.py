@@ -21,7 +21,8 @@ class Status(StrEnum):
 
     ``optimal``: a valid plan, proved to be the best. ``solved``: a valid plan.
     ``infeasible``: proved that there is none. ``unsolved``: none found. ``refused``: the solver
-    does not serve such a task. ``wrong``: the solver claimed what does not hold.
+    does not serve such a task. ``wrong``: the solver claimed what does not hold. ``failed``: the
+    solver or a back end raised.
     """
 
     OPTIMAL = "optimal"
@@ -30,6 +31,7 @@ class Status(StrEnum):
     UNSOLVED = "unsolved"
     REFUSED = "refused"
     WRONG = "wrong"
+    FAILED = "failed"
 
 
 @dataclass(frozen=True)

@@ -135,8 +135,8 @@ def _run(
     (first, task), *others = job.tasks.items()
     cache = job.cache()
     made = attempt(task, job.solver, setup, seed=seed, stop=stop, cache=cache)
-    if made.blank.status is Status.REFUSED:
-        return SweepRecord(setting, seed, error=f"refused: {made.blank.reason}")
+    if made.refusal is not None:
+        return SweepRecord(setting, seed, error=f"refused: {made.refusal}")
     result = grade(task, made, setup, cache)
     outcomes = [_outcome(first, result)]
     shared = made.solution.policy is not None

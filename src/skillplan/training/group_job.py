@@ -97,7 +97,8 @@ def write_progress(folder: Path, group: int, progress: GroupProgress) -> None:
     """
     with writing(folder, f"groups/{group}/{PROGRESS}"):
         group_path(folder, group).mkdir(parents=True, exist_ok=True)
-        write_whole(group_path(folder, group) / PROGRESS, json_text(schemas.RUN_GROUP, progress))
+        text = json_text(schemas.RUN_GROUP, progress)
+        write_whole(group_path(folder, group) / PROGRESS, text, within=folder)
 
 
 def failed_progress(

@@ -67,9 +67,9 @@ class GroupTraining:
         self._path = group_path(job.folder, job.group)
         with writing(job.folder, f"groups/{job.group}"):
             self._path.mkdir(parents=True, exist_ok=True)
-        self._lock = FolderLock(self._path, _PATIENCE_S)
+        self._lock = FolderLock(self._path, "training", _PATIENCE_S)
         try:
-            checkpoint = read_checkpoint(self._path / CHECKPOINT)
+            checkpoint = read_checkpoint(self._path / CHECKPOINT, within=job.folder)
             progress = RunFolder(job.folder).progress(job.group)
             if cache is None:
                 cache = warm_cache() if plan.warm else VerdictCache()
@@ -206,7 +206,7 @@ class GroupTraining:
         lengths = {name: n for log in self._logs for name, n in log.sync().items()}
         checkpoint = Checkpoint(self._training.steps, lengths, self._training.snapshot())
         with writing(self._job.folder, f"groups/{self._job.group}/{CHECKPOINT}"):
-            write_checkpoint(self._path / CHECKPOINT, checkpoint)
+            write_checkpoint(self._path / CHECKPOINT, checkpoint, within=self._job.folder)
         self._kept_steps = self._training.steps
         self._write_progress()
 

@@ -75,6 +75,7 @@ def _write(plan: TrainingPlan, folder: Path, run: int, stem: str, one: _Kept) ->
             run_path(folder, run),
             stem,
             one.network,
+            within=folder,
             features=list(_observation(plan).features),
             actions=[skill.name for skill in task.skills],
             observation=plan.options["observation"],

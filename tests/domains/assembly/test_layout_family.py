@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from situations import config_content
 from skillplan.domains.assembly import AssemblyDomain
 from skillplan.domains.assembly.consistency import issues
@@ -46,14 +47,14 @@ def variants(config: AssemblyConfig, seed: int = 0, count: int = 3) -> list[Asse
 
 class TestLayouts:
     @given(seed=SEEDS)
-    @settings(max_examples=25, deadline=None)
+    @settings(max_examples=examples(25))
     def test_every_one_is_faultless(self, seed: int) -> None:
         """By all that a file is checked for."""
         for layout in variants(config_of(), seed):
             assert [] == issues(layout)
 
     @given(seed=SEEDS)
-    @settings(max_examples=25, deadline=None)
+    @settings(max_examples=examples(25))
     def test_starts_move_by_themselves_and_goals_together(self, seed: int) -> None:
         """No further than the family says; what is given in millimetres stays in tenths of them."""
         config = config_of(start_shift_m=0.03, goal_shift_m=0.02)
@@ -71,7 +72,7 @@ class TestLayouts:
         assert config.tools == layout.tools
 
     @given(seed=SEEDS)
-    @settings(max_examples=25, deadline=None)
+    @settings(max_examples=examples(25))
     def test_parts_keep_the_gap_that_is_asked_for(self, seed: int) -> None:
         """From where others lie and belong; where the file has less, no less than that."""
         config = config_of(start_shift_m=0.04, goal_shift_m=0.02, gap_m=0.03)
@@ -109,7 +110,7 @@ class TestLayouts:
 
 class TestFamily:
     @given(seed=SEEDS)
-    @settings(max_examples=10, deadline=None)
+    @settings(max_examples=10)
     def test_its_tasks_differ_in_costs_alone(self, seed: int) -> None:
         """The same facts, skills, chart, goal, observation and reward."""
         problem = load_problem(BOARD)

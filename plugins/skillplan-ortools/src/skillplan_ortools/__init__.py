@@ -1,3 +1,3 @@
 """Constraint programming by OR-Tools: the order of skills as a circuit."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -21,6 +21,7 @@ from skillplan.domains.assembly.layout import (
 )
 from skillplan.domains.assembly.scenery import scene_of
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.step_limit import step_limit_of
 from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, HAND_FREE, HOME, NO_TOOL, at
 from skillplan.task.condition import Condition
 from skillplan.task.cost import TravelCost, planar_distance
@@ -74,7 +75,7 @@ class _Grounding:
             initial=self._initial(),
             goal=Condition(facts.of(*goal), facts.none),
             metric=Metric("distance", "m"),
-            step_limit=config.step_limit,
+            step_limit=step_limit_of(config),
             scene=scene_of(config, {at(name): p for name, p in self.positions.items()}),
             reward=self._reward(order),
             observation=tuple(

@@ -192,8 +192,10 @@ class AssemblyConfig(Strict):
         None, description="the bits a learner sees: facts, or 'not FACT'; left out: all facts"
     )
     reward: RewardConfig | None = Field(None, description="the reward scheme")
-    step_limit: Annotated[int, Field(ge=1, le=100_000)] = Field(
-        description="the most skills a sequence may have"
+    step_limit: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
+        None,
+        description="the most skills a sequence may have [-]; left out: enough for every order, "
+        "with a tool change before each part and screw",
     )
     physics: Annotated[dict[Name, dict[str, Any] | None], Field(max_length=1)] = Field(
         {}, description="the physics engine and its options, as {kinematic: {}}"

@@ -208,8 +208,12 @@ class RunFolder:
             raise OptionError(f"{path}: there is no such folder. Name one that train wrote.")
         if not (self.path / MANIFEST).exists():
             raise OptionError(f"{path}: holds no {MANIFEST}. Name a folder that train wrote.")
-        self.manifest = read_checked(self.path / MANIFEST, schemas.RUN, RunManifest, _REMEDY)
-        self.config = read_document(self.path / TASK_CONFIG, schemas.RESOLVED_TASK, _REMEDY)
+        self.manifest = read_checked(
+            self.path / MANIFEST, schemas.RUN, RunManifest, _REMEDY, within=self.path
+        )
+        self.config = read_document(
+            self.path / TASK_CONFIG, schemas.RESOLVED_TASK, _REMEDY, within=self.path
+        )
 
     @property
     def source(self) -> str:
@@ -233,7 +237,7 @@ class RunFolder:
         path = group_path(self.path, group) / PROGRESS
         if not path.exists():
             return None
-        return read_checked(path, schemas.RUN_GROUP, GroupProgress, _REMEDY)
+        return read_checked(path, schemas.RUN_GROUP, GroupProgress, _REMEDY, within=self.path)
 
     def run(self, index: int) -> StoredRun:
         """Return a run.
@@ -253,13 +257,13 @@ class RunFolder:
             failure = progress.failures.get(index, "")
             stored = replace(stored, steps=progress.steps, failure=failure, wall_s=progress.wall_s)
         folder = run_path(self.path, index)
-        metrics = read_metrics(folder / METRICS, index)
+        metrics = read_metrics(folder / METRICS, index, within=self.path)
         return replace(
             stored,
             episodes=metrics.episodes,
             figures=metrics.figures,
-            policy=_policy(folder / "policy.json"),
-            last=_policy(folder / "last.json"),
+            policy=self._policy(folder / "policy.json"),
+            last=self._policy(folder / "last.json"),
         )
 
     def runs(self) -> list[StoredRun]:
@@ -284,10 +288,9 @@ class RunFolder:
         if not path.exists():
             return None
         remedy = "train --resume writes it again"
-        return {"schema": schemas.TRAINING, **read_document(path, schemas.TRAINING, remedy)}
+        document = read_document(path, schemas.TRAINING, remedy, within=self.path)
+        return {"schema": schemas.TRAINING, **document}
 
-
-def _policy(path: Path) -> StoredNetwork | None:
-    return (
-        read_network(path) if path.exists() or path.with_suffix(".safetensors").exists() else None
-    )
+    def _policy(self, path: Path) -> StoredNetwork | None:
+        there = path.exists() or path.with_suffix(".safetensors").exists()
+        return read_network(path, within=self.path) if there else None

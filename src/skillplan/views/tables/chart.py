@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from skillplan.chart.conflict import conflict_lines
 from skillplan.chart.partial_order import closure, reduction
 from skillplan.chart.precedence_chart import DerivedChart
 from skillplan.task.task import Task
@@ -49,7 +50,8 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
     ]
     notes += [f"{skill} could not be worked out" for skill in chart.undecided]
     if chart.circle:
-        notes.append(f"No order exists: {' before '.join(chart.circle)}.")
+        first, *others = conflict_lines(task, chart.relations)
+        notes += [f"No order exists: {first}", *others]
     elif chart.contradiction:
         circle = " before ".join(chart.contradiction)
         notes.append(f"Derived and hand-made relations contradict each other: {circle}.")

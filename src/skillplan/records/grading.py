@@ -1,0 +1,93 @@
+"""A result in two steps: a draft says who solved what, a grade what the referee grants."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from skillplan.model.replay import Step
+from skillplan.records.result import Result, Status
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+
+
+@dataclass(frozen=True)
+class Grade:
+    """What the referee grants a solution.
+
+    Parameters
+    ----------
+    status
+        What became of the task.
+    cost
+        Of the replayed plan, or expected under the policy; None without one.
+    steps
+        The replayed plan.
+    makespan_s
+        Its duration [s].
+    lower_bound
+        No plan costs less; None where nothing was proved.
+    bound_method
+        What proved the bound, in words; empty where there is none.
+    reason
+        Why it is no better than the status says; empty for an optimal plan.
+    policy
+        The policy that the plan follows; None where the solver gave a plan.
+    """
+
+    status: Status
+    cost: float | None = None
+    steps: tuple[Step, ...] = ()
+    makespan_s: float | None = None
+    lower_bound: float | None = None
+    bound_method: str = ""
+    reason: str = ""
+    policy: Mapping[State, Skill] | None = field(default=None, repr=False, compare=False)
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A result that the referee has not seen yet: who solved what, how and at what effort.
+
+    Parameters
+    ----------
+    task, kind, sha256
+        The task, its domain and the hash of its content.
+    solver, seed, physics, collision
+        How it is solved.
+    cost_unit
+        The unit of the task's metric.
+    states, expanded, checks, cache_hits, wall_s
+        What the solver asked of the model, and how long it took [s].
+    interrupted
+        Whether the user ended the search.
+    trace
+        Figures of the search.
+    """
+
+    task: str
+    kind: str
+    sha256: str
+    solver: str
+    seed: int
+    physics: str
+    collision: str
+    cost_unit: str = ""
+    states: int = 0
+    expanded: int | None = None
+    checks: int = 0
+    cache_hits: int = 0
+    wall_s: float = 0.0
+    interrupted: bool = False
+    trace: Mapping[str, Any] = field(default_factory=dict)
+
+    def graded(self, grade: Grade) -> Result:
+        """Return the result: the draft with what the referee grants.
+
+        Raises
+        ------
+        ValueError
+            If the grade contradicts itself, as a plan without a cost.
+        """
+        return Result(**vars(self), **vars(grade))
