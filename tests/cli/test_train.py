@@ -155,7 +155,9 @@ class TestInterruption:
         assert 2 == outcome.code
         assert "--resume needs --out DIR" in outcome.err
 
-    @pytest.mark.parametrize("kills", [1, pytest.param(20, marks=pytest.mark.slow)])
+    @pytest.mark.parametrize(
+        "kills", [1, pytest.param(20, marks=pytest.mark.slow(reason="20 kills; one in every run"))]
+    )
     def test_sigkill_at_random_instants_changes_nothing(
         self, cli: Any, environment: dict[str, str], tmp_path: Path, kills: int
     ) -> None:
@@ -274,7 +276,10 @@ class TestFaults:
         assert named >= gone_on_from
         assert not named & {"policy.json", "last.json", "result.json", "policy.safetensors"}
 
-    @pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.slow)])
+    @pytest.mark.parametrize(
+        "jobs",
+        ["1", pytest.param("2", marks=pytest.mark.slow(reason="two processes; one in every run"))],
+    )
     def test_a_full_disk_is_one_message_and_the_checkpoint_is_intact(
         self, cli: Any, kept: Path, environment: dict[str, str], tmp_path: Path, jobs: str
     ) -> None:

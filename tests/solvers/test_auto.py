@@ -100,7 +100,7 @@ def test_it_proves_what_is_published(name):
     assert (result.status, result.cost) == (Status.OPTIMAL, float(BEST_KNOWN[name]["best_known"]))
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="larger instances; smaller ones in every run")
 @pytest.mark.parametrize("name", ["p43.4", "rbg150a"])
 def test_it_proves_what_is_published_of_larger_instances(name):
     """As above."""

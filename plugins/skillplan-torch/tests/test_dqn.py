@@ -165,7 +165,7 @@ class TestLearning:
         values = chain_values(gamma=0.5, steps_worth=3.0, n_step=n_step)
         np.testing.assert_allclose(values, expected, atol=0.05)
 
-    @pytest.mark.slow
+    @pytest.mark.slow(reason="ten runs of 20,000 steps")
     @pytest.mark.parametrize(
         ("options", "exact_runs", "success"),
         [

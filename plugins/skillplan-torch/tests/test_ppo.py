@@ -82,7 +82,7 @@ class TestLearning:
         result = solve(retry_task(0.5), solver(steps=1_000))
         assert result.cost == pytest.approx(4.0)
 
-    @pytest.mark.slow
+    @pytest.mark.slow(reason="ten runs to the optimum of the board")
     @pytest.mark.parametrize(
         "options",
         [
