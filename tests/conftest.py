@@ -10,6 +10,21 @@ from skillplan.pipeline.setup import load_problem
 CONFIGS = Path(__file__).parents[1] / "configs"
 
 
+@pytest.fixture(autouse=True)
+def _no_columns(monkeypatch):
+    """No test depends on the width of the terminal that it is started from."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+
+
+def pytest_addoption(parser):
+    """Let the documentation be brought up to date by the tests that check it."""
+    parser.addoption(
+        "--update-transcripts",
+        action="store_true",
+        help="write what commands print into README and docs instead of comparing",
+    )
+
+
 @pytest.fixture(scope="session")
 def lid_task():
     """A box, a fuse that goes into it, and a lid that is screwed on."""

@@ -37,7 +37,7 @@ from skillplan.model.enumeration import enumerate_feasibility
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.verdict import Verdict
 from skillplan.testing import lid_task, reachable_states
-from skillplan.workers.worker_processes import Answer
+from skillplan.workers.executor import Answer, Executor
 
 TASK = lid_task()
 PATIENCE_S = 30
@@ -82,9 +82,7 @@ def outcome(task, questions, jobs, folder, seed=0):
 
 
 class FakeProcess:
-    """A process that works in this one; whoever waits hears of the answers in any order."""
-
-    rng = random.Random(0)
+    """A process that works in this one."""
 
     def __init__(self, prepare, content, what):
         self._work = prepare(pickle.loads(content))
@@ -101,10 +99,20 @@ class FakeProcess:
         self.alive = False
 
 
-def any_of(workers):
-    """Return some of the processes that have something to say, in any order."""
-    workers = list(workers)
-    return FakeProcess.rng.sample(workers, FakeProcess.rng.randint(1, len(workers)))
+class AnyOrder(Executor):
+    """Fake processes; whoever waits hears of the answers in any order."""
+
+    rng = random.Random(0)
+
+    def start(self, prepare, content, what):
+        return FakeProcess(prepare, content, what)
+
+    def first_ready(self, workers, patience_s=0.0):
+        workers = list(workers)
+        return self.rng.sample(workers, self.rng.randint(1, len(workers)))
+
+    def close(self):
+        """Nothing is to be ended."""
 
 
 @settings(max_examples=examples(60))
@@ -118,9 +126,8 @@ def test_verdicts_counts_and_cache_do_not_depend_on_which_process_is_faster(
     random.Random(seed).shuffle(questions)
     expected = outcome(task, questions, 1, folder / "1", seed)
     with pytest.MonkeyPatch.context() as patch:
-        FakeProcess.rng = random.Random(seed)
-        patch.setattr(check_workers, "WorkerProcess", FakeProcess)
-        patch.setattr(check_workers, "first_ready", any_of)
+        patch.setattr(AnyOrder, "rng", random.Random(seed))
+        patch.setattr(check_workers, "LocalProcesses", AnyOrder)
         assert expected == outcome(task, questions, jobs, folder / "n", seed)
 
 

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.chart.partial_order import circle, closure
+from skillplan.chart.partial_order import closure, cycle
 from skillplan.chart.precedence_chart import derive_chart
 from skillplan.domains.assembly.board_generator import MOST_PARTS, MOST_TOOLS, BoardGenerator
 from skillplan.errors import OptionError
@@ -70,7 +70,7 @@ class TestAnyBoard:
         """The pairs that its closure orders; without any there is no chart."""
         task = loaded(board)
         found = order(task)
-        assert () == circle(found)
+        assert () == cycle(found)
         assert board.ordered_pairs == len(found)
         assert abs(len(found) - board.density * board.pairs) <= 0.5
         assert ("chart" in content(board)) == bool(found)
