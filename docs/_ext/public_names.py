@@ -11,6 +11,7 @@ import inspect
 from typing import Any
 
 import skillplan
+from skillplan import errors
 
 
 def page() -> str:
@@ -20,7 +21,7 @@ def page() -> str:
         is_class = inspect.isclass(getattr(skillplan, name))
         pieces += [f"### {name}", "", "```{eval-rst}"]
         pieces.append(f".. {'autoclass' if is_class else 'autofunction'}:: skillplan.{name}")
-        pieces += ["   :members:"] * is_class + ["```", ""]
+        pieces += ["   :members:", "   :exclude-members: Options"] * is_class + ["```", ""]
     return "\n".join(pieces)
 
 
@@ -45,6 +46,8 @@ def setup(app: Any) -> dict[str, Any]:
         public = known.get(target)
         if public is None and target in skillplan.__all__:
             public = f"skillplan.{target}"
+        if public is None and hasattr(errors, target):
+            public = f"skillplan.errors.{target}"
         if public is not None:
             domain = env.get_domain("py")
             found = domain.resolve_xref(
