@@ -12,7 +12,13 @@ author = "The skillplan developers"
 project_copyright = "the skillplan developers"
 version = release = skillplan.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "generated_reference", "public_names"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "generated_reference",
+    "public_names",
+]
 exclude_patterns = ["_build", "_ext"]
 nitpicky = True
 

@@ -19,6 +19,12 @@ def pytest_addoption(parser):
     )
 
 
+@pytest.fixture(autouse=True)
+def _no_columns(monkeypatch):
+    """No test depends on the width of the terminal that it is started from."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+
+
 @pytest.fixture(scope="session")
 def lid_task():
     """A box, a fuse that goes into it, and a lid that is screwed on."""

@@ -20,6 +20,7 @@ from example_count import examples
 from skillplan.cli.app import COMMANDS, main
 from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
 from skillplan.pipeline import registry
+from yaml_data import yaml_text
 
 ROOT = Path(__file__).parents[1]
 BOARD = ROOT / "configs" / "inverter_board.yaml"
@@ -278,7 +279,7 @@ def test_no_structure_is_too_odd(folder, content):
 
 
 @many(100)
-@given(content=st.dictionaries(st.sampled_from(sorted(yaml.safe_load(TASK))), STRUCTURES))
+@given(content=st.dictionaries(st.sampled_from(sorted(yaml_text(TASK))), STRUCTURES))
 def test_no_section_is_too_odd(folder, content):
     """The right keys with the wrong values."""
     survives_check(folder, yaml.safe_dump({**content, "kind": "assembly"}, allow_unicode=True))
@@ -329,7 +330,7 @@ def test_the_unspoilt_task_is_valid(folder):
 @given(data=st.data())
 def test_no_mutation_of_a_task_is_too_odd(folder, data):
     """One to three nodes of a valid task are spoilt."""
-    content = yaml.safe_load(TASK)
+    content = yaml_text(TASK)
     for _ in range(data.draw(st.integers(1, 3))):
         path = data.draw(st.sampled_from(list(nodes(content))))
         content = mutated(content, path, data.draw(CHANGES), data.draw(HOSTILE))
@@ -363,7 +364,7 @@ def test_the_unspoilt_benches_are_valid(folder, job):
 @given(data=st.data(), job=st.sampled_from(sorted(BENCHES)))
 def test_no_mutation_of_a_bench_is_too_odd(folder, data, job):
     """One to three nodes of a valid file of one of the jobs are spoilt."""
-    content = yaml.safe_load(BENCHES[job])
+    content = yaml_text(BENCHES[job])
     for _ in range(data.draw(st.integers(1, 3))):
         path = data.draw(st.sampled_from(list(nodes(content))))
         content = mutated(content, path, data.draw(CHANGES), data.draw(HOSTILE))

@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -78,15 +79,19 @@ class TestStarting:
         ids=["import", "import of the command line", "--help", "--version"],
     )
     def test_help_loads_nothing_heavy(self, statement: str) -> None:
-        """Neither what computes, nor what validates, nor what draws tables."""
-        too_much = {*HEAVY, "pydantic", "rich", "yaml"}
-        assert set() == too_much & imported_by(statement)
+        """Neither what computes nor what validates."""
+        assert set() == {*HEAVY, "pydantic", "yaml"} & imported_by(statement)
+
+    @pytest.mark.parametrize("statement", ["import skillplan", "import skillplan.cli.app"])
+    def test_what_draws_panels_and_tables_is_loaded_when_it_draws(self, statement: str) -> None:
+        """Help is drawn, an import is not."""
+        assert "rich" not in imported_by(statement)
 
     @pytest.mark.parametrize("command", ["search-optimal", "check", "evaluate"])
     def test_help_of_a_command_loads_nothing_heavy(self, command: str) -> None:
         """What a command needs is loaded when it runs."""
         loaded = imported_by(a_command(command, "--help"))
-        assert set() == {*HEAVY, "pydantic", "rich", "yaml"} & loaded
+        assert set() == {*HEAVY, "pydantic", "yaml"} & loaded
 
     @pytest.mark.parametrize("words", [("search-optimal",), ("check",), ("chart",)])
     def test_the_board_needs_no_arrays(self, words: tuple[str, ...]) -> None:
@@ -260,6 +265,27 @@ class TestErrors:
         error = getattr(errors, name)
         assert issubclass(error, errors.SkillplanError)
         assert code == error.exit_code
+
+    @pytest.mark.parametrize(
+        ("outcome", "code"),
+        [
+            ({}, 0),
+            ({"solved": False}, 1),
+            ({"wrong": True, "back_end_failed": True, "solved": False}, 2),
+            ({"back_end_failed": True, "solved": False}, 3),
+            ({"interrupted": True, "wrong": True, "back_end_failed": True}, 130),
+            ({"error": errors.OptionError("x")}, 2),
+            ({"error": errors.BackEndError("x"), "interrupted": True}, 3),
+            ({"error": KeyboardInterrupt()}, 130),
+            ({"error": ZeroDivisionError()}, 3),
+        ],
+        ids=str,
+    )
+    def test_one_function_turns_an_outcome_into_an_exit_code(
+        self, outcome: dict[str, Any], code: int
+    ) -> None:
+        """What an error says counts most, then an interruption, then what is wrong."""
+        assert code == errors.exit_code(**outcome)
 
     def test_the_tree_in_the_docstring_is_complete(self) -> None:
         """Each error class is drawn there."""

@@ -39,7 +39,9 @@ def exit_codes() -> str:
     """Return the table of exit codes, one for each constant of ``skillplan.errors``."""
     from skillplan import errors
 
-    codes = {name: value for name, value in vars(errors).items() if re.match(r"EXIT_[A-Z_]+$", name)}
+    codes = {
+        name: value for name, value in vars(errors).items() if re.match(r"EXIT_[A-Z_]+$", name)
+    }
     codes = {name: value for name, value in codes.items() if isinstance(value, int)}
     lines = ["| code | constant of `skillplan.errors` | means |", "|--:|---|---|"]
     for name, value in sorted(codes.items(), key=lambda item: item[1]):

@@ -37,7 +37,7 @@ from skillplan.model.enumeration import enumerate_feasibility
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.verdict import Verdict
 from skillplan.testing import lid_task, reachable_states
-from skillplan.workers.worker_processes import Answer
+from skillplan.workers.executor import Answer, Executor
 
 TASK = lid_task()
 PATIENCE_S = 30
@@ -82,9 +82,7 @@ def outcome(task, questions, jobs, folder, seed=0):
 
 
 class FakeProcess:
-    """A process that works in this one; whoever waits hears of the answers in any order."""
-
-    rng = random.Random(0)
+    """A process that works in this one."""
 
     def __init__(self, prepare, content, what):
         self._work = prepare(pickle.loads(content))
@@ -101,10 +99,20 @@ class FakeProcess:
         self.alive = False
 
 
-def any_of(workers):
-    """Return some of the processes that have something to say, in any order."""
-    workers = list(workers)
-    return FakeProcess.rng.sample(workers, FakeProcess.rng.randint(1, len(workers)))
+class AnyOrder(Executor):
+    """Fake processes; whoever waits hears of the answers in any order."""
+
+    rng = random.Random(0)
+
+    def start(self, prepare, content, what):
+        return FakeProcess(prepare, content, what)
+
+    def first_ready(self, workers, patience_s=0.0):
+        workers = list(workers)
+        return self.rng.sample(workers, self.rng.randint(1, len(workers)))
+
+    def close(self):
+        """Nothing is to be ended."""
 
 
 @settings(max_examples=examples(60))
@@ -118,13 +126,12 @@ def test_verdicts_counts_and_cache_do_not_depend_on_which_process_is_faster(
     random.Random(seed).shuffle(questions)
     expected = outcome(task, questions, 1, folder / "1", seed)
     with pytest.MonkeyPatch.context() as patch:
-        FakeProcess.rng = random.Random(seed)
-        patch.setattr(check_workers, "WorkerProcess", FakeProcess)
-        patch.setattr(check_workers, "first_ready", any_of)
+        patch.setattr(AnyOrder, "rng", random.Random(seed))
+        patch.setattr(check_workers, "LocalProcesses", AnyOrder)
         assert expected == outcome(task, questions, jobs, folder / "n", seed)
 
 
-@settings(max_examples=3)
+@settings(max_examples=examples(3, fewest=1))
 @given(task=small_tasks(), seed=SEEDS)
 def test_verdicts_counts_and_cache_are_the_same_in_one_two_and_three_processes(
     tmp_path_factory, task, seed
@@ -264,8 +271,8 @@ def test_a_process_that_is_killed_once_costs_nothing_but_time(tmp_path):
 
 
 def test_processes_killed_from_outside_in_the_middle_of_checks_change_no_verdict(tmp_path):
-    """SIGKILL to a process for every skill, each time during another check."""
-    questions = list({k.name: (k, s) for k, s in all_questions(TASK)}.values())
+    """SIGKILL to a process for each of four skills, each time during another check."""
+    questions = list({k.name: (k, s) for k, s in all_questions(TASK)}.values())[:4]
     feasibility = Feasibility(TASK, one_engine(log=str(tmp_path), wait_s=0.2), jobs=2)
     killed, over = set(), threading.Event()
 

@@ -2,17 +2,17 @@
 
 from hypothesis import settings
 
-FEWEST = 20
 
-
-def examples(count: int) -> int:
+def examples(count: int, fewest: int = 20) -> int:
     """Return how many examples to draw under the profile in force (see the root's conftest).
 
     Parameters
     ----------
     count
-        Those of the profile `thorough` [-]; any other draws a fifth of them, but 20 at least.
+        Those of the profile `thorough` [-]; any other draws a fifth of them.
+    fewest
+        But not fewer than this many, if `count` is not below it [-].
     """
     if settings.get_current_profile_name() == "thorough":
         return count
-    return max(min(count, FEWEST), count // 5)
+    return max(min(count, fewest), count // 5)

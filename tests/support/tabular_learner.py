@@ -243,7 +243,7 @@ def learner_installed(folder: Path, patch: pytest.MonkeyPatch) -> Iterator[str]:
         "[skillplan.solver]\ntabular = tabular_learner:TabularLearner\n"
     )
     patch.syspath_prepend(str(folder))
-    patch.setenv("PYTHONPATH", os.pathsep.join([str(folder), str(SUPPORT)]))
+    patch.setenv("PYTHONPATH", os.pathsep.join([str(folder), str(SUPPORT)]), prepend=os.pathsep)
     registry._providers.cache_clear()
     try:
         yield "tabular"

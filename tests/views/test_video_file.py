@@ -122,9 +122,7 @@ def test_mp4_without_its_library_says_what_to_install(
     """Or to end the name in .gif."""
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
     with (
-        pytest.raises(
-            OptionError, match=r"pip install 'skillplan\[video\]', or end the name in \.gif"
-        ),
+        pytest.raises(OptionError, match=r"'skillplan\[video\]', or end the name in \.gif"),
         video_file(tmp_path / "video.mp4", 10, "--video"),
     ):
         pass

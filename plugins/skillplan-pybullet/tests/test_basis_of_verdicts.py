@@ -17,9 +17,9 @@ from skillplan.pipeline.setup import load_problem
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pybullet.execution import Workcell
+from skillplan_pybullet.execution.support_trial import Fallen, SupportTrials
+from skillplan_pybullet.execution.workcell import Workcell
 from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.support_trial import Fallen, SupportTrials
 
 PRODUCTS = ("inverter_board", "sensor_stack", "motor_drive", "board with a mast")
 

@@ -15,13 +15,13 @@ from skillplan.physics.linear_motions import strokes
 from skillplan.task.scene import Body, Box
 from skillplan.task.shape import Cylinder, Mesh
 from skillplan.task.verdict import VerdictStatus
+from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
+from skillplan_pybullet.execution.skill_runner import SkillRunner
 from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.mass_properties import mass_properties
-from skillplan_pybullet.simulated_arm import SimulatedArm
-from skillplan_pybullet.skill_runner import SkillRunner
-from skillplan_pybullet.world import World
+from skillplan_pybullet.simulator.mass_properties import mass_properties
+from skillplan_pybullet.simulator.world import World
 
 # A screw's head, and how far above the end of the bit the thicker shank begins.
 SCREW_M, BIT_M = 0.002, 0.040

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from skillplan.robots import panda
-from skillplan_pybullet.dynamics import HAND_LINK, PinocchioDynamics, PybulletDynamics
-from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.panda_kinematics import (
+from skillplan_pybullet.arm.dynamics import HAND_LINK, PinocchioDynamics, PybulletDynamics
+from skillplan_pybullet.arm.panda_kinematics import (
     UnreachableError,
     follow,
     forward,
@@ -22,8 +21,9 @@ from skillplan_pybullet.panda_kinematics import (
     reach,
     rotation_error,
 )
-from skillplan_pybullet.simulated_arm import SimulatedArm
-from skillplan_pybullet.world import World
+from skillplan_pybullet.arm.simulated_arm import SimulatedArm
+from skillplan_pybullet.execution_settings import ExecutionSettings
+from skillplan_pybullet.simulator.world import World
 
 BASE = (0.0, 0.0, 0.0)
 angles = st.tuples(

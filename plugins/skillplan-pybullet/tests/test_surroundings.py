@@ -22,7 +22,7 @@ from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
-from skillplan_pybullet.surroundings import Located, Neighbourhood, Surroundings
+from skillplan_pybullet.execution.surroundings import Located, Neighbourhood, Surroundings
 
 PRODUCTS = ("inverter_board", "sensor_stack", "motor_drive")
 # Of every product, so many questions that swept hulls find feasible, and as many others.

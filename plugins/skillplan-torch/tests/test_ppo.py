@@ -19,7 +19,7 @@ from skillplan.pipeline.setup import Setup
 from skillplan.solvers.learning.learner import Snapshot
 from skillplan.testing import SolverSuite, lid_task
 from skillplan_torch.ppo import PpoSolver
-from skillplan_torch.roll_out import RollOut
+from skillplan_torch.ppo.rollout_buffer import RolloutBuffer
 
 BOARD = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"
 OPTIMUM_M = 1.86709
@@ -235,7 +235,7 @@ class TestGoingOn:
 class TestAdvantages:
     @pytest.fixture
     def roll_out(self):
-        made = RollOut(1, 4, 1, 1)
+        made = RolloutBuffer(1, 4, 1, 1)
         made.ends[0] = [0, 1, 0, 0]
         made.drawn[0] = [True, True, False, True]
         return made

@@ -1,9 +1,8 @@
-"""Relations of what comes before what: their closure, reduction and circles."""
+"""Relations of what comes before what: their closure, reduction and cycles."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from graphlib import CycleError, TopologicalSorter
+from collections.abc import Iterable, Mapping, Sequence
 
 
 def closure(pairs: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
@@ -51,7 +50,7 @@ class ClosedRelation:
 
 
 def reduction(pairs: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
-    """Return the pairs that do not follow from others; those on a circle all stay."""
+    """Return the pairs that do not follow from others; those on a cycle all stay."""
     pairs = list(pairs)
     closed = closure(pairs)
     after: dict[str, set[str]] = {}
@@ -59,7 +58,7 @@ def reduction(pairs: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
         after.setdefault(one, set()).add(other)
 
     def follows(one: str, other: str) -> bool:
-        # By way of an element strictly between the two, on no circle with either.
+        # By way of an element strictly between the two, on no cycle with either.
         return (other, one) not in closed and any(
             (via, other) in closed and (via, one) not in closed and (other, via) not in closed
             for via in after[one]
@@ -68,13 +67,46 @@ def reduction(pairs: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
     return {(one, other) for one, other in pairs if not follows(one, other)}
 
 
-def circle(pairs: Iterable[tuple[str, str]]) -> tuple[str, ...]:
-    """Return elements each of which comes before the next, ending with the first; or none."""
-    before: dict[str, list[str]] = {}
+def cycle(pairs: Iterable[tuple[str, str]]) -> tuple[str, ...]:
+    """Return the shortest cycle: each comes before the next, ending with the first; or none.
+
+    Of several of one length, it is the one of the element named first.
+    """
+    after: dict[str, list[str]] = {}
     for one, other in pairs:
-        before.setdefault(other, []).append(one)
-    try:
-        TopologicalSorter(before).prepare()
-    except CycleError as error:
-        return tuple(error.args[1])
+        after.setdefault(one, []).append(other)
+    shortest: tuple[str, ...] = ()
+    for start in after:
+        found = _cycle_through(start, after)
+        if found and (not shortest or len(found) < len(shortest)):
+            shortest = found
+    return shortest
+
+
+def _cycle_through(start: str, after: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    """Return a shortest cycle through an element by breadth-first search, or none."""
+    came: dict[str, str] = {}
+    queue = [start]
+    for one in queue:
+        for other in after.get(one, ()):
+            if other == start:
+                found = [start, one] if one != start else [start]
+                while one != start:
+                    one = came[one]
+                    found.append(one)
+                return tuple(reversed(found)) if len(found) > 1 else (start, start)
+            if other not in came:
+                came[other] = one
+                queue.append(other)
     return ()
+
+
+def orderable(elements: Iterable[str], pairs: Iterable[tuple[str, str]]) -> set[str]:
+    """Return the elements that are neither on a cycle nor after one."""
+    closed = closure(pairs)
+    stuck = {one for one, other in closed if one == other}
+    return {
+        element
+        for element in elements
+        if element not in stuck and not any((one, element) in closed for one in stuck)
+    }

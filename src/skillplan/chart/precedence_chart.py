@@ -10,10 +10,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from skillplan.chart.conflict import conflict_lines
 from skillplan.chart.hypothetical_state import Imagination
-from skillplan.chart.partial_order import ClosedRelation, circle, closure
+from skillplan.chart.partial_order import ClosedRelation, closure, cycle
 from skillplan.chart.precedence_query import Inquiry, Questions, Relation, inquire
 from skillplan.checks.feasibility import Feasibility
+from skillplan.task.task import Task
+
+_MOST_LINES = 3
 
 
 @dataclass(frozen=True)
@@ -50,22 +54,26 @@ class DerivedChart:
 
     @property
     def circle(self) -> tuple[str, ...]:
-        """Elements that would have to come before each other; none where there is an order."""
-        return circle((r.before, r.after) for r in self.relations)
+        """The shortest cycle of components before each other; none where there is an order."""
+        return cycle((r.before, r.after) for r in self.relations)
 
     @property
     def contradiction(self) -> tuple[str, ...]:
-        """A circle of derived and hand-made pairs together; none where they agree on an order."""
+        """A cycle of derived and hand-made pairs together; none where they agree on an order."""
         derived = [(r.before, r.after) for r in self.relations]
-        return circle([*derived, *(self.hand_made or ())])
+        return cycle([*derived, *(self.hand_made or ())])
 
-    def obstacle(self) -> str | None:
-        """Return why no order can exist, in words, or None where nothing speaks against one."""
-        for skill, why in self.impossible.items():
-            return f"{skill} is never feasible: {why}"
-        if self.circle:
-            return f"no order exists: {' before '.join(self.circle)}"
-        return None
+    def obstacle(self, task: Task) -> str | None:
+        """Return why no order can exist, in at most three lines, or None where one may.
+
+        Parameters
+        ----------
+        task
+            The task that the chart was derived for.
+        """
+        lines = conflict_lines(task, self.relations)
+        never = [f"{skill} is never feasible: {why}" for skill, why in self.impossible.items()]
+        return "\n".join((lines or never)[:_MOST_LINES]) or None
 
 
 def derive_chart(feasibility: Feasibility) -> DerivedChart:

@@ -24,12 +24,25 @@ Questions = Generator[tuple[Skill, State], Verdict, _T]
 
 @dataclass(frozen=True)
 class Relation:
-    """One element before another, and the evidence for it."""
+    """One component before another, and the evidence for it.
+
+    Parameters
+    ----------
+    before, after
+        The two components.
+    reason
+        Why, in words.
+    evidence
+        The skill that fails otherwise, the stage at which it does, and the facts.
+    component
+        Which of the two the skill is of.
+    """
 
     before: str
     after: str
     reason: str
     evidence: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    component: str = ""
 
 
 class Ruler(Protocol):
@@ -127,19 +140,13 @@ class Inquiry:
             other = self.imagination.owner(fact)
             if other not in (None, self.element):
                 # Another element's untouched start, such as a part lying on this one.
-                name = self.skill.name
-                evidence = {"skill": name, "stage": PRECONDITION, "facts": [f"not {fact}"]}
-                reason = f"{name} needs not {fact}"
-                self.found.append(Relation(str(other), self.element, reason, evidence))
+                self._need(str(other), f"not {fact}")
         for fact in self.skill.precondition.requires:
             other = self.imagination.owner(fact)
             goal = None if other is None else self.imagination.task.operations[other]
             if other not in (None, self.element) and fact == goal:
                 # Another element, finished: every state that is imagined has it done.
-                name = self.skill.name
-                evidence = {"skill": name, "stage": PRECONDITION, "facts": [fact]}
-                reason = f"{name} needs {fact}"
-                self.found.append(Relation(str(other), self.element, reason, evidence))
+                self._need(str(other), fact)
         verdicts: dict[str, Verdict] = {}
         feasible = self._feasible
         for other in self.order:
@@ -157,6 +164,13 @@ class Inquiry:
             if other in fixed:
                 pair = (other, self.element) if other in needed else (self.element, other)
                 self.found.append(self._relation(*pair, verdict))
+
+    def _need(self, other: str, literal: str) -> None:
+        """Note what the precondition needs of another component."""
+        name = self.skill.name
+        evidence = {"skill": name, "stage": PRECONDITION, "facts": [literal]}
+        reason = f"{name} needs {literal}"
+        self.found.append(Relation(other, self.element, reason, evidence, self.element))
 
     def _fixed(
         self, needed: frozenset[str], verdicts: Mapping[str, Verdict]
@@ -264,4 +278,6 @@ class Inquiry:
 
     def _relation(self, before: str, after: str, verdict: Verdict) -> Relation:
         evidence = {"skill": self.skill.name, "stage": verdict.stage, "facts": verdict.facts}
-        return Relation(before, after, verdict.reason, {**evidence, **verdict.evidence})
+        return Relation(
+            before, after, verdict.reason, {**evidence, **verdict.evidence}, self.element
+        )

@@ -80,6 +80,22 @@ class Account:
     caveat: str = ""
 
 
+@dataclass(frozen=True)
+class Overview:
+    """What there is to see of a valid file before anything is solved.
+
+    Parameters
+    ----------
+    document
+        Keys added to the JSON document of ``check``; JSON values only.
+    lines
+        The same in words, a line each: a name, spaces, and what is said.
+    """
+
+    document: Mapping[str, Any] = field(default_factory=dict)
+    lines: tuple[str, ...] = ()
+
+
 class Domain(ABC):
     """A kind of task file.
 
@@ -132,6 +148,32 @@ class Domain(ABC):
     def issues(self, config: Any) -> Iterable[Issue]:
         """Return every fault that the schema cannot see, each with the path of its key."""
         return ()
+
+    def warnings(self, config: Any) -> Iterable[Issue]:
+        """Return what is valid, but hardly meant, each with the path of its key.
+
+        Every command tells them, on stderr.
+
+        Parameters
+        ----------
+        config
+            An instance of `Config` without issues.
+        """
+        return ()
+
+    def hints(self, config: Any) -> Iterable[Issue]:
+        """Return what may be meant, but is found out late; only ``check`` tells it.
+
+        Parameters
+        ----------
+        config
+            An instance of `Config` without issues.
+        """
+        return ()
+
+    def overview(self, config: Any) -> Overview:
+        """Return what ``check`` shows of a file besides its tasks, such as its extent."""
+        return Overview()
 
     @abstractmethod
     def ground(self, config: Any, sha256: str) -> list[Task]:

@@ -1,18 +1,26 @@
 """Why no plan exists: what is in the way in every state that can be reached.
 
-After a proof that there is no plan, every verdict on the way is known; what is said here is read
-off them, so that back ends whose answers are dear need not be asked again.
+After a proof that there is no plan, the verdicts that matter are known; what is said here is
+read off them, so that expensive back ends need not be queried again.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from skillplan.chart.conflict import conflict_lines
+from skillplan.chart.hypothetical_state import Imagination
+from skillplan.chart.precedence_query import Relation
+from skillplan.checks.feasibility import PRECONDITION
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
+
+# So many skills are named one by one.
+_MOST_NAMED = 2
 
 
 @dataclass
@@ -20,15 +28,36 @@ class _Tries:
     """What became of one skill wherever its precondition held."""
 
     states: int = 0
-    verdicts: Counter[tuple[str, str]] = field(default_factory=Counter)
+    counts: Counter[tuple[str, str]] = field(default_factory=Counter)
+    first: dict[tuple[str, str], Verdict] = field(default_factory=dict)
 
     def note(self, verdict: Verdict) -> None:
         self.states += 1
-        self.verdicts[verdict.stage, verdict.reason] += 1
+        key = (verdict.stage, verdict.reason)
+        self.counts[key] += 1
+        self.first.setdefault(key, verdict)
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict met most often."""
+        return self.first[self.counts.most_common(1)[0][0]]
+
+
+@dataclass
+class _Reached:
+    """What can be reached, and what became of the skills there."""
+
+    states: set[State]
+    tries: dict[str, _Tries]
+    succeeded: set[str]
 
 
 def obstruction(model: SkillModel, most_states: int = 20_000) -> str | None:
-    """Return which skill towards the goal fails in every state that can be reached, and why.
+    """Return why the goal is out of reach, in at most three lines.
+
+    That is the shortest cycle of what must come before what, as far as the verdicts of reachable
+    states show one; or else the skills towards the goal that fail wherever they can be tried,
+    without those that only fail because another one does.
 
     Parameters
     ----------
@@ -43,6 +72,33 @@ def obstruction(model: SkillModel, most_states: int = 20_000) -> str | None:
         None where no single skill is to blame: every one succeeds somewhere, but never in an
         order that leads to the goal; or where there are too many states.
     """
+    reached = _reach(model, most_states)
+    if reached is None:
+        return None
+    blocked = [
+        skill
+        for skill in model.task.skills
+        if skill.name in reached.tries
+        and skill.name not in reached.succeeded
+        and _matters(model, skill, reached.states)
+    ]
+    if not blocked:
+        return None
+    hypothetical = Imagination(model.task)
+    relations = [
+        *_needs(model, hypothetical, reached),
+        *(
+            relation
+            for skill in blocked
+            for relation in _relations(hypothetical, skill, reached.tries[skill.name].verdict)
+        ),
+    ]
+    cycle = conflict_lines(model.task, relations)
+    return "\n".join(cycle or _sentences(hypothetical, blocked, reached.tries))
+
+
+def _reach(model: SkillModel, most_states: int) -> _Reached | None:
+    """Return the states that can be reached, or None where there are too many."""
     seen = {model.initial}
     queue = [model.initial]
     tries: dict[str, _Tries] = {}
@@ -60,14 +116,7 @@ def obstruction(model: SkillModel, most_states: int = 20_000) -> str | None:
                     queue.append(following)
         if len(seen) > most_states:
             return None
-    blocked = [
-        skill
-        for skill in model.task.skills
-        if skill.name in tries and skill.name not in succeeded and _matters(model, skill, seen)
-    ]
-    if not blocked:
-        return None
-    return "; ".join(_sentence(skill, tries[skill.name]) for skill in blocked)
+    return _Reached(seen, tries, succeeded)
 
 
 def _matters(model: SkillModel, skill: Skill, seen: set[State]) -> bool:
@@ -76,8 +125,68 @@ def _matters(model: SkillModel, skill: Skill, seen: set[State]) -> bool:
     return any(all(fact not in state for state in seen) for fact in gained)
 
 
+def _component(hypothetical: Imagination, skill: Skill) -> str | None:
+    """Return the component that a skill brings on its way, or None."""
+    operations = hypothetical.task.operations
+    return next((one for one in skill.parameters.values() if one in operations), None)
+
+
+def _needs(model: SkillModel, hypothetical: Imagination, reached: _Reached) -> Iterator[Relation]:
+    """Yield what skills that can be tried nowhere forbid of other components' starts."""
+    for skill in model.task.skills:
+        component = _component(hypothetical, skill)
+        if component is None or skill.name in reached.tries or skill.name in reached.succeeded:
+            continue
+        for fact in skill.precondition.forbids:
+            other = hypothetical.owner(fact)
+            if other not in (None, component):
+                literal = f"not {fact}"
+                evidence = {"skill": skill.name, "stage": PRECONDITION, "facts": [literal]}
+                reason = f"{skill.name} needs {literal}"
+                yield Relation(str(other), component, reason, evidence, component)
+
+
+def _relations(hypothetical: Imagination, skill: Skill, verdict: Verdict) -> Iterator[Relation]:
+    """Yield what a skill that fails wherever it is tried says of the order.
+
+    Only a verdict that blames a single other component says so.
+    """
+    component = _component(hypothetical, skill)
+    others = hypothetical.elements(verdict) - {component}
+    if component is None or len(others) != 1:
+        return
+    (other,) = others
+    goal = hypothetical.task.operations[other]
+    present = set(verdict.present or ())
+    evidence = {"skill": skill.name, "stage": verdict.stage, "facts": verdict.facts}
+    before, after = (component, other) if goal in present else (other, component)
+    yield Relation(before, after, verdict.reason, {**evidence, **verdict.evidence}, component)
+
+
+def _sentences(
+    hypothetical: Imagination, blocked: list[Skill], tries: dict[str, _Tries]
+) -> list[str]:
+    """Return a sentence for each skill that does not fail for another's sake, two at most."""
+    failing = {_component(hypothetical, skill) for skill in blocked}
+    roots = []
+    for skill in blocked:
+        own = {_component(hypothetical, skill)}
+        if not (hypothetical.elements(tries[skill.name].verdict) - own) & failing:
+            roots.append(skill)
+    named = (roots or blocked)[:_MOST_NAMED]
+    lines = [_sentence(skill, tries[skill.name]) for skill in named]
+    more = len(blocked) - len(named)
+    if more:
+        lines.append(
+            f"{more} more skill{'s' * (more > 1)} towards the goal fail{'s' * (more == 1)}"
+        )
+    return lines
+
+
 def _sentence(skill: Skill, tries: _Tries) -> str:
-    (stage, reason), count = tries.verdicts.most_common(1)[0]
+    verdict = tries.verdict
+    count = tries.counts[verdict.stage, verdict.reason]
     where = "the only state" if tries.states == 1 else f"all {tries.states} states"
     often = "" if count == tries.states else f" (in {count} of them)"
-    return f"{skill.name} fails in {where} in which it can be tried: {stage}: {reason}{often}"
+    said = f"{verdict.stage}: {verdict.reason}{often}"
+    return f"{skill.name} fails in {where} in which it can be tried: {said}"

@@ -345,13 +345,13 @@ def _why_infeasible(model: SkillModel, *, charted: bool) -> str:
     A chart asks about states that the search did not meet; dear back ends are not asked that.
     """
     task = model.task
+    if charted and task.deterministic and len(task.operations) <= _MOST_CHARTED:
+        obstacle = derive_chart(model.feasibility).obstacle(task)
+        if obstacle is not None:
+            return obstacle
     blamed = obstruction(model)
     if blamed is not None:
         return blamed
-    if charted and task.deterministic and len(task.operations) <= _MOST_CHARTED:
-        obstacle = derive_chart(model.feasibility).obstacle()
-        if obstacle is not None:
-            return obstacle
     return f"none within {task.step_limit} skills"
 
 

@@ -6,18 +6,22 @@ import hashlib
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from skillplan.errors import OptionError, name_hint
 from skillplan.files.regular_file import RefusedFile, read_bytes
 from skillplan.files.strict_json import parse_json
 from skillplan.records import schemas
+from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
 from skillplan.solvers.solution import Policy
 from skillplan.task.skill import Outcome
 from skillplan.task.state import State
 from skillplan.task.task import Task
 
+POLICIES = "policies.json"
+"""The document in the folder of a result."""
 _MOST_BYTES = 256 * 1024 * 1024
 # So many goals are named in a message.
 _MOST_NAMED = 8
@@ -52,6 +56,13 @@ def policy_document(
     return {"schema": schemas.POLICY, "sha256": sha256, "solver": solver, "policies": policies}
 
 
+def solved_tasks(result: Result | ChainResult, task: Task) -> list[tuple[Task, Result]]:
+    """Return tasks with their results: of a chain those that were searched, else the only one."""
+    if isinstance(result, ChainResult):
+        return [(part.task, part.result) for part in result.parts if not part.reused]
+    return [(task, result)]
+
+
 @dataclass(frozen=True)
 class StoredPolicy:
     """A policy as read from a file.
@@ -66,6 +77,12 @@ class StoredPolicy:
 
     solver: str
     policy: Policy
+
+
+def policies_path(path: str) -> str:
+    """Return the file that a user means: the file itself, or policies.json in a folder."""
+    named = Path(path)
+    return str(named / POLICIES) if named.is_dir() else path
 
 
 def read_policy(path: str, task: Task) -> StoredPolicy:

@@ -21,6 +21,7 @@ RESULT = "skillplan.result/1"
 SIMULATION = "skillplan.simulation/1"
 SWEEP = "skillplan.sweep/1"
 TRAINING = "skillplan.training/1"
+TRAININGS = "skillplan.trainings/1"
 VERIFICATION = "skillplan.verification/1"
 
 # Files of their own: policies, and what stands in the folder of a training or a study.

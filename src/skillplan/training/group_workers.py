@@ -25,7 +25,8 @@ from skillplan.pipeline.registry import load
 from skillplan.records.training.run_folder import CHECKPOINT, group_path
 from skillplan.training.group_job import GroupJob, GroupOutcome, GroupReport
 from skillplan.training.group_training import GroupTraining
-from skillplan.workers.worker_processes import Answer, Ended, WorkerProcess, first_ready, packed
+from skillplan.workers.executor import Answer, Ended, Executor, Worker, packed
+from skillplan.workers.worker_processes import LocalProcesses
 
 _WHAT = "the training"
 _STARTS = 2
@@ -109,6 +110,7 @@ def drive(
     stopped: Callable[[], bool],
     on_report: Callable[[GroupReport], None],
     cache: VerdictCache | None = None,
+    executor: Executor | None = None,
 ) -> Iterator[Ending]:
     """Yield what became of every group as it ends.
 
@@ -122,11 +124,13 @@ def drive(
     processes
         How many processes, >= 1; with 1 this one does it all.
     stopped
-        Whether to stop; asked after every stride.
+        Whether to stop; called after every stride.
     on_report
         Called after every stride.
     cache
         Where this process keeps verdicts; others keep their own.
+    executor
+        Where the groups are driven instead; it has the number of processes, too.
 
     Raises
     ------
@@ -135,10 +139,12 @@ def drive(
     SkillplanError
         If processes cannot be started.
     """
+    if executor is None and processes > 1:
+        executor = LocalProcesses(processes)
     endings = (
         _here(jobs, stopped, on_report, cache)
-        if processes == 1
-        else _elsewhere(jobs, processes, stopped, on_report)
+        if executor is None
+        else _Elsewhere(jobs, executor, stopped, on_report).endings()
     )
     for group, ending in endings:
         if isinstance(ending, GroupFailure) and ending.fatal:
@@ -198,72 +204,99 @@ class _Overdue:
 
 
 @dataclass
-class _Task:
-    """What a process is at."""
+class _Assignment:
+    """What a worker is at, and how often it was started for that."""
 
     job: GroupJob
     order: Order
     starts: int = 1
-    since_s: float = 0.0
 
 
-def _elsewhere(
-    jobs: Sequence[GroupJob],
-    processes: int,
-    stopped: Callable[[], bool],
-    on_report: Callable[[GroupReport], None],
-) -> Iterator[Ending]:
-    waiting = list(jobs)
-    at: dict[WorkerProcess, _Task] = {}
+class _Elsewhere:
+    """Drives groups in workers, one group a worker.
 
-    def start(job: GroupJob, order: Order, starts: int = 1) -> None:
-        worker = WorkerProcess(serve, packed(job, _WHAT), _WHAT)
-        at[worker] = _Task(job, order, starts)
+    Parameters
+    ----------
+    jobs
+        The groups.
+    executor
+        Where the workers run.
+    stopped, on_report
+        As for `drive`.
+    """
+
+    def __init__(
+        self,
+        jobs: Sequence[GroupJob],
+        executor: Executor,
+        stopped: Callable[[], bool],
+        on_report: Callable[[GroupReport], None],
+    ) -> None:
+        self._waiting = list(jobs)
+        self._executor = executor
+        self._stopped = stopped
+        self._on_report = on_report
+        self._busy: dict[Worker, _Assignment] = {}
+        self._stop_s: float | None = None
+
+    def endings(self) -> Iterator[Ending]:
+        """Yield what became of every group as it ends."""
+        try:
+            while self._busy or self._waiting:
+                if self._stop_s is None and self._stopped():
+                    self._stop_s = time.monotonic()
+                    self._waiting = [job for job in self._waiting if _begun(job)]
+                while self._waiting and len(self._busy) < self._executor.slots:
+                    order: Order = "advance" if self._stop_s is None else "conclude"
+                    self._start(self._waiting.pop(0), order)
+                for worker in self._executor.first_ready(self._busy):
+                    ending = self._attend(worker)
+                    if ending is not None:
+                        yield ending
+                if self._stop_s is not None and time.monotonic() > self._stop_s + GRACE_S:
+                    self._give_up_strides()
+        finally:
+            self._executor.close()
+
+    def _start(self, job: GroupJob, order: Order, starts: int = 1) -> None:
+        worker = self._executor.start(serve, packed(job, _WHAT), _WHAT)
+        self._busy[worker] = _Assignment(job, order, starts)
         worker.take(order)
 
-    stop_s: float | None = None
-    try:
-        while at or waiting:
-            if stop_s is None and stopped():
-                stop_s = time.monotonic()
-                waiting = [job for job in waiting if _begun(job)]
-            while waiting and len(at) < processes:
-                start(waiting.pop(0), "advance" if stop_s is None else "conclude")
-            for worker in first_ready(at):
-                said = worker.answer()
-                if said is None:
-                    continue
-                task = at[worker]
-                told = said.content if isinstance(said, Answer) else None
-                if isinstance(told, GroupReport):
-                    on_report(told)
-                    over = stop_s is not None or _over(told, task.job)
-                    task.order = "conclude" if over else "advance"
-                    worker.take(task.order)
-                    continue
-                del at[worker]
-                worker.end()
-                if isinstance(said, Ended):
-                    if not said.started:
-                        raise worker.not_started()
-                    if task.starts < _STARTS:
-                        start(task.job, task.order, task.starts + 1)
-                        continue
-                    told = GroupFailure(
-                        task.job.group, f"its process was ended twice, by {said.how}"
-                    )
-                assert isinstance(told, GroupOutcome | GroupFailure)
-                yield task.job.group, told
-            if stop_s is not None and time.monotonic() > stop_s + GRACE_S:
-                for worker, task in [pair for pair in at.items() if pair[1].order == "advance"]:
-                    # Whatever it is at takes too long; its checkpoint is as good.
-                    del at[worker]
-                    worker.end(gently=False)
-                    if _begun(task.job):
-                        start(task.job, "conclude", _STARTS)
-    finally:
-        for worker in at:
+    def _attend(self, worker: Worker) -> Ending | None:
+        """Take what a worker says, and give it its next order; return what ended its group."""
+        said = worker.answer()
+        if said is None:
+            return None
+        assigned = self._busy[worker]
+        told = said.content if isinstance(said, Answer) else None
+        if isinstance(told, GroupReport):
+            self._on_report(told)
+            over = self._stop_s is not None or _over(told, assigned.job)
+            assigned.order = "conclude" if over else "advance"
+            worker.take(assigned.order)
+            return None
+        del self._busy[worker]
+        worker.end()
+        group = assigned.job.group
+        if isinstance(said, Ended):
+            if not said.started:
+                raise worker.not_started()
+            if assigned.starts < _STARTS:
+                self._start(assigned.job, assigned.order, assigned.starts + 1)
+                return None
+            told = GroupFailure(group, f"its process was ended twice, by {said.how}")
+        assert isinstance(told, GroupOutcome | GroupFailure)
+        return group, told
+
+    def _give_up_strides(self) -> None:
+        """End what takes too long after a stop: its checkpoint is as good."""
+        late = [(worker, one) for worker, one in self._busy.items() if one.order == "advance"]
+        for worker, assigned in late:
+            del self._busy[worker]
             worker.end(gently=False)
+            if _begun(assigned.job):
+                self._start(assigned.job, "conclude", _STARTS)
 
 
 def _over(told: Told | None, job: GroupJob) -> bool:

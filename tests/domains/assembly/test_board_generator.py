@@ -11,12 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.chart.partial_order import circle, closure
+from skillplan.chart.partial_order import closure, cycle
 from skillplan.chart.precedence_chart import derive_chart
 from skillplan.domains.assembly.board_generator import MOST_PARTS, MOST_TOOLS, BoardGenerator
 from skillplan.errors import OptionError
@@ -24,6 +23,7 @@ from skillplan.pipeline.run import make_feasibility, solve
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.records.result import Status
 from skillplan.task.task import Task
+from yaml_data import yaml_text
 
 BOARDS = st.builds(
     BoardGenerator,
@@ -35,7 +35,7 @@ BOARDS = st.builds(
 
 
 def content(board: BoardGenerator) -> Any:
-    return yaml.safe_load(board.text())
+    return yaml_text(board.text())
 
 
 def loaded(board: BoardGenerator) -> Task:
@@ -70,7 +70,7 @@ class TestAnyBoard:
         """The pairs that its closure orders; without any there is no chart."""
         task = loaded(board)
         found = order(task)
-        assert () == circle(found)
+        assert () == cycle(found)
         assert board.ordered_pairs == len(found)
         assert abs(len(found) - board.density * board.pairs) <= 0.5
         assert ("chart" in content(board)) == bool(found)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.chart.partial_order import circle, closure, reduction
+from skillplan.chart.partial_order import closure, cycle, reduction
 from skillplan.domains.assembly.random_order import RandomOrder
 
 COUNTS = st.integers(0, 12)
@@ -23,11 +23,11 @@ def covers(count: int, pairs: int, seed: int = 0) -> set[tuple[str, str]]:
 
 @given(count=COUNTS, share=st.floats(0, 1), seed=st.integers(0, 2**64))
 def test_the_closure_holds_just_as_many_pairs(count: int, share: float, seed: int) -> None:
-    """Any number from none to all, without a circle, and nothing is said twice."""
+    """Any number from none to all, without a cycle, and nothing is said twice."""
     pairs = round(share * count * (count - 1) / 2)
     right_after = covers(count, pairs, seed)
     assert pairs == len(closure(right_after))
-    assert () == circle(right_after)
+    assert () == cycle(right_after)
     assert right_after == reduction(right_after)
 
 

@@ -6,7 +6,6 @@ import random
 from pathlib import Path
 
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,8 +15,9 @@ from skillplan.domains.swarmitfix.base.goals import GoalSet, How, ReachRules, go
 from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.domains.swarmitfix.bench.step_timings import Timings
 from swarm_situations import shortest_way
+from yaml_data import yaml_data
 
-DATA = yaml.safe_load((Path(__file__).parent / "data" / "polygonal_table3.yaml").read_text())
+DATA = yaml_data(Path(__file__).parent / "data" / "polygonal_table3.yaml")
 BENCH = Bench(6, 13, 0.34)
 TIMINGS = Timings()
 SWING_S = TIMINGS.swing_s

@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
-import click
+from typing import Annotated
 
-from skillplan.cli.options import format_option, set_option, settings, task_argument
+import typer
+
+from skillplan.cli.options import OUTPUT, Reading, Style, TaskFile
 
 
-@click.command("check")
-@task_argument
-@set_option
-@click.option(
-    "--explain-errata",
-    is_flag=True,
-    help="Also list what the paper behind this kind of task prints wrongly, by its geometry.",
-)
-@format_option
-def command(task: str, changes: tuple[str, ...], explain_errata: bool, style: str) -> int:
+def command(
+    task: TaskFile,
+    reading: Reading,
+    explain_errata: Annotated[
+        bool,
+        typer.Option(
+            "--explain-errata",
+            help="Also list what the paper behind this kind of task prints wrongly, by its "
+            "geometry.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = False,
+    style: Style = "table",
+) -> int:
     """Validate TASK: faults of YAML, keys, references, order and geometry."""
     from skillplan.cli.output import emit
     from skillplan.errors import OptionError
-    from skillplan.pipeline.setup import Setup, load_problem
+    from skillplan.pipeline.setup import Setup
     from skillplan.records.checked import Checked
     from skillplan.views.tables.checked import checked_tables
 
-    problem = load_problem(task, None, settings(changes))
+    problem = reading.problem(task)
     names = [[made.name for made in Setup().back_ends(one)] for one in problem.tasks]
     errata = problem.domain.errata(problem.config) if explain_errata else None
     if explain_errata and errata is None:

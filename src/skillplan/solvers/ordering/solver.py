@@ -242,4 +242,4 @@ def _obstacle(model: SkillModel) -> str | None:
     task = model.task
     if not task.deterministic or len(task.operations) > 64:
         return None
-    return derive_chart(model.feasibility).obstacle()
+    return derive_chart(model.feasibility).obstacle(task)

@@ -18,7 +18,7 @@ def chain_tables(result: ChainResult) -> list[Table]:
         Column("task"),
         Column("from"),
         Column("to"),
-        Column("way", below=True),
+        Column("way", below=True, short="path"),
         Column("cost", right=True),
         Column("optimum", right=True),
         Column("time [s]", right=True),
@@ -79,7 +79,7 @@ def _row(part: ChainPart) -> tuple[str, ...]:
         part.task.name,
         start or "-",
         goal or "-",
-        _way(part),
+        _path(part),
         number(result.cost, decimals),
         number(part.optimum, decimals),
         number(result.makespan_s, 1),
@@ -89,7 +89,7 @@ def _row(part: ChainPart) -> tuple[str, ...]:
     )
 
 
-def _way(part: ChainPart) -> str:
+def _path(part: ChainPart) -> str:
     """Return the places and, where their names are short, the skills between them."""
     skills = [step.skill for step in part.result.steps]
     if not part.path:

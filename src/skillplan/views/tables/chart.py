@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from skillplan.chart.conflict import conflict_lines
 from skillplan.chart.partial_order import closure, reduction
 from skillplan.chart.precedence_chart import DerivedChart
 from skillplan.task.task import Task
@@ -31,7 +32,8 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
             )
         )
     rows += [(before, after, "MISSING", "-", "-") for before, after in chart.missing]
-    columns = [Column(name) for name in ("before", "after", "hand-made", "asked", "reason")]
+    columns = [Column(name) for name in ("before", "after", "hand-made")]
+    columns += [Column("asked", short="query"), Column("reason")]
     if chart.hand_made is None:
         notes = ["The task file has no hand-made chart to compare with."]
     elif not chart.missing and not chart.extra:
@@ -48,7 +50,8 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
     ]
     notes += [f"{skill} could not be worked out" for skill in chart.undecided]
     if chart.circle:
-        notes.append(f"No order exists: {' before '.join(chart.circle)}.")
+        first, *others = conflict_lines(task, chart.relations)
+        notes += [f"No order exists: {first}", *others]
     elif chart.contradiction:
         circle = " before ".join(chart.contradiction)
         notes.append(f"Derived and hand-made relations contradict each other: {circle}.")

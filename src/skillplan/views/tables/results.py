@@ -27,7 +27,7 @@ def plan_table(result: Result, task: Task) -> Table:
     """Return the steps of a result's plan, and its figures below."""
     title = f"{result.task}: {result.solver}, physics {result.physics}, collision "
     title += result.collision or "none"
-    notes = [f"status     {PROOF[result.status]}" + _because(result)]
+    notes = status_notes(result.status, result.reason)
     bound = _bound_note(result, task)
     if result.cost is not None:
         actions = ",".join(str(step.action) for step in result.steps)
@@ -122,7 +122,7 @@ def comparison_table(results: Sequence[Result], title: str, decimals: int = 5) -
         )
         for result in results
     ]
-    notes = [f"{result.solver}: {result.reason}" for result in results if result.reason]
+    notes = [f"{result.solver}: {one_line(result.reason)}" for result in results if result.reason]
     for result in results:
         notes += [f"{result.solver}: {note}" for note in _trace_notes(result, decimals)]
     return Table(title, columns, rows, notes)
@@ -149,8 +149,22 @@ def _trace_notes(result: Result, decimals: int) -> list[str]:
     return notes
 
 
-def _because(result: Result) -> str:
-    return f" ({result.reason})" if result.reason else ""
+def status_notes(status: Status, reason: str) -> list[str]:
+    """Return the status with its reason; one of several lines stands below."""
+    lines = reason.splitlines()
+    if len(lines) < 2:
+        return [f"status     {PROOF[status]}" + (f" ({reason})" if reason else "")]
+    first, *others = lines
+    return [
+        f"status     {PROOF[status]}",
+        f"reason     {first}",
+        *(f"           {line}" for line in others),
+    ]
+
+
+def one_line(reason: str) -> str:
+    """Return a reason of several lines as one."""
+    return "; ".join(reason.splitlines())
 
 
 def _point(point: Point | None) -> str:

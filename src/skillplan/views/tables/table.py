@@ -22,16 +22,56 @@ class Column:
     below
         Whether its cells go below the table, a line for each row, where the terminal is too
         narrow for all columns.
+    listed
+        Whether the table's lists tell its cells on a terminal, so that it is no column there.
+    short
+        What stands above on a terminal instead, where the heading is long or old; else empty.
     """
 
     heading: str
     right: bool = False
     below: bool = False
+    listed: bool = False
+    short: str = ""
+
+    @property
+    def on_screen(self) -> str:
+        """What stands above on a terminal."""
+        return self.short or self.heading
+
+
+@dataclass(frozen=True)
+class ItemList:
+    """Names and texts, one a line, under a title.
+
+    Parameters
+    ----------
+    title
+        What they are of.
+    items
+        Name and text of each.
+    """
+
+    title: str
+    items: Sequence[tuple[str, str]]
 
 
 @dataclass(frozen=True)
 class Table:
     """Rows under a title, and lines below that say what they amount to.
+
+    Parameters
+    ----------
+    title
+        What it shows.
+    columns
+        From left to right.
+    rows
+        One cell for each column.
+    notes
+        Below; what they are about may stand in front, followed by two blanks.
+    lists
+        Shown on a terminal only, between rows and notes.
 
     Raises
     ------
@@ -43,6 +83,7 @@ class Table:
     columns: Sequence[Column]
     rows: Sequence[Sequence[str]]
     notes: Sequence[str] = field(default=())
+    lists: Sequence[ItemList] = field(default=())
 
     def __post_init__(self) -> None:
         for row in self.rows:

@@ -1,0 +1,213 @@
+"""Why no order exists: the shortest cycle of a relation in words, and what would free most."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from skillplan.chart.partial_order import cycle, orderable
+from skillplan.chart.precedence_query import Relation
+from skillplan.collision.boxes import WorldBox, contact_area, world_boxes
+from skillplan.collision.precedence import PrecedenceDetector
+from skillplan.task.scene import Body
+from skillplan.task.task import Task
+
+# Coordinates of a file are rounded: so far apart two faces still touch [m].
+_TOUCH_M = 5e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """What a relation follows from, and what could be changed.
+
+    Parameters
+    ----------
+    what
+        ``start`` or ``goal`` of the component, or ``line`` of the chart.
+    name
+        The component, or what the line says.
+    """
+
+    what: str
+    name: str
+
+    def __str__(self) -> str:
+        if self.what == "line":
+            return f"without the chart's line {self.name}"
+        return f"with another {self.what} for {self.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class _Clause:
+    """A reason in words: ``cpu``, ``lies``, ``on``, ``mainboard``, ``at the start``."""
+
+    subject: str
+    verb: str = ""
+    joint: str = ""
+    object: str = ""
+    tail: str = ""
+
+    def __str__(self) -> str:
+        return _words(self.subject, self.verb, self.joint, self.object, self.tail)
+
+    def after(self, before: _Clause) -> str:
+        """Return it as the continuation of another clause."""
+        if self.subject != before.subject or not self.verb:
+            return str(self)
+        verb = "" if self.verb == before.verb else self.verb
+        said_again = self.object == before.object and verb
+        return _words(verb, self.joint, "it" if said_again else self.object, self.tail)
+
+
+def _words(*parts: str) -> str:
+    return " ".join(filter(None, parts))
+
+
+def conflict_lines(task: Task, relations: Sequence[Relation]) -> tuple[str, ...]:
+    """Return why a relation leaves no order, in three lines at most; none where it leaves one.
+
+    The first line names the shortest cycle and why it holds. The second says which single start
+    or goal, were it another, would free most components. The third names the cycle that would
+    be left then.
+
+    Parameters
+    ----------
+    task
+        Whose components are ordered.
+    relations
+        What comes before what, each with its evidence.
+    """
+    found = _cycle(relations)
+    if not found:
+        return ()
+    reasons = _Reasons(task)
+    lines = [_cycle_line(found, relations, reasons)]
+    components = list(task.operations)
+    free = orderable(components, _pairs(relations))
+    best: tuple[int, list[Relation], Cause] | None = None
+    for cause in _candidates(relations, reasons):
+        left = [relation for relation in relations if cause not in reasons.causes(relation)]
+        count = len(orderable(components, _pairs(left)))
+        if count > len(free) and (best is None or count > best[0]):
+            best = count, left, cause
+    if best is None:
+        return (*lines, "no other single start or goal would free any component")
+    count, left, cause = best
+    every = f"{count} of {len(components)}"
+    if count == len(components):
+        every = "both" if count == 2 else f"all {count}"
+    lines.append(f"{cause}, {every} components would have an order")
+    rest = _cycle(left)
+    if rest:
+        lines.append(f"then there is still {_cycle_line(rest, left, reasons)}")
+    return tuple(lines)
+
+
+def _pairs(relations: Iterable[Relation]) -> list[tuple[str, str]]:
+    return [(relation.before, relation.after) for relation in relations]
+
+
+def _cycle(relations: Iterable[Relation]) -> tuple[str, ...]:
+    return cycle(_pairs(relations))
+
+
+def _cycle_line(found: Sequence[str], relations: Sequence[Relation], reasons: _Reasons) -> str:
+    by_pair = {(relation.before, relation.after): relation for relation in relations}
+    clauses = [reasons.clause(by_pair[pair]) for pair in pairwise(found)]
+    # What is said of one component stands together, its start first.
+    clauses.sort(key=lambda clause: not clause.tail.endswith("start"))
+    said = [str(clauses[0]), *(clause.after(before) for before, clause in pairwise(clauses))]
+    words = said[0] if len(said) == 1 else f"{', '.join(said[:-1])} and {said[-1]}"
+    return f"{' before '.join(found)}: {words}"
+
+
+def _candidates(relations: Sequence[Relation], reasons: _Reasons) -> list[Cause]:
+    """Return what could be changed: starts before goals, and what is in the way before others."""
+    rank: dict[Cause, tuple[bool, int]] = {}
+    for relation in relations:
+        for position, cause in enumerate(reasons.causes(relation)):
+            key = (cause.what == "goal", position)
+            rank[cause] = min(rank.get(cause, key), key)
+    return sorted(rank, key=rank.__getitem__)
+
+
+class _Reasons:
+    """Reads from the evidence of relations what they follow from."""
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        self._bodies = {body.name: body for body in task.scene.bodies}
+
+    def causes(self, relation: Relation) -> tuple[Cause, ...]:
+        """Return what a relation follows from: what is in the way first."""
+        if self._is_line(relation):
+            return (Cause("line", f"{relation.before} before {relation.after}"),)
+        element, other = self._sides(relation)
+        own = Cause(self._phase(relation, element), element)
+        if self._starts(relation, other):
+            return Cause("start", other), own
+        if other == relation.before:
+            # The element belongs on the other one, or needs it otherwise.
+            return own, Cause("goal", other)
+        return Cause("goal", other), own
+
+    def clause(self, relation: Relation) -> _Clause:
+        """Return why a relation holds."""
+        if self._is_line(relation):
+            return _Clause("the chart", "puts", relation.before, f"before {relation.after}")
+        element, other = self._sides(relation)
+        skill = str(relation.evidence.get("skill", element))
+        if other == relation.before and self._starts(relation, other):
+            if self._rests(other, element, "start"):
+                return _Clause(other, "lies", "on", element, "at the start")
+            return _Clause(other, "is in the way", "of", skill, "at its start")
+        if other == relation.before:
+            if self._rests(element, other, "goal"):
+                return _Clause(element, "belongs", "on", other)
+            return _Clause(relation.reason)
+        if self._starts(relation, other):
+            return _Clause(relation.reason)
+        if self._rests(other, element, "goal") and self._phase(relation, element) == "goal":
+            return _Clause(other, "belongs", "on", element)
+        return _Clause(other, "is in the way", "of", skill, "at its goal")
+
+    def _is_line(self, relation: Relation) -> bool:
+        return relation.evidence.get("stage") == PrecedenceDetector.name
+
+    def _sides(self, relation: Relation) -> tuple[str, str]:
+        """Return the component whose skill fails, and the other one."""
+        if relation.component == relation.before:
+            return relation.before, relation.after
+        return relation.after, relation.before
+
+    def _phase(self, relation: Relation, element: str) -> str:
+        """Return whether the skill takes the component from its start or brings it to its goal."""
+        name = relation.evidence.get("skill")
+        skill = next((one for one in self.task.skills if one.name == name), None)
+        goal = self.task.operations.get(element)
+        brings = skill is None or goal in skill.prediction.add
+        return "goal" if brings else "start"
+
+    def _starts(self, relation: Relation, other: str) -> bool:
+        """Whether the evidence is about the start of a component."""
+        facts = {str(fact).removeprefix("not ") for fact in relation.evidence.get("facts", ())}
+        return any(fact in facts and fact.endswith(f"({other})") for fact in self.task.initial)
+
+    def _rests(self, upper: str, lower: str, phase: str) -> bool:
+        """Whether a body stands on another at their starts or goals."""
+        above, below = self._bodies.get(upper), self._bodies.get(lower)
+        if above is None or below is None:
+            return False
+        feet, tops = self._boxes(above, phase), self._boxes(below, phase)
+        return any(contact_area(foot, top, _TOUCH_M) for foot in feet for top in tops)
+
+    def _boxes(self, body: Body, phase: str) -> tuple[WorldBox, ...]:
+        goal = self.task.operations.get(body.name)
+        for placement in body.placements:
+            held = (
+                placement.fact == goal if phase == "goal" else placement.fact in self.task.initial
+            )
+            if held:
+                return world_boxes(body, placement.pose)
+        return ()
