@@ -2,7 +2,7 @@
 
 A line ``<!-- generated: NAME ARGUMENT -->`` in a page is replaced by Markdown: ``commands``,
 ``keys KIND`` (of task files), ``options KIND`` (of plugins), ``documents`` (JSON, from the schemas
-in ``reference/documents``), ``exit-codes``, ``floors`` and ``public-names``.
+in ``reference/documents``), ``exit-codes``, ``floors``, ``public-names`` and ``errors``.
 """
 
 from __future__ import annotations
@@ -128,6 +128,7 @@ GENERATORS: dict[str, Callable[..., str]] = {
     "options": plugin_options,
     "documents": documents,
     "public-names": public_names.page,
+    "errors": public_names.errors_page,
 }
 
 

@@ -25,6 +25,19 @@ def page() -> str:
     return "\n".join(pieces)
 
 
+def errors_page() -> str:
+    """Return an autodoc directive for every error that is no public name."""
+    found = [
+        name
+        for name, value in vars(errors).items()
+        if inspect.isclass(value)
+        and issubclass(value, errors.SkillplanError)
+        and name not in skillplan.__all__
+    ]
+    lines = [f".. autoexception:: skillplan.errors.{name}" for name in found]
+    return "\n".join(["```{eval-rst}", *lines, "```"])
+
+
 def homes() -> dict[str, str]:
     """Return the public name by the full name of where it lives."""
     values = {name: getattr(skillplan, name) for name in skillplan.__all__}

@@ -28,7 +28,9 @@ PAGES = [
         if "_build" not in page.relative_to(ROOT).parts
     ),
 ]
-FENCE = re.compile(r"^(?P<ticks>`{3,})(?P<info>[^`\n]*)\n(?P<body>.*?)^(?P=ticks)[ ]*$", re.M | re.S)
+FENCE = re.compile(
+    r"^(?P<ticks>`{3,})(?P<info>[^`\n]*)\n(?P<body>.*?)^(?P=ticks)[ ]*$", re.M | re.S
+)
 # pybullet has wheels up to CPython 3.11 only.
 HAS_PYBULLET = sys.version_info < (3, 12)
 
@@ -143,7 +145,7 @@ def executed(script, namespace):
     """Return what a Python script prints."""
     with _captured() as stream, warnings.catch_warnings():
         warnings.simplefilter("error")
-        exec(compile(script, "page", "exec"), namespace)  # noqa: S102
+        exec(compile(script, "page", "exec"), namespace)
     return _text(stream)
 
 
