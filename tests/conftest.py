@@ -10,6 +10,12 @@ from skillplan.pipeline.setup import load_problem
 CONFIGS = Path(__file__).parents[1] / "configs"
 
 
+@pytest.fixture(autouse=True)
+def _no_columns(monkeypatch):
+    """No test depends on the width of the terminal that it is started from."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+
+
 def pytest_addoption(parser):
     """Let the documentation be brought up to date by the tests that check it."""
     parser.addoption(
@@ -17,12 +23,6 @@ def pytest_addoption(parser):
         action="store_true",
         help="write what commands print into README and docs instead of comparing",
     )
-
-
-@pytest.fixture(autouse=True)
-def _no_columns(monkeypatch):
-    """No test depends on the width of the terminal that it is started from."""
-    monkeypatch.delenv("COLUMNS", raising=False)
 
 
 @pytest.fixture(scope="session")

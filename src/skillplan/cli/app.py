@@ -91,7 +91,7 @@ class LazyGroup(CommandGroup):
 
     def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
         """Return the commands and options that begin so; no command is imported."""
-        from typer.core import CompletionItem
+        from typer._click.shell_completion import CompletionItem
 
         found = [
             CompletionItem(name, help=line)

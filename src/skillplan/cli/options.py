@@ -20,7 +20,7 @@ from skillplan.cli.option_values import (
 from skillplan.errors import OptionError
 
 if TYPE_CHECKING:  # --help pays for no imports
-    from skillplan.checks.verdict_cache import VerdictCache
+    from skillplan.checks.verdict_cache import DiskVerdictCache
     from skillplan.domains.load import Problem
     from skillplan.pipeline.setup import Setup
     from skillplan.solvers.stop import Stop
@@ -300,7 +300,7 @@ class Caching:
         ),
     ] = False
 
-    def cache(self) -> VerdictCache | None:
+    def cache(self) -> DiskVerdictCache | None:
         """Return the cache of verdicts on disk, or None where it is to be left alone."""
         from skillplan.pipeline.run import warm_cache
 
