@@ -98,7 +98,7 @@ def check(version: tuple[int, int], python: str, wheels: list[Path], folder: Pat
     broken = [f"{p['kind']} {p['name']}: {p['problem']}" for p in listed["plugins"] if p["problem"]]
     if broken:
         sys.exit(f"dist-check: broken under Python {name}: {'; '.join(broken)}")
-    for words in ((), ("--collision", "swept"), BACK_ENDS if everything else ()):
+    for words in ((), ("--collision", "swept"), *([BACK_ENDS] if everything else [])):
         answer = run(
             binaries / "skillplan", "search-optimal", board, *words, "--format", "json", cwd=place
         )

@@ -1,31 +1,28 @@
-"""Fixtures are named situations; hypothesis draws the same examples in every run."""
+"""Fixtures are named situations."""
 
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, settings
 
 from skillplan import testing
 from skillplan.pipeline.setup import load_problem
 
-settings.register_profile(
-    "repeatable",
-    derandomize=True,
-    deadline=None,
-    database=None,
-    suppress_health_check=[HealthCheck.too_slow],
-)
-settings.load_profile("repeatable")
-
 CONFIGS = Path(__file__).parents[1] / "configs"
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _cache_folder(tmp_path_factory):
-    """No test touches the user's cache."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
-        yield
+@pytest.fixture(autouse=True)
+def _no_columns(monkeypatch):
+    """No test depends on the width of the terminal that it is started from."""
+    monkeypatch.delenv("COLUMNS", raising=False)
+
+
+def pytest_addoption(parser):
+    """Let the documentation be brought up to date by the tests that check it."""
+    parser.addoption(
+        "--update-transcripts",
+        action="store_true",
+        help="write what commands print into README and docs instead of comparing",
+    )
 
 
 @pytest.fixture(scope="session")

@@ -346,7 +346,7 @@ def test_a_file_that_must_not_be_read_is_one_clear_message(shop, run, monkeypatc
     def refuse(*_, **__):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr("skillplan.files.regular_file.open_regular", refuse)
     message = "skillplan: error: lid.yaml: cannot be read: Permission denied.\n"
     assert (2, "", message) == run("check", "lid.yaml")
 

@@ -23,6 +23,7 @@ from skillplan.task.motion import Point
 from skillplan.task.shape import Box, Cylinder, Mesh
 from skillplan.task.task import Literal
 from skillplan.testing import reachable_states
+from yaml_data import yaml_data
 
 FOLDER = Path(__file__).parents[1] / "configs"
 CONFIGS = sorted(FOLDER.glob("*.yaml"))
@@ -60,7 +61,7 @@ VERIFIED = {
 
 
 def content_of(path: Path) -> Any:
-    return yaml.safe_load(path.read_text("utf-8"))
+    return yaml_data(path)
 
 
 def schema_of(kind: str) -> Any:

@@ -1,7 +1,7 @@
 """No input whatever reaches the user as a traceback.
 
-The same examples in every run. ``SKILLPLAN_FUZZ=50`` draws fifty times as many, other ones each
-time.
+The same examples in every run, more of them in the whole suite. ``SKILLPLAN_FUZZ=50`` draws fifty
+times as many, other ones each time.
 """
 
 import contextlib
@@ -16,9 +16,11 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan.cli.app import COMMANDS, main
 from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
 from skillplan.pipeline import registry
+from yaml_data import yaml_text
 
 ROOT = Path(__file__).parents[1]
 BOARD = ROOT / "configs" / "inverter_board.yaml"
@@ -201,9 +203,9 @@ STRUCTURES = st.recursive(
 
 
 def many(count):
-    """Return settings for `count` examples."""
+    """Return settings for `count` examples in the whole suite."""
     return settings(
-        max_examples=count * FACTOR,
+        max_examples=examples(count) * FACTOR,
         derandomize=FACTOR == 1,
         deadline=None,
         database=None,
@@ -277,7 +279,7 @@ def test_no_structure_is_too_odd(folder, content):
 
 
 @many(100)
-@given(content=st.dictionaries(st.sampled_from(sorted(yaml.safe_load(TASK))), STRUCTURES))
+@given(content=st.dictionaries(st.sampled_from(sorted(yaml_text(TASK))), STRUCTURES))
 def test_no_section_is_too_odd(folder, content):
     """The right keys with the wrong values."""
     survives_check(folder, yaml.safe_dump({**content, "kind": "assembly"}, allow_unicode=True))
@@ -328,7 +330,7 @@ def test_the_unspoilt_task_is_valid(folder):
 @given(data=st.data())
 def test_no_mutation_of_a_task_is_too_odd(folder, data):
     """One to three nodes of a valid task are spoilt."""
-    content = yaml.safe_load(TASK)
+    content = yaml_text(TASK)
     for _ in range(data.draw(st.integers(1, 3))):
         path = data.draw(st.sampled_from(list(nodes(content))))
         content = mutated(content, path, data.draw(CHANGES), data.draw(HOSTILE))
@@ -362,7 +364,7 @@ def test_the_unspoilt_benches_are_valid(folder, job):
 @given(data=st.data(), job=st.sampled_from(sorted(BENCHES)))
 def test_no_mutation_of_a_bench_is_too_odd(folder, data, job):
     """One to three nodes of a valid file of one of the jobs are spoilt."""
-    content = yaml.safe_load(BENCHES[job])
+    content = yaml_text(BENCHES[job])
     for _ in range(data.draw(st.integers(1, 3))):
         path = data.draw(st.sampled_from(list(nodes(content))))
         content = mutated(content, path, data.draw(CHANGES), data.draw(HOSTILE))

@@ -1,4 +1,4 @@
-"""Every error a user or plugin author has to repair.
+"""Every error a user or plugin author has to repair, and the exit code of every outcome.
 
 What a robot may meet (a blocked place, a missing support) is never an error: it is a
 :class:`~skillplan.task.verdict.Verdict`.
@@ -28,11 +28,50 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
+# What every command ends with; `exit_code` says when.
 EXIT_SOLVED = 0
 EXIT_NO_PLAN = 1
 EXIT_WRONG_INPUT = 2
 EXIT_BACK_END = 3
 EXIT_INTERRUPTED = 130
+
+
+def exit_code(
+    error: BaseException | None = None,
+    *,
+    solved: bool = True,
+    wrong: bool = False,
+    back_end_failed: bool = False,
+    interrupted: bool = False,
+) -> int:
+    """Return the exit code of a command; the only place that knows which it is.
+
+    Where several hold, what stands first below counts.
+
+    Parameters
+    ----------
+    error
+        What was raised, if anything: an error of this module says its code itself, Ctrl-C is an
+        interruption, and anything else is a failure of the program, ``EXIT_BACK_END``.
+    interrupted
+        Whether it was stopped before its end: ``EXIT_INTERRUPTED``.
+    wrong
+        Whether what was given or claimed is wrong: ``EXIT_WRONG_INPUT``.
+    back_end_failed
+        Whether physics or collision checks failed: ``EXIT_BACK_END``.
+    solved
+        Whether there is a plan, or whatever else was wanted: ``EXIT_SOLVED``, else
+        ``EXIT_NO_PLAN``.
+    """
+    if isinstance(error, SkillplanError):
+        return error.exit_code
+    if interrupted or isinstance(error, KeyboardInterrupt):
+        return EXIT_INTERRUPTED
+    if wrong:
+        return EXIT_WRONG_INPUT
+    if back_end_failed or error is not None:
+        return EXIT_BACK_END
+    return EXIT_SOLVED if solved else EXIT_NO_PLAN
 
 
 class SkillplanError(Exception):

@@ -181,7 +181,7 @@ def test_several_questions_are_answered_in_order():
     assert len(polls) == 3
 
 
-def test_executions_are_counted_of_dear_back_ends_only():
+def test_executions_are_counted_of_expensive_back_ends_only():
     """Beside them how many questions came as far as they did."""
     cheap = fake_back_end(TASK, lambda k, s: no() if "b" in s else yes(absent=("b",)), name="cheap")
     dear = fake_back_end(TASK, yes(), name="dear", expected_s=1.0, dear=True)

@@ -12,7 +12,7 @@ from dataclasses import replace
 import pytest
 from pydantic import Field
 
-from dear_back_ends import DearEngine
+from expensive_back_ends import ExpensiveEngine
 from situations import assembly, config_content, fake_back_end
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import Checked
@@ -103,7 +103,7 @@ def test_another_process_finds_the_same_file(tmp_path):
     assert keys == {verdict_key(aabb, TASK.skills[3])}
 
 
-def test_only_dear_back_ends_are_written(tmp_path):
+def test_only_expensive_back_ends_are_written(tmp_path):
     """Asking the others again is cheaper than reading."""
     model = make_model(TASK, cache=DiskVerdictCache(tmp_path))
     reachable_states(model)
@@ -320,7 +320,7 @@ WRITER = """
 import sys
 from pathlib import Path
 
-from dear_back_ends import DearEngine
+from expensive_back_ends import ExpensiveEngine
 from skillplan.checks.feasibility import Feasibility
 from skillplan.model.skill_model import SkillModel
 from skillplan.checks.verdict_cache import DiskVerdictCache
@@ -330,7 +330,7 @@ task = lid_task()
 states = reachable_states(SkillModel(Feasibility(task)))
 print("ready", flush=True)
 for seed in range(int(sys.argv[2]), 10_000):
-    engine = DearEngine(task, DearEngine.Options(seed=seed % 40))
+    engine = ExpensiveEngine(task, ExpensiveEngine.Options(seed=seed % 40))
     feasibility = Feasibility(task, [engine], DiskVerdictCache(Path(sys.argv[1])))
     for state in states:
         for skill in task.skills:
@@ -361,7 +361,7 @@ def test_processes_killed_at_any_instant_leave_a_sound_cache(tmp_path):
     assert len(paths) > 20
     for path in paths:
         record = read_record(path)
-        engine = DearEngine(TASK, DearEngine.Options(**record.options))
+        engine = ExpensiveEngine(TASK, ExpensiveEngine.Options(**record.options))
         state = TASK.facts.of(*record.state)
         fresh = Feasibility(TASK, [engine]).stages(TASK.skill(record.skill), state)[1]
         assert fresh == record.verdict(TASK.facts)

@@ -1,6 +1,6 @@
 """All that is kept on disk: what is there, and what clearing it leaves."""
 
-from dear_back_ends import DearDetector, DearEngine
+from expensive_back_ends import ExpensiveDetector, ExpensiveEngine
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.verdict_cache import DiskVerdictCache
 from skillplan.checks.verdict_folder import VerdictFolder
@@ -11,7 +11,7 @@ TASK = lid_task()
 OTHER = TASK.replace(name="other", chart=())
 
 
-def filled(folder, task=TASK, plugin=DearEngine, **options):
+def filled(folder, task=TASK, plugin=ExpensiveEngine, **options):
     """Keep some verdicts in a folder; return the back end that gave them."""
     asked = plugin(task, plugin.Options(**options))
     feasibility = Feasibility(task, [asked], DiskVerdictCache(folder))
@@ -28,11 +28,11 @@ def test_a_survey_finds_every_sound_verdict(tmp_path):
     """Of whatever task and back end; an empty folder, or none, holds none."""
     assert VerdictFolder(tmp_path / "nowhere").survey() == ([], [])
     filled(tmp_path)
-    filled(tmp_path, OTHER, DearDetector)
+    filled(tmp_path, OTHER, ExpensiveDetector)
     sound, others = VerdictFolder(tmp_path).survey()
     assert {(one.record.back_end, one.record.task) for one in sound} == {
-        ("dear-engine", "lid"),
-        ("dear-detector", "other"),
+        ("expensive-engine", "lid"),
+        ("expensive-detector", "other"),
     }
     assert len(sound) == len([name for name in names_in(tmp_path) if name.endswith(".json")])
     assert others == []
@@ -48,7 +48,7 @@ def test_what_a_back_end_would_use_is_what_it_finds(tmp_path):
     (own,) = VerdictFolder(tmp_path).kept_for([back_end])
     assert own
     assert {(one.record.task, one.record.options["seed"]) for one in own} == {("lid", 1)}
-    fresh = DearEngine(TASK, back_end.options)
+    fresh = ExpensiveEngine(TASK, back_end.options)
     again = Feasibility(TASK, [fresh], DiskVerdictCache(tmp_path))
     for one in own:
         record = one.record
@@ -58,15 +58,15 @@ def test_what_a_back_end_would_use_is_what_it_finds(tmp_path):
 
 def litter(folder):
     """Put files into a folder of verdicts that are not the cache's, and some that are."""
-    key = next(path for path in (folder / "dear-engine").iterdir())
+    key = next(path for path in (folder / "expensive-engine").iterdir())
     own = [
-        folder / "dear-engine" / f"{'a' * 64}.json",
+        folder / "expensive-engine" / f"{'a' * 64}.json",
         key / f".{'b' * 64}.json.123.tmp",
         key / f"{'c' * 64}.json",
     ]
     foreign = [
         folder / "README",
-        folder / "dear-engine" / "notes.txt",
+        folder / "expensive-engine" / "notes.txt",
         key / "notes.json",
         folder / "photos" / "holiday.json",
     ]
@@ -87,15 +87,15 @@ def test_clearing_removes_all_that_is_the_caches_own_and_nothing_else(tmp_path):
     """Neither files nor folders, nor what a link leads to."""
     filled(tmp_path / "cache")
     _, foreign = litter(tmp_path / "cache")
-    filled(tmp_path / "cache", plugin=DearDetector)
+    filled(tmp_path / "cache", plugin=ExpensiveDetector)
     filled(tmp_path / "elsewhere")
-    (tmp_path / "cache" / "linked").symlink_to(tmp_path / "elsewhere" / "dear-engine")
+    (tmp_path / "cache" / "linked").symlink_to(tmp_path / "elsewhere" / "expensive-engine")
     before = names_in(tmp_path / "elsewhere")
     count = len([path for path in (tmp_path / "cache").rglob("*") if path.is_file()])
     assert VerdictFolder(tmp_path / "cache").clear() == count - len(foreign)
     left = [path for path in (tmp_path / "cache").rglob("*") if path.is_file()]
     assert sorted(left) == sorted(foreign)
-    assert not (tmp_path / "cache" / "dear-detector").exists()
+    assert not (tmp_path / "cache" / "expensive-detector").exists()
     assert names_in(tmp_path / "elsewhere") == before
 
 

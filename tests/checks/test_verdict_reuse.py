@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from situations import (
     assembly,
     config_content,
@@ -66,7 +67,7 @@ def assert_reuse(task, make, rng, pairs):
 
 
 @pytest.mark.parametrize("back_end", BACK_ENDS)
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(content=crowded_assemblies(), seed=seeds)
 def test_a_reused_verdict_equals_a_fresh_one_in_crowded_assemblies(back_end, content, seed):
     """Tall, turned and stacked parts, feeders, envelopes, swaps and separate tool changes."""
@@ -82,7 +83,7 @@ def test_a_reused_verdict_equals_a_fresh_one_on_the_configs(back_end, config):
     assert reused > 4 * len(task.skills)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(content=crowded_assemblies(), seed=seeds)
 def test_a_chain_that_remembers_rules_like_one_that_does_not(content, seed):
     """The whole of it: several back ends, one cache, many random states in turn."""
@@ -98,7 +99,7 @@ def test_a_chain_that_remembers_rules_like_one_that_does_not(content, seed):
                 assert warm.rule(skill, state) == cold.rule(skill, state)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(content=small_assemblies(), seed=seeds)
 def test_what_cannot_say_is_reused_in_the_same_state_only(content, seed):
     """A verdict without facts never serves another state."""

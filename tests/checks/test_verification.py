@@ -2,7 +2,7 @@
 
 import pytest
 
-from dear_back_ends import DearEngine
+from expensive_back_ends import ExpensiveEngine
 from situations import fake_back_end
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.verdict_cache import DiskVerdictCache
@@ -17,7 +17,7 @@ TASK = lid_task()
 
 
 def engine():
-    return DearEngine(TASK)
+    return ExpensiveEngine(TASK)
 
 
 @pytest.fixture
@@ -53,7 +53,7 @@ def test_sound_verdicts_are_the_same_bit_for_bit(folder, jobs):
 
 def answering(verdict):
     """Return an engine-like back end under the engine's name that says something else."""
-    return fake_back_end(TASK, verdict, name="dear-engine", dear=True)
+    return fake_back_end(TASK, verdict, name="expensive-engine", dear=True)
 
 
 @pytest.mark.parametrize(
@@ -102,6 +102,8 @@ def test_a_back_end_that_raises_is_named(folder, tmp_path, jobs):
     log = tmp_path / "log"
     log.mkdir()
     (index, one), *_ = draw(folder.kept_for([engine()]), 1, seed=0)
-    options = DearEngine.Options(log=str(log), fail_on=one.record.skill, how="raise")
+    options = ExpensiveEngine.Options(log=str(log), fail_on=one.record.skill, how="raise")
     with pytest.raises(BackEndError, match="the simulator has gone away"):
-        put_to_the_test(Feasibility(TASK, [DearEngine(TASK, options)]), [(index, one)], jobs=jobs)
+        put_to_the_test(
+            Feasibility(TASK, [ExpensiveEngine(TASK, options)]), [(index, one)], jobs=jobs
+        )

@@ -191,7 +191,7 @@ class TestShow:
         self, cli: Any, slow: Path, board: str, motor: str
     ) -> None:
         """How many, how large, how old, and what they save."""
-        cli(*on_slow("cache", "fill", board, "--jobs", "2", "-O", "slow.wait_s=0.01"))
+        cli(*on_slow("cache", "fill", board, "-O", "slow.wait_s=0.01"))
         document = cli("cache", "show", "--format", "json").document
         (row,) = document["rows"]
         assert ("slow", "inverter-board", made(slow)) == (
@@ -211,7 +211,7 @@ class TestShow:
         self, cli: Any, slow: Path, board: str
     ) -> None:
         """Not what an engine with another option said, or of another geometry."""
-        cli(*on_slow("cache", "fill", board, "--jobs", "2"))
+        cli(*on_slow("cache", "fill", board))
 
         def kept(*words: str) -> int:
             words = on_slow("cache", "show", board, *words, "--format", "json")
@@ -247,9 +247,9 @@ class TestShow:
 class TestVerify:
     def test_sound_verdicts_pass(self, cli: Any, slow: Path, board: str) -> None:
         """A sample of them, drawn by the seed."""
-        cli(*on_slow("cache", "fill", board, "--jobs", "2"))
+        cli(*on_slow("cache", "fill", board))
         before = made(slow)
-        words = on_slow("cache", "verify", board, "--sample", "5", "--jobs", "2")
+        words = on_slow("cache", "verify", board, "--sample", "5")
         outcome = cli(*words, "--format", "json")
         document = outcome.document
         assert (0, 5, 0) == (outcome.code, document["tried"], document["different"])
@@ -264,9 +264,9 @@ class TestVerify:
     ) -> None:
         """Exit code 3, and in what it differs; the next time nothing does."""
         monkeypatch.setenv("SLOW_LIES", "pick(pcb)")
-        cli(*on_slow("cache", "fill", board, "--jobs", "2"))
+        cli(*on_slow("cache", "fill", board))
         monkeypatch.delenv("SLOW_LIES")
-        words = on_slow("cache", "verify", board, "--sample", "1000", "--jobs", "2")
+        words = on_slow("cache", "verify", board, "--sample", "1000")
         outcome = cli(*words, "--format", "json")
         assert 3 == outcome.code
         wrong = [row for row in outcome.document["rows"] if not row["same"]]
@@ -343,7 +343,10 @@ class TestOtherCommands:
         [
             ("search-optimal", "TASK"),
             ("chart", "TASK"),
-            ("compare", "TASK", "--solvers", "exact,exhaustive"),
+            pytest.param(
+                ("compare", "TASK", "--solvers", "exact,exhaustive"),
+                marks=pytest.mark.slow(reason="ten processes; three other commands in every run"),
+            ),
             ("evaluate", "TASK", "--sequence", "0,1,2,3"),
         ],
         ids=lambda words: words[0],

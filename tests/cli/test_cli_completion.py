@@ -22,12 +22,12 @@ def complete(cli: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
 
     def ask(line: str) -> list[str]:
         words = line.split(" ")
-        monkeypatch.setenv("_SKILLPLAN_COMPLETE", "bash_complete")
+        monkeypatch.setenv("_SKILLPLAN_COMPLETE", "complete_bash")
         monkeypatch.setenv("COMP_WORDS", line)
         monkeypatch.setenv("COMP_CWORD", str(len(words) - 1))
         outcome = cli()
         assert (0, "") == (outcome.code, outcome.err)
-        return [answer.partition(",")[2] for answer in outcome.out.split()]
+        return outcome.out.split()
 
     return ask
 
@@ -58,6 +58,10 @@ def test_task_files(complete: Any) -> None:
         ("skillplan check --format ", ["table", "json", "csv", "md"]),
         ("skillplan explain mine.yaml --collision aabb,pre", ["aabb,precedence"]),
         ("skillplan search-optimal mine.yaml --physics k", ["kinematic"]),
+        ("skillplan search-optimal mine.yaml --solver exact -O max", ["max_labels="]),
+        ("skillplan search-optimal mine.yaml --solver exact -O exact.d", ["exact.dives="]),
+        ("skillplan explain mine.yaml --collision aabb -O aabb.t", ["aabb.tolerance_m="]),
+        ("skillplan search-optimal mine.yaml --solver nonsense -O x", []),
         ("skillplan plugins c", ["collision"]),
         ("skillplan plugins collision aa", ["aabb"]),
         ("skillplan plugins nonsense ", []),
@@ -89,6 +93,6 @@ def test_a_wrong_file_completes_to_nothing(complete: Any) -> None:
 
 
 def test_bash_gets_its_script(cli: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The line of the README prints one."""
-    monkeypatch.setenv("_SKILLPLAN_COMPLETE", "zsh_source")
+    """Which shell it is, Typer finds out; named in the environment it need not."""
+    monkeypatch.setenv("_SKILLPLAN_COMPLETE", "source_zsh")
     assert "#compdef skillplan" in cli().out

@@ -6,8 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
+from rich.text import Text
 
 from skillplan.cli.app import COMMANDS, EPILOG, app
+from skillplan.views.figures.catalogue import RUN_FIGURES, TASK_FIGURES
 
 OPTIMUM = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 EXACT = ("--solver", "exact")
@@ -67,7 +70,10 @@ class TestTwo:
             (("search", "BOARD"), "Did you mean 'search-optimal'?"),
             (("xyzzy",), "No such command 'xyzzy'. Known: search-optimal, evaluate"),
             (("search-optimal",), "Missing argument 'TASK'"),
-            (("search-optimal", "BOARD", "--slover", "exact"), "No such option"),
+            (
+                ("search-optimal", "BOARD", "--slover", "exact"),
+                "No such option '--slover'. Did you mean '--solver'",
+            ),
             (("search-optimal", "BOARD", "--solver", "exat"), "Did you mean 'exact'?"),
             (("search-optimal", "BOARD", "--physics", "kinematik"), "Did you mean 'kinematic'?"),
             (("search-optimal", "BOARD", "--collision", "aab,precedence"), "Did you mean 'aabb'?"),
@@ -210,25 +216,56 @@ class TestThree:
             main(["check", board])
 
 
-def test_help_lists_every_command_and_exit_code(cli: Any) -> None:
-    """Nobody has to look elsewhere."""
-    out = cli("--help").out
-    assert all(f"  {name} " in out for name in COMMANDS)
-    words = " ".join(out.split())
-    assert EPILOG in words
-    assert all(f"{code} " in EPILOG for code in (0, 1, 2, 3, 130))
+def words_of(help_text: str) -> str:
+    """Return a help text without its frames, on one line."""
+    return " ".join(help_text.translate(dict.fromkeys(map(ord, "│╭╮╰╯─"), " ")).split())
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_helps(cli: Any, name: str) -> None:
-    """Each explains itself and each of its options."""
-    import click
+class TestHelp:
+    def test_it_lists_every_command_and_exit_code(self, cli: Any) -> None:
+        """Nobody has to look elsewhere."""
+        words = words_of(cli("--help").out)
+        assert all(f" {name} {line}" in words for name, line in COMMANDS.items())
+        assert EPILOG in words
+        assert all(f"{code} " in EPILOG for code in (0, 1, 2, 3, 130))
 
-    command = app.get_command(click.Context(app), name)
-    assert command is not None
-    assert name == command.name
-    out = cli(name, "--help").out
-    assert out.startswith(f"Usage: skillplan {name} ")
-    for parameter in command.params:
-        if isinstance(parameter, click.Option):
+    @pytest.mark.parametrize("words", [(), ("cache",), ("generate",)])
+    def test_a_line_that_names_no_command_is_answered_by_help(
+        self, cli: Any, words: tuple[str, ...]
+    ) -> None:
+        """It is wrong input all the same."""
+        outcome = cli(*words)
+        assert (2, "") == (outcome.code, outcome.err)
+        assert "COMMAND [ARGS]..." in outcome.out
+
+    @pytest.mark.parametrize("columns", ["60", "80"])
+    @pytest.mark.parametrize("name", COMMANDS)
+    def test_every_command_explains_itself_and_each_of_its_options(
+        self, cli: Any, name: str, columns: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Within the width, every option by its whole name and help."""
+        monkeypatch.setenv("COLUMNS", columns)
+        command = app.get_command(typer.Context(app), name)
+        assert name == command.name
+        out = cli(name, "--help").out
+        assert out.lstrip().startswith(f"Usage: skillplan {name} ")
+        assert int(columns) >= max(map(len, out.splitlines()))
+        for parameter in command.params:
             assert parameter.help, parameter.name
+            flag = max(parameter.opts, key=len)
+            assert flag in out or flag.upper() in out or parameter.metavar in out
+
+    @pytest.mark.parametrize("name", COMMANDS)
+    def test_nothing_that_is_said_is_taken_for_markup(self, name: str) -> None:
+        """Brackets, as of an interval, stay."""
+        command = app.get_command(typer.Context(app), name)
+        inner = [command, *getattr(command, "commands", {}).values()]
+        texts = [text for one in inner for text in (one.help, one.epilog) if text]
+        texts += [parameter.help for one in inner for parameter in one.params]
+        assert texts == [Text.from_markup(text).plain for text in texts]
+
+    def test_the_figures_of_plot_stand_in_a_list(self, cli: Any) -> None:
+        """Each with its line."""
+        words = words_of(cli("plot", "--help").out)
+        for name, figure in {**TASK_FIGURES, **RUN_FIGURES}.items():
+            assert f"{name} {figure.line}" in words

@@ -8,11 +8,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import click
 import pytest
+import typer
 
 from skillplan.cli import waiting
-from skillplan.cli.limit_options import MemorySize
+from skillplan.cli.option_values import memory_size
 from skillplan.cli.waiting import figures_text
 from skillplan.solvers.stop import Progress
 
@@ -45,26 +45,26 @@ class TestMemorySize:
     )
     def test_it_is_in_bytes_or_with_a_unit(self, text: str, size: int) -> None:
         """Of powers of 1000 or, with an i, of 1024; in any case of letters."""
-        assert size == MemorySize().convert(text, None, None)
+        assert size == memory_size(text)
 
     @pytest.mark.parametrize(
         "text", ["", "GiB", "2Gib2", "two", "2 G iB", "-2GiB", "1e9", "nan", "2Gi", "\u0662GiB"]
     )
     def test_anything_else_is_refused_with_examples(self, text: str) -> None:
         """Also a negative size, and digits that are not those of a keyboard."""
-        with pytest.raises(click.BadParameter, match=r"is no size of memory\. Write it as 2GiB"):
-            MemorySize().convert(text, None, None)
+        with pytest.raises(typer.BadParameter, match=r"is no size of memory\. Write it as 2GiB"):
+            memory_size(text)
 
     @pytest.mark.parametrize("text", ["63MiB", "1", "0", "64MB"])
     def test_less_than_a_program_needs_is_refused(self, text: str) -> None:
         """The message names the least."""
-        with pytest.raises(click.BadParameter, match=f"must be at least 64MiB, not {text}"):
-            MemorySize().convert(text, None, None)
+        with pytest.raises(typer.BadParameter, match=f"must be at least 64MiB, not {text}"):
+            memory_size(text)
 
     def test_an_endless_number_is_refused(self) -> None:
         """It does not become infinite."""
-        with pytest.raises(click.BadParameter, match="more memory than any machine has"):
-            MemorySize().convert("9" * 400, None, None)
+        with pytest.raises(typer.BadParameter, match="more memory than any machine has"):
+            memory_size("9" * 400)
 
     @pytest.mark.parametrize("command", ["search-optimal", "compare"])
     def test_on_the_command_line_it_is_wrong_input(
@@ -152,7 +152,10 @@ class TestStall:
     @pytest.mark.parametrize("value", ["0", "-1", "nan", "soon"])
     def test_it_is_a_time(self, cli: Any, board: str, value: str) -> None:
         """Above 0."""
-        assert 2 == cli("search-optimal", board, f"--stall={value}").code
+        outcome = cli("search-optimal", board, f"--stall={value}")
+        assert (2, "") == (outcome.code, outcome.out)
+        assert "'--stall'" in outcome.err
+        assert value in outcome.err
 
 
 class TestStart:

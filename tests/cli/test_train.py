@@ -20,6 +20,7 @@ from typing import Any
 
 import pytest
 
+from skillplan.cli.app import main
 from tabular_learner import learner_installed
 from training_situations import event_lengths, learned_bytes
 
@@ -43,8 +44,9 @@ def _learner(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 def kept(_learner: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a training that nothing happened to, for all tests."""
     folder = tmp_path_factory.mktemp("kept") / "run"
-    command = [sys.executable, "-m", "skillplan", "train", BOARD, *QUICK, "--out", str(folder)]
-    subprocess.run(command, check=True, capture_output=True)
+    with pytest.raises(SystemExit) as ended:
+        main(["train", BOARD, *QUICK, "--out", str(folder)])
+    assert 0 == ended.value.code
     return folder
 
 
@@ -84,7 +86,9 @@ class TestOutput:
         self, cli: Any, tmp_path: Path
     ) -> None:
         words = ("-O", "mask=none", "-O", "epsilon=1", "--out", str(tmp_path / "a"))
-        assert 1 == cli("train", BOARD, *QUICK, *words).code
+        outcome = cli("train", BOARD, *QUICK, *words, "--format", "json")
+        assert 1 == outcome.code
+        assert 0 == outcome.document["completed_runs"]
 
     def test_on_a_terminal_it_shows_how_the_runs_stand(self, tmp_path: Path) -> None:
         words = [*QUICK[:-4], "--steps", "1500", "-O", "pause_s=0.001", "--out"]
@@ -114,7 +118,7 @@ class TestOutput:
 
 class TestInterruption:
     def test_ctrl_c_keeps_what_there_is_and_says_how_to_go_on(
-        self, kept: Path, environment: dict[str, str], tmp_path: Path
+        self, cli: Any, kept: Path, environment: dict[str, str], tmp_path: Path
     ) -> None:
         """To the whole group, as a terminal sends it."""
         folder = tmp_path / "run"
@@ -144,10 +148,7 @@ class TestInterruption:
         assert {one["steps"] for one in document["runs"]} < set(range(0, 600, 100))
         assert (folder / "runs" / "02" / "policy.safetensors").is_file()
         again = shlex.split(err.partition("go on with: skillplan ")[2])
-        done = subprocess.run(
-            [sys.executable, "-m", "skillplan", *again], capture_output=True, env=environment
-        )
-        assert 0 == done.returncode
+        assert 0 == cli(*again).code
         assert same_run("metrics.jsonl", kept, folder)
         assert same_run("policy.safetensors", kept, folder)
 
@@ -156,9 +157,11 @@ class TestInterruption:
         assert 2 == outcome.code
         assert "--resume needs --out DIR" in outcome.err
 
-    @pytest.mark.parametrize("kills", [3, pytest.param(20, marks=pytest.mark.slow)])
+    @pytest.mark.parametrize(
+        "kills", [1, pytest.param(20, marks=pytest.mark.slow(reason="20 kills; one in every run"))]
+    )
     def test_sigkill_at_random_instants_changes_nothing(
-        self, environment: dict[str, str], tmp_path: Path, kills: int
+        self, cli: Any, environment: dict[str, str], tmp_path: Path, kills: int
     ) -> None:
         """Of the whole group, so that processes for groups of runs are ended, too."""
         steps = 1_000 * kills
@@ -166,7 +169,7 @@ class TestInterruption:
         words += ["-O", "pause_s=0.0005", "--time-limit", "5"]
         command = [sys.executable, "-m", "skillplan", "train", BOARD, *words, "--out"]
         whole, cut = tmp_path / "whole", tmp_path / "cut"
-        subprocess.run([*command, str(whole)], check=True, capture_output=True, env=environment)
+        assert 0 == cli("train", BOARD, *words, "--out", str(whole)).code
         chance, done = random.Random(kills), 0
         while done < kills:
             size = metrics_size(cut)
@@ -185,21 +188,19 @@ class TestInterruption:
                 os.killpg(process.pid, signal.SIGKILL)
                 process.wait()
             done += 1
-        again = [*command, str(cut), "--resume", "--jobs", "2"]
-        subprocess.run(again, check=True, capture_output=True, env=environment)
+        assert 0 == cli("train", BOARD, *words, "--out", str(cut), "--resume").code
         assert learned_bytes(whole) == learned_bytes(cut)
         assert event_lengths(whole) == event_lengths(cut)
 
     def test_sigkill_of_the_program_alone_ends_its_processes_before_another_goes_on(
-        self, environment: dict[str, str], tmp_path: Path
+        self, cli: Any, environment: dict[str, str], tmp_path: Path
     ) -> None:
         words = ["--solver", "tabular", "--runs", "6", "--steps", "1000", "--checkpoint", "100"]
-        command = [sys.executable, "-m", "skillplan", "train", BOARD, *words, "--jobs", "2"]
-        command += ["-O", "pause_s=0.001", "--out"]
+        words += ["-O", "pause_s=0.001", "--out"]
         whole, cut = tmp_path / "whole", tmp_path / "cut"
-        subprocess.run([*command, str(whole)], check=True, capture_output=True, env=environment)
+        assert 0 == cli("train", BOARD, *words, str(whole)).code
         process = subprocess.Popen(
-            [*command, str(cut)],
+            [sys.executable, "-m", "skillplan", "train", BOARD, *words, str(cut), "--jobs", "2"],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             env=environment,
@@ -209,8 +210,7 @@ class TestInterruption:
         finally:
             process.kill()
             process.wait()
-        again = [*command, str(cut), "--resume"]
-        subprocess.run(again, check=True, capture_output=True, env=environment)
+        assert 0 == cli("train", BOARD, *words, str(cut), "--resume").code
         assert learned_bytes(whole) == learned_bytes(cut)
 
 
@@ -250,7 +250,8 @@ class TestFaults:
         whole = learned_bytes(kept)
         named = set()
         for path in sorted(kept.rglob("*")):
-            if not path.is_file() or "tfevents" in path.name:
+            # The other runs have the same files as the first.
+            if not path.is_file() or "tfevents" in path.name or path.parts[-2] in ("01", "02"):
                 continue
             content = path.read_bytes()
             if how == "other version" and b"/1" not in content:
@@ -278,14 +279,17 @@ class TestFaults:
         assert named >= gone_on_from
         assert not named & {"policy.json", "last.json", "result.json", "policy.safetensors"}
 
-    @pytest.mark.parametrize("jobs", ["1", "2"])
+    @pytest.mark.parametrize(
+        "jobs",
+        ["1", pytest.param("2", marks=pytest.mark.slow(reason="two processes; one in every run"))],
+    )
     def test_a_full_disk_is_one_message_and_the_checkpoint_is_intact(
-        self, kept: Path, environment: dict[str, str], tmp_path: Path, jobs: str
+        self, cli: Any, kept: Path, environment: dict[str, str], tmp_path: Path, jobs: str
     ) -> None:
         """Files may not grow beyond 16 KiB: at first all goes well."""
         folder = tmp_path / "run"
-        words = shlex.join([*QUICK, "--jobs", jobs, "--out", str(folder)])
-        command = f"exec {sys.executable} -m skillplan train {BOARD} {words}"
+        words = ["train", BOARD, *QUICK, "--jobs", jobs, "--out", str(folder)]
+        command = f"exec {sys.executable} -m skillplan {shlex.join(words)}"
         environment = {**environment, "PYTHONDONTWRITEBYTECODE": "1"}
         limited = subprocess.run(
             ["bash", "-c", f"ulimit -f 16; {command}"],
@@ -298,9 +302,7 @@ class TestFaults:
         assert (
             "cannot be written: File too large. The last checkpoints are intact" in limited.stderr
         )
-        subprocess.run(
-            ["bash", "-c", f"{command} --resume"], check=True, capture_output=True, env=environment
-        )
+        assert 0 == cli(*words, "--resume").code
         assert learned_bytes(kept) == learned_bytes(folder)
 
     def test_a_run_that_fails_is_named_and_the_others_are_shown(

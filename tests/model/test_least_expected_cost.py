@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from situations import make_skill, make_task, model_of, retry_task, two_roads_task
 from skillplan.errors import ModelTooLarge
 from skillplan.model.least_expected_cost import least_expected_cost
@@ -101,7 +102,7 @@ def test_where_nothing_is_certain_to_arrive_it_is_infinite() -> None:
 
 
 @given(task=walks())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150))
 def test_it_is_the_least_of_all_policies(task: Task) -> None:
     """Of those that always do the same in the same place, evaluated one by one."""
     options = [

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from sequencing_cases import cheapest_order
 from situations import (
     CONFIGS,
@@ -131,7 +132,7 @@ def test_its_precedence_is_that_of_the_derived_chart_at_fewer_questions(config, 
     assert asked.checks + asked.hits < other.checks + other.hits
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150))
 @given(content=st.one_of(small_assemblies(), crowded_assemblies()), charted=st.booleans())
 def test_on_random_boards_its_precedence_is_that_of_the_derived_chart(content, charted):
     """Wherever the chart says that there is an order and nothing but an order."""
@@ -362,7 +363,7 @@ def test_one_of_two_supports_is_no_precedence_and_refused():
     assert "place(brace) depends on more than an order" in refusal(task, rule)
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(
     content=st.one_of(small_assemblies(), crowded_assemblies()),
     detectors=st.sampled_from([("aabb",), ("precedence", "aabb"), ("precedence",)]),

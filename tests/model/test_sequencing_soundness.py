@@ -4,6 +4,7 @@ import pytest
 from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from sequencing_cases import changed_board, cheapest_order, sound, strict_back_end
 from situations import FakeSetup, assembly, crowded_assemblies, small_assemblies
 from skillplan.errors import NotASequencing
@@ -43,7 +44,7 @@ def check_against_exact_search(task, setup):
     assert problem.order([step.skill for step in proved.steps]) is not None
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100))
 @given(
     content=st.one_of(small_assemblies(), crowded_assemblies()),
     detectors=st.sampled_from([("aabb",), ("precedence", "aabb"), ("precedence",)]),
@@ -55,7 +56,7 @@ def test_the_best_order_of_a_board_is_its_best_plan(content, detectors):
     check_against_exact_search(task, Setup(collision=detectors if task.chart else ("aabb",)))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200))
 @given(content=small_assemblies(), seed=st.integers(0, 2**32), changes=st.integers(1, 3))
 def test_what_is_almost_a_board_is_refused_or_its_best_order_is_its_best_plan(
     content, seed, changes
@@ -66,7 +67,7 @@ def test_what_is_almost_a_board_is_refused_or_its_best_order_is_its_best_plan(
     check_against_exact_search(task, FakeSetup(make=lambda task: []))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200))
 @given(content=small_assemblies(), seed=st.integers(0, 2**32), changes=st.integers(0, 1))
 def test_whatever_back_ends_rule_the_best_order_is_the_best_plan(content, seed, changes):
     """Verdicts that rest on any facts, also on such as no order decides about."""

@@ -21,9 +21,10 @@ from skillplan.views.tables.chain import (
     appendix_tables,
     chain_comparison_tables,
     chain_tables,
-    listing_table,
 )
-from skillplan.views.tables.table import as_csv, render
+from skillplan.views.tables.listing import listing_table
+from skillplan.views.tables.rendering import render
+from skillplan.views.tables.table import as_csv
 from swarm_situations import base_task
 
 TWO, ONE = base_task(66, 42), base_task(42, 29)

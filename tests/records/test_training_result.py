@@ -26,6 +26,7 @@ from skillplan.records.training.published_runs import TABLE_III, published_runs
 from skillplan.records.training.result import RandomBaseline, Sampling, TrainingResult
 from skillplan.solvers.learning.learner import Episode
 from skillplan.task.task import Task
+from skillplan.views.tables.layouts import layouts_table
 from skillplan.views.tables.table import as_csv, as_markdown
 from skillplan.views.tables.training import training_tables
 
@@ -304,19 +305,19 @@ class TestLayouts:
         assert pytest.approx((0.05 + 0.2) / 2) == one.value
 
     def test_training_pays_off_after_the_layouts_whose_proofs_it_saves(self, board: Task) -> None:
-        notes = self.a_result((2.0,), training_s=8.0).table(board).notes
+        notes = layouts_table(self.a_result((2.0,), training_s=8.0), board).notes
         assert any("pays off after 200 layouts" in note for note in notes)
 
     def test_training_does_not_pay_off_where_no_answer_completes(self, board: Task) -> None:
-        notes = self.a_result((None, None), training_s=8.0).table(board).notes
+        notes = layouts_table(self.a_result((None, None), training_s=8.0), board).notes
         assert any("no answer completes" in note for note in notes)
         assert not any("layouts" in note for note in notes if note.startswith("training"))
 
     def test_where_a_proof_is_no_slower_it_is_said(self, board: Task) -> None:
         slow = LayoutOutcome("board/0", Optimum(2.0, wall_s=0.01), (a_roll_out(2.0),), (0.02,))
-        notes = LayoutsResult((slow,), 40, 8.0).table(board).notes
+        notes = layouts_table(LayoutsResult((slow,), 40, 8.0), board).notes
         assert any("never pays off" in note for note in notes)
 
     def test_a_layout_that_no_policy_completes_is_shown(self, board: Task) -> None:
-        (row,) = self.a_result((None, None)).table(board).rows
+        (row,) = layouts_table(self.a_result((None, None)), board).rows
         assert ["board/0", "2.00000", "0.0500", "0 of 2", "N/A", "N/A", "N/A", "0.0100"] == row

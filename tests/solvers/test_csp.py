@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from situations import make_skill, make_task, retry_task
 from skillplan.pipeline.run import make_model, solve
 from skillplan.solvers.search.csp import CspSolver
@@ -56,7 +57,7 @@ def allowed(choices):
     return all(one & other for one, other in itertools.pairwise(occupied))
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(layers_of)
 def test_a_sequence_is_found_exactly_where_one_keeps_the_rule(layers) -> None:
     task = layered_task(layers)

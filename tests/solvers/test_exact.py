@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from situations import (
     PatientStop,
     assembly,
@@ -67,7 +68,7 @@ def assert_optimal(model, expected, **options):
     assert (pytest.approx(expected[0], abs=1e-9), expected[1]) == (walked.cost, len(solution.plan))
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(content=small_assemblies(), dives=st.booleans())
 def test_it_agrees_with_a_dynamic_program_on_random_assemblies(content, dives):
     """Least cost within the step limit and, of equals, the fewest skills; or that there is none."""
@@ -75,14 +76,14 @@ def test_it_agrees_with_a_dynamic_program_on_random_assemblies(content, dives):
     assert_optimal(charted(task), optimum(cheapest_by_length(charted(task))), dives=dives)
 
 
-@settings(max_examples=400)
+@settings(max_examples=examples(400))
 @given(task=small_tasks(), dives=st.booleans())
 def test_it_agrees_with_a_dynamic_program_on_random_tasks(task, dives):
     """Of no structure at all: dead ends, detours, several makers of a fact, free skills."""
     assert_optimal(model_of(task), optimum(cheapest_by_length(model_of(task))), dives=dives)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(content=small_assemblies())
 def test_it_respects_every_step_limit(content):
     """From too few skills for any plan up to more than enough."""
@@ -254,7 +255,7 @@ def test_it_can_be_stopped_at_any_time(board_task, polls, dives):
     assert (solution.trace["ended"] == "proof") == solution.proved
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(content=small_assemblies(), polls=st.integers(1, 60))
 def test_what_a_stopped_search_claims_holds(content, polls):
     """On random assemblies with step limits that bind: bound <= optimum <= cost."""
@@ -302,7 +303,12 @@ def test_dives_find_a_plan_long_before_the_proof(motor_drive_task):
     for dives in (True, False):
         stop = PatientStop(200)
         solution = search(charted(motor_drive_task), stop, dives=dives)
-        assert (solution.plan is not None) is dives
+        assert not solution.proved
+        if dives:
+            plan = [motor_drive_task.skill(name) for name in solution.plan.skills]
+            assert replay(charted(motor_drive_task), plan).complete
+        else:
+            assert solution.plan is None
 
 
 def test_it_asks_only_about_arrows_that_come_up(board_task):

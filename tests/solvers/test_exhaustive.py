@@ -5,6 +5,7 @@ from collections import Counter
 import pytest
 from hypothesis import given, settings
 
+from example_count import examples
 from situations import (
     assembly,
     cheapest_by_length,
@@ -81,14 +82,14 @@ def test_reloading_the_tool_at_hand_multiplies_the_sequences():
     assert sum(count_by_length(make_model(reloading(), CHART)).values()) == 925_020
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="925,020 sequences one by one; 12,420 in every run")
 def test_brute_force_counts_the_same_where_reloading_is_allowed():
     """925,020, one by one."""
     solution = ExhaustiveSolver().solve(make_model(reloading(), CHART))
     assert solution.trace["sequences"] == 925_020
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(small_assemblies().filter(lambda content: len(content["parts"]) == 2))
 def test_it_agrees_with_dynamic_programs_on_random_assemblies(content):
     """On the optimum, the fewest skills and the number of sequences of every length."""

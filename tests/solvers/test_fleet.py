@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from fleet_instances import Robots, fewest, random_robots, task_of
 from situations import FakeSetup, fake_back_end
 from skillplan.domains.swarmitfix.bench.bench import Bench
@@ -79,7 +80,7 @@ def assert_valid(bench: Bench, robots: Robots, result: Result) -> None:
 
 class TestTwo:
     @given(st.sampled_from(SMALL), st.integers(0, 10_000))
-    @settings(max_examples=40)
+    @settings(max_examples=examples(40))
     def test_the_fewest_swings_are_proved(self, size: tuple[int, int], seed: int) -> None:
         """Against breadth-first search over pins, plans or none."""
         bench = bench_of(size)
@@ -93,7 +94,7 @@ class TestTwo:
             assert_valid(bench, robots, result)
 
     @given(st.sampled_from(SMALL), st.integers(0, 10_000))
-    @settings(max_examples=40)
+    @settings(max_examples=examples(40))
     def test_the_fewest_parallel_steps_are_found(self, size: tuple[int, int], seed: int) -> None:
         bench = bench_of(size)
         robots = random_robots(bench, 2, seed)
@@ -139,7 +140,7 @@ class TestMany:
         st.integers(0, 10_000),
         st.sampled_from(["swings", "makespan"]),
     )
-    @settings(max_examples=50)
+    @settings(max_examples=examples(50))
     def test_there_is_a_plan_if_and_only_if_one_is_found(
         self, size: tuple[int, int], seed: int, objective: str
     ) -> None:
@@ -263,7 +264,7 @@ class TestRejectedMoves:
         st.sampled_from(["joint", "prioritised"]),
         st.integers(0, 1_000),
     )
-    @settings(max_examples=40)
+    @settings(max_examples=examples(40))
     def test_the_claims_are_those_of_exact_search(
         self, rule: Callable[[Skill, State], Verdict], method: str, seed: int
     ) -> None:

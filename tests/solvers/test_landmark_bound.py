@@ -3,6 +3,7 @@
 import pytest
 from hypothesis import given, settings
 
+from example_count import examples
 from situations import (
     assembly,
     costs_to_go,
@@ -38,14 +39,14 @@ def assert_admissible_and_consistent(task):
     return arrows, cost, bound
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(small_assemblies())
 def test_it_never_exceeds_the_true_cost_to_go_and_never_jumps(content):
     """On random assemblies: swap and separate tool changes, stacks, feeders, reloading."""
     assert_admissible_and_consistent(assembly(content))
 
 
-@settings(max_examples=400)
+@settings(max_examples=examples(400))
 @given(small_tasks())
 def test_it_holds_on_tasks_of_any_structure(task):
     """Dead ends, detours, several makers of a fact, skills that undo others, free skills."""

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from situations import cheapest_by_length, make_skill, make_task, model_of, optimum, small_tasks
 from skillplan.model.tabular_mdp import TabularMDP
 from skillplan.pipeline.run import make_model, solve
@@ -90,7 +91,7 @@ def policy_value(mdp: TabularMDP, rows: tuple[int, ...]) -> np.ndarray:
 
 @pytest.mark.parametrize("solver", [PolicyIterationSolver, ValueIterationSolver])
 @given(mdp=chances())
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=examples(120))
 def test_expected_costs_are_the_least_of_all_policies(
     solver: type[BellmanSolver], mdp: TabularMDP
 ) -> None:
@@ -112,7 +113,7 @@ def test_expected_costs_are_the_least_of_all_policies(
 @pytest.mark.parametrize("name", PLANNERS)
 class TestClaims:
     @given(task=small_tasks())
-    @settings(max_examples=60, deadline=None)
+    @settings(max_examples=examples(60))
     def test_without_chance_it_proves_what_brute_force_finds(self, name: str, task) -> None:  # type: ignore[no-untyped-def]
         """Also where the cheapest way is longer than the step limit."""
         best = optimum(cheapest_by_length(model_of(task)))

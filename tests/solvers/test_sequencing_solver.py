@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from ordering_instances import instance_of
 from situations import (
     PatientStop,
@@ -81,7 +82,7 @@ def test_it_proves_what_exact_search_proves(config, detector):
     assert found.cost == pytest.approx(solve(task, "exact", setup).cost, abs=1e-9)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(content=small_assemblies(), solver=st.sampled_from(PROVING[1:]))
 def test_it_is_never_wrong_whatever_the_step_limit(content, solver):
     """Where the cheapest order has a plan that is too long, nothing is said to be optimal."""
@@ -113,7 +114,7 @@ def test_a_step_limit_that_binds_leaves_a_bound_and_words(board_task):
 
 
 @given(task=small_tasks())
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 def test_what_is_no_sequencing_problem_is_refused_in_words(task):
     """One sentence, with another solver to take."""
     refusal = make_solver("portfolio").refuses(model_of(task))
@@ -166,7 +167,7 @@ def test_the_dynamic_program_proves_what_is_published(name):
     assert "dynamic programming" in result.bound_method or "relaxation" in result.bound_method
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="up to a minute an instance; smaller ones are proved in every run")
 @pytest.mark.parametrize(
     "name", ["ESC47", "ft53.4", "ft70.1", "p43.1", "prob.42", "ft53.1", "rbg253a"]
 )
@@ -176,7 +177,7 @@ def test_the_portfolio_proves_what_is_published(name):
     assert (result.status, result.cost) == (Status.OPTIMAL, float(BEST_KNOWN[name]["best_known"]))
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="ten seconds an instance, 22 of them")
 @pytest.mark.parametrize("name", sorted(path.stem for path in FOLDER.glob("*.sop")))
 def test_no_bound_is_above_and_no_cost_below_what_is_published(name):
     """Within ten seconds each, whether proved or not."""
@@ -217,7 +218,12 @@ def searched(folder, n, limit_mib, time_limit_s):
 @pytest.mark.skipif(sys.platform != "linux", reason="sizes are told in KiB on Linux")
 @pytest.mark.parametrize(
     ("n", "limit_mib", "time_limit_s"),
-    [(60, 400, 4), pytest.param(380, 600, 25, marks=pytest.mark.slow)],
+    [
+        (60, 400, 4),
+        pytest.param(
+            380, 600, 25, marks=pytest.mark.slow(reason="380 nodes for 25 s; 60 in every run")
+        ),
+    ],
 )
 def test_a_memory_limit_is_kept_and_leaves_a_plan_and_a_bound(tmp_path, n, limit_mib, time_limit_s):
     """To within a tenth, as the largest size that the process ever had."""

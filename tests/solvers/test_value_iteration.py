@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup
@@ -87,7 +88,7 @@ def relaxed(rows, successors, goal, *weights):  # type: ignore[no-untyped-def]
 
 
 @given(weighted_graphs())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200))
 def test_label_setting_finds_the_least_costs_then_the_least_ties(graph) -> None:  # type: ignore[no-untyped-def]
     rows, successors, goal, costs, ties = graph
     found = costs_to_go(rows, successors, goal, costs, ties)

@@ -10,11 +10,11 @@ from situations import assembly, config_content, fake_back_end
 from skillplan.collision.aabb import AabbDetector
 from skillplan.physics.engine import Engine
 from skillplan.physics.kinematic import KinematicEngine
+from skillplan.records.detectors import decisive, detectors_document, wrong_rulings
 from skillplan.task.verdict import Verdict, VerdictStatus
 from skillplan.trials.detector_trial import Truth
 from skillplan.trials.detector_trials import CHART, try_detectors
 from skillplan.trials.fault_injection import INTRUDER
-from skillplan.views.tables.detectors import decisive, detectors_document, wrong_rulings
 
 
 @pytest.fixture(scope="module")

@@ -29,7 +29,6 @@ from skillplan.views.figures.figure_style import (
     text_colour,
     text_width_in,
 )
-from skillplan.views.figures.gantt_figure import Bar, gantt_figure
 from skillplan.views.figures.label_placement import LabelPlacer
 from skillplan.views.figures.learning_figure import (
     LearningCurve,
@@ -40,6 +39,7 @@ from skillplan.views.figures.q_values_figure import StateValues, look, q_values_
 from skillplan.views.figures.rewards_figure import PaidStep, rewards_figure
 from skillplan.views.figures.swarmitfix.bench_canvas import bench_canvas
 from skillplan.views.figures.swarmitfix.fleet_figure import fleet_figure, ways_of
+from skillplan.views.figures.swarmitfix.gantt_figure import Bar, gantt_figure
 from skillplan.views.figures.swarmitfix.placement_figure import placement_figure
 from skillplan.views.figures.swarmitfix.placement_marks import (
     BaseGoal,

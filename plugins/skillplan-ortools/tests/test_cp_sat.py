@@ -11,6 +11,7 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from sequencing_problems import SOP
 from situations import assembly, retry_task, small_assemblies
 from skillplan import Plan, Status, load_problem, make_model, solve
@@ -56,7 +57,7 @@ def test_it_proves_the_benchmark(name, optimum):
     assert result.trace["ended"] == "proof"
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(content=small_assemblies(), spare=st.integers(0, 3))
 def test_it_never_says_more_than_exact_search(content, spare):
     """Also where the step limit binds, and an order that is cheapest takes too many skills."""
@@ -79,7 +80,7 @@ def test_it_never_says_more_than_exact_search(content, spare):
         assert result.cost == pytest.approx(exact.cost, abs=1e-9)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(content=small_assemblies())
 def test_without_a_step_limit_that_binds_it_proves_or_refuses(content):
     """It leaves nothing open that exact search solves."""

@@ -10,6 +10,7 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 from ortools.sat.python import cp_model
 
+from example_count import examples
 from sequencing_problems import SOP, problem_of, random_problems
 from skillplan import load_problem, make_model
 from skillplan.model.sequencing import SequencingProblem
@@ -35,7 +36,7 @@ def open_instance():
     return WholeCosts(SequencingProblem.from_model(model))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(random_problems())
 def test_it_proves_what_enumeration_finds(problem):
     """On random problems of up to six jobs; bounds on the way never exceed the optimum."""
@@ -52,7 +53,7 @@ def test_it_proves_what_enumeration_finds(problem):
     assert all(network.in_problem_units(bound) <= least + 1e-9 for bound in bounds)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30))
 @given(random_problems(), st.integers(0, 8))
 def test_a_limit_on_skills_is_kept(problem, spare):
     """The cheapest among the orders whose plans are short enough, or none."""

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from example_count import examples
 from sequencing_problems import problem_of, random_problems
 from skillplan_ortools.whole_costs import START, WholeCosts
 
@@ -15,7 +16,7 @@ def whole_cost(network, order):
     return sum(network.arcs[arc] for arc in zip((START, *order), order, strict=False))
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(random_problems())
 def test_whole_costs_bound_costs_from_below_and_closely(problem):
     """For every order that the precedence allows, within a tenth of what a proof may ignore."""
@@ -27,7 +28,7 @@ def test_whole_costs_bound_costs_from_below_and_closely(problem):
             assert cost - 1e-10 <= bound <= cost + 1e-14
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(random_problems())
 def test_an_order_takes_no_arc_that_was_left_out(problem):
     """What the precedence allows, the arcs and ranks allow, too."""

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from skillplan.task.scene import Body, Box, Cylinder, Mesh, Pose
 from skillplan_pinocchio.obstacles import Obstacle
 from skillplan_pinocchio.shapes import pieces_of, table
-from skillplan_pinocchio.support import ground_of, intersection, planar_hull
+from skillplan_pinocchio.support import intersection, planar_hull, supports_of
 
 POINTS = st.lists(st.tuples(st.floats(-1, 1, width=16), st.floats(-1, 1, width=16)), max_size=12)
 # Triangles of a prism on a triangle, three corners, then three opposite; and of a tetrahedron.
@@ -27,24 +27,24 @@ def block(size, x=0.0, y=0.0, z=0.0, yaw_rad=0.0):
 def ground(pieces, *under, tolerance_m=2e-4):
     """Return what could bear a body: blocks below it, in order."""
     obstacles = [Obstacle(f"block {n}", f"placed({n})", one) for n, one in enumerate(under)]
-    return ground_of("it", pieces, obstacles, tolerance_m)
+    return supports_of("it", pieces, obstacles, tolerance_m)
 
 
 @pytest.mark.parametrize(("overhang_m", "stays"), [(0.0, True), (0.049, True), (0.051, False)])
 def test_a_block_stays_while_its_centre_is_above_what_bears_it(overhang_m, stays):
     """The one below ends 50 mm from its centre."""
     found = ground(block((0.04, 0.04, 0.02), overhang_m, z=0.02), block((0.1, 0.1, 0.02)))
-    assert found.bears([True]) is stays
-    assert found.bears([False]) is False
+    assert found.hold([True]) is stays
+    assert found.hold([False]) is False
 
 
 def test_two_supports_bear_what_lies_between_them():
     """Neither alone does."""
     sides = [block((0.02, 0.02, 0.02), x) for x in (-0.05, 0.05)]
     found = ground(block((0.12, 0.04, 0.02), z=0.02), *sides)
-    assert found.bears([True, True])
-    assert not found.bears([True, False])
-    assert not found.bears([False, True])
+    assert found.hold([True, True])
+    assert not found.hold([True, False])
+    assert not found.hold([False, True])
 
 
 @pytest.mark.parametrize("gap_m", [-0.0003, 0.0003])
@@ -71,8 +71,8 @@ def test_the_table_bears_what_stands_on_it_but_not_what_leans_over():
         (Body("it", shapes[:1], (), 1.0), True),
         (Body("it", shapes, (), 1.0), False),
     ):
-        found = ground_of("it", pieces_of(body, Pose((0.4, 0.0, 0.0))), obstacles, 2e-4)
-        assert found.bears([True]) is stays
+        found = supports_of("it", pieces_of(body, Pose((0.4, 0.0, 0.0))), obstacles, 2e-4)
+        assert found.hold([True]) is stays
 
 
 def test_a_turned_block_bears_where_it_is():
@@ -80,7 +80,7 @@ def test_a_turned_block_bears_where_it_is():
     foot = block((0.01, 0.01, 0.02), 0.06, z=0.02)
     square = (0.1, 0.1, 0.02)
     assert ground(foot, block(square)).contacts == ()
-    assert ground(foot, block(square, yaw_rad=math.pi / 4)).bears([True])
+    assert ground(foot, block(square, yaw_rad=math.pi / 4)).hold([True])
 
 
 def test_a_cylinder_stands_on_its_circle():
@@ -88,7 +88,7 @@ def test_a_cylinder_stands_on_its_circle():
     drum = Body("it", (Cylinder(0.04, 0.04, (0.0, 0.0, 0.02)),), (), 1.0)
     for x_m, stays in ((0.049, True), (0.051, False)):
         pieces = pieces_of(drum, Pose((x_m, 0.0, 0.02)))
-        assert ground(pieces, block((0.1, 0.1, 0.02))).bears([True]) is stays
+        assert ground(pieces, block((0.1, 0.1, 0.02))).hold([True]) is stays
 
 
 def test_the_centre_of_mass_is_that_of_the_volume():
@@ -105,7 +105,7 @@ def test_a_body_on_a_point_is_borne_by_nothing():
     """A cone that stands on its head falls over."""
     cone = Mesh(((0.0, 0.0, 0.0), (0.05, 0.05, 0.1), (-0.05, 0.05, 0.1), (0.0, -0.05, 0.1)), CONE)
     pieces = pieces_of(Body("it", (cone,), (), 1.0), Pose((0.0, 0.0, 0.02)))
-    assert not ground(pieces, block((0.2, 0.2, 0.02))).bears([])
+    assert not ground(pieces, block((0.2, 0.2, 0.02))).hold([])
 
 
 @given(POINTS)

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from situations import assembly
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.run import make_feasibility, solve
@@ -79,6 +80,8 @@ class TestReach:
         content["parts"]["base"]["goal_m"] = [0.83, 0.0]
         content["parts"]["top"]["goal_m"] = [0.83, 0.0]
         assert verdict_of(content, "place(base)", "held(base)").is_feasible
+        content["robot"]["base_m"] = [0.0, 0.0, 0.0]
+        assert verdict_of(content, "place(base)", "held(base)").is_infeasible
 
 
 class TestHand:
@@ -243,6 +246,7 @@ class TestSupport:
 
     def test_supports_are_not_looked_for_if_not_wanted(self):
         """An option."""
+        assert verdict_of(shelf(), "place(top)", "held(top)").is_infeasible
         assert verdict_of(shelf(), "place(top)", "held(top)", check_support=False).is_feasible
 
     @pytest.mark.parametrize(("overhang_m", "tips"), [(0.029, False), (0.031, True)])
@@ -307,7 +311,7 @@ class TestLinks:
 
 
 class TestReuse:
-    @settings(max_examples=60)
+    @settings(max_examples=examples(60))
     @given(data=st.data())
     def test_a_verdict_holds_in_every_state_that_agrees_on_its_facts(self, data, board):
         """Also in states that nothing leads to; the same reason and evidence, by a fresh one."""

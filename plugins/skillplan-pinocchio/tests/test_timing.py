@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as arrays
 
 from skillplan.robots import panda
 from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.arm_motion import stroke_paths, travel_path
+from skillplan_pinocchio.arm_motion import descent_paths, transfer_path
 from skillplan_pinocchio.inverse_kinematics import Unreachable, elbows
 from skillplan_pinocchio.timing import JointLimits, JointPath
 
@@ -118,7 +118,7 @@ class TestWaysOfTheArm:
 
     def test_a_stroke_goes_straight_down_with_the_hand_down(self):
         """Between its nodes within 0.05 mm, too."""
-        (path, *_) = stroke_paths(self.arm, (0.5, 0.1, 0.01), (0.5, 0.1, 0.16), 0.7)
+        (path, *_) = descent_paths(self.arm, (0.5, 0.1, 0.01), (0.5, 0.1, 0.16), 0.7)
         assert not isinstance(path, Unreachable)
         for place in np.linspace(0, 1, 41):
             position, rotation = self.arm.tip(path.at(float(place))[0])
@@ -129,7 +129,7 @@ class TestWaysOfTheArm:
         """While hand and elbow turn as they must."""
         start = next(iter(elbows(self.arm, (0.35, -0.15, 0.2), 0.0)))
         end = next(iter(elbows(self.arm, (0.6, 0.2, 0.2), math.pi / 2)))
-        path = travel_path(self.arm, start, end)
+        path = transfer_path(self.arm, start, end)
         for place in np.linspace(0, 1, 41):
             position, rotation = self.arm.tip(path.at(float(place))[0])
             expected = (0.35 + 0.25 * place, -0.15 + 0.35 * place, 0.2)
@@ -140,7 +140,7 @@ class TestWaysOfTheArm:
         """The straight line is out of reach; the joints go to their ends all the same."""
         start = next(iter(elbows(self.arm, (0.05, -0.4, 0.2), 0.0)))
         end = next(iter(elbows(self.arm, (0.05, 0.4, 0.2), 0.0)))
-        path = travel_path(self.arm, start, end)
+        path = transfer_path(self.arm, start, end)
         assert path.nodes[0] == pytest.approx(start)
         assert path.nodes[-1] == pytest.approx(end)
         steps = np.diff(path.nodes, axis=0)

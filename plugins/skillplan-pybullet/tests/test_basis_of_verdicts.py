@@ -11,14 +11,15 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from board_situations import BOARD, imagined
+from example_count import examples
 from situations import assembly, config_content
 from skillplan.pipeline.setup import load_problem
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pybullet.execution import Workcell
+from skillplan_pybullet.execution.support_trial import Fallen, SupportTrials
+from skillplan_pybullet.execution.workcell import Workcell
 from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.support_trial import Fallen, SupportTrials
 
 PRODUCTS = ("inverter_board", "sensor_stack", "motor_drive", "board with a mast")
 
@@ -99,7 +100,7 @@ class Situations:
 
 
 @pytest.mark.parametrize("product", PRODUCTS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(data=st.data())
 def test_states_that_agree_have_the_same_bodies_at_the_same_poses(product, data) -> None:
     cell = workcell(product)
@@ -113,7 +114,7 @@ def test_states_that_agree_have_the_same_bodies_at_the_same_poses(product, data)
 
 
 @pytest.mark.parametrize("product", PRODUCTS)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(data=st.data())
 def test_states_that_agree_on_what_fell_have_the_same_thing_fall(product, data) -> None:
     cell = workcell(product)

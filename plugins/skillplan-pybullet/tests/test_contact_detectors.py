@@ -13,11 +13,11 @@ from hypothesis.extra.numpy import arrays
 
 from situations import assembly, config_content
 from skillplan.checks.single_check import introduce
-from skillplan_pybullet.collision_signs import frame_means
 from skillplan_pybullet.contact_force import ContactForceDetector
 from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
 from skillplan_pybullet.record import Record
+from skillplan_pybullet.verdicts.contact_threshold import frame_means
 
 DETECTORS = [ContactForceDetector, ContactPairsDetector]
 
@@ -58,7 +58,7 @@ class TestBoth:
     def test_a_verdict_rests_on_what_decides_the_simulated_world(self, task, detector) -> None:
         """Present and absent are those of the record; the evidence is JSON."""
         record = a_record(task)
-        verdict = detector(task).rule(record)
+        verdict = detector(task).verdict_on(record)
         assert verdict.is_feasible
         assert (record.present, record.absent) == (verdict.present, verdict.absent)
         assert json.dumps(verdict.evidence)
@@ -71,8 +71,8 @@ class TestBoth:
         alone, beside, engine = detector(task), detector(task), PybulletEngine(task)
         introduce([alone])
         introduce([beside, engine])
-        assert beside.rule(record).is_feasible
-        verdict = alone.rule(record)
+        assert beside.verdict_on(record).is_feasible
+        verdict = alone.verdict_on(record)
         assert verdict.reason == "it came to nothing"
         assert (fault != "upset") == verdict.is_infeasible
         assert not verdict.is_feasible
@@ -122,7 +122,7 @@ class TestContactPairs:
     def test_an_unexpected_pair_that_presses_is_a_collision(self, task) -> None:
         """Phase, bodies and figure in words, the mover first."""
         pressing = {("transformer", "left finger"): bump(8, 12.0)}
-        verdict = ContactPairsDetector(task).rule(a_record(task, pairs_n=pressing))
+        verdict = ContactPairsDetector(task).verdict_on(a_record(task, pairs_n=pressing))
         expected = "the left finger pressed on transformer with 12 N on the approach to switch_2"
         assert expected == verdict.reason
         evidence = verdict.evidence
@@ -134,7 +134,7 @@ class TestContactPairs:
     def test_a_touch_of_one_frame_is_none(self, task) -> None:
         """Averaged over six frames it stays below the threshold; the figure is told."""
         touch = {("left finger", "transformer"): bump(1, 0.29)}
-        verdict = ContactPairsDetector(task).rule(a_record(task, pairs_n=touch))
+        verdict = ContactPairsDetector(task).verdict_on(a_record(task, pairs_n=touch))
         assert verdict.is_feasible
         assert verdict.evidence["readings"]["force_n"] == 0.048333
         assert verdict.evidence["peak_n"] == 0.29
@@ -144,7 +144,7 @@ class TestContactPairs:
         """Frames beyond the sixth add nothing."""
         board = assembly(config_content("inverter_board"))
         record = a_record(board, pairs_n={("left finger", "pcb"): bump(frames, force_n)})
-        verdict = ContactPairsDetector(board).rule(record)
+        verdict = ContactPairsDetector(board).verdict_on(record)
         mean_n = force_n * min(frames, 6) / 6
         if abs(mean_n - 0.05) > 1e-9:
             assert verdict.is_infeasible == (mean_n > 0.05)
@@ -152,7 +152,7 @@ class TestContactPairs:
     def test_what_is_pushed_aside_without_a_force_is_a_collision(self, task) -> None:
         """At any moment, also where it comes back."""
         moved = {"pcb": np.zeros(30), "transformer": bump(1, 0.0021, begin=25)}
-        verdict = ContactPairsDetector(task).rule(a_record(task, moved_m=moved))
+        verdict = ContactPairsDetector(task).verdict_on(a_record(task, moved_m=moved))
         expected = "transformer was pushed 2.1 mm aside on the retreat from switch_2"
         assert expected == verdict.reason
         assert verdict.evidence["moved_mm"] == {"transformer": 2.1}
@@ -165,9 +165,9 @@ class TestContactPairs:
         }
         moved = {"pcb": np.zeros(30), "transformer": bump(5, 0.004, begin=12)}
         detector = ContactPairsDetector(task)
-        pushed = detector.rule(a_record(task, pairs_n=pairs, moved_m=moved))
+        pushed = detector.verdict_on(a_record(task, pairs_n=pairs, moved_m=moved))
         assert pushed.reason.startswith("transformer was pushed 4.0 mm aside")
-        pressed = detector.rule(a_record(task, pairs_n=pairs))
+        pressed = detector.verdict_on(a_record(task, pairs_n=pairs))
         assert pressed.reason.startswith("the left finger pressed on transformer with 3 N")
         assert pressed.evidence["readings"]["force_n"] == 80.0
 
@@ -178,11 +178,11 @@ class TestContactPairs:
         record = a_record(task, pairs_n=pairs, moved_m=moved)
         options = ContactPairsDetector.Options
         lenient = options(threshold_n=2.5)
-        assert ContactPairsDetector(task, lenient).rule(record).is_feasible
+        assert ContactPairsDetector(task, lenient).verdict_on(record).is_feasible
         brief = options(threshold_n=2.5, frames=2)
-        assert ContactPairsDetector(task, brief).rule(record).is_infeasible
+        assert ContactPairsDetector(task, brief).verdict_on(record).is_infeasible
         strict = options(threshold_n=2.5, displacement_m=0.0004)
-        assert ContactPairsDetector(task, strict).rule(record).is_infeasible
+        assert ContactPairsDetector(task, strict).verdict_on(record).is_infeasible
 
     def test_a_record_that_broke_off_at_once_is_read_as_far_as_it_goes(self, task) -> None:
         """No frames, no contact."""
@@ -192,8 +192,8 @@ class TestContactPairs:
             pairs_n={("left finger", "pcb"): np.zeros(0)},
             moved_m={"pcb": np.zeros(0)},
         )
-        assert ContactPairsDetector(task).rule(record).is_feasible
-        assert ContactForceDetector(task).rule(record).is_feasible
+        assert ContactPairsDetector(task).verdict_on(record).is_feasible
+        assert ContactForceDetector(task).verdict_on(record).is_feasible
 
 
 class TestContactForce:
@@ -201,9 +201,9 @@ class TestContactForce:
         """The paper's detector takes the weight of 250 g for a collision."""
         forces = {"transformer": np.tile([0.0, 0.0, 2.4525], (30, 1))}
         record = a_record(task, forces_n=forces)
-        assert ContactForceDetector(task).rule(record).is_feasible
+        assert ContactForceDetector(task).verdict_on(record).is_feasible
         literal = ContactForceDetector.Options(weight_compensated=False)
-        verdict = ContactForceDetector(task, literal).rule(record)
+        verdict = ContactForceDetector(task, literal).verdict_on(record)
         assert verdict.reason.startswith(
             "the net contact force on transformer averaged 2.45 N along z over 6 frames on "
         )
@@ -212,7 +212,7 @@ class TestContactForce:
     def test_what_something_else_than_a_contact_carries_reads_nothing(self, task) -> None:
         """Under suction no contact carries the pcb, and none is missed."""
         record = a_record(task, forces_n={"pcb": np.zeros((30, 3))})
-        verdict = ContactForceDetector(task).rule(record)
+        verdict = ContactForceDetector(task).verdict_on(record)
         assert verdict.evidence["readings"]["force_n"] == 0.0
 
     @pytest.mark.parametrize(("axis", "name"), [(0, "x"), (1, "y"), (2, "z")])
@@ -221,7 +221,9 @@ class TestContactForce:
         """Its absolute value, apart from the other axes."""
         force = np.zeros((30, 3))
         force[10:20, axis] = sign * 5.0
-        verdict = ContactForceDetector(task).rule(a_record(task, forces_n={"switch_2": force}))
+        verdict = ContactForceDetector(task).verdict_on(
+            a_record(task, forces_n={"switch_2": force})
+        )
         assert name == verdict.evidence["axis"]
         expected_n = 5.0 - (0.2943 if (name, sign) == ("z", 1) else 0.0)
         assert expected_n == pytest.approx(verdict.evidence["force_n"], abs=1e-6)
@@ -229,10 +231,13 @@ class TestContactForce:
     def test_forces_that_cancel_are_not_seen(self, task) -> None:
         """The net force of a jammed part may be nothing: what the pairs show."""
         record = a_record(task, pairs_n={("switch_2", "transformer"): bump(20, 30.0)})
-        assert ContactForceDetector(task).rule(record).is_feasible
-        assert ContactPairsDetector(task).rule(record).is_infeasible
+        assert ContactForceDetector(task).verdict_on(record).is_feasible
+        assert ContactPairsDetector(task).verdict_on(record).is_infeasible
 
     def test_only_parts_of_the_product_are_watched(self, task) -> None:
         """Not the tools, nor the robot."""
-        record = a_record(task, forces_n={"screwdriver": np.full((30, 3), 50.0)})
-        assert ContactForceDetector(task).rule(record).is_feasible
+        force = np.full((30, 3), 50.0)
+        record = a_record(task, forces_n={"screwdriver": force})
+        assert ContactForceDetector(task).verdict_on(record).is_feasible
+        record = a_record(task, forces_n={"switch_2": force})
+        assert ContactForceDetector(task).verdict_on(record).is_infeasible

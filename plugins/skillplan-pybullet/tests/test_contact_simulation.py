@@ -8,11 +8,11 @@ import pytest
 
 from situations import assembly, config_content
 from skillplan.checks.single_check import check, introduce
+from skillplan.records.detectors import decisive
 from skillplan.task.verdict import VerdictStatus
 from skillplan.trials.detector_trial import Truth
 from skillplan.trials.detector_trials import try_detectors
 from skillplan.trials.fault_injection import staged_collisions
-from skillplan.views.tables.detectors import decisive
 from skillplan_pybullet.contact_force import ContactForceDetector
 from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
@@ -115,7 +115,7 @@ def test_a_hand_that_hits_something_is_caught(task, kind) -> None:
     assert hit in verdict.reason
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="90 executions of the whole board")
 def test_pairs_tell_right_from_wrong_on_the_whole_board(task) -> None:
     """No false alarm on 60 right executions, no miss on 30 wrong ones; the paper's has many."""
 

@@ -11,17 +11,17 @@ import pytest
 
 from board_situations import imagined
 from situations import assembly, config_content
-from skillplan.physics.linear_motions import strokes
+from skillplan.physics.linear_motions import linear_motions
 from skillplan.task.scene import Body, Box
 from skillplan.task.shape import Cylinder, Mesh
 from skillplan.task.verdict import VerdictStatus
+from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
+from skillplan_pybullet.execution.skill_runner import SkillRunner
 from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.mass_properties import mass_properties
-from skillplan_pybullet.simulated_arm import SimulatedArm
-from skillplan_pybullet.skill_runner import SkillRunner
-from skillplan_pybullet.world import World
+from skillplan_pybullet.simulator.mass_properties import mass_properties
+from skillplan_pybullet.simulator.world import World
 
 # A screw's head, and how far above the end of the bit the thicker shank begins.
 SCREW_M, BIT_M = 0.002, 0.040
@@ -117,14 +117,14 @@ class TestScrews:
 
     def test_a_driven_screw_is_solid_for_the_robot_again(self, board) -> None:
         skill, state = imagined(board, "fasten(screw_1)")
-        (stroke,) = strokes(board, skill, state)
+        (motion,) = linear_motions(board, skill, state)
         settings = ExecutionSettings()
         with World(settings.friction) as world:
             arm = SimulatedArm(world, board.scene.robots[0].base, settings)
-            arm.stand(stroke.above, stroke.closing_yaw_rad, 0.04)
-            runner = SkillRunner(world, arm, board.scene, settings, stroke.tool)
+            arm.stand(motion.above, motion.closing_yaw_rad, 0.04)
+            runner = SkillRunner(world, arm, board.scene, settings, motion.tool)
             runner.watch({"screw_1"})
-            runner.run(stroke, stroke.closing_yaw_rad)
+            runner.run(motion, motion.closing_yaw_rad)
             world.put("screw_1", runner.tools.upright_tip())
             world.step()
             numbers = world.numbers["screwdriver"], world.numbers["screw_1"]

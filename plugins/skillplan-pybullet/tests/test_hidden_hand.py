@@ -8,11 +8,11 @@ import pybullet
 import pytest
 
 from skillplan.task.scene import Body, Box, Pose, Scene, Tool, ToolKind
-from skillplan_pybullet.dynamics import FINGER_LINKS, HAND_LINK
+from skillplan_pybullet.arm.dynamics import FINGER_LINKS, HAND_LINK
+from skillplan_pybullet.arm.simulated_arm import ROBOT, SimulatedArm
+from skillplan_pybullet.arm.tool_changer import ToolChanger
 from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.simulated_arm import ROBOT, SimulatedArm
-from skillplan_pybullet.tool_changer import ToolChanger
-from skillplan_pybullet.world import World
+from skillplan_pybullet.simulator.world import World
 
 TIP = (0.5, 0.0, 0.3)
 # From one finger to the other, and up to the palm.

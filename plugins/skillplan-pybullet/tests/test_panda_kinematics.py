@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan.robots import panda
-from skillplan_pybullet.dynamics import HAND_LINK, PinocchioDynamics, PybulletDynamics
-from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.panda_kinematics import (
+from skillplan_pybullet.arm.dynamics import HAND_LINK, PinocchioDynamics, PybulletDynamics
+from skillplan_pybullet.arm.panda_kinematics import (
     UnreachableError,
     follow,
     forward,
@@ -21,8 +21,9 @@ from skillplan_pybullet.panda_kinematics import (
     reach,
     rotation_error,
 )
-from skillplan_pybullet.simulated_arm import SimulatedArm
-from skillplan_pybullet.world import World
+from skillplan_pybullet.arm.simulated_arm import SimulatedArm
+from skillplan_pybullet.execution_settings import ExecutionSettings
+from skillplan_pybullet.simulator.world import World
 
 BASE = (0.0, 0.0, 0.0)
 angles = st.tuples(
@@ -41,7 +42,7 @@ def arm():
         yield SimulatedArm(world, BASE, ExecutionSettings())
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(50))
 @given(angles)
 def test_the_tip_is_where_the_simulated_one_is(arm, joints):
     for joint, angle in enumerate(joints):
@@ -56,7 +57,7 @@ def test_the_tip_is_where_the_simulated_one_is(arm, joints):
     assert np.allclose(jacobian, terms.jacobian, atol=1e-9)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(50))
 @given(angles, rates)
 def test_pinocchio_and_the_simulator_agree_on_the_dynamics(arm, joints, speeds):
     pytest.importorskip("pinocchio", reason="pinocchio is optional here")
@@ -68,7 +69,7 @@ def test_pinocchio_and_the_simulator_agree_on_the_dynamics(arm, joints, speeds):
     assert np.allclose(own.bias, other.bias, atol=1e-4)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40))
 @given(
     st.floats(0.30, 0.65),
     st.floats(-0.30, 0.30),

@@ -8,8 +8,8 @@ import pytest
 
 from board_situations import BOARD, OPTIMAL, state_after
 from skillplan.pipeline.setup import load_problem
-from skillplan_pybullet.camera import HEIGHT, WIDTH
 from skillplan_pybullet.engine import PybulletEngine
+from skillplan_pybullet.simulator.camera import HEIGHT, WIDTH
 
 
 @pytest.fixture(scope="module")

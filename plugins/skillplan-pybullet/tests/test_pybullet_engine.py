@@ -232,7 +232,7 @@ class TestFaults:
         assert "no posture of the arm within its joint limits" in verdict.reason
 
     def test_a_simulation_that_blows_up_is_unknown(self, task, monkeypatch):
-        from skillplan_pybullet.world import World
+        from skillplan_pybullet.simulator.world import World
 
         monkeypatch.setattr(World, "is_sane", lambda self: False)
         verdict = PybulletEngine(task).check(task.skill("pick(clock)"), task.initial)

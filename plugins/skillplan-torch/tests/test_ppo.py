@@ -19,7 +19,7 @@ from skillplan.pipeline.setup import Setup
 from skillplan.solvers.learning.learner import Snapshot
 from skillplan.testing import SolverSuite, lid_task
 from skillplan_torch.ppo import PpoSolver
-from skillplan_torch.roll_out import RollOut
+from skillplan_torch.ppo.rollout_buffer import RolloutBuffer
 
 BOARD = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"
 OPTIMUM_M = 1.86709
@@ -82,7 +82,7 @@ class TestLearning:
         result = solve(retry_task(0.5), solver(steps=1_000))
         assert result.cost == pytest.approx(4.0)
 
-    @pytest.mark.slow
+    @pytest.mark.slow(reason="ten runs to the optimum of the board")
     @pytest.mark.parametrize(
         "options",
         [
@@ -112,7 +112,16 @@ class TestLearning:
 
     def test_without_a_mask_what_does_not_apply_is_tried_and_ends_the_episode(self):
         episodes = begun(solver(mask="none"), [0]).advance(STEPS)
-        assert any(episode.end == "infeasible" for episode in episodes)
+        failed = [episode for episode in episodes if episode.end == "infeasible"]
+        assert failed
+        task = lid_task()
+        for episode in failed:
+            *taken, last = (task.skills[action] for action in episode.actions)
+            state = task.initial
+            for skill in taken:
+                assert skill.applicable(state)
+                state = skill.prediction.apply(state)
+            assert not last.applicable(state)
 
 
 class TestPoliciesFollowed:
@@ -200,7 +209,7 @@ class TestRunsSideBySide:
 
 
 class TestGoingOn:
-    @settings(max_examples=12, deadline=None, derandomize=True, database=None)
+    @settings(max_examples=12)
     @given(cuts=st.lists(st.integers(0, STEPS), max_size=4), novelty=st.sampled_from([0.0, 1.0]))
     def test_a_training_that_was_interrupted_goes_on_bit_for_bit(self, cuts, novelty):
         learner = solver(novelty=novelty)
@@ -235,7 +244,7 @@ class TestGoingOn:
 class TestAdvantages:
     @pytest.fixture
     def roll_out(self):
-        made = RollOut(1, 4, 1, 1)
+        made = RolloutBuffer(1, 4, 1, 1)
         made.ends[0] = [0, 1, 0, 0]
         made.drawn[0] = [True, True, False, True]
         return made

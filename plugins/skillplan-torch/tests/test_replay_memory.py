@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skillplan_torch.replay_memory import ReplayMemory
+from example_count import examples
+from skillplan_torch.dqn.replay_memory import ReplayMemory
 
 TRANSITIONS = st.tuples(
-    st.integers(0, 2),  # situation
+    st.integers(0, 2),  # observation
     st.integers(0, 1),  # action
-    st.integers(0, 2),  # following
+    st.integers(0, 2),  # next_observation
     st.sampled_from([0, 0, 1]),  # end
     st.sampled_from([-1.0, -0.5, -0.25]),  # reward
     st.integers(1, 3),  # steps
@@ -38,8 +39,8 @@ class PlainMemory:
     def __init__(self, capacity, distinct):
         self.capacity, self.distinct, self.kept = capacity, distinct, []
 
-    def add(self, situation, action, following, end, reward, steps):
-        key = (situation, action, following, end)
+    def add(self, observation, action, following, end, reward, steps):
+        key = (observation, action, following, end)
         same = [one for one in self.kept if self.distinct and one["key"] == key]
         if same:
             (one,) = same
@@ -58,7 +59,7 @@ class PlainMemory:
 
 def remembered(memory, run):
     """Return all that a run remembers, in no order."""
-    names = ("situation", "action", "following", "end", "reward", "steps", "seen", "best")
+    names = ("observation", "action", "next_observation", "end", "reward", "steps", "seen", "best")
     return sorted(
         repr(tuple(float(getattr(memory, name)[run, slot]) for name in names))
         for slot in range(memory.size(run))
@@ -81,7 +82,7 @@ def rebuilt(memory, runs, capacity, **more):
 
 
 class TestWhatIsRemembered:
-    @settings(max_examples=150, deadline=None, derandomize=True, database=None)
+    @settings(max_examples=examples(150))
     @given(HAPPENINGS, st.integers(1, 12), st.booleans(), st.integers(0, 60))
     def test_it_is_what_a_list_would_hold(self, happenings, capacity, distinct, cut):
         more = {"distinct": distinct, "priority": 0.0}
@@ -91,9 +92,9 @@ class TestWhatIsRemembered:
         for i, (run, transition, completes) in enumerate(happenings):
             if i == cut:
                 memory = rebuilt(memory, 2, capacity, **more)
-            situation, action, following, end, reward, steps = transition
-            slot = memory.add(run, situation, action, reward, end, following, steps)
-            one = plain[run].add(situation, action, following, end, reward, steps)
+            observation, action, following, end, reward, steps = transition
+            slot = memory.add(run, observation, action, reward, end, following, steps)
+            one = plain[run].add(observation, action, following, end, reward, steps)
             episodes[run].append((slot, one, reward))
             if completes:
                 # Only what is still there: a slot may be another's by now.
@@ -125,7 +126,7 @@ class TestWhatIsRemembered:
         again = rebuilt(memory, 2, 100_000, distinct=distinct, priority=0.5)
         for one in (memory, again):
             assert (one.size(0), one.size(1)) == (5_000, 1)
-            assert (one.situation[0, :5_000] == np.arange(5_000)).all()
+            assert (one.observation[0, :5_000] == np.arange(5_000)).all()
             assert (one.reward[0, :5_000] == -np.arange(5_000.0)).all()
             assert np.isnan(one.best[0, :5_000]).all()
             assert one.add(0, 17, 3, -1.0, 0, 18, 1) == (17 if distinct else 5_000)
@@ -156,7 +157,7 @@ class TestWhatIsDrawn:
         for following in (5, 6, 7):
             memory.add(0, 1, 2, 0.0, 0, following, 1)
         slots, weights = memory.draw([Uniforms([0.1, 0.9])], 2)
-        assert memory.following[0, slots[0]].tolist() == [7, 6]
+        assert memory.next_observation[0, slots[0]].tolist() == [7, 6]
         assert weights.tolist() == [[0.5, 0.5]]
 
     def test_by_priority_they_are_drawn_in_proportion_and_count_the_less(self):
@@ -199,8 +200,8 @@ class TestGoingOn:
         def happens(one, seed):
             chance = np.random.default_rng(seed)
             for _ in range(25):
-                run, situation, action, following = chance.integers([2, 6, 2, 6]).tolist()
-                one.add(run, situation, action, -float(chance.random()), 0, following, 1)
+                run, observation, action, following = chance.integers([2, 6, 2, 6]).tolist()
+                one.add(run, observation, action, -float(chance.random()), 0, following, 1)
             one.add(0, 0, 0, 0.0, 0, 0, 1)
             one.add(1, 0, 0, 0.0, 0, 0, 1)
             slots, weights = one.draw([np.random.default_rng([seed, run]) for run in (0, 1)], 16)

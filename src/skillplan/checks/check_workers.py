@@ -16,12 +16,8 @@ from skillplan.errors import BackEndError, raised_by, traceback_text
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
-from skillplan.workers.worker_processes import (
-    Ended,
-    WorkerProcess,
-    first_ready,
-    packed,
-)
+from skillplan.workers.executor import Ended, Executor, Worker, packed
+from skillplan.workers.worker_processes import LocalProcesses
 
 _WHAT = "checks"
 
@@ -83,6 +79,8 @@ class CheckWorkers:
         options.
     jobs
         The most processes at once, >= 1.
+    executor
+        Where they run instead; it has the number of them, too.
 
     Raises
     ------
@@ -90,20 +88,27 @@ class CheckWorkers:
         If `jobs` is below 1.
     """
 
-    def __init__(self, task: Task, back_ends: Sequence[BackEnd], jobs: int) -> None:
-        if jobs < 1:
-            raise ValueError(f"There must be at least one process, not {jobs}.")
+    def __init__(
+        self,
+        task: Task,
+        back_ends: Sequence[BackEnd],
+        jobs: int,
+        executor: Executor | None = None,
+    ) -> None:
         self.task = task
-        self.jobs = jobs
+        self._executor = LocalProcesses(jobs) if executor is None else executor
+        self.jobs = self._executor.slots
         self.back_ends = tuple(back_ends)
         self._content: bytes | None = None
-        self._idle: list[WorkerProcess] = []
-        self._busy: dict[WorkerProcess, _Pending] = {}
-        weakref.finalize(self, _end_all, self._idle, self._busy)
+        self._idle: list[Worker] = []
+        self._busy: dict[Worker, _Pending] = {}
+        weakref.finalize(self, self._executor.close)
 
     def close(self) -> None:
         """End the processes; another question starts new ones."""
-        _end_all(self._idle, self._busy)
+        self._executor.close()
+        self._idle.clear()
+        self._busy.clear()
 
     def hold(
         self,
@@ -137,7 +142,7 @@ class CheckWorkers:
             while waiting or self._busy:
                 self._hand_out(waiting)
                 poll()
-                for worker in first_ready(self._busy):
+                for worker in self._executor.first_ready(self._busy):
                     self._hear(worker, waiting)
         finally:
             # Where something was raised, nobody waits for these any more.
@@ -151,7 +156,7 @@ class CheckWorkers:
             if pending.conversation.wanted:
                 self._give(self._worker(fresh=pending.lost > 0), pending)
 
-    def _worker(self, *, fresh: bool) -> WorkerProcess:
+    def _worker(self, *, fresh: bool) -> Worker:
         while self._idle and (not fresh or len(self._idle) + len(self._busy) >= self.jobs):
             worker = self._idle.pop()
             if worker.alive and not fresh:
@@ -160,14 +165,14 @@ class CheckWorkers:
         if self._content is None:
             made = [(type(back_end), back_end.options) for back_end in self.back_ends]
             self._content = packed((self.task, made), _WHAT)
-        return WorkerProcess(_prepare, self._content, _WHAT)
+        return self._executor.start(_prepare, self._content, _WHAT)
 
-    def _give(self, worker: WorkerProcess, pending: _Pending) -> None:
+    def _give(self, worker: Worker, pending: _Pending) -> None:
         asking = pending.asking
         self._busy[worker] = pending
         worker.take((asking.back_end, self.task.action(asking.skill), asking.state.bits))
 
-    def _hear(self, worker: WorkerProcess, waiting: deque[_Pending]) -> None:
+    def _hear(self, worker: Worker, waiting: deque[_Pending]) -> None:
         """Take what a process says, and go on with the conversation that it is for."""
         said = worker.answer()
         if said is None:
@@ -192,7 +197,7 @@ class CheckWorkers:
             waiting.append(following)
 
     def _lose(
-        self, worker: WorkerProcess, ended: Ended, pending: _Pending, waiting: deque[_Pending]
+        self, worker: Worker, ended: Ended, pending: _Pending, waiting: deque[_Pending]
     ) -> None:
         """Have a check made once more whose process is gone; after the second it is unknown."""
         if not ended.started and not ended.killed:
@@ -235,13 +240,6 @@ def _named(ended: Ended) -> str:
         return f"{ended.how} ({signal.Signals(-ended.exit_code).name})"
     except ValueError:
         return ended.how
-
-
-def _end_all(idle: list[WorkerProcess], busy: dict[WorkerProcess, _Pending]) -> None:
-    for worker in (*idle, *busy):
-        worker.end(gently=False)
-    idle.clear()
-    busy.clear()
 
 
 def _prepare(content: _Content) -> Callable[[_Job], _Fields | _Failed]:

@@ -12,6 +12,8 @@ from typing import Any
 from skillplan.checks.single_check import Checked
 from skillplan.checks.verdict_key import content_hash, verdict_key
 from skillplan.files.atomic_file import write_whole
+from skillplan.files.regular_file import read_bytes
+from skillplan.files.strict_json import parse_json
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import Facts, State
@@ -20,6 +22,7 @@ from skillplan.task.verdict import Verdict, VerdictStatus
 FORMAT = "skillplan.verdict/2"
 
 _SUFFIX = ".json"
+_MOST_BYTES = 16 * 1024 * 1024
 _NAME = re.compile(r"[0-9a-f]{64}\.json")
 
 
@@ -166,9 +169,9 @@ def read_record(path: Path) -> VerdictRecord:
     ValueError
         If it is not exactly what was written under this name.
     """
-    text = path.read_bytes()
+    text = read_bytes(path, _MOST_BYTES)
     try:
-        content = json.loads(text)
+        content = parse_json(text)
         checksum = content.pop("checksum")
         if content["format"] != FORMAT or checksum != content_hash(content):
             raise ValueError("not what was written")
@@ -191,6 +194,6 @@ def read_record(path: Path) -> VerdictRecord:
         )
         if path.name != record.file_name or path.parent.name != record.key:
             raise ValueError("under another's name")
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"{path} is not a verdict as it was written: {error!r}") from None
     return record

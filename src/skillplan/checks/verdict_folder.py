@@ -16,7 +16,7 @@ from skillplan.task.back_end import BackEnd
 # A folder of verdicts; a file of verdicts of the format before; what a killed process left.
 _KEY = re.compile(r"[0-9a-f]{64}")
 _EARLIER = re.compile(r"[0-9a-f]{64}\.json")
-_UNFINISHED = re.compile(r"\.[0-9a-f]{64}\.json\.\d+\.tmp")
+_UNFINISHED = re.compile(r"\.[0-9a-f]{64}\.json\.[0-9a-f]+\.tmp")
 
 
 @dataclass(frozen=True)

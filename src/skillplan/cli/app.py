@@ -1,48 +1,58 @@
-"""The command group. Commands are imported when they are called, so that help is instant."""
+"""The command line itself. Commands are imported when they are called, so that help is instant."""
 
 from __future__ import annotations
 
 import importlib
-import json
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
-from itertools import pairwise
-from typing import Any
+from contextlib import nullcontext
+from typing import Annotated, Any
 
-import click
+import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command
 
 from skillplan import __version__
-from skillplan.cli.command_group import CommandGroup
-from skillplan.cli.writing import write_out
-from skillplan.errors import (
-    EXIT_BACK_END,
-    EXIT_INTERRUPTED,
-    SkillplanError,
-    TaskError,
-    traceback_text,
-)
+from skillplan.cli.command_group import MARKUP, SETTINGS, CommandGroup, of_module, untyped
+from skillplan.cli.compilation_notice import compilation_announced
+from skillplan.cli.error_report import report_bug, report_error, report_usage
+from skillplan.errors import EXIT_BACK_END, EXIT_INTERRUPTED, SkillplanError
+
+# Panel of the group's help to its commands, each with its line.
+PANELS = {
+    "Plan": {
+        "search-optimal": "Find the best sequence of skills and prove it.",
+        "evaluate": "Replay a sequence: feasible, complete, at what cost, what fails where.",
+        "compare": "Run several solvers side by side.",
+        "verify": "Check the claims of a result independently of what made it.",
+        "simulate": "Execute a whole plan in one simulated world; film it.",
+        "plot": "Draw a figure of a solved task as PNG or SVG.",
+    },
+    "Understand": {
+        "explain": "Say why a skill is feasible or not in a state.",
+        "chart": "Derive the precedence relation from collision checks.",
+    },
+    "Learn": {
+        "train": "Train a learner: several runs, kept in a folder, held to the proved optimum.",
+        "sweep": "Study how a solver's options act: several values, seeds and starts.",
+    },
+    "Task files": {
+        "init": "Write a commented task file to begin one's own from.",
+        "check": "Validate a task file: its faults at once.",
+        "generate": "Write a task file at random: parts, precedence, tools.",
+        "schema": "Print the JSON Schema of a kind of task file.",
+    },
+    "This installation": {
+        "plugins": "List installed back ends, solvers and kinds of task.",
+        "cache": "Show, verify, fill and clear the verdicts kept on disk.",
+        "warm-up": "Compile ahead what would be compiled at its first use.",
+    },
+}
 
 # Command to the line that the group's help shows; the module is named after the command,
 # but for those of `MODULES`.
-COMMANDS = {
-    "search-optimal": "Find the best sequence of skills and prove it.",
-    "evaluate": "Replay a sequence: feasible, complete, at what cost, what fails where.",
-    "compare": "Run several solvers side by side.",
-    "verify": "Check the claims of a result independently of what made it.",
-    "sweep": "Study how a solver's options act: several values, seeds and starts.",
-    "train": "Train a learner: several runs, kept in a folder, held to the proved optimum.",
-    "check": "Validate a task file: its faults at once.",
-    "generate": "Write a task file at random: parts, precedence, tools.",
-    "explain": "Say why a skill is feasible or not in a state.",
-    "simulate": "Execute a whole plan in one simulated world; film it.",
-    "plot": "Draw a figure of a solved task as PNG or SVG.",
-    "chart": "Derive the precedence relation from collision checks.",
-    "cache": "Show, verify, fill and clear the verdicts kept on disk.",
-    "plugins": "List installed back ends, solvers and kinds of task.",
-    "schema": "Print the JSON Schema of a kind of task file.",
-}
+COMMANDS = {name: line for commands in PANELS.values() for name, line in commands.items()}
 
 MODULES = {"schema": "json_schema"}
 
@@ -55,29 +65,86 @@ EPILOG = (
 class LazyGroup(CommandGroup):
     """Looks commands up by name in `COMMANDS` and imports only the one that is called."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:
+    def list_commands(self, ctx: Any) -> list[str]:
         """Return the commands in the order of a user's day."""
         return list(COMMANDS)
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import a command."""
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Import a command, or return None where there is none of the name."""
         if cmd_name not in COMMANDS:
             return None
         name = MODULES.get(cmd_name, cmd_name.replace("-", "_"))
-        module = importlib.import_module(f"skillplan.cli.commands.{name}")
-        command: click.Command = module.command
-        return command
+        return of_module(cmd_name, importlib.import_module(f"skillplan.cli.commands.{name}"))
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands without importing them."""
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the help; the commands are shown by their lines, and none is imported."""
+        shown = [
+            TyperCommand(name, help=line, rich_help_panel=panel)
+            for panel, commands in PANELS.items()
+            for name, line in commands.items()
+        ]
+        listing = CommandGroup(
+            name=self.name,
+            commands=shown,
+            params=self.params,
+            help=self.help,
+            epilog=self.epilog,
+            rich_markup_mode=self.rich_markup_mode,
+        )
+        listing.format_help(ctx, formatter)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
+        """Return the commands and options that begin so; no command is imported."""
+        from typer._click.shell_completion import CompletionItem
+
+        found = [
+            CompletionItem(name, help=line)
+            for name, line in COMMANDS.items()
+            if name.startswith(incomplete)
+        ]
+        return [*found, *super(TyperGroup, self).shell_complete(ctx, incomplete)]
+
+    def invoke(self, ctx: Any) -> Any:
+        """Call the command; Ctrl-C ends it as an abort, which `main` tells."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise typer.Abort from None
 
 
-@click.group(cls=LazyGroup, epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="skillplan")
-def app() -> None:
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"skillplan, version {__version__}")
+        raise typer.Exit
+
+
+def _group(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
+    ] = False,
+) -> None:
     """Decide in which order a robot uses its skills, with a proof or an honest gap."""
+
+
+def _app() -> Any:
+    made = typer.Typer(
+        cls=LazyGroup,
+        epilog=EPILOG,
+        context_settings=SETTINGS,
+        no_args_is_help=True,
+        rich_markup_mode=MARKUP,
+    )
+    made.callback()(_group)
+    group = get_command(made)
+    for parameter in group.params:
+        untyped(parameter)
+    return group
+
+
+app = _app()
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -88,76 +155,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _run(words: list[str]) -> int:
     try:
-        code = app.main(args=words, prog_name="skillplan", standalone_mode=False)
+        with nullcontext() if words[:1] == ["warm-up"] else compilation_announced():
+            code = app.main(args=words, prog_name="skillplan", standalone_mode=False)
         return code if isinstance(code, int) else 0
-    except click.ClickException as error:
-        error.show()
-        _print_error_document(error_document(error), words)
-        return error.exit_code
-    except click.exceptions.Exit as signal:
-        return signal.exit_code
-    except (click.Abort, KeyboardInterrupt):
+    except typer.TyperException as error:
+        return report_usage(error, words)
+    except (typer.Abort, KeyboardInterrupt):
         print("skillplan: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
     except SkillplanError as error:
-        _report(error, words)
-        return error.exit_code
+        return report_error(error, words)
     except Exception as error:
         if os.environ.get("SKILLPLAN_DEBUG"):
             raise
-        print(
-            f"skillplan: internal error: {type(error).__name__}: {error}\n"
-            "This is a bug in skillplan. Set SKILLPLAN_DEBUG=1 to see where, and report it.",
-            file=sys.stderr,
-        )
-        _print_error_document(error_document(error), words)
+        report_bug(error, words)
         return EXIT_BACK_END
-
-
-def _report(error: SkillplanError, words: list[str]) -> None:
-    """Say on stderr what is wrong; in JSON also as the one document on stdout."""
-    lines = error.lines() if isinstance(error, TaskError) else [str(error)]
-    shown = lines[:200]
-    for line in shown:
-        # A file may hold what a terminal cannot print.
-        text = line.encode(sys.stderr.encoding or "utf-8", "backslashreplace")
-        print(f"skillplan: error: {text.decode(sys.stderr.encoding or 'utf-8')}", file=sys.stderr)
-    if len(lines) > len(shown):
-        print(f"skillplan: and {len(lines) - len(shown)} more faults", file=sys.stderr)
-    print(traceback_text(error), file=sys.stderr, end="")
-    _print_error_document(error_document(error), words)
-
-
-def _print_error_document(document: dict[str, Any], words: list[str]) -> None:
-    if _wants_json(words):
-        with suppress(SkillplanError):
-            write_out(f"{json.dumps(document, indent=2)}\n")
-
-
-def error_document(error: Exception) -> dict[str, Any]:
-    """Return the JSON document ``skillplan.error/1``."""
-    issues = []
-    if isinstance(error, TaskError):
-        issues = [
-            {
-                "file": error.source,
-                "line": issue.line or None,
-                "column": issue.column or None,
-                "path": list(issue.path),
-                "message": issue.message,
-            }
-            for issue in error.issues
-        ]
-    return {
-        "schema": "skillplan.error/1",
-        "error": type(error).__name__,
-        "message": error.format_message()
-        if isinstance(error, click.ClickException)
-        else str(error),
-        "exit_code": getattr(error, "exit_code", EXIT_BACK_END),
-        "issues": issues,
-    }
-
-
-def _wants_json(words: list[str]) -> bool:
-    return "--format=json" in words or any(pair == ("--format", "json") for pair in pairwise(words))

@@ -1,16 +1,21 @@
-"""Options that fit one kind of argument only: a task file, or a folder of training runs."""
+"""Options that fit one kind of argument only: a task file, a result, or a folder of runs."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-import click
-from click.core import ParameterSource
+import typer
 
 from skillplan.errors import OptionError
 
 
-def refuse_given(ctx: click.Context, names: Iterable[str], why: str) -> None:
+def given(ctx: typer.Context, name: str) -> bool:
+    """Return whether a parameter stands on the command line."""
+    source = ctx.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"
+
+
+def refuse_given(ctx: typer.Context, names: Iterable[str], why: str) -> None:
     """See that some options have not been given on the command line.
 
     Parameters
@@ -29,5 +34,5 @@ def refuse_given(ctx: click.Context, names: Iterable[str], why: str) -> None:
     """
     flags = {one.name: one.opts[0] for one in ctx.command.params}
     for name in names:
-        if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+        if given(ctx, name):
             raise OptionError(f"{flags[name]} {why}.")

@@ -1,252 +1,395 @@
-"""Arguments and options that several commands share, with their completion."""
+"""Arguments and options that several commands share, in groups that commands take whole."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any, TypeVar
+import sys
+from collections.abc import Collection, Iterable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import click
-from click.shell_completion import CompletionItem
+import typer
 
+from skillplan.cli.completion import plugin_lists, plugin_names, plugin_options, task_files
+from skillplan.cli.option_values import (
+    count_option,
+    memory_size,
+    one_of,
+    positive_seconds,
+    whole_number,
+)
 from skillplan.errors import OptionError
 
+if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.checks.verdict_cache import DiskVerdictCache
+    from skillplan.domains.load import Problem
+    from skillplan.pipeline.setup import Setup
+    from skillplan.solvers.stop import Stop
+    from skillplan.task.task import Task
+
+# The panels of a command's help.
+TASK, SOLVER, BACK_ENDS = "Task", "Solver", "Back ends"
+LIMITS, OUTPUT = "Limits", "Output"
+
 FORMATS = ("table", "json", "csv", "md")
-_F = TypeVar("_F", bound=Callable[..., Any])
+_MOST_SEED = 2**63 - 1
+
+TaskFile = Annotated[
+    str,
+    typer.Argument(
+        metavar="TASK",
+        autocompletion=task_files,
+        help="A task file: YAML, or TSPLIB's .sop.",
+        show_default=False,
+    ),
+]
+MaybeTaskFile = Annotated[
+    str | None,
+    typer.Argument(metavar="TASK", autocompletion=task_files, help="A task file."),
+]
+Style = Annotated[
+    Literal["table", "json", "csv", "md"],
+    typer.Option(
+        "--format",
+        parser=one_of(FORMATS),
+        metavar="FORMAT",
+        help="How to print: table, json, csv or md; json holds everything in one document.",
+        rich_help_panel=OUTPUT,
+    ),
+]
+Seed = Annotated[
+    int,
+    typer.Option(
+        "--seed",
+        parser=whole_number(0, _MOST_SEED),
+        metavar="N",
+        help="Governs all randomness.",
+        rich_help_panel=SOLVER,
+    ),
+]
+TimeLimit = Annotated[
+    float | None,
+    typer.Option(
+        "--time-limit",
+        parser=positive_seconds,
+        metavar="S",
+        help="Stop after S seconds with the best plan, its bound and its gap.",
+        rich_help_panel=LIMITS,
+    ),
+]
+
+Jobs = Annotated[
+    int,
+    count_option(
+        "--jobs",
+        least=1,
+        most=64,
+        text="How many processes may be used: expensive back ends check in them at once, and "
+        "solvers that can search in them; no verdict depends on it.",
+        rich_help_panel=BACK_ENDS,
+    ),
+]
 
 
-class TaskPath(click.ParamType[str]):
-    """A task file; completes to the task files here and in ``configs``."""
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How a task file is read.
 
-    name = "task"
+    Parameters
+    ----------
+    changes
+        Entries ``KEY=VALUE``.
+    """
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the path as it was given; what is wrong with it, loading says."""
-        return str(value)
-
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        """Return matching task files, or leave it to the shell."""
-        found = [
-            str(path)
-            for folder in (Path(), Path("configs"))
-            for pattern in ("*.yaml", "*.yml", "*.sop")
-            for path in sorted(folder.glob(pattern))
-        ]
-        matching = [name for name in found if name.startswith(incomplete)]
-        if matching:
-            return [CompletionItem(name) for name in matching]
-        return [CompletionItem(incomplete, type="file")]
-
-
-class PluginName(click.ParamType[str]):
-    """One name of an installed plugin, or several after commas; completes to what is installed."""
-
-    name = "name"
-
-    def __init__(self, kind: str, *, several: bool = False) -> None:
-        self.kind = kind
-        self.several = several
-
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        """Return the installed names that begin like the last one typed."""
-        from skillplan.pipeline import registry
-
-        head, comma, last = incomplete.rpartition(",") if self.several else ("", "", incomplete)
-        taken = head.split(",")
-        return [
-            CompletionItem(f"{head}{comma}{name}")
-            for name in registry.names(self.kind)
-            if name.startswith(last) and name not in taken
-        ]
-
-
-class SkillName(click.ParamType[str]):
-    """A skill of the task given before; completes to the task's skills."""
-
-    name = "skill"
-
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        """Return the task's skills that begin like what was typed."""
-        from skillplan.errors import SkillplanError
-        from skillplan.pipeline.setup import load_problem
-
-        try:
-            task = load_problem(ctx.params["task"]).part(ctx.params.get("part"))
-        except (SkillplanError, KeyError):
-            return []
-        return [
-            CompletionItem(skill.name, help=str(number))
-            for number, skill in enumerate(task.skills)
-            if skill.name.startswith(incomplete)
-        ]
-
-
-task_argument = click.argument("task", type=TaskPath())
-
-
-def back_end_options(function: _F) -> _F:
-    """Add ``--physics``, ``--collision`` and ``-O``."""
-    for decorate in (
-        click.option(
-            "-O",
-            "options",
-            metavar="[PLUGIN.]KEY=VALUE",
-            multiple=True,
-            help="Option of a plugin, or without its name of the solver; 'skillplan plugins KIND "
-            "NAME' lists them. May be repeated.",
+    changes: Annotated[
+        list[str],
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Read the task file as if KEY, such as base.goal_choice or parts.pcb.mass_kg, "
+            "had this value. May be repeated.",
+            rich_help_panel=TASK,
         ),
-        click.option(
+    ] = field(default_factory=list)
+
+    def settings(self) -> dict[str, str]:
+        """Return key path to value.
+
+        Raises
+        ------
+        OptionError
+            If an entry has another form.
+        """
+        found = {}
+        for entry in self.changes:
+            key, equals, value = entry.partition("=")
+            if not equals or not all(key.split(".")):
+                raise OptionError(f"--set {entry!r} must have the form KEY=VALUE, as base.home=C1.")
+            found[key] = value
+        return found
+
+    def problem(
+        self, path: str, back_ends: BackEnds | None = None, *, warn: bool = True
+    ) -> Problem:
+        """Return what a task file describes.
+
+        Parameters
+        ----------
+        path
+            Of the file.
+        back_ends
+            Those that are checked with the file, where the command line may choose them.
+        warn
+            Whether stderr is told what in the file is valid, but hardly meant.
+
+        Raises
+        ------
+        TaskError
+            With every fault of the file.
+        OptionError
+            If an entry of ``--set`` has another form.
+        """
+        from skillplan.pipeline import setup
+
+        named = None if back_ends is None else back_ends.named()
+        problem = setup.load_problem(path, named, self.settings())
+        for warning in problem.warnings if warn else ():
+            print(f"skillplan: warning: {warning}", file=sys.stderr)
+        return problem
+
+
+@dataclass(frozen=True, slots=True)
+class PartReading(Reading):
+    """How a task file is read, and which task of a chain is meant.
+
+    Parameters
+    ----------
+    changes
+        Entries ``KEY=VALUE``.
+    part
+        The task's name; None for the only one.
+    """
+
+    part: Annotated[
+        str | None,
+        typer.Option(
+            "--part",
+            metavar="NAME",
+            help="The task meant, of a file that describes a chain of several, such as base-1.",
+            rich_help_panel=TASK,
+        ),
+    ] = None
+
+    def task(self, path: str, back_ends: BackEnds | None = None) -> Task:
+        """Return the task meant, of what a task file describes.
+
+        Parameters
+        ----------
+        path
+            Of the file.
+        back_ends
+            Those that are checked with the file, where the command line may choose them.
+
+        Raises
+        ------
+        TaskError
+            With every fault of the file.
+        OptionError
+            If it holds several tasks and none is named, or none of that name.
+        """
+        return self.problem(path, back_ends).part(self.part)
+
+
+@dataclass(frozen=True, slots=True)
+class BackEnds:
+    """The back ends that the command line chooses, and options of plugins.
+
+    Parameters
+    ----------
+    physics
+        An engine's name; None for the file's choice.
+    collision
+        Detectors' names with commas; None for the file's choice.
+    options
+        Entries ``[PLUGIN.]KEY=VALUE``.
+    """
+
+    physics: Annotated[
+        str | None,
+        typer.Option(
+            "--physics",
+            metavar="NAME",
+            autocompletion=plugin_names("physics"),
+            help="Physics engine; default: the task file's choice, or else kinematic.",
+            rich_help_panel=BACK_ENDS,
+        ),
+    ] = None
+    collision: Annotated[
+        str | None,
+        typer.Option(
             "--collision",
-            type=PluginName("collision", several=True),
             metavar="NAMES",
+            autocompletion=plugin_lists("collision"),
             help="Collision detectors, separated by commas; default: the task file's choice, "
             "for chart aabb.",
+            rich_help_panel=BACK_ENDS,
         ),
-        click.option(
-            "--physics",
-            type=PluginName("physics"),
-            metavar="NAME",
-            help="Physics engine; default: the task file's choice, or else kinematic.",
+    ] = None
+    options: Annotated[
+        list[str],
+        typer.Option(
+            "-O",
+            metavar="KEY=VALUE",
+            autocompletion=plugin_options,
+            help="Option of the solver, or as PLUGIN.KEY=VALUE of any plugin; 'skillplan plugins "
+            "KIND NAME' lists them. May be repeated.",
+            rich_help_panel=BACK_ENDS,
         ),
-    ):
-        function = decorate(function)
-    return function
+    ] = field(default_factory=list)
+
+    def named(self) -> dict[str, list[str]]:
+        """Return the names that the command line chooses, by kind."""
+        given = {"physics": self.physics, "collision": self.collision}
+        return {kind: split_names(names) for kind, names in given.items() if names is not None}
+
+    def setup(self, task: Task, solvers: Collection[str] = ()) -> Setup:
+        """Return the setup for a task.
+
+        Parameters
+        ----------
+        task
+            What the file's own choices are taken from.
+        solvers
+            Those that take part; of a single one options need not name it.
+
+        Raises
+        ------
+        OptionError
+            If an option has a wrong form or names a plugin that takes no part.
+        """
+        from skillplan.errors import name_hint
+        from skillplan.pipeline.setup import Setup
+
+        if self.physics is not None and not self.physics.strip():
+            raise OptionError("--physics names no engine.")
+        detectors = tuple(split_names(self.collision or ""))
+        if self.collision is not None and not detectors:
+            raise OptionError("--collision names no detector.")
+        parsed = parse_options(self.options, next(iter(solvers)) if len(solvers) == 1 else None)
+        setup = Setup(self.physics, detectors, parsed)
+        taking_part = [
+            *solvers,
+            setup.physics_choice(task).name,
+            *(choice.name for choice in setup.collision_choices(task)),
+        ]
+        for plugin in parsed:
+            if plugin not in taking_part:
+                hint = name_hint(plugin, taking_part)
+                raise OptionError(f"No plugin {plugin!r} takes part in this run. {hint}")
+        return setup
 
 
-def set_option(function: _F) -> _F:
-    """Add ``--set``."""
-    return click.option(
-        "--set",
-        "changes",
-        metavar="KEY=VALUE",
-        multiple=True,
-        help="Read the task file as if KEY, such as base.goal_choice or parts.pcb.mass_kg, had "
-        "this value. May be repeated.",
-    )(function)
+@dataclass(frozen=True, slots=True)
+class Caching:
+    """Whether verdicts kept on disk are used.
 
-
-def part_option(function: _F) -> _F:
-    """Add ``--part``."""
-    return click.option(
-        "--part",
-        metavar="NAME",
-        help="The task meant, of a file that describes a chain of several, such as base-1.",
-    )(function)
-
-
-def jobs_option(function: _F) -> _F:
-    """Add ``--jobs``."""
-    return click.option(
-        "--jobs",
-        type=click.IntRange(1, 64),
-        default=1,
-        show_default=True,
-        metavar="N",
-        help="How many processes may be used: dear back ends check in them at once, and solvers "
-        "that can search in them; no verdict depends on it.",
-    )(function)
-
-
-no_cache_option = click.option(
-    "--no-cache", is_flag=True, help="Neither read nor write verdicts kept on disk."
-)
-
-
-def format_option(function: _F) -> _F:
-    """Add ``--format``."""
-    return click.option(
-        "--format",
-        "style",
-        type=click.Choice(FORMATS),
-        default="table",
-        show_default=True,
-        help="How to print: json holds everything in one document.",
-    )(function)
-
-
-class Fraction(click.ParamType[float]):
-    """A number in [0, 1]; unlike click's range, which lets NaN through."""
-
-    name = "fraction"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Return the fraction."""
-        try:
-            fraction = float(value)
-        except ValueError:
-            self.fail(f"{value!r} is not a number.", param, ctx)
-        if not 0 <= fraction <= 1:
-            self.fail(f"must be from 0 to 1, not {value}.", param, ctx)
-        return fraction
-
-
-class PositiveSeconds(click.ParamType[float]):
-    """A finite number of seconds above 0."""
-
-    name = "seconds"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Return the seconds."""
-        try:
-            seconds = float(value)
-        except ValueError:
-            self.fail(f"{value!r} is not a number of seconds.", param, ctx)
-        if not (math.isfinite(seconds) and seconds > 0):
-            self.fail(f"must be a finite number > 0, not {value}.", param, ctx)
-        return seconds
-
-
-def time_limit_option(default: float | None = None) -> Callable[[_F], _F]:
-    """Return the decorator that adds ``--time-limit``."""
-    return click.option(
-        "--time-limit",
-        "time_limit_s",
-        type=PositiveSeconds(),
-        metavar="S",
-        default=default,
-        show_default=default is not None,
-        help="Stop after S seconds with the best plan, its bound and its gap.",
-    )
-
-
-def settings(changes: tuple[str, ...]) -> dict[str, str]:
-    """Return key path to value, from the entries of ``--set``.
-
-    Raises
-    ------
-    OptionError
-        If an entry has another form.
+    Parameters
+    ----------
+    no_cache
+        Whether they are left alone.
     """
-    found = {}
-    for entry in changes:
-        key, equals, value = entry.partition("=")
-        if not equals or not all(key.split(".")):
-            raise OptionError(f"--set {entry!r} must have the form KEY=VALUE, as base.home=C1.")
-        found[key] = value
-    return found
+
+    no_cache: Annotated[
+        bool,
+        typer.Option(
+            "--no-cache",
+            help="Neither read nor write verdicts kept on disk.",
+            rich_help_panel=BACK_ENDS,
+        ),
+    ] = False
+
+    def cache(self) -> DiskVerdictCache | None:
+        """Return the cache of verdicts on disk, or None where it is to be left alone."""
+        from skillplan.pipeline.run import warm_cache
+
+        return None if self.no_cache else warm_cache()
 
 
-seed_option = click.option(
-    "--seed",
-    type=click.IntRange(0, 2**63 - 1),
-    default=0,
-    show_default=True,
-    help="Governs all randomness.",
-)
+@dataclass(frozen=True, slots=True)
+class Checking(Caching):
+    """How back ends are queried.
+
+    Parameters
+    ----------
+    no_cache
+        Whether verdicts kept on disk are left alone.
+    jobs
+        How many processes, from 1 to 64.
+    """
+
+    jobs: Jobs = 1
 
 
-def parse_options(entries: tuple[str, ...], solver: str | None) -> dict[str, dict[str, Any]]:
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """When a search ends by itself.
+
+    Parameters
+    ----------
+    time_limit_s
+        After how long [s].
+    stall_s
+        After how long without a better plan or bound [s].
+    memory_limit_bytes
+        How much memory it may hold [bytes].
+    """
+
+    time_limit_s: TimeLimit = None
+    stall_s: Annotated[
+        float | None,
+        typer.Option(
+            "--stall",
+            parser=positive_seconds,
+            metavar="S",
+            help="Stop once there is a plan and neither cost nor bound has improved for S seconds.",
+            rich_help_panel=LIMITS,
+        ),
+    ] = None
+    memory_limit_bytes: Annotated[
+        int | None,
+        typer.Option(
+            "--memory-limit",
+            parser=memory_size,
+            metavar="SIZE",
+            help="Stop with the best plan, its bound and its gap before the process, and those "
+            "that search beside it, hold more memory than this, such as 2GiB or 512MiB; 64MiB at "
+            "least.",
+            rich_help_panel=LIMITS,
+        ),
+    ] = None
+
+    def stoppable(self, label: str, gap: float = 0.0) -> AbstractContextManager[Stop]:
+        """Return what yields a stop with these limits.
+
+        Parameters
+        ----------
+        label
+            What a terminal shows meanwhile.
+        gap
+            At which relative gap the search ends, from 0 to 1.
+        """
+        from skillplan.cli.waiting import stoppable
+
+        return stoppable(
+            self.time_limit_s,
+            gap,
+            label,
+            stall_s=self.stall_s,
+            memory_limit_bytes=self.memory_limit_bytes,
+        )
+
+
+def parse_options(entries: Iterable[str], solver: str | None) -> dict[str, dict[str, Any]]:
     """Return plugin name to options, from ``[PLUGIN.]KEY=VALUE`` entries.
 
     Raises
@@ -268,51 +411,18 @@ def parse_options(entries: tuple[str, ...], solver: str | None) -> dict[str, dic
     return parsed
 
 
-def asked(physics: str | None, collision: str | None) -> dict[str, list[str]]:
-    """Return the names of the back ends that the command line chooses, by kind."""
-    given = {"physics": physics, "collision": collision}
-    return {kind: split_names(names) for kind, names in given.items() if names is not None}
-
-
 def split_names(text: str) -> list[str]:
     """Return the distinct names of a list with commas, in order."""
     return list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
 
 
-def make_setup(
-    physics: str | None,
-    collision: str | None,
-    options: tuple[str, ...],
-    solvers: tuple[str, ...] = (),
-) -> Any:
-    """Return the setup that the shared options describe.
-
-    Raises
-    ------
-    OptionError
-        If an option has a wrong form or names a plugin that takes no part.
-    """
-    from skillplan.errors import name_hint
-    from skillplan.pipeline.setup import Setup
-
-    if physics is not None and not physics.strip():
-        raise OptionError("--physics names no engine.")
-    detectors = tuple(split_names(collision or ""))
-    if collision is not None and not detectors:
-        raise OptionError("--collision names no detector.")
-    parsed = parse_options(options, solvers[0] if len(solvers) == 1 else None)
-    setup = Setup(physics, detectors, parsed)
-
-    def check(task: Any) -> Any:
-        taking_part = [
-            *solvers,
-            setup.physics_choice(task).name,
-            *(choice.name for choice in setup.collision_choices(task)),
-        ]
-        for plugin in parsed:
-            if plugin not in taking_part:
-                hint = name_hint(plugin, taking_part)
-                raise OptionError(f"No plugin {plugin!r} takes part in this run. {hint}")
-        return setup
-
-    return check
+def solver_option(text: str, **details: Any) -> Any:
+    """Return the option that names one solver; `text` is its help."""
+    return typer.Option(
+        "--solver",
+        metavar="NAME",
+        autocompletion=plugin_names("solver"),
+        help=text,
+        rich_help_panel=SOLVER,
+        **details,
+    )

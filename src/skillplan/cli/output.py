@@ -3,33 +3,21 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
+from skillplan import errors
 from skillplan.cli.writing import write_out
-from skillplan.errors import (
-    EXIT_INTERRUPTED,
-    EXIT_NO_PLAN,
-    EXIT_SOLVED,
-    EXIT_WRONG_INPUT,
-    OptionError,
-)
+from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
+from skillplan.files.output_path import output_path, refusing
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result, Status
-from skillplan.views.tables.table import Table, render
-
-_EXIT = {
-    Status.OPTIMAL: EXIT_SOLVED,
-    Status.SOLVED: EXIT_SOLVED,
-    Status.INFEASIBLE: EXIT_NO_PLAN,
-    Status.UNSOLVED: EXIT_NO_PLAN,
-    Status.REFUSED: EXIT_WRONG_INPUT,
-    Status.WRONG: EXIT_WRONG_INPUT,
-    Status.FAILED: EXIT_WRONG_INPUT,
-}
+from skillplan.views.tables.rendering import render
+from skillplan.views.tables.table import Table
 
 
 def emit(
@@ -54,13 +42,15 @@ def as_json(document: dict[str, Any]) -> str:
 def exit_code(results: Sequence[Result | ChainResult]) -> int:
     """Return the exit code of a command that printed these results.
 
-    Interrupted wins, then a wrong claim or a plugin that failed, then any solved result.
+    Interrupted wins, then a wrong claim or a plugin that failed, then any solved result; where
+    all were refused, what was given does not fit.
     """
-    if any(result.interrupted for result in results):
-        return EXIT_INTERRUPTED
-    if any(result.status in (Status.WRONG, Status.FAILED) for result in results):
-        return EXIT_WRONG_INPUT
-    return min((_EXIT[result.status] for result in results), default=EXIT_NO_PLAN)
+    found = {result.status for result in results}
+    return errors.exit_code(
+        solved=bool(found & {Status.OPTIMAL, Status.SOLVED}),
+        wrong=bool(found & {Status.WRONG, Status.FAILED}) or found == {Status.REFUSED},
+        interrupted=any(result.interrupted for result in results),
+    )
 
 
 def prepare_folder(out: str | None) -> Path | None:
@@ -83,6 +73,32 @@ def prepare_folder(out: str | None) -> Path | None:
     if occupied is not None:
         raise OptionError(f"--out {out}: is not empty. Name a new folder.")
     return folder
+
+
+def write_new_file(out: str, text: str, suffixes: Collection[str], what: str) -> None:
+    """Write a file that is not there yet, in one piece.
+
+    Parameters
+    ----------
+    out
+        The file as ``--out`` names it.
+    text
+        What it is to hold.
+    suffixes
+        Those it may have.
+    what
+        What is written, in the plural.
+
+    Raises
+    ------
+    OptionError
+        If it is there already, or cannot be written.
+    """
+    path = output_path("--out", out, suffixes, what)
+    if os.path.lexists(path):
+        raise OptionError(f"--out {out}: is there already. Name a new file.")
+    with refusing("--out", path):
+        write_whole(path, text)
 
 
 def save(folder: Path, name: str, text: str) -> None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.cli.commands.evaluate import RollOuts
+    from skillplan.cli.options import BackEnds, Checking, Reading
     from skillplan.domains.load import Problem
     from skillplan.pipeline.setup import Setup
     from skillplan.records.training.layouts_result import LayoutsResult
+    from skillplan.records.training.result import TrainingResult
     from skillplan.records.training.run_folder import RunFolder
     from skillplan.task.task import Task
     from skillplan.training.runs_evaluation import RunsEvaluation
@@ -20,100 +23,115 @@ _LAYOUTS = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """What the command line asks of the runs.
+class Wanted:
+    """What the command line wants of the runs.
 
     Parameters
     ----------
-    task_file
-        Another file than the one that was learned; None for the same.
-    changed_task
-        Whether the task may have changed since.
-    physics, collision, options
-        Back ends, where not those of the training.
-    changes
-        Key path to value: what the task file is read as if it held.
-    episodes, temperature, seed
-        How roll-outs are drawn.
-    layouts
-        How many unseen layouts of the family are tried; None for as many as suit the runs.
+    roll_outs
+        How their policies are tried.
+    reading, back_ends
+        The task and who checks it, where not as in the training.
+    checking
+        How back ends are queried.
+    seed
+        Governs all draws.
     time_limit_s
-        For proving the optimum [s].
-    jobs, no_cache
-        How back ends are asked.
+        For proving the optimum [s]; None for as long as it takes.
     """
 
-    task_file: str | None
-    changed_task: bool
-    physics: str | None
-    collision: str | None
-    options: tuple[str, ...]
-    changes: Mapping[str, str]
-    episodes: int
-    temperature: float
+    roll_outs: RollOuts
+    reading: Reading
+    back_ends: BackEnds
+    checking: Checking
     seed: int
-    layouts: int | None
-    time_limit_s: float
-    jobs: int
-    no_cache: bool
+    time_limit_s: float | None
 
 
-def evaluate_run_folder(folder: RunFolder, asked: Asked, style: str) -> int:
-    """Try the policies of a folder of runs and print what they come to; return the exit code.
+def evaluate_run_folders(paths: Sequence[str], wanted: Wanted, style: str) -> int:
+    """Try the policies of folders of runs and print what they come to; return the exit code.
+
+    Parameters
+    ----------
+    paths
+        Of the folders, at least one; several are shown side by side.
+    wanted
+        How the policies are tried.
+    style
+        How to print.
 
     Raises
     ------
     OptionError
         If the task is another one now, or no policy can act on it.
     """
+    from skillplan.cli.output import emit
+    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
+    from skillplan.records.training.run_folder import RunFolder
+    from skillplan.records.training.trainings import trainings_document
+    from skillplan.views.tables.training import training_tables
+    from skillplan.views.tables.trainings import trainings_table
+
+    results, interrupted = [], False
+    for folder in [RunFolder(path) for path in paths]:
+        result, interrupted = _evaluated(folder, wanted)
+        results.append(result)
+        if interrupted:
+            break
+    failed = any(result.failed for result in results)
+    if len(paths) == 1:
+        emit(style, results[0].document(), training_tables(results[0]), failed=failed)
+    else:
+        emit(style, trainings_document(results), [trainings_table(results)], failed=failed)
+    if interrupted:
+        return EXIT_INTERRUPTED
+    return EXIT_SOLVED if all(result.completed for result in results) else EXIT_NO_PLAN
+
+
+def _evaluated(folder: RunFolder, wanted: Wanted) -> tuple[TrainingResult, bool]:
+    """Return what the policies of a folder come to, and whether the user interrupted it."""
     from contextlib import closing
     from dataclasses import replace
 
     from skillplan.checks.verdict_cache import VerdictCache
-    from skillplan.cli.output import emit
     from skillplan.cli.waiting import showing_checks, stoppable
-    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
-    from skillplan.pipeline.run import make_model, warm_cache
+    from skillplan.pipeline.run import make_model
     from skillplan.records.training.result import Sampling
     from skillplan.training.layouts_evaluation import unseen_layouts
     from skillplan.training.policy_roll_out import prove_optimum
     from skillplan.training.runs_evaluation import RunsEvaluation, check_same_task
-    from skillplan.views.tables.training import training_tables
 
-    problem, setup = _loaded(folder, asked)
-    if not asked.changed_task:
+    problem, setup = _loaded(folder, wanted)
+    if not wanted.roll_outs.changed_task:
         check_same_task(folder, problem)
     task = problem.part(folder.manifest.task.part)
-    drawn = Sampling(asked.episodes, asked.temperature, asked.seed)
-    evaluation = RunsEvaluation(folder, task, drawn, changed_task=asked.changed_task)
-    count = _layout_count(folder, asked)
+    drawn = Sampling(wanted.roll_outs.episodes, wanted.roll_outs.temperature, wanted.seed)
+    evaluation = RunsEvaluation(folder, task, drawn, changed_task=wanted.roll_outs.changed_task)
+    count = _layout_count(folder, wanted)
     layouts = unseen_layouts(evaluation, problem, count) if count else ()
-    cache = VerdictCache() if asked.no_cache else warm_cache()
-    with stoppable(asked.time_limit_s, label="proving the optimum") as stop:
-        optimum = prove_optimum(task, setup, cache, stop, jobs=asked.jobs)
+    cache = wanted.checking.cache() or VerdictCache()
+    with stoppable(wanted.time_limit_s, label="proving the optimum") as stop:
+        optimum = prove_optimum(task, setup, cache, stop, jobs=wanted.checking.jobs)
     with showing_checks("rolling out") as on_check:
-        model = make_model(task, setup, cache, jobs=asked.jobs, on_check=on_check)
+        model = make_model(task, setup, cache, jobs=wanted.checking.jobs, on_check=on_check)
         with closing(model.feasibility):
             result = evaluation.evaluate(model, setup, optimum)
     interrupted = stop.interrupted
     if layouts and not interrupted:
-        tried, interrupted = _tried_layouts(evaluation, layouts, setup, asked)
+        tried, interrupted = _tried_layouts(evaluation, layouts, setup, wanted)
         result = replace(result, layouts=tried)
-    emit(style, result.document(), training_tables(result), failed=bool(result.failed))
-    if interrupted:
-        return EXIT_INTERRUPTED
-    return EXIT_SOLVED if result.completed else EXIT_NO_PLAN
+    return result, interrupted
 
 
-def _layout_count(folder: RunFolder, asked: Asked) -> int:
+def _layout_count(folder: RunFolder, wanted: Wanted) -> int:
     """Return how many unseen layouts are tried: by default some of those that learned a family."""
-    if asked.layouts is not None:
-        return asked.layouts
+    if wanted.roll_outs.layouts is not None:
+        return wanted.roll_outs.layouts
     return 0 if folder.manifest.family is None else _LAYOUTS
 
 
 def _tried_layouts(
-    evaluation: RunsEvaluation, layouts: tuple[Task, ...], setup: Setup, asked: Asked
+    evaluation: RunsEvaluation, layouts: tuple[Task, ...], setup: Setup, wanted: Wanted
 ) -> tuple[LayoutsResult, bool]:
     """Return what the policies do on layouts they have not seen, and whether it was interrupted."""
     from skillplan.cli.counting import counting
@@ -127,8 +145,8 @@ def _tried_layouts(
             evaluation,
             layouts,
             setup,
-            lambda: Stop(time_limit_s=asked.time_limit_s),
-            jobs=asked.jobs,
+            lambda: Stop(time_limit_s=wanted.time_limit_s),
+            jobs=wanted.checking.jobs,
         )
         for row in found:
             rows.append(row)
@@ -141,25 +159,27 @@ def _tried_layouts(
     return LayoutsResult(tuple(rows), learned_on, training_s), count.interrupted
 
 
-def _loaded(folder: RunFolder, asked: Asked) -> tuple[Problem, Setup]:
+def _loaded(folder: RunFolder, wanted: Wanted) -> tuple[Problem, Setup]:
     """Return the problem, and the back ends: the training's, but for what is asked otherwise."""
     from dataclasses import replace
 
-    from skillplan.cli.options import asked as named
-    from skillplan.cli.options import make_setup
-    from skillplan.pipeline.setup import load_problem
+    from skillplan.cli.options import Reading
 
     manifest = folder.manifest
-    physics = manifest.physics if asked.physics is None else asked.physics
-    collision = asked.collision
+    given = wanted.back_ends
+    physics = manifest.physics if given.physics is None else given.physics
+    collision = given.collision
     if collision is None and manifest.collision:
         collision = ",".join(manifest.collision)
+    back_ends = replace(given, physics=physics, collision=collision)
     # What --set changed belongs to the file that was learned.
-    before = manifest.task.changes if asked.task_file is None else {}
-    source = folder.source if asked.task_file is None else asked.task_file
-    problem = load_problem(source, named(physics, collision), {**before, **asked.changes})
-    task = problem.part(manifest.task.part)
-    setup: Setup = make_setup(physics, collision, asked.options, _PROVERS)(task)
+    source, kept_changes = wanted.roll_outs.task_file, []
+    if source is None:
+        source = folder.source
+        kept_changes = [f"{key}={value}" for key, value in manifest.task.changes.items()]
+    reading = Reading([*kept_changes, *wanted.reading.changes])
+    problem = reading.problem(source, back_ends)
+    setup = back_ends.setup(problem.part(manifest.task.part), _PROVERS)
     kept = dict(manifest.back_end_options)
     merged = {
         name: {**kept.get(name, {}), **setup.options.get(name, {})}

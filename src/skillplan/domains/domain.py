@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import resources
 from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -78,6 +80,22 @@ class Account:
     caveat: str = ""
 
 
+@dataclass(frozen=True)
+class Overview:
+    """What there is to see of a valid file before anything is solved.
+
+    Parameters
+    ----------
+    document
+        Keys added to the JSON document of ``check``; JSON values only.
+    lines
+        The same in words, a line each: a name, spaces, and what is said.
+    """
+
+    document: Mapping[str, Any] = field(default_factory=dict)
+    lines: tuple[str, ...] = ()
+
+
 class Domain(ABC):
     """A kind of task file.
 
@@ -94,6 +112,8 @@ class Domain(ABC):
         other files are YAML.
     max_bytes
         Greatest size of such a file.
+    starter_suffix
+        End of the name of the file that `starter` returns.
     """
 
     kind: ClassVar[str]
@@ -101,6 +121,7 @@ class Domain(ABC):
     stages: ClassVar[tuple[str, ...]] = ()
     suffixes: ClassVar[tuple[str, ...]] = ()
     max_bytes: ClassVar[int] = MAX_BYTES
+    starter_suffix: ClassVar[str] = ".yaml"
 
     def read(self, text: str, source: str) -> Document:
         """Return the content of a file with one of the domain's `suffixes`.
@@ -127,6 +148,32 @@ class Domain(ABC):
     def issues(self, config: Any) -> Iterable[Issue]:
         """Return every fault that the schema cannot see, each with the path of its key."""
         return ()
+
+    def warnings(self, config: Any) -> Iterable[Issue]:
+        """Return what is valid, but hardly meant, each with the path of its key.
+
+        Every command tells them, on stderr.
+
+        Parameters
+        ----------
+        config
+            An instance of `Config` without issues.
+        """
+        return ()
+
+    def hints(self, config: Any) -> Iterable[Issue]:
+        """Return what may be meant, but is found out late; only ``check`` tells it.
+
+        Parameters
+        ----------
+        config
+            An instance of `Config` without issues.
+        """
+        return ()
+
+    def overview(self, config: Any) -> Overview:
+        """Return what ``check`` shows of a file besides its tasks, such as its extent."""
+        return Overview()
 
     @abstractmethod
     def ground(self, config: Any, sha256: str) -> list[Task]:
@@ -212,3 +259,19 @@ class Domain(ABC):
     def locate(self, fact: str) -> tuple[str | int, ...]:
         """Return the path of the file's entry that a fact comes from; the root by default."""
         return ()
+
+    def starter(self) -> str:
+        """Return a commented file to begin one's own from: valid, soon solved, its keys explained.
+
+        By default it is the file ``starter.yaml`` in the package that holds the domain's class.
+
+        Raises
+        ------
+        OptionError
+            If there is none.
+        """
+        package = sys.modules[type(self).__module__].__package__
+        file = resources.files(package or "skillplan") / f"starter{self.starter_suffix}"
+        if not file.is_file():
+            raise OptionError(f"Tasks of kind {self.kind!r} have no starter file.")
+        return file.read_text("utf-8")

@@ -1,39 +1,120 @@
-"""Files that are there whole or not at all, whatever ends the program in between."""
+"""Files that are there whole or not at all, whatever ends the program in between.
+
+The content goes to a new file beside the target, is forced to disk, and takes the target's place in
+one step; then the folder is forced to disk, too.
+"""
 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
+
+from skillplan.files.folder import sync_folder
+from skillplan.files.regular_file import real_path_within
+
+# A name has 255 bytes at most, of which the temporary file needs some.
+_KEPT_NAME_BYTES = 160
+_UNFINISHED = re.compile(r"\..+\.[0-9a-f]+\.tmp", re.DOTALL)
 
 
-def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file through a temporary one beside it, and replace what was there.
+def write_whole(
+    path: Path, content: str | bytes, *, within: str | os.PathLike[str] | None = None
+) -> None:
+    """Write a file in one piece, replacing what was there.
+
+    Parameters
+    ----------
+    path
+        The file.
+    content
+        Text is written as UTF-8.
+    within
+        A folder that the file must lie in, wherever links lead; None for anywhere.
 
     Raises
     ------
     OSError
         If it cannot be written; nothing is left behind, and what was there stays.
     """
-    with written_beside(path) as temporary:
-        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+    with replacing(path, within=within) as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def replacing(path: Path, *, within: str | os.PathLike[str] | None = None) -> Iterator[IO[bytes]]:
+    """Yield a file that takes the place of another once all has been written to it.
+
+    Parameters
+    ----------
+    path
+        The file to be replaced; need not be there.
+    within
+        A folder that it must lie in, wherever links lead; None for anywhere.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; where anything is raised nothing is left behind, and what was
+        there stays.
+    """
+    if within is not None:
+        path = real_path_within(path.parent, within) / path.name
+    temporary = _temporary_name(path)
+    file = temporary.open("xb")
+    try:
+        with file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        _put_in_place(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 @contextmanager
 def written_beside(path: Path) -> Iterator[Path]:
-    """Yield the path of a temporary file that replaces `path` once it has been written.
+    """Yield the path of a new file, for another program to write, that then replaces `path`.
 
     Raises
     ------
     OSError
         If it cannot; where anything is raised nothing is left behind, and what was there stays.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = _temporary_name(path)
+    temporary.open("xb").close()
     try:
         yield temporary
         with temporary.open("rb+") as file:
             os.fsync(file.fileno())
-        os.replace(temporary, path)
+        _put_in_place(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def is_unfinished(name: str, of: str | None = None) -> bool:
+    """Whether a file of this name is what a program left that was killed while it wrote.
+
+    Parameters
+    ----------
+    name
+        Of the file.
+    of
+        The name of the file that was to be replaced; None for any.
+    """
+    known = _UNFINISHED if of is None else re.compile(rf"\.{re.escape(of)}\.[0-9a-f]+\.tmp")
+    return known.fullmatch(name) is not None
+
+
+def _temporary_name(path: Path) -> Path:
+    kept = os.fsdecode(os.fsencode(path.name)[:_KEPT_NAME_BYTES])
+    # By chance, so that nobody can have put anything there.
+    return path.with_name(f".{kept}.{os.urandom(8).hex()}.tmp")
+
+
+def _put_in_place(temporary: Path, path: Path) -> None:
+    os.replace(temporary, path)
+    sync_folder(path.parent)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
+from skillplan.files.regular_file import RefusedFile, read_bytes, real_path_within
+
 
 class CompanionFileError(Exception):
     """A file that a task file names cannot be used; says why and what to do instead."""
@@ -35,14 +37,12 @@ def companion_in(folder: Path, name: str) -> Path:
     if ".." in PurePosixPath(name).parts:
         raise CompanionFileError(outside)
     try:
-        path = (folder / name).resolve()
-        inside = path.is_relative_to(folder.resolve())
-    except (OSError, RuntimeError, ValueError) as error:
+        return real_path_within(folder / name, folder)
+    except RefusedFile:
+        raise CompanionFileError(outside) from None
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise CompanionFileError(f"The file cannot be found ({reason}); give another.") from None
-    if not inside:
-        raise CompanionFileError(outside)
-    return path
 
 
 def read_companion(path: Path, most_bytes: int, what: str) -> bytes:
@@ -62,28 +62,27 @@ def read_companion(path: Path, most_bytes: int, what: str) -> bytes:
     CompanionFileError
         If there is none, it may not be read, it is larger than `most_bytes` or empty.
     """
-    content: bytes | None = None
     try:
-        is_folder = path.is_dir()
-        # A pipe would be waited for.
-        if path.is_file() or not path.exists():
-            with path.open("rb") as file:
-                content = file.read(most_bytes + 1)
+        content = read_bytes(path, most_bytes)
     except FileNotFoundError:
         message = "There is no such file; give the path of one that exists."
         raise CompanionFileError(message) from None
     except PermissionError:
         message = "The file may not be read; give yourself the permission to."
         raise CompanionFileError(message) from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", error)
-        raise CompanionFileError(f"The file cannot be read ({reason}); give another.") from None
-    if content is None:
-        message = "a folder; give a file in it" if is_folder else "no regular file; give one"
-        raise CompanionFileError(f"This is {message}.")
-    if len(content) > most_bytes:
-        message = f"The file is larger than {most_bytes // 1024**2} MiB; keep the {what} alone."
-        raise CompanionFileError(message)
+    except RefusedFile as refused:
+        raise CompanionFileError(_refusal(refused, most_bytes, what)) from None
+    except OSError as error:
+        message = f"The file cannot be read ({error.strerror}); give another."
+        raise CompanionFileError(message) from None
     if not content.strip():
         raise CompanionFileError(f"The file is empty; give one with a {what}.")
     return content
+
+
+def _refusal(refused: RefusedFile, most_bytes: int, what: str) -> str:
+    if refused.why == "large":
+        return f"The file is larger than {most_bytes // 1024**2} MiB; keep the {what} alone."
+    if refused.why == "folder":
+        return "This is a folder; give a file in it."
+    return "This is no regular file; give one."

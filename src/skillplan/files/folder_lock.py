@@ -6,6 +6,8 @@ import os
 import time
 from pathlib import Path
 
+from filelock import lock_descriptor
+
 from skillplan.errors import OptionError
 
 _POLL_S = 0.05
@@ -14,12 +16,16 @@ _POLL_S = 0.05
 class FolderLock:
     """Keeps other programs from writing into a folder.
 
-    Neither every system nor every file system has locks; without them nobody is kept out.
+    The lock is on the folder itself, so that no file is made in it, and ends with the process,
+    however that ends. Neither every system nor every file system has such locks; without them
+    nobody is kept out.
 
     Parameters
     ----------
     folder
-        The folder, which must be there; no file is made in it.
+        The folder, which must be there.
+    writer
+        What writes into such a folder, for the message: ``training``.
     patience_s
         How long to wait for another program to let go [s].
 
@@ -29,28 +35,24 @@ class FolderLock:
         If another program holds it.
     """
 
-    def __init__(self, folder: Path, patience_s: float = 0.0) -> None:
+    def __init__(self, folder: Path, writer: str, patience_s: float = 0.0) -> None:
         self._descriptor: int | None = None
         try:
-            import fcntl
-
             self._descriptor = os.open(folder, os.O_RDONLY)
-        except (ImportError, OSError):
+            held = self._acquired(time.monotonic() + patience_s)
+        except OSError:
             return
-        deadline_s = time.monotonic() + patience_s
-        while True:
-            try:
-                fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                return
-            except BlockingIOError:
-                if time.monotonic() >= deadline_s:
-                    self.release()
-                    raise OptionError(
-                        f"--out {folder}: another training is writing there just now."
-                    ) from None
-                time.sleep(_POLL_S)
-            except OSError:
-                return
+        if not held:
+            self.release()
+            raise OptionError(f"--out {folder}: another {writer} is writing there just now.")
+
+    def _acquired(self, deadline_s: float) -> bool:
+        assert self._descriptor is not None
+        while not lock_descriptor(self._descriptor, blocking=False):
+            if time.monotonic() >= deadline_s:
+                return False
+            time.sleep(_POLL_S)
+        return True
 
     def release(self) -> None:
         """Let others write."""

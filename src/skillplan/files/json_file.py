@@ -10,6 +10,8 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from skillplan.errors import OptionError, format_path
+from skillplan.files.regular_file import read_bytes
+from skillplan.files.strict_json import parse_json
 
 _MOST_BYTES = 64 * 1024 * 1024
 _Content = TypeVar("_Content", bound=BaseModel)
@@ -27,7 +29,9 @@ def json_text(schema: str, content: BaseModel | Mapping[str, Any]) -> str:
     return json.dumps({"schema": schema, **values}, indent=2, allow_nan=False)
 
 
-def read_document(path: Path, schema: str, remedy: str) -> dict[str, Any]:
+def read_document(
+    path: Path, schema: str, remedy: str, *, within: Path | None = None
+) -> dict[str, Any]:
     """Return a document that `json_text` wrote, without the name of its schema.
 
     Parameters
@@ -38,6 +42,8 @@ def read_document(path: Path, schema: str, remedy: str) -> dict[str, Any]:
         Its name with a version, such as ``skillplan.run/1``.
     remedy
         What to do where the file is not as it was written; no full stop.
+    within
+        A folder that the file must lie in, wherever links lead; None for anywhere.
 
     Raises
     ------
@@ -45,12 +51,10 @@ def read_document(path: Path, schema: str, remedy: str) -> dict[str, Any]:
         If it cannot be read, is no such document, or one of another version.
     """
     try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise OptionError(f"{path}: is larger than any such file. {remedy}.")
-        document = json.loads(path.read_bytes())
+        document = parse_json(read_bytes(path, _MOST_BYTES, within=within))
     except OSError as error:
         raise OptionError(f"{path}: cannot be read: {error.strerror}. {remedy}.") from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise OptionError(f"{path}: is damaged: {error}. {remedy}.") from None
     name = document.pop("schema", None) if isinstance(document, dict) else None
     if isinstance(name, str) and name != schema:
@@ -66,9 +70,24 @@ def read_document(path: Path, schema: str, remedy: str) -> dict[str, Any]:
     return document
 
 
-def read_checked(path: Path, schema: str, model: type[_Content], remedy: str) -> _Content:
-    """Return a document as a model has it; parameters and errors are those of `read_document`."""
-    document = read_document(path, schema, remedy)
+def read_checked(
+    path: Path, schema: str, model: type[_Content], remedy: str, *, within: Path | None = None
+) -> _Content:
+    """Return a document as a model has it.
+
+    Parameters
+    ----------
+    path, schema, remedy, within
+        As for `read_document`.
+    model
+        What the content must fit.
+
+    Raises
+    ------
+    OptionError
+        As for `read_document`, or if the content does not fit.
+    """
+    document = read_document(path, schema, remedy, within=within)
     try:
         return model.model_validate_json(json.dumps(document))
     except ValidationError as error:

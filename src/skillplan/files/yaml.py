@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import re
-import stat
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from typing import Any
 import yaml
 
 from skillplan.errors import Issue, TaskError, nearest
+from skillplan.files.regular_file import RefusedFile, read_bytes
 from skillplan.files.syntax_errors import syntax_issue
 
 YAML_SUFFIXES = (".yaml", ".yml")
@@ -111,18 +111,17 @@ def read_text(path: Path, source: str, max_bytes: int = MAX_BYTES) -> str:
     if not source:
         raise TaskError("''", [Issue("is not a path. Give the path of a task file.")])
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            what = "a folder" if path.is_dir() else "not a regular file"
-            raise fail(f"is {what}. Give the path of a task file.")
-        with path.open("rb") as file:
-            raw = file.read(max_bytes + 1)
+        raw = read_bytes(path, max_bytes)
     except FileNotFoundError:
         raise fail(f"no such file. {_neighbour_hint(path)}") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise fail(f"cannot be read: {reason}.") from None
-    if len(raw) > max_bytes:
-        raise fail(f"is larger than the {max_bytes:,} bytes that a task file may have.")
+    except RefusedFile as refused:
+        if refused.why == "large":
+            message = f"is larger than the {max_bytes:,} bytes that a task file may have."
+            raise fail(message) from None
+        what = "a folder" if refused.why == "folder" else "not a regular file"
+        raise fail(f"is {what}. Give the path of a task file.") from None
+    except OSError as error:
+        raise fail(f"cannot be read: {error.strerror}.") from None
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -137,7 +136,7 @@ def parse(text: str, source: str) -> Document:
     """Return the document in `text`.
 
     Duplicate keys, keys that are not strings, tags and numbers that are not finite are kept as
-    the document's issues, so that they can be told along with what else is wrong.
+    the document's issues, so that they are reported along with what else is wrong.
 
     Raises
     ------

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
-from pathlib import Path
 
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.load import Problem
 from skillplan.errors import ChainBroken, OptionError
 from skillplan.judge.claim_check import ARITHMETIC, calculated_claims, checked_claims
+from skillplan.pipeline.restoration import found_origin, named_back_ends
 from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.records.certificate import Certificate, Claim, Outcome
-from skillplan.records.origin import Origin
 from skillplan.records.result import Status, tolerance
 from skillplan.records.result_file import (
     StoredPart,
     StoredResult,
     other_task,
     read_result,
-    result_path,
 )
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
@@ -61,8 +59,8 @@ def certify(
     stored = read_result(path)
     if stored.status in (Status.REFUSED, Status.WRONG, Status.FAILED):
         raise OptionError(f"{path}: claims nothing, its status is {stored.status}.")
-    origin = _origin(path, stored, task_file)
-    problem = load_problem(origin.file, _asked(origin), origin.changes)
+    origin = found_origin(path, stored, task_file)
+    problem = load_problem(origin.file, named_back_ends(origin), origin.changes)
     difference = other_task(stored, problem)
     if difference is not None:
         raise OptionError(f"{path}: cannot be verified: {difference}. Name its own by --task.")
@@ -70,33 +68,6 @@ def certify(
     check = _Check(path, stored, problem, setup, Stop() if stop is None else stop, cache)
     claims = tuple(check.chain() if stored.is_chain else check.single(origin.part))
     return Certificate(path, problem.name, problem.kind, problem.sha256, claims)
-
-
-def _origin(path: str, stored: StoredResult, task_file: str | None) -> Origin:
-    """Return how to load the task; by the names of the back ends asked where that is all told."""
-    if stored.origin is not None:
-        origin = stored.origin.origin()
-    elif task_file is None:
-        raise OptionError(f"{path}: does not say which file its task is from. Name it by --task.")
-    else:
-        part = None if stored.is_chain else stored.task.name
-        collision = tuple(filter(None, stored.collision.split(",")))
-        origin = Origin(task_file, part, {}, stored.physics, collision)
-    if task_file is not None:
-        return replace(origin, file=task_file)
-    folder = result_path(path).parent
-    for candidate in (Path(origin.file), folder / origin.file, folder / Path(origin.file).name):
-        if candidate.is_file():
-            return replace(origin, file=str(candidate))
-    raise OptionError(
-        f"{path}: its task {origin.file} is neither here nor beside it. Name it by --task."
-    )
-
-
-def _asked(origin: Origin) -> Mapping[str, list[str]]:
-    asked = {"physics": [] if origin.physics is None else [origin.physics]}
-    asked["collision"] = list(origin.collision)
-    return {kind: names for kind, names in asked.items() if names}
 
 
 class _Check:

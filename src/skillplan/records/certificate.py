@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from skillplan.views.tables.table import Column, Table
+from skillplan.records import schemas
 
 
 class Outcome(StrEnum):
@@ -77,23 +77,9 @@ class Certificate:
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.verification/1``."""
         return {
-            "schema": "skillplan.verification/1",
+            "schema": schemas.VERIFICATION,
             "file": self.file,
             "task": {"name": self.name, "kind": self.kind, "sha256": self.sha256},
             "claims": [claim.document() for claim in self.claims],
             "valid": self.valid,
         }
-
-    def table(self) -> Table:
-        """Return a row for every claim, and what they come to below."""
-        columns = (Column("claim"), Column("outcome"), Column("by"), Column("detail"))
-        rows = [(one.claim, one.outcome.value, one.method, one.detail) for one in self.claims]
-        return Table(f"{self.name}: verification", columns, rows, [f"verdict    {self._verdict()}"])
-
-    def _verdict(self) -> str:
-        failing = [one.claim for one in self.claims if one.outcome is Outcome.FAILS]
-        if failing:
-            return f"NOT VALID: {', '.join(failing)}"
-        open_ = [one.claim for one in self.claims if one.outcome is Outcome.NOT_CHECKED]
-        rest = f", but for what was not checked: {', '.join(open_)}" if open_ else ""
-        return f"valid{rest}"

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from skillplan.domains.domain import Account
+from skillplan.records import schemas
 from skillplan.records.origin import Origin
 from skillplan.records.result import Result, Status, tolerance
 from skillplan.solvers.stop import relative_gap
@@ -266,7 +267,7 @@ class ChainResult:
         bound = self.lower_bound
         extra: Mapping[str, Any] = self.account.document
         return {
-            "schema": "skillplan.result/1",
+            "schema": schemas.RESULT,
             "task": {"name": self.name, "kind": self.kind, "sha256": self.sha256},
             "origin": None if self.origin is None else self.origin.document(),
             "solver": self.solver,

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from skillplan.domains.domain import Listing
 from skillplan.domains.load import Problem
-from skillplan.views.tables.chain import listing_table
-from skillplan.views.tables.table import Column, Table
+from skillplan.records import schemas
+from skillplan.records.preview import Preview
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,14 @@ class Checked:
         Names of the back ends that each of its tasks will ask.
     errata
         What the published source prints wrongly, where that was asked for.
+    preview
+        What is known of it before anything is solved.
     """
 
     problem: Problem
     back_ends: Sequence[Sequence[str]]
     errata: Listing | None = None
+    preview: Preview = field(default_factory=Preview)
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.check/1``."""
@@ -40,7 +43,7 @@ class Checked:
             else {"errata": [dict(zip(errata.columns, row, strict=True)) for row in errata.rows]}
         )
         return {
-            "schema": "skillplan.check/1",
+            "schema": schemas.CHECK,
             "task": {"name": problem.name, "kind": problem.kind, "sha256": problem.sha256},
             "valid": True,
             "tasks": [
@@ -54,27 +57,6 @@ class Checked:
                 }
                 for task, names in zip(problem.tasks, self.back_ends, strict=True)
             ],
+            **self.preview.document(),
             **found,
         }
-
-    def tables(self) -> list[Table]:
-        """Return a row for every task of the file, and the errata."""
-        errata = [] if self.errata is None else [listing_table(self.errata)]
-        return [*errata, self._tasks()]
-
-    def _tasks(self) -> Table:
-        columns = [
-            Column("task"),
-            Column("actions", right=True),
-            Column("facts", right=True),
-            Column("observed", right=True),
-            Column("step limit", right=True),
-            Column("back ends"),
-        ]
-        keys = ("skills", "facts", "observation", "step_limit")
-        rows = [
-            (task["name"], *(str(task[key]) for key in keys), ", ".join(task["back_ends"]))
-            for task in self.document()["tasks"]
-        ]
-        notes = [f"kind       {self.problem.kind}", f"sha256     {self.problem.sha256}"]
-        return Table(f"{self.problem.name}: valid", columns, rows, notes)

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from skillplan.model.replay import Replay
-from skillplan.records.result import Result, Status, step_document, tolerance
+from skillplan.records import schemas
+from skillplan.records.result import Result, Status, step_document
 from skillplan.solvers.stop import relative_gap
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
-from skillplan.views.tables.results import percent, step_rows
-from skillplan.views.tables.table import Table
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ class Evaluation:
         """Return the JSON document ``skillplan.evaluation/1``."""
         task, walked = self.task, self.walked
         return {
-            "schema": "skillplan.evaluation/1",
+            "schema": schemas.EVALUATION,
             "task": {"name": task.name, "kind": task.kind, "sha256": task.sha256},
             "feasible": walked.feasible,
             "complete": walked.complete,
@@ -92,53 +91,3 @@ class Evaluation:
                 for violation in walked.violations
             ],
         }
-
-    def table(self) -> Table:
-        """Return the steps, what they cost, and what fails where."""
-        task, walked = self.task, self.walked
-        notes = [f"feasible   {_yes(walked.feasible)}", f"complete   {_yes(walked.complete)}"]
-        if walked.steps:
-            what = "cost" if walked.complete else "so far"
-            lasts = f", {walked.duration_s:.1f} s" if walked.duration_s else ""
-            notes.append(f"{what:<10} {task.cost_text(walked.cost)}{lasts}")
-        if self.deviation is not None:
-            notes.append(
-                f"deviation  {percent(self.deviation)} of the proved optimum "
-                f"{task.cost_text(self.optimum)}"
-            )
-        elif walked.complete and self.optimum is None:
-            if task.deterministic:
-                notes.append("deviation  unknown: the optimum was not proved in time")
-                notes += self._bound_notes()
-            else:
-                notes.append(
-                    "deviation  none: under chance a sequence is one way that a policy may go, "
-                    "here with every nominal outcome"
-                )
-        if walked.total_reward is not None:
-            notes.append(f"reward     {walked.total_reward:.5f}")
-        for fault in walked.violations:
-            where = f"step {fault.step + 1} ({fault.skill})" if fault.skill else "the end"
-            notes.append(f"violation  at {where}: {fault.stage}: {fault.reason}")
-            if fault.facts and fault.skill:
-                notes.append(f"           rests on {', '.join(fault.facts)}")
-        start = [place.name for place in task.places_in(task.initial)]
-        if start:
-            notes.insert(0, f"from       {', '.join(start)}")
-        columns, rows = step_rows(walked.steps, task.metric)
-        return Table(f"{task.name}: evaluation", columns, rows, notes)
-
-    def _bound_notes(self) -> list[str]:
-        """Return what is known of an optimum that was not proved."""
-        best, task = self.best, self.task
-        if best is None or best.lower_bound is None:
-            return []
-        least = task.cost_text(best.lower_bound)
-        notes = [f"bound      {least} by {best.bound_method}, gap {percent(self.gap)}"]
-        if best.cost is not None and best.cost < self.walked.cost - tolerance(best.cost):
-            notes.append(f"found      a plan of {task.cost_text(best.cost)}")
-        return notes
-
-
-def _yes(value: bool) -> str:
-    return "yes" if value else "no"

@@ -9,12 +9,11 @@ from typing import Any
 from skillplan.errors import OptionError
 from skillplan.model.replay import replay
 from skillplan.model.skill_model import SkillModel
+from skillplan.records import schemas
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan.views.tables.evidence_text import evidence_text
-from skillplan.views.tables.table import Column, Table
 
 
 @dataclass(frozen=True)
@@ -47,14 +46,15 @@ class Explanation:
         return all(verdict.is_feasible for verdict in self.stages)
 
     @property
-    def _prediction(self) -> Outcome:
+    def prediction(self) -> Outcome:
+        """What the skill is predicted to change here."""
         skill = self.skill
         return (
             skill.prediction if skill.case(self.state) is None else skill.prediction_in(self.state)
         )
 
     @property
-    def _otherwise(self) -> tuple[Outcome, ...]:
+    def otherwise(self) -> tuple[Outcome, ...]:
         """What may come of it here but is not predicted; empty where nothing is left to chance."""
         skill = self.skill
         fits = not skill.cases or skill.case(self.state) is not None
@@ -63,9 +63,9 @@ class Explanation:
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.explanation/1``."""
         first = next((v for v in self.stages if not v.is_feasible), None)
-        prediction = self._prediction
+        prediction = self.prediction
         return {
-            "schema": "skillplan.explanation/1",
+            "schema": schemas.EXPLANATION,
             "task": {"name": self.task.name, "sha256": self.task.sha256},
             "skill": self.skill.name,
             "action": self.task.action(self.skill),
@@ -81,7 +81,7 @@ class Explanation:
                     "add": list(outcome.add),
                     "delete": list(outcome.delete),
                 }
-                for outcome in self._otherwise
+                for outcome in self.otherwise
             ],
             "stages": [
                 {
@@ -96,38 +96,6 @@ class Explanation:
             ],
             "files": dict(self.files),
         }
-
-    def tables(self) -> list[Table]:
-        """Return the stages as a table, the state and the skill's conditions below."""
-        rows = [
-            (
-                verdict.stage,
-                verdict.status.value,
-                verdict.reason or "-",
-                _basis(verdict, self.task),
-                evidence_text(verdict.evidence) or "-",
-            )
-            for verdict in self.stages
-        ]
-        columns = [Column(name) for name in ("stage", "verdict", "reason")]
-        columns += [Column(name, below=True) for name in ("rests on", "evidence")]
-        notes = [
-            f"state         {', '.join(self.state)}",
-            f"precondition  {self.skill.condition(self.state)}",
-            f"prediction    {self._changes(self._prediction)}",
-        ]
-        notes += [
-            f"otherwise     {self._changes(outcome)}, with probability {outcome.probability:g}"
-            for outcome in self._otherwise
-        ]
-        notes += [f"{what:<13} {path}" for what, path in self.files.items()]
-        outcome = "feasible" if self.feasible else "not feasible"
-        title = f"{self.task.name}: {self.skill.name} is {outcome}"
-        return [Table(title, columns, rows, notes)]
-
-    def _changes(self, outcome: Outcome) -> str:
-        gone = self.state & outcome.delete
-        return ", ".join([*outcome.add, *(f"not {fact}" for fact in gone)])
 
 
 def explain(model: SkillModel, skill: Skill, before: Sequence[Skill]) -> Explanation:
@@ -147,8 +115,3 @@ def explain(model: SkillModel, skill: Skill, before: Sequence[Skill]) -> Explana
         )
     stages = tuple(model.feasibility.stages(skill, walked.state))
     return Explanation(model.task, skill, walked.state, stages)
-
-
-def _basis(verdict: Verdict, task: Task) -> str:
-    facts = verdict.facts
-    return "all facts" if len(facts) == len(task.facts) else ", ".join(facts) or "no fact"

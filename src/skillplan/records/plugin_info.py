@@ -1,8 +1,15 @@
-"""One installed plugin, as it is listed."""
+"""Installed plugins, as they are listed: the document ``skillplan.plugins/1``."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from skillplan.records import schemas
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
 
 
 @dataclass(frozen=True)
@@ -27,3 +34,22 @@ class PluginInfo:
     version: str
     summary: str
     problem: str | None = None
+
+
+def plugin_document(infos: Sequence[PluginInfo], options: type[BaseModel] | None) -> dict[str, Any]:
+    """Return the JSON document ``skillplan.plugins/1``."""
+    return {
+        "schema": schemas.PLUGINS,
+        "plugins": [
+            {
+                "kind": info.kind,
+                "name": info.name,
+                "distribution": info.distribution,
+                "version": info.version,
+                "summary": info.summary,
+                "problem": info.problem,
+            }
+            for info in infos
+        ],
+        "options": None if options is None else options.model_json_schema(),
+    }

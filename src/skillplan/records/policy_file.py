@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import stat
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from skillplan.errors import OptionError, name_hint
+from skillplan.files.regular_file import RefusedFile, read_bytes
+from skillplan.files.strict_json import parse_json
+from skillplan.records import schemas
+from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
 from skillplan.solvers.solution import Policy
 from skillplan.task.skill import Outcome
 from skillplan.task.state import State
 from skillplan.task.task import Task
 
-SCHEMA = "skillplan.policy/1"
+POLICIES = "policies.json"
+"""The document in the folder of a result."""
 _MOST_BYTES = 256 * 1024 * 1024
 # So many goals are named in a message.
 _MOST_NAMED = 8
@@ -50,7 +53,14 @@ def policy_document(
     ]
     if not policies:
         return None
-    return {"schema": SCHEMA, "sha256": sha256, "solver": solver, "policies": policies}
+    return {"schema": schemas.POLICY, "sha256": sha256, "solver": solver, "policies": policies}
+
+
+def solved_tasks(result: Result | ChainResult, task: Task) -> list[tuple[Task, Result]]:
+    """Return tasks with their results: of a chain those that were searched, else the only one."""
+    if isinstance(result, ChainResult):
+        return [(part.task, part.result) for part in result.parts if not part.reused]
+    return [(task, result)]
 
 
 @dataclass(frozen=True)
@@ -67,6 +77,12 @@ class StoredPolicy:
 
     solver: str
     policy: Policy
+
+
+def policies_path(path: str) -> str:
+    """Return the file that a user means: the file itself, or policies.json in a folder."""
+    named = Path(path)
+    return str(named / POLICIES) if named.is_dir() else path
 
 
 def read_policy(path: str, task: Task) -> StoredPolicy:
@@ -165,26 +181,26 @@ def start_state(task: Task, text: str) -> State:
 
 def _content(path: str) -> bytes:
     try:
-        found = os.stat(path)
-        if not stat.S_ISREG(found.st_mode):
-            what = "is a folder" if stat.S_ISDIR(found.st_mode) else "is no regular file"
-            raise OptionError(f"{path}: {what}. Give the path of a policies.json.")
-        if found.st_size > _MOST_BYTES:
-            raise OptionError(f"{path}: is larger than any policy file.")
-        return Path(path).read_bytes()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise OptionError(f"{path!r}: cannot be read: {reason}.") from None
+        return read_bytes(path, _MOST_BYTES)
+    except RefusedFile as refused:
+        if refused.why == "large":
+            raise OptionError(f"{path}: is larger than any policy file.") from None
+        what = "is a folder" if refused.why == "folder" else "is no regular file"
+        raise OptionError(f"{path}: {what}. Give the path of a policies.json.") from None
+    except OSError as error:
+        raise OptionError(f"{path!r}: cannot be read: {error.strerror}.") from None
 
 
 def _read(path: str) -> dict[str, Any]:
     content = _content(path)
     try:
-        document = json.loads(content)
-    except (ValueError, RecursionError) as error:
+        document = parse_json(content)
+    except ValueError as error:
         raise OptionError(f"{path}: is not JSON: {error}.") from None
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
-        raise OptionError(f"{path}: is no document {SCHEMA}. search-optimal --out writes one.")
+    if not isinstance(document, dict) or document.get("schema") != schemas.POLICY:
+        raise OptionError(
+            f"{path}: is no document {schemas.POLICY}. search-optimal --out writes one."
+        )
     try:
         sound = (
             isinstance(document["sha256"], str)

@@ -9,6 +9,7 @@ from enum import StrEnum
 from typing import Any
 
 from skillplan.model.replay import Step
+from skillplan.records import schemas
 from skillplan.records.origin import Origin
 from skillplan.solvers.stop import relative_gap
 from skillplan.task.skill import Skill
@@ -129,7 +130,7 @@ class Result:
         bound = self.lower_bound
         bound = bound if bound is not None and math.isfinite(bound) else None
         return {
-            "schema": "skillplan.result/1",
+            "schema": schemas.RESULT,
             "task": {"name": self.task, "kind": self.kind, "sha256": self.sha256},
             "origin": None if self.origin is None else self.origin.document(),
             "solver": self.solver,

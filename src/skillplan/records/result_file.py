@@ -10,11 +10,11 @@ from pydantic import BaseModel, ConfigDict, Field
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError
 from skillplan.files.json_file import read_checked
+from skillplan.records import schemas
 from skillplan.records.origin import Origin
 from skillplan.records.result import Status
 from skillplan.solvers.solution import Plan
 
-SCHEMA = "skillplan.result/1"
 _REMEDY = "Give a result.json of search-optimal, or the folder that --out named"
 # So much of a hash tells two apart.
 _SHOWN_HASH = 12
@@ -74,6 +74,8 @@ class StoredClaims(_Stored):
     skills: list[str]
     actions: list[int]
     steps: list[StoredStep]
+    seed: int = 0
+    trace: dict[str, Any] = Field(default_factory=dict)
 
 
 class StoredPart(StoredClaims):
@@ -112,10 +114,35 @@ class StoredResult(StoredClaims):
         return self.sequences is not None
 
 
+RESULT = "result.json"
+"""The document in the folder of a result, and in that of training runs."""
+PLAN = "plan.csv"
+"""The steps of the plan, beside the document."""
+# Only a folder of training runs, or of a study, has it beside.
+_MANIFEST = "manifest.json"
+
+
 def result_path(path: str) -> Path:
     """Return the file that a user means: the file itself, or result.json in a folder."""
     named = Path(path)
-    return named / "result.json" if named.is_dir() else named
+    return named / RESULT if named.is_dir() else named
+
+
+def is_result(path: str) -> bool:
+    """Return whether a path means a result of search-optimal: a folder that has one, or JSON."""
+    if run_folder(path) is not None:
+        return False
+    named = Path(path)
+    return (named / RESULT).is_file() if named.is_dir() else named.suffix == ".json"
+
+
+def run_folder(path: str) -> str | None:
+    """Return the folder of training runs that a path means: itself, or that of its result.json."""
+    named = Path(path)
+    if named.is_dir():
+        return None if (named / RESULT).is_file() and not (named / _MANIFEST).exists() else path
+    of_runs = named.name == RESULT and (named.parent / _MANIFEST).exists()
+    return str(named.parent) if of_runs else None
 
 
 def read_result(path: str) -> StoredResult:
@@ -126,7 +153,9 @@ def read_result(path: str) -> StoredResult:
     OptionError
         If it cannot be read, is no result, is of another version, or lacks a key.
     """
-    return read_checked(result_path(path), SCHEMA, StoredResult, _REMEDY)
+    named = Path(path)
+    within = named if named.is_dir() else None
+    return read_checked(result_path(path), schemas.RESULT, StoredResult, _REMEDY, within=within)
 
 
 def other_task(stored: StoredResult, problem: Problem) -> str | None:

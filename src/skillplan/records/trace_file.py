@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from skillplan.files.atomic_file import written_beside
+from skillplan.files.atomic_file import replacing
 from skillplan.files.output_path import refusing
 from skillplan.physics.performance import Sample
 
@@ -43,16 +44,17 @@ def trace_file(
     """
     with (
         refusing(option, path),
-        written_beside(path) as temporary,
-        temporary.open("w", encoding="utf-8", newline="") as file,
+        replacing(path) as file,
     ):
-        trace = _Trace(csv.writer(file, lineterminator="\n"), bodies)
+        text = io.TextIOWrapper(file, "utf-8", newline="")
+        trace = _Trace(csv.writer(text, lineterminator="\n"), bodies)
 
         def note(sample: Sample) -> None:
             with refusing(option, path):
                 trace.note(sample)
 
         yield note
+        text.detach()
 
 
 class _Trace:

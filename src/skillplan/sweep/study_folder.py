@@ -1,4 +1,4 @@
-"""The folder of a study: what was asked, and every finished run, whatever ends the program.
+"""The folder of a study: what is studied, and every finished run, whatever ends the program.
 
 ``manifest.json`` is there whole or not at all. ``runs.jsonl`` grows by a line for every finished
 run and is forced to disk; a line that was being written when the program ended is dropped.
@@ -7,20 +7,24 @@ run and is forced to disk; a line that was being written when the program ended 
 from __future__ import annotations
 
 import json
-import os
 import sys
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from skillplan import __version__
 from skillplan.errors import OptionError
-from skillplan.files.atomic_file import write_whole
+from skillplan.files.atomic_file import is_unfinished, write_whole
+from skillplan.files.folder_lock import FolderLock
+from skillplan.files.growing_file import GrowingFile
+from skillplan.files.regular_file import read_bytes
+from skillplan.files.strict_json import parse_json
+from skillplan.records import schemas
 from skillplan.records.sweep.plan import SweepPlan, same
 from skillplan.records.sweep.record import SweepRecord, record_of
 
 MANIFEST, RUNS = "manifest.json", "runs.jsonl"
-SCHEMA = "skillplan.sweep-manifest/1"
+_MOST_BYTES = 1024**3
 
 # What a study may differ in from the one that is resumed, in words.
 _WORDS = {
@@ -71,7 +75,8 @@ class StudyFolder:
     ) -> None:
         self.path = Path(path)
         self.records: list[SweepRecord] = []
-        self._lines: IO[bytes] | None = None
+        self._lines: GrowingFile | None = None
+        self._lock: FolderLock | None = None
         try:
             self._open(plan, resume, command)
         except (OSError, ValueError) as error:
@@ -93,6 +98,9 @@ class StudyFolder:
         if self._lines is not None:
             self._lines.close()
             self._lines = None
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
 
     def add(self, record: SweepRecord) -> None:
         """Keep a run, whatever happens next.
@@ -104,9 +112,8 @@ class StudyFolder:
         """
         assert self._lines is not None
         try:
-            self._lines.write(f"{record.line()}\n".encode())
-            self._lines.flush()
-            os.fsync(self._lines.fileno())
+            self._lines.append(f"{record.line()}\n".encode())
+            self._lines.sync()
         except OSError as error:
             raise OptionError(
                 f"--out {self.path}: {RUNS} cannot be written: {error.strerror}. --resume goes "
@@ -116,54 +123,44 @@ class StudyFolder:
     def _open(self, plan: SweepPlan, resume: bool, command: tuple[str, ...]) -> None:
         self.path.mkdir(parents=True, exist_ok=True)
         # A program that was ended while it wrote the manifest leaves a piece of one.
-        pieces = list(self.path.glob(f".{MANIFEST}.*.tmp"))
-        found = {one.name for one in self.path.iterdir()} - {one.name for one in pieces}
+        there = list(self.path.iterdir())
+        pieces = [one for one in there if is_unfinished(one.name, MANIFEST)]
+        found = {one.name for one in there} - {one.name for one in pieces}
         if found and not resume:
             raise OptionError(
                 f"--out {self.path}: is not empty. Name a new folder, or go on with --resume."
             )
         if found - {RUNS} and MANIFEST not in found:
             raise OptionError(f"--out {self.path}: holds no {MANIFEST}, so nothing to resume.")
-        self._lines = (self.path / RUNS).open("ab")
-        self._lock()
+        self._lock = FolderLock(self.path, "study")
+        self._lines = GrowingFile(self.path / RUNS, self.path)
         for piece in pieces:
             piece.unlink(missing_ok=True)
-        asked = _identity(plan)
+        wanted = _identity(plan)
         if MANIFEST in found:
-            self._compare(asked)
+            self._compare(wanted)
             self._read(plan)
         else:
-            self._lines.truncate(0)
+            self._lines.cut(0)
             content = {
-                "schema": SCHEMA,
-                **asked,
+                "schema": schemas.SWEEP_MANIFEST,
+                **wanted,
                 "command": list(command),
                 "python": sys.version.split()[0],
                 "runs": len(plan.settings) * len(plan.seeds),
             }
-            write_whole(self.path / MANIFEST, json.dumps(content, indent=2, allow_nan=False))
+            text = json.dumps(content, indent=2, allow_nan=False)
+            write_whole(self.path / MANIFEST, text, within=self.path)
 
-    def _lock(self) -> None:
-        """Keep other studies out; the lock goes with the process."""
-        assert self._lines is not None
-        try:
-            import fcntl
-
-            fcntl.flock(self._lines, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+    def _compare(self, wanted: dict[str, Any]) -> None:
+        content = parse_json(read_bytes(self.path / MANIFEST, _MOST_BYTES, within=self.path))
+        if not isinstance(content, dict) or content.get("schema") != schemas.SWEEP_MANIFEST:
             raise OptionError(
-                f"--out {self.path}: another study is writing there just now."
-            ) from None
-        except (ImportError, OSError):
-            return  # neither every system nor every file system has locks
-
-    def _compare(self, asked: dict[str, Any]) -> None:
-        content = json.loads((self.path / MANIFEST).read_text("utf-8"))
-        if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-            raise OptionError(f"--out {self.path}: {MANIFEST} is no document {SCHEMA}.")
+                f"--out {self.path}: {MANIFEST} is no document {schemas.SWEEP_MANIFEST}."
+            )
         for key, words in _WORDS.items():
-            if not same(content.get(key), asked[key]):
-                was, now = _differing(content.get(key), asked[key])
+            if not same(content.get(key), wanted[key]):
+                was, now = _differing(content.get(key), wanted[key])
                 raise OptionError(
                     f"--resume: the study in {self.path} is another one, in {words}: {was} there, "
                     f"{now} now. Ask for the same, or name a new folder."
@@ -172,10 +169,10 @@ class StudyFolder:
     def _read(self, plan: SweepPlan) -> None:
         """Read the finished runs, and drop the piece of a line that may end the file."""
         assert self._lines is not None
-        content = (self.path / RUNS).read_bytes()
+        content = read_bytes(self.path / RUNS, _MOST_BYTES, within=self.path)
         whole = content[: content.rfind(b"\n") + 1]
         if len(whole) < len(content):
-            self._lines.truncate(len(whole))
+            self._lines.cut(len(whole))
         known: dict[tuple[int, int], SweepRecord] = {}
         starts = [start.name for start in plan.starts]
         for number, line in enumerate(whole.decode("utf-8", "replace").splitlines(), start=1):

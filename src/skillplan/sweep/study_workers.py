@@ -8,7 +8,8 @@ from typing import Any
 
 from skillplan.records.sweep.record import SweepRecord
 from skillplan.sweep.study_run import StudyJob, do_run
-from skillplan.workers.worker_processes import Answer, WorkerProcess, first_ready, packed
+from skillplan.workers.executor import Answer, Executor, Worker, packed
+from skillplan.workers.worker_processes import LocalProcesses
 
 _WHAT = "the runs"
 
@@ -23,7 +24,11 @@ class Order:
 
 
 def do_all(
-    job: StudyJob, orders: Iterable[Order], count: int, stopped: Callable[[], bool]
+    job: StudyJob,
+    orders: Iterable[Order],
+    count: int,
+    stopped: Callable[[], bool],
+    executor: Executor | None = None,
 ) -> Iterator[SweepRecord]:
     """Yield the records of runs as they end, in whatever order.
 
@@ -39,41 +44,44 @@ def do_all(
     count
         How many processes, >= 1.
     stopped
-        Whether to stop; asked several times a second.
+        Whether to stop; called several times a second.
+    executor
+        Where they run instead; it has the number of them, too.
 
     Raises
     ------
     SkillplanError
         If processes cannot be started.
     """
+    executor = LocalProcesses(count) if executor is None else executor
     todo = iter(orders)
     content = packed(job, _WHAT)
-    at: dict[WorkerProcess, Order] = {}
+    at: dict[Worker, Order] = {}
 
-    def give(worker: WorkerProcess | None, order: Order) -> None:
+    def give(worker: Worker | None, order: Order) -> None:
         if worker is None:
-            worker = WorkerProcess(_prepare, content, _WHAT)
+            worker = executor.start(_prepare, content, _WHAT)
         at[worker] = order
         worker.take((order.setting, dict(order.options), order.seed))
 
     try:
-        for _, order in zip(range(count), todo, strict=False):
+        for _, order in zip(range(executor.slots), todo, strict=False):
             give(None, order)
         while at and not stopped():
-            for worker in first_ready(at):
-                said = worker.answer()
-                if said is None:
+            for worker in executor.first_ready(at):
+                answer = worker.answer()
+                if answer is None:
                     continue
                 order = at[worker]
-                if isinstance(said, Answer):
-                    record = said.content
-                elif not said.started:
+                if isinstance(answer, Answer):
+                    record = answer.content
+                elif not answer.started:
                     raise worker.not_started()
                 else:
-                    error = f"its process ended by {said.how}"
+                    error = f"its process ended by {answer.how}"
                     record = SweepRecord(order.setting, order.seed, error=error)
                 following = next(todo, None)
-                goes_on = following is not None and isinstance(said, Answer)
+                goes_on = following is not None and isinstance(answer, Answer)
                 if not goes_on:
                     del at[worker]
                     worker.end()
@@ -82,8 +90,7 @@ def do_all(
                     give(worker if goes_on else None, following)
                 yield record
     finally:
-        for worker in at:
-            worker.end(gently=False)
+        executor.close()
 
 
 def _prepare(job: StudyJob) -> Callable[[tuple[int, dict[str, Any], int]], SweepRecord]:

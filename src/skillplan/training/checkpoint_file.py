@@ -18,10 +18,14 @@ from numpy.typing import NDArray
 
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
+from skillplan.files.regular_file import read_bytes
+from skillplan.files.strict_json import parse_json
+from skillplan.records import schemas
 from skillplan.solvers.learning.learner import Snapshot
 
-SCHEMA = "skillplan.checkpoint/1"
 _KEY = "skillplan"
+# More than any replay memory that fits into a machine of today.
+_MOST_BYTES = 64 * 1024**3
 _REMEDY = "Delete it, and --resume begins its runs anew"
 
 
@@ -44,8 +48,17 @@ class Checkpoint:
     snapshot: Snapshot
 
 
-def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
+def write_checkpoint(path: Path, checkpoint: Checkpoint, *, within: Path | None = None) -> None:
     """Write a checkpoint, which replaces the one before.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    checkpoint
+        What it holds.
+    within
+        A folder that the file must lie in, wherever links lead; None for anywhere.
 
     Raises
     ------
@@ -60,19 +73,26 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         name: np.asarray(array, order="C") for name, array in checkpoint.snapshot.arrays.items()
     }
     content = {
-        "schema": SCHEMA,
+        "schema": schemas.CHECKPOINT,
         "steps": checkpoint.steps,
         "lengths": dict(checkpoint.lengths),
         "notes": dict(checkpoint.snapshot.notes),
     }
-    said = json.dumps(content, allow_nan=False, separators=(",", ":"), sort_keys=True)
-    header = {"content": said, "sha256": _digest(said, arrays)}
+    text = json.dumps(content, allow_nan=False, separators=(",", ":"), sort_keys=True)
+    header = {"content": text, "sha256": _digest(text, arrays)}
     # One key only: the order of several would be left to chance.
-    write_whole(path, save(arrays, {_KEY: json.dumps(header, sort_keys=True)}))
+    write_whole(path, save(arrays, {_KEY: json.dumps(header, sort_keys=True)}), within=within)
 
 
-def read_checkpoint(path: Path) -> Checkpoint | None:
+def read_checkpoint(path: Path, *, within: Path | None = None) -> Checkpoint | None:
     """Return a checkpoint; None where there is none. Its arrays may be written to.
+
+    Parameters
+    ----------
+    path
+        Of the file.
+    within
+        A folder that the file must lie in, wherever links lead; None for anywhere.
 
     Raises
     ------
@@ -83,7 +103,7 @@ def read_checkpoint(path: Path) -> Checkpoint | None:
     from safetensors.numpy import load
 
     try:
-        data = path.read_bytes()
+        data = read_bytes(path, _MOST_BYTES, within=within)
     except FileNotFoundError:
         return None
     except OSError as error:
@@ -91,24 +111,24 @@ def read_checkpoint(path: Path) -> Checkpoint | None:
     try:
         arrays = {name: np.array(array) for name, array in load(data).items()}
         size = int.from_bytes(data[:8], "little")
-        header = json.loads(json.loads(data[8 : 8 + size])["__metadata__"][_KEY])
-        said = header["content"]
-        if _digest(said, arrays) != header["sha256"]:
+        header = parse_json(parse_json(data[8 : 8 + size])["__metadata__"][_KEY])
+        text = header["content"]
+        if _digest(text, arrays) != header["sha256"]:
             raise ValueError("its hash is another one")
-        content = json.loads(said)
+        content = parse_json(text)
     except (SafetensorError, ValueError, KeyError, TypeError, AttributeError) as error:
         reason = f"{type(error).__name__}: {error}" if isinstance(error, KeyError) else str(error)
         raise OptionError(f"{path}: is damaged: {reason.rstrip('.')}. {_REMEDY}.") from None
-    if content["schema"] != SCHEMA:
+    if content["schema"] != schemas.CHECKPOINT:
         raise OptionError(
-            f"{path}: is of another version, {content['schema']}; this skillplan reads {SCHEMA}. "
-            "Use the version that wrote it."
+            f"{path}: is of another version, {content['schema']}; this skillplan reads "
+            f"{schemas.CHECKPOINT}. Use the version that wrote it."
         )
     return Checkpoint(content["steps"], content["lengths"], Snapshot(arrays, content["notes"]))
 
 
-def _digest(said: str, arrays: Mapping[str, NDArray[Any]]) -> str:
-    digest = hashlib.sha256(said.encode())
+def _digest(text: str, arrays: Mapping[str, NDArray[Any]]) -> str:
+    digest = hashlib.sha256(text.encode())
     for name in sorted(arrays):
         array = arrays[name]
         digest.update(f"{name} {array.dtype.str} {array.shape};".encode())

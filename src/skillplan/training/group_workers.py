@@ -25,7 +25,8 @@ from skillplan.pipeline.registry import load
 from skillplan.records.training.run_folder import CHECKPOINT, group_path
 from skillplan.training.group_job import GroupJob, GroupOutcome, GroupReport
 from skillplan.training.group_training import GroupTraining
-from skillplan.workers.worker_processes import Answer, Ended, WorkerProcess, first_ready, packed
+from skillplan.workers.executor import Answer, Ended, Executor, Worker, packed
+from skillplan.workers.worker_processes import LocalProcesses
 
 _WHAT = "the training"
 _STARTS = 2
@@ -50,7 +51,7 @@ class GroupFailure:
     back_end
         Whether a back end has failed.
     stopped
-        Whether it was merely told to stop, and lost what it was at.
+        Whether it was merely stopped, and lost what it had under way.
     """
 
     group: int
@@ -60,7 +61,7 @@ class GroupFailure:
     stopped: bool = False
 
 
-Told = GroupReport | GroupOutcome | GroupFailure
+GroupAnswer = GroupReport | GroupOutcome | GroupFailure
 Ending = tuple[int, GroupOutcome | GroupFailure]
 
 
@@ -68,10 +69,10 @@ def serve(
     job: GroupJob,
     cache: VerdictCache | None = None,
     overdue: Callable[[], bool] | None = None,
-) -> Callable[[Order], Told]:
+) -> Callable[[Order], GroupAnswer]:
     """Return what does strides of a group, and in the end hands over what was learned.
 
-    Nothing that goes wrong in the group is raised: it is told. Files are opened by the first
+    Nothing that goes wrong in the group is raised: it is returned. Files are opened by the first
     order and closed by the last.
 
     Parameters
@@ -81,7 +82,7 @@ def serve(
     """
     training: GroupTraining | None = None
 
-    def obey(order: Order) -> Told:
+    def work(order: Order) -> GroupAnswer:
         nonlocal training
         try:
             if training is None:
@@ -100,7 +101,7 @@ def serve(
                 return _failure(job, error)
             raise
 
-    return obey
+    return work
 
 
 def drive(
@@ -109,6 +110,7 @@ def drive(
     stopped: Callable[[], bool],
     on_report: Callable[[GroupReport], None],
     cache: VerdictCache | None = None,
+    executor: Executor | None = None,
 ) -> Iterator[Ending]:
     """Yield what became of every group as it ends.
 
@@ -122,11 +124,13 @@ def drive(
     processes
         How many processes, >= 1; with 1 this one does it all.
     stopped
-        Whether to stop; asked after every stride.
+        Whether to stop; called after every stride.
     on_report
         Called after every stride.
     cache
         Where this process keeps verdicts; others keep their own.
+    executor
+        Where the groups are driven instead; it has the number of processes, too.
 
     Raises
     ------
@@ -135,10 +139,12 @@ def drive(
     SkillplanError
         If processes cannot be started.
     """
+    if executor is None and processes > 1:
+        executor = LocalProcesses(processes)
     endings = (
         _here(jobs, stopped, on_report, cache)
-        if processes == 1
-        else _elsewhere(jobs, processes, stopped, on_report)
+        if executor is None
+        else _Elsewhere(jobs, executor, stopped, on_report).endings()
     )
     for group, ending in endings:
         if isinstance(ending, GroupFailure) and ending.fatal:
@@ -156,120 +162,147 @@ def _here(
     for job in jobs:
         if stopped() and not _begun(job):
             continue
-        obey = serve(job, cache, overdue)
-        told: Told | None = None
-        while not stopped() and not _over(told, job):
-            told = obey("advance")
-            if isinstance(told, GroupReport):
-                on_report(told)
-        if not isinstance(told, GroupFailure):
-            told = overdue.spared(obey)
-        elif told.stopped and _begun(job):
-            told = overdue.spared(serve(job, cache))
-        elif told.stopped:
+        work = serve(job, cache, overdue)
+        outcome: GroupAnswer | None = None
+        while not stopped() and not _over(outcome, job):
+            outcome = work("advance")
+            if isinstance(outcome, GroupReport):
+                on_report(outcome)
+        if not isinstance(outcome, GroupFailure):
+            outcome = overdue.spared(work)
+        elif outcome.stopped and _begun(job):
+            outcome = overdue.spared(serve(job, cache))
+        elif outcome.stopped:
             continue
-        assert not isinstance(told, GroupReport)
-        yield job.group, told
+        assert not isinstance(outcome, GroupReport)
+        yield job.group, outcome
 
 
 class _Overdue:
-    """Whether a stop was asked for long ago, but for what is spared."""
+    """Whether a stop was requested long ago, but for what is spared."""
 
     def __init__(self, stopped: Callable[[], bool]) -> None:
         self._stopped = stopped
-        self._told_s: float | None = None
+        self._requested_s: float | None = None
         self._spared = False
 
     def __call__(self) -> bool:
         if self._spared or not self._stopped():
             return False
         now_s = time.monotonic()
-        if self._told_s is None:
-            self._told_s = now_s
-        return now_s > self._told_s + GRACE_S
+        if self._requested_s is None:
+            self._requested_s = now_s
+        return now_s > self._requested_s + GRACE_S
 
-    def spared(self, obey: Callable[[Order], Told]) -> Told:
+    def spared(self, work: Callable[[Order], GroupAnswer]) -> GroupAnswer:
         """Have a group conclude, however late it is."""
         self._spared = True
         try:
-            return obey("conclude")
+            return work("conclude")
         finally:
             self._spared = False
 
 
 @dataclass
-class _Task:
-    """What a process is at."""
+class _Assignment:
+    """What a worker is at, and how often it was started for that."""
 
     job: GroupJob
     order: Order
     starts: int = 1
-    since_s: float = 0.0
 
 
-def _elsewhere(
-    jobs: Sequence[GroupJob],
-    processes: int,
-    stopped: Callable[[], bool],
-    on_report: Callable[[GroupReport], None],
-) -> Iterator[Ending]:
-    waiting = list(jobs)
-    at: dict[WorkerProcess, _Task] = {}
+class _Elsewhere:
+    """Drives groups in workers, one group a worker.
 
-    def start(job: GroupJob, order: Order, starts: int = 1) -> None:
-        worker = WorkerProcess(serve, packed(job, _WHAT), _WHAT)
-        at[worker] = _Task(job, order, starts)
+    Parameters
+    ----------
+    jobs
+        The groups.
+    executor
+        Where the workers run.
+    stopped, on_report
+        As for `drive`.
+    """
+
+    def __init__(
+        self,
+        jobs: Sequence[GroupJob],
+        executor: Executor,
+        stopped: Callable[[], bool],
+        on_report: Callable[[GroupReport], None],
+    ) -> None:
+        self._waiting = list(jobs)
+        self._executor = executor
+        self._stopped = stopped
+        self._on_report = on_report
+        self._busy: dict[Worker, _Assignment] = {}
+        self._stop_s: float | None = None
+
+    def endings(self) -> Iterator[Ending]:
+        """Yield what became of every group as it ends."""
+        try:
+            while self._busy or self._waiting:
+                if self._stop_s is None and self._stopped():
+                    self._stop_s = time.monotonic()
+                    self._waiting = [job for job in self._waiting if _begun(job)]
+                while self._waiting and len(self._busy) < self._executor.slots:
+                    order: Order = "advance" if self._stop_s is None else "conclude"
+                    self._start(self._waiting.pop(0), order)
+                for worker in self._executor.first_ready(self._busy):
+                    ending = self._attend(worker)
+                    if ending is not None:
+                        yield ending
+                if self._stop_s is not None and time.monotonic() > self._stop_s + GRACE_S:
+                    self._give_up_strides()
+        finally:
+            self._executor.close()
+
+    def _start(self, job: GroupJob, order: Order, starts: int = 1) -> None:
+        worker = self._executor.start(serve, packed(job, _WHAT), _WHAT)
+        self._busy[worker] = _Assignment(job, order, starts)
         worker.take(order)
 
-    stop_s: float | None = None
-    try:
-        while at or waiting:
-            if stop_s is None and stopped():
-                stop_s = time.monotonic()
-                waiting = [job for job in waiting if _begun(job)]
-            while waiting and len(at) < processes:
-                start(waiting.pop(0), "advance" if stop_s is None else "conclude")
-            for worker in first_ready(at):
-                said = worker.answer()
-                if said is None:
-                    continue
-                task = at[worker]
-                told = said.content if isinstance(said, Answer) else None
-                if isinstance(told, GroupReport):
-                    on_report(told)
-                    over = stop_s is not None or _over(told, task.job)
-                    task.order = "conclude" if over else "advance"
-                    worker.take(task.order)
-                    continue
-                del at[worker]
-                worker.end()
-                if isinstance(said, Ended):
-                    if not said.started:
-                        raise worker.not_started()
-                    if task.starts < _STARTS:
-                        start(task.job, task.order, task.starts + 1)
-                        continue
-                    told = GroupFailure(
-                        task.job.group, f"its process was ended twice, by {said.how}"
-                    )
-                assert isinstance(told, GroupOutcome | GroupFailure)
-                yield task.job.group, told
-            if stop_s is not None and time.monotonic() > stop_s + GRACE_S:
-                for worker, task in [pair for pair in at.items() if pair[1].order == "advance"]:
-                    # Whatever it is at takes too long; its checkpoint is as good.
-                    del at[worker]
-                    worker.end(gently=False)
-                    if _begun(task.job):
-                        start(task.job, "conclude", _STARTS)
-    finally:
-        for worker in at:
+    def _attend(self, worker: Worker) -> Ending | None:
+        """Take a worker's answer, and give it its next order; return what ended its group."""
+        answer = worker.answer()
+        if answer is None:
+            return None
+        assigned = self._busy[worker]
+        outcome = answer.content if isinstance(answer, Answer) else None
+        if isinstance(outcome, GroupReport):
+            self._on_report(outcome)
+            over = self._stop_s is not None or _over(outcome, assigned.job)
+            assigned.order = "conclude" if over else "advance"
+            worker.take(assigned.order)
+            return None
+        del self._busy[worker]
+        worker.end()
+        group = assigned.job.group
+        if isinstance(answer, Ended):
+            if not answer.started:
+                raise worker.not_started()
+            if assigned.starts < _STARTS:
+                self._start(assigned.job, assigned.order, assigned.starts + 1)
+                return None
+            outcome = GroupFailure(group, f"its process was ended twice, by {answer.how}")
+        assert isinstance(outcome, GroupOutcome | GroupFailure)
+        return group, outcome
+
+    def _give_up_strides(self) -> None:
+        """End what takes too long after a stop: its checkpoint is as good."""
+        late = [(worker, one) for worker, one in self._busy.items() if one.order == "advance"]
+        for worker, assigned in late:
+            del self._busy[worker]
             worker.end(gently=False)
+            if _begun(assigned.job):
+                self._start(assigned.job, "conclude", _STARTS)
 
 
-def _over(told: Told | None, job: GroupJob) -> bool:
-    if isinstance(told, GroupReport):
-        return told.steps >= job.plan.steps
-    return told is not None
+def _over(outcome: GroupAnswer | None, job: GroupJob) -> bool:
+    if isinstance(outcome, GroupReport):
+        return outcome.steps >= job.plan.steps
+    return outcome is not None
 
 
 def _begun(job: GroupJob) -> bool:

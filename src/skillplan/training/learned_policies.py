@@ -32,7 +32,7 @@ class _Kept:
 def store_policies(
     plan: TrainingPlan, folder: Path, run: int, learned: Learned, steps: int, model: SkillModel
 ) -> tuple[GreedyRollOut | None, GreedyRollOut]:
-    """Write the policies of a run: what it stands for, and the last; return what they do.
+    """Write the reported policy of a run and the last one; return what they do.
 
     Parameters
     ----------
@@ -75,6 +75,7 @@ def _write(plan: TrainingPlan, folder: Path, run: int, stem: str, one: _Kept) ->
             run_path(folder, run),
             stem,
             one.network,
+            within=folder,
             features=list(_observation(plan).features),
             actions=[skill.name for skill in task.skills],
             observation=plan.options["observation"],

@@ -6,16 +6,21 @@ taken up again.
 
 from __future__ import annotations
 
-import os
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO
 
 from skillplan.errors import OptionError
-from skillplan.records.training.metrics_file import METRICS, FiguresRecord, metrics_line, metrics_of
+from skillplan.files.folder import make_folder
+from skillplan.files.growing_file import GrowingFile
+from skillplan.records.training.metrics_file import (
+    METRICS,
+    FiguresRecord,
+    metrics_line,
+    read_metrics,
+)
 from skillplan.records.training.run_folder import run_path
 from skillplan.solvers.learning.learner import Episode
 from skillplan.training.event_file import opening_record, scalars_record
@@ -29,7 +34,7 @@ _EVENTS = "events.out.tfevents.skillplan"
 
 @contextmanager
 def writing(folder: Path, name: str) -> Iterator[None]:
-    """Turn a failure to write into the one message that says what is safe.
+    """Turn a failure to write into the one message that names what is safe.
 
     Raises
     ------
@@ -79,7 +84,7 @@ class RunLog:
         self.recent: deque[bool] = deque(maxlen=RECENT_EPISODES)
         self.best_cost: float | None = None
         self._folder = folder
-        self._files: dict[str, IO[bytes]] = {}
+        self._files: dict[str, GrowingFile] = {}
         metrics = run_path(folder, run) / METRICS
         events = folder / "tensorboard" / f"run-{run:02d}" / _EVENTS
         self._run = run
@@ -90,8 +95,7 @@ class RunLog:
             for name in (self._metrics, self._events):
                 self._open(name, lengths.get(name, 0))
             if lengths.get(self._metrics):
-                kept = metrics.read_bytes().decode("utf-8", "replace").splitlines()
-                self._count(metrics_of(kept, metrics, run).episodes)
+                self._count(read_metrics(metrics, run, within=folder).episodes)
             if not lengths.get(self._events):
                 self._append(self._events, opening_record(time.time()))
         except BaseException:
@@ -147,8 +151,8 @@ class RunLog:
         lengths = {}
         for name, file in self._files.items():
             with writing(self._folder, name):
-                os.fsync(file.fileno())
-                lengths[name] = os.fstat(file.fileno()).st_size
+                file.sync()
+                lengths[name] = file.length
         return lengths
 
     def close(self) -> None:
@@ -160,22 +164,18 @@ class RunLog:
     def _open(self, name: str, length: int) -> None:
         path = self._folder / name
         with writing(self._folder, name):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            # Unbuffered: what could not be written must not be tried again when it is closed.
-            file = self._files[name] = path.open("ab", buffering=0)
-            there = os.fstat(file.fileno()).st_size
-            if there < length:
+            make_folder(path.parent, within=self._folder)
+            file = self._files[name] = GrowingFile(path, self._folder)
+            if file.length < length:
                 raise OptionError(
                     f"{path}: is damaged: it is shorter than the checkpoint says. Bring it back "
                     "from a copy, or train anew in another folder."
                 )
-            file.truncate(length)
+            file.cut(length)
 
     def _append(self, name: str, content: bytes) -> None:
-        file, rest = self._files[name], memoryview(content)
         with writing(self._folder, name):
-            while rest:
-                rest = rest[file.write(rest) :]
+            self._files[name].append(content)
 
     def _count(self, episodes: Sequence[Episode]) -> None:
         self.episodes += len(episodes)

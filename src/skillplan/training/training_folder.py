@@ -1,6 +1,6 @@
 """The folder of training runs as it is written: begun, or taken up again; one writer a time.
 
-The manifest comes last of what says what is trained: where it is, all of that is.
+The manifest is the last file that describes what is trained: where it is, the others are, too.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ import json
 import os
 import platform
 import re
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, entry_points, requires, version
@@ -19,15 +18,16 @@ from typing import Any
 import skillplan
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError
-from skillplan.files.atomic_file import write_whole
+from skillplan.files.atomic_file import is_unfinished, write_whole
 from skillplan.files.folder_lock import FolderLock
 from skillplan.files.json_file import json_text
+from skillplan.files.regular_file import read_bytes
+from skillplan.files.yaml import MAX_BYTES
+from skillplan.records import schemas
 from skillplan.records.task_difference import differences, resolved_config, what_changed
-from skillplan.records.training.metrics_file import METRICS
+from skillplan.records.training.metrics_file import METRICS, metrics_lines
 from skillplan.records.training.run_folder import (
-    CONFIG_SCHEMA,
     MANIFEST,
-    MANIFEST_SCHEMA,
     RESULT,
     TASK_CONFIG,
     RunFolder,
@@ -38,6 +38,7 @@ from skillplan.records.training.run_folder import (
 )
 from skillplan.training.run_log import writing
 from skillplan.training.training_plan import TrainingPlan
+from skillplan.workers.program import output_of
 
 # What a training may differ in from the one that is gone on with, in words. What it takes to
 # keep checkpoints, and in how many processes, changes nothing that is learned.
@@ -98,11 +99,11 @@ class TrainingFolder:
     ) -> None:
         self.path = Path(path)
         self._lock: FolderLock | None = None
-        asked = _manifest(plan, problem, part, changes or {}, command)
+        wanted = _manifest(plan, problem, part, changes or {}, command)
         try:
             self.path.mkdir(parents=True, exist_ok=True)
-            self._lock = FolderLock(self.path)
-            self.manifest = self._opened(asked, problem, resume)
+            self._lock = FolderLock(self.path, "training")
+            self.manifest = self._opened(wanted, problem, resume)
         except BaseException as error:
             self.close()
             if not isinstance(error, OSError | ValueError):
@@ -139,47 +140,51 @@ class TrainingFolder:
             lines = []
             for run in range(len(self.manifest.seeds)):
                 metrics = run_path(self.path, run) / METRICS
-                for line in metrics.read_text("utf-8").splitlines() if metrics.exists() else ():
+                for line in metrics_lines(metrics, within=self.path):
                     lines.append(f'{{"run":{run},{line[1:]}\n')
-            write_whole(self.path / METRICS, "".join(lines))
+            write_whole(self.path / METRICS, "".join(lines), within=self.path)
         with writing(self.path, RESULT):
-            write_whole(self.path / RESULT, json.dumps(dict(result), indent=2, allow_nan=False))
+            text = json.dumps(dict(result), indent=2, allow_nan=False)
+            write_whole(self.path / RESULT, text, within=self.path)
 
-    def _opened(self, asked: RunManifest, problem: Problem, resume: bool) -> RunManifest:
+    def _opened(self, wanted: RunManifest, problem: Problem, resume: bool) -> RunManifest:
         there = {one.name for one in self.path.iterdir()}
         copy = copy_name(problem.source)
         # A program that was ended before it wrote the manifest has done nothing yet.
-        begun = {name for name in there if name.endswith(".tmp")} | {copy, TASK_CONFIG}
+        begun = {name for name in there if is_unfinished(name)} | {copy, TASK_CONFIG}
         if there and not resume:
             raise OptionError(
                 f"--out {self.path}: is not empty. Name a new folder, or go on with --resume."
             )
         if MANIFEST in there:
             stored = RunFolder(self.path)
-            self._compare(stored, asked, problem)
+            self._compare(stored, wanted, problem)
             for piece in self.path.rglob(".*.tmp"):
-                piece.unlink(missing_ok=True)
+                if is_unfinished(piece.name):
+                    piece.unlink(missing_ok=True)
             return stored.manifest
         if there - begun:
             raise OptionError(f"--out {self.path}: holds no {MANIFEST}, so nothing to resume.")
-        source = Path(problem.source)
-        write_whole(self.path / copy, source.read_bytes())
-        write_whole(self.path / TASK_CONFIG, json_text(CONFIG_SCHEMA, resolved_config(problem)))
-        write_whole(self.path / MANIFEST, json_text(MANIFEST_SCHEMA, asked))
-        return asked
+        content = read_bytes(problem.source, max(MAX_BYTES, problem.domain.max_bytes))
+        write_whole(self.path / copy, content)
+        write_whole(
+            self.path / TASK_CONFIG, json_text(schemas.RESOLVED_TASK, resolved_config(problem))
+        )
+        write_whole(self.path / MANIFEST, json_text(schemas.RUN, wanted))
+        return wanted
 
-    def _compare(self, stored: RunFolder, asked: RunManifest, problem: Problem) -> None:
+    def _compare(self, stored: RunFolder, wanted: RunManifest, problem: Problem) -> None:
         was = stored.manifest
-        if (was.task.sha256, was.task.part) != (asked.task.sha256, asked.task.part):
+        if (was.task.sha256, was.task.part) != (wanted.task.sha256, wanted.task.part):
             changed = what_changed(stored.config, resolved_config(problem))
-            if was.task.sha256 == asked.task.sha256:
-                changed = f"the part: {was.task.part} there, {asked.task.part} now"
+            if was.task.sha256 == wanted.task.sha256:
+                changed = f"the part: {was.task.part} there, {wanted.task.part} now"
             self._refuse("the task", changed)
-        if was.seeds != asked.seeds:
-            there, now = (f"{len(one.seeds)} from seed {one.seed}" for one in (was, asked))
+        if was.seeds != wanted.seeds:
+            there, now = (f"{len(one.seeds)} from seed {one.seed}" for one in (was, wanted))
             self._refuse("the runs", f"{there} there, {now} now")
         for key, words in _WORDS.items():
-            one, other = (manifest.model_dump(mode="json")[key] for manifest in (was, asked))
+            one, other = (manifest.model_dump(mode="json")[key] for manifest in (was, wanted))
             if one != other:
                 found = differences(one, other)
                 changed = "; ".join(str(difference) for difference in found[:_MOST_NAMED])
@@ -254,11 +259,6 @@ def _git_commit() -> str | None:
     """Return the commit of the source that runs, or None where it is no checkout."""
     source = Path(skillplan.__file__)
     git = ["git", "-C", str(source.parent)]
-    try:
-        tracked = [*git, "ls-files", "--error-unmatch", source.name]
-        subprocess.run(tracked, capture_output=True, check=True)
-        head = [*git, "rev-parse", "HEAD"]
-        done = subprocess.run(head, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.SubprocessError):
+    if output_of([*git, "ls-files", "--error-unmatch", source.name]) is None:
         return None
-    return done.stdout.strip() or None
+    return (output_of([*git, "rev-parse", "HEAD"]) or "").strip() or None

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import io
-import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import IO, Any, Protocol
 
 from skillplan.errors import OptionError
-from skillplan.files.atomic_file import write_whole, written_beside
+from skillplan.files.atomic_file import replacing, write_whole, written_beside
 from skillplan.files.output_path import refusing
 from skillplan.physics.performance import Image
+from skillplan.workers.program import FedProgram
 
 PICTURES = (".png",)
 ANIMATIONS = (".gif",)
@@ -61,15 +61,24 @@ def video_file(path: Path, frames_per_s: float, option: str) -> Iterator[Video]:
     OptionError
         If the file cannot be written, or an MP4 wants a library that is not installed.
     """
-    kind = _GifWriter if path.suffix.lower() == ".gif" else _Mp4Writer
-    with suppress(_Empty), refusing(option, path), written_beside(path) as temporary:
-        writer = kind(temporary, frames_per_s, option)
+    with suppress(_Empty), refusing(option, path), _writer(path, frames_per_s, option) as writer:
         try:
             yield _Guarded(writer, option, path)
         finally:
             writer.close()
         if not writer.begun:
             raise _Empty
+
+
+@contextmanager
+def _writer(path: Path, frames_per_s: float, option: str) -> Iterator[_GifWriter | _Mp4Writer]:
+    """Yield what writes the format that the suffix says, to a file that then replaces `path`."""
+    if path.suffix.lower() == ".gif":
+        with replacing(path) as file:
+            yield _GifWriter(file, frames_per_s)
+    else:
+        with written_beside(path) as temporary:
+            yield _Mp4Writer(temporary, frames_per_s, option)
 
 
 class _Empty(Exception):
@@ -93,11 +102,10 @@ class _Guarded:
 class _GifWriter:
     """Writes a GIF as pictures come: of each only what has changed, with colours of its own."""
 
-    def __init__(self, path: Path, frames_per_s: float, option: str) -> None:
+    def __init__(self, file: IO[bytes], frames_per_s: float) -> None:
         self.begun = False
-        self._path = path
         self._frames_per_s = frames_per_s
-        self._file: Any = None
+        self._file = file
         self._shown: Any = None
         self._pending: Any = None
         self._pending_at = (0, 0)
@@ -122,15 +130,12 @@ class _GifWriter:
 
     def close(self) -> None:
         """Write what is left."""
-        if self._file is None:
-            return
-        with self._file:
+        if self.begun:
             self._flush()
             self._file.write(b";")
 
     def _start(self, picture: Any) -> None:
         self.begun = True
-        self._file = self._path.open("wb")
         size = b"".join(extent.to_bytes(2, "little") for extent in picture.size)
         # No colours for all pictures, and the whole is shown again and again.
         self._file.write(b"GIF89a" + size + b"\x00\x00\x00")
@@ -162,7 +167,7 @@ class _Mp4Writer:
         self._path = path
         self._frames_per_s = frames_per_s
         self._size = (0, 0)
-        self._process: subprocess.Popen[bytes] | None = None
+        self._program: FedProgram | None = None
         try:
             import imageio_ffmpeg
         except ImportError:
@@ -170,44 +175,32 @@ class _Mp4Writer:
                 f"{option}: MP4 needs imageio-ffmpeg, which is not installed: pip install "
                 "'skillplan[video]', or end the name in .gif."
             ) from None
-        self._program = imageio_ffmpeg.get_ffmpeg_exe()
+        self._ffmpeg = imageio_ffmpeg.get_ffmpeg_exe()
 
     def add(self, image: Image) -> None:
         """Append a picture."""
-        if self._process is None:
+        if self._program is None:
             self.begun = True
             self._size = (image.width - image.width % 2, image.height - image.height % 2)
-            self._process = self._start()
+            self._program = self._start()
         picture = _pillow(image)
         if picture.size != self._size:
             picture = picture.crop((0, 0, *self._size))
-        assert self._process.stdin is not None
-        self._process.stdin.write(picture.tobytes())
+        self._program.feed(picture.tobytes())
 
     def close(self) -> None:
         """Have ffmpeg finish."""
-        if self._process is None:
-            return
-        _, said = self._process.communicate()
-        if self._process.returncode:
-            lines = said.decode("utf-8", "replace").strip().splitlines() or ["ffmpeg failed"]
-            raise OSError(lines[-1])
+        if self._program is not None:
+            self._program.finish()
 
-    def _start(self) -> subprocess.Popen[bytes]:
+    def _start(self) -> FedProgram:
         width, height = self._size
         words = ["-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
         words += ["-s", f"{width}x{height}", "-r", f"{self._frames_per_s:.6f}", "-i", "-"]
         words += ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
         # Equal pictures make equal files.
         words += ["-fflags", "+bitexact", "-flags:v", "+bitexact", "-threads", "1"]
-        # In a session of its own Ctrl-C does not reach it: what was filmed is finished.
-        return subprocess.Popen(
-            [self._program, *words, "-f", "mp4", str(self._path)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-        )
+        return FedProgram([self._ffmpeg, *words, "-f", "mp4", str(self._path)])
 
 
 def _pillow(image: Image) -> Any:

@@ -1,4 +1,4 @@
-"""Processes that do jobs for this one: as many at once as wanted, and none harms another.
+"""The executor of this machine: processes, as many at once as wanted, and none harms another.
 
 A process is spawned, talks through a pipe of its own, never sees Ctrl-C, writes nothing to
 stdout, and ends with the process that started it, however that ends.
@@ -11,82 +11,90 @@ import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from skillplan.errors import BackEndError, SkillplanError
-
-# Of a job, whatever can be sent; the function that does jobs is made in the process.
-Prepare = Callable[[Any], Callable[[Any], Any]]
-
-# So often whoever waits may look whether to go on.
-POLL_S = 0.1
+from skillplan.workers.executor import POLL_S, Answer, Ended, Executor, Prepare, Worker
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What became of a job."""
-
-    content: Any
-
-
-@dataclass(frozen=True, slots=True)
-class Ended:
-    """A process is gone before it answered.
+class LocalProcesses(Executor):
+    """Workers that are processes of this machine.
 
     Parameters
     ----------
-    exit_code
-        Below 0 the signal that ended it.
-    started
-        Whether it had come as far as to wait for jobs.
+    slots
+        The most processes at once, >= 1.
+
+    Raises
+    ------
+    ValueError
+        If `slots` is below 1.
     """
 
-    exit_code: int
-    started: bool
+    def __init__(self, slots: int) -> None:
+        super().__init__(slots)
+        self._workers: list[WorkerProcess] = []
 
     @property
-    def killed(self) -> bool:
-        """Whether a signal ended it."""
-        return self.exit_code < 0
+    def refusal(self) -> str:
+        """Why none can be started from here, in words; empty where they can."""
+        inside = multiprocessing.current_process().daemon
+        return "a process for jobs may not start others" if inside else ""
 
-    @property
-    def how(self) -> str:
-        """What ended it: ``signal 9`` or ``exit code 1``."""
-        return f"signal {-self.exit_code}" if self.killed else f"exit code {self.exit_code}"
+    def start(self, prepare: Prepare, content: bytes, what: str) -> WorkerProcess:
+        """Start a process; parameters and errors are those of `Executor.start`."""
+        self._workers = [worker for worker in self._workers if not worker.ended]
+        worker = WorkerProcess(prepare, content, what)
+        self._workers.append(worker)
+        return worker
+
+    def first_ready(self, workers: Iterable[Worker], patience_s: float = POLL_S) -> list[Worker]:
+        """Return the processes whose next answer is there, within `patience_s` [s]."""
+        by_line = {worker.line: worker for worker in workers if isinstance(worker, WorkerProcess)}
+        ready = wait(list(by_line), timeout=patience_s) if by_line else []
+        return [worker for line, worker in by_line.items() if line in ready]
+
+    def close(self) -> None:
+        """End all processes at once; more can be started afterwards."""
+        for worker in self._workers:
+            worker.end(gently=False)
+        self._workers.clear()
 
 
-class WorkerProcess:
+class WorkerProcess(Worker):
     """A process that does one job at a time.
 
     Parameters
     ----------
-    prepare
-        Called in the process with what `content` holds; returns the function that does jobs.
-        Must be importable.
-    content
-        What `packed` returned.
-    what
-        What the process is for, as ``the runs``; for messages.
+    prepare, content, what
+        As for `Executor.start`.
 
     Attributes
     ----------
     line
         The near end of its pipe, to wait for.
+    ended
+        Whether it was ended.
+
+    Raises
+    ------
+    SkillplanError
+        If it cannot be started.
     """
 
     def __init__(self, prepare: Prepare, content: bytes, what: str) -> None:
+        super().__init__(what)
         # Not forked: threads and handlers of this process are no business of the other one's.
         context = multiprocessing.get_context("spawn")
         self.line, far = context.Pipe()
-        self._what = what
+        self.ended = False
         self._started = False
         self._process = context.Process(target=_serve, args=(far, prepare, content), daemon=True)
         try:
-            with _deaf_to_interrupts():
+            with _interrupts_blocked():
                 self._process.start()
         except OSError as error:
             self.line.close()
@@ -104,7 +112,7 @@ class WorkerProcess:
     @property
     def alive(self) -> bool:
         """Whether it can be given a job."""
-        return self._process.is_alive()
+        return not self.ended and self._process.is_alive()
 
     def take(self, job: Any) -> None:
         """Give the process a job; it must not have one."""
@@ -133,15 +141,11 @@ class WorkerProcess:
             raise error_class(words)
         return Answer(content)
 
-    def not_started(self) -> SkillplanError:
-        """Return the error to raise where it ended before it was ready."""
-        return SkillplanError(
-            f"A process for {self._what} could not be started; what it said is above. A "
-            "script that calls this needs `if __name__ == '__main__':`."
-        )
-
     def end(self, *, gently: bool = True) -> None:
-        """End the process: once it is idle, or at once."""
+        """End the process: once it is idle, or at once. To end it again does nothing."""
+        if self.ended:
+            return
+        self.ended = True
         self.line.close()
         if not gently:
             self._process.kill()
@@ -149,36 +153,11 @@ class WorkerProcess:
         self._process.close()
 
 
-def packed(content: Any, what: str) -> bytes:
-    """Return what processes are to start from, as it is sent to them.
-
-    Raises
-    ------
-    SkillplanError
-        If it cannot be sent.
-    """
-    try:
-        return pickle.dumps(content)
-    except Exception as error:
-        raise SkillplanError(
-            f"What processes for {what} start from cannot be sent to them: {error}"
-        ) from error
-
-
-def first_ready(
-    workers: Iterable[WorkerProcess], patience_s: float = POLL_S
-) -> list[WorkerProcess]:
-    """Return the processes that have something to say, within `patience_s`."""
-    by_line = {worker.line: worker for worker in workers}
-    ready = wait(list(by_line), timeout=patience_s) if by_line else []
-    return [worker for line, worker in by_line.items() if line in ready]
-
-
 _READY, _DONE, _FAILED = "ready", "done", "failed"
 
 
 @contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
+def _interrupts_blocked() -> Iterator[None]:
     """Start processes that never see Ctrl-C: this one decides what becomes of them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
@@ -195,14 +174,14 @@ def _deaf_to_interrupts() -> Iterator[None]:
 
 
 def _serve(line: Connection, prepare: Prepare, content: bytes) -> None:
-    """Do jobs until nobody asks for more."""
+    """Do jobs until no more come."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     # Libraries in C print there, too, and stdout is for one document.
     silence = os.open(os.devnull, os.O_WRONLY)
     os.dup2(silence, 1)
     os.close(silence)
-    # Whoever asked may be gone at any moment, and need not hear of it.
+    # Whoever sends jobs may be gone at any moment, and need not hear of it.
     with suppress(EOFError, ConnectionError):
         try:
             work = prepare(pickle.loads(content))

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan.chart.partial_order import closure, cycle
 from skillplan.chart.precedence_chart import derive_chart
 from skillplan.domains.assembly.board_generator import MOST_PARTS, MOST_TOOLS, BoardGenerator
@@ -23,6 +23,7 @@ from skillplan.pipeline.run import make_feasibility, solve
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.records.result import Status
 from skillplan.task.task import Task
+from yaml_data import yaml_text
 
 BOARDS = st.builds(
     BoardGenerator,
@@ -34,7 +35,7 @@ BOARDS = st.builds(
 
 
 def content(board: BoardGenerator) -> Any:
-    return yaml.safe_load(board.text())
+    return yaml_text(board.text())
 
 
 def loaded(board: BoardGenerator) -> Task:
@@ -54,7 +55,7 @@ def but_for(parts: Mapping[str, Any], key: str) -> dict[str, Any]:
 
 
 class TestAnyBoard:
-    @settings(max_examples=40)
+    @settings(max_examples=examples(40))
     @given(board=BOARDS)
     def test_it_is_a_faultless_task(self, board: BoardGenerator) -> None:
         """By all that a file is checked for: names, reach, overlap, circles, step limit."""
@@ -63,7 +64,7 @@ class TestAnyBoard:
         assert board.task_name == task.name
         assert 2 * board.parts + board.tools == len(task.skills)
 
-    @settings(max_examples=40)
+    @settings(max_examples=examples(40))
     @given(board=BOARDS)
     def test_its_chart_has_the_density_to_the_nearest_pair(self, board: BoardGenerator) -> None:
         """The pairs that its closure orders; without any there is no chart."""
@@ -74,7 +75,7 @@ class TestAnyBoard:
         assert abs(len(found) - board.density * board.pairs) <= 0.5
         assert ("chart" in content(board)) == bool(found)
 
-    @settings(max_examples=40)
+    @settings(max_examples=examples(40))
     @given(board=BOARDS)
     def test_all_tools_are_used(self, board: BoardGenerator) -> None:
         """As many as there are parts for."""
@@ -100,7 +101,7 @@ class TestAnyBoard:
 
 
 class TestBoardsOfASeed:
-    @settings(max_examples=40)
+    @settings(max_examples=examples(40))
     @given(board=BOARDS, density=st.floats(0, 1))
     def test_another_density_changes_the_chart_only(
         self, board: BoardGenerator, density: float
@@ -115,7 +116,7 @@ class TestBoardsOfASeed:
         less, more = (closure(pairs(one.chart)) for one in boards)
         assert less <= more
 
-    @settings(max_examples=40)
+    @settings(max_examples=examples(40))
     @given(board=BOARDS, tools=st.integers(1, MOST_TOOLS))
     def test_other_tools_change_no_part_but_for_its_tool(
         self, board: BoardGenerator, tools: int
@@ -125,7 +126,7 @@ class TestBoardsOfASeed:
         assert but_for(one["parts"], "tool") == but_for(other["parts"], "tool")
         assert one.get("chart") == other.get("chart")
 
-    @settings(max_examples=40)
+    @settings(max_examples=examples(40))
     @given(board=BOARDS, parts=st.integers(1, 40))
     def test_more_parts_leave_the_others_where_they_are(
         self, board: BoardGenerator, parts: int

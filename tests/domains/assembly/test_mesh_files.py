@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan.domains.assembly.mesh_files import (
     MAX_BYTES,
     MAX_CORNERS,
@@ -104,7 +105,7 @@ def test_faces_are_turned_outward(tmp_path):
 
 
 @given(order=st.permutations(range(len(WEDGE))), seed=st.integers(0, 99))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25))
 def test_the_order_of_corners_and_faces_does_not_matter(tmp_path_factory, order, seed):
     """Corners come out sorted, and each once."""
     folder = tmp_path_factory.mktemp("mesh")
@@ -245,7 +246,7 @@ def test_a_name_that_is_no_relative_path_is_refused(tmp_path, name):
     content=st.binary(max_size=200) | st.text(max_size=200).map(lambda text: text.encode()),
     cut=st.integers(0, 400),
 )
-@settings(max_examples=150, deadline=None, derandomize=True, database=None)
+@settings(max_examples=examples(150))
 def test_no_file_is_too_odd(tmp_path_factory, suffix, content, cut):
     """Bytes that are no mesh, and a mesh with bytes in it: a polyhedron or a reason."""
     folder = tmp_path_factory.getbasetemp()

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
@@ -25,8 +24,9 @@ from skillplan.domains.swarmitfix.base.goals import (
     within_reach,
 )
 from skillplan.domains.swarmitfix.bench.bench import Bench
+from yaml_data import yaml_data
 
-DATA = yaml.safe_load((Path(__file__).parent / "data" / "polygonal_table3.yaml").read_text())
+DATA = yaml_data(Path(__file__).parent / "data" / "polygonal_table3.yaml")
 BENCH = Bench(6, 13, 0.34)
 PAPER = ReachRules(DATA["l_arm_m"], DATA["s_d_m"], (0.333, 0.451), DATA["side"])
 # No row of centroids lies in the strip of 5 cm above y = 0.9 m.

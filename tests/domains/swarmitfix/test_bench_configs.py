@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 from skillplan.domains.load import Problem
 from skillplan.domains.swarmitfix.bench.bench import Bench
@@ -23,13 +22,14 @@ from skillplan.pipeline.setup import load_problem
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Status
 from swarm_situations import GOALS, HOME, MAKESPANS
+from yaml_data import yaml_data
 
 FOLDER = Path(__file__).parents[3] / "configs"
 BENCHES = sorted(FOLDER.glob("swarmitfix_*.yaml"))
 
 
 def expect_of(path: Path) -> dict[str, Any]:
-    expect: dict[str, Any] = yaml.safe_load(path.read_text("utf-8"))["expect"]
+    expect: dict[str, Any] = yaml_data(path)["expect"]
     return expect
 
 

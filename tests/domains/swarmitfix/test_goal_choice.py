@@ -6,17 +6,18 @@ import random
 from pathlib import Path
 
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan.domains.swarmitfix.base.goal_choice import GoalRule, LeastSwings, choose
 from skillplan.domains.swarmitfix.base.goals import GoalSet, How, ReachRules, goal_sets
 from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.domains.swarmitfix.bench.step_timings import Timings
 from swarm_situations import shortest_way
+from yaml_data import yaml_data
 
-DATA = yaml.safe_load((Path(__file__).parent / "data" / "polygonal_table3.yaml").read_text())
+DATA = yaml_data(Path(__file__).parent / "data" / "polygonal_table3.yaml")
 BENCH = Bench(6, 13, 0.34)
 TIMINGS = Timings()
 SWING_S = TIMINGS.swing_s
@@ -67,7 +68,7 @@ def walk(goals):
     return sum(map(len, ways)), round(sum(times), 6)
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(position_sets)
 def test_the_whole_trajectory_rule_is_as_good_as_trying_everything(sets) -> None:
     choice = choose(BENCH, HOME, made(sets), GoalRule.WHOLE_TRAJECTORY, SWING_S)

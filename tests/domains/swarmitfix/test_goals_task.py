@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan.domains.swarmitfix.base.goal_choice import GoalRule, choose
 from skillplan.domains.swarmitfix.base.goals import GoalSet, How
 from skillplan.domains.swarmitfix.base.goals_task import goal_of, goals_task, serve
@@ -30,7 +31,7 @@ def random_sets(seed):
     return made([rng.sample(range(78), rng.randint(1, 6)) for _ in range(rng.randint(1, 9))])
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(st.integers(0, 10_000))
 def test_exact_search_finds_what_the_dynamic_program_finds(seed: int) -> None:
     sets = random_sets(seed)

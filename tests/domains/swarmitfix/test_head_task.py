@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan.domains.swarmitfix.heads.geometry import SupportedStretch, overlap
 from skillplan.domains.swarmitfix.heads.heads import HeadRules, same_yaw, vertex_heads
 from skillplan.domains.swarmitfix.heads.task import fewest, head_task, heads_of, segment_fault
@@ -81,7 +82,7 @@ def cheapest(segment, first, last, rules):
     return cost[-1]
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(lengths, angles, angles, gaps, st.integers(1, 3), st.sampled_from([0.0, 0.1, 0.7]))
 def test_exact_search_and_the_dynamic_program_agree_with_trying_every_pair(
     length_m: float, start: float, end: float, gap_m: float, headings: int, turn: float
@@ -105,7 +106,7 @@ def test_exact_search_and_the_dynamic_program_agree_with_trying_every_pair(
     assert total == pytest.approx(best)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(lengths, angles, angles, gaps)
 def test_no_stretch_lies_bare_for_longer_than_the_limit_and_no_heads_overlap(
     length_m: float, start: float, end: float, gap_m: float

@@ -5,7 +5,6 @@ import math
 from pathlib import Path
 
 import pytest
-import yaml
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
@@ -23,8 +22,9 @@ from skillplan.domains.swarmitfix.heads.heads import (
 )
 from skillplan.domains.swarmitfix.trajectory.path_elements import Arc, Line
 from skillplan.domains.swarmitfix.trajectory.workpiece import Segment, Workpiece
+from yaml_data import yaml_data
 
-DATA = yaml.safe_load((Path(__file__).parent / "data" / "polygonal_table3.yaml").read_text())
+DATA = yaml_data(Path(__file__).parent / "data" / "polygonal_table3.yaml")
 RULES = HeadRules()
 SIDE_M = RULES.side_m
 STRAIGHT = Segment(0, ((0.0, 0.0), (1.0, 0.0)))

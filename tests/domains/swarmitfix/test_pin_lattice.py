@@ -9,17 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skillplan.domains.swarmitfix.bench.pin_lattice import PinLattice
 from skillplan.domains.swarmitfix.bench.swings import HEADINGS
+from yaml_data import yaml_data
 
-TABLE: dict[str, Any] = yaml.safe_load(
-    (Path(__file__).parent / "data" / "bench.yaml").read_text("utf-8")
-)
+TABLE: dict[str, Any] = yaml_data(Path(__file__).parent / "data" / "bench.yaml")
 LATTICE = PinLattice(rows=6, cols=13, pitch_m=0.34)
 # The table is rounded to 0.01 mm.
 ROUNDED_M = 5.1e-6

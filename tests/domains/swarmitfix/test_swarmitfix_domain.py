@@ -3,15 +3,14 @@
 from pathlib import Path
 from typing import Any, ClassVar
 
-import yaml
-
 from skillplan.testing import DomainSuite
+from yaml_data import yaml_data
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 
 
 def content_of(name: str) -> dict[str, Any]:
-    content: dict[str, Any] = yaml.safe_load((CONFIGS / f"swarmitfix_{name}.yaml").read_text())
+    content: dict[str, Any] = yaml_data(CONFIGS / f"swarmitfix_{name}.yaml")
     return content
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -25,10 +24,9 @@ from skillplan.domains.swarmitfix.bench.swings import (
     rotated,
     triangle_at,
 )
+from yaml_data import yaml_data
 
-TABLE: dict[str, Any] = yaml.safe_load(
-    (Path(__file__).parent / "data" / "bench.yaml").read_text("utf-8")
-)
+TABLE: dict[str, Any] = yaml_data(Path(__file__).parent / "data" / "bench.yaml")
 COLS = 13
 
 numbers = st.integers(-1000, 1000)

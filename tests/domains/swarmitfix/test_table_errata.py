@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -25,10 +24,9 @@ from skillplan.domains.swarmitfix.bench.table_errata import (
     shown,
     table_errata,
 )
+from yaml_data import yaml_data
 
-FACTS: dict[str, Any] = yaml.safe_load(
-    (Path(__file__).parent / "data" / "bench.yaml").read_text("utf-8")
-)["actions"]
+FACTS: dict[str, Any] = yaml_data(Path(__file__).parent / "data" / "bench.yaml")["actions"]
 CORRECT = tuple(
     TableRow(f"B{action.number}", action.even, action.odd, FACTS[f"B{action.number}"]["offset"])
     for action in SWING_ACTIONS[:10]

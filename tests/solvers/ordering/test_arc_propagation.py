@@ -4,12 +4,13 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from ordering_instances import all_orders, arcs_of, instance_of, orderings
 from skillplan.solvers.ordering.instance import NO_ARC
 from skillplan.solvers.ordering.relaxation.arc_propagation import propagate
 
 
-@settings(max_examples=250)
+@settings(max_examples=examples(250))
 @given(orderings(least=3, most=7, kinds=("zero",)), st.integers(0, 2**32), st.floats(0, 0.7))
 def test_no_order_of_these_arcs_loses_one(instance, seed, share):
     """Where some arcs are taken away and some others must be taken; and its "none" is true."""

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from ordering_instances import StopAfter, instance_of, least_cost, orderings
 from skillplan.solvers.ordering.instance import NO_ARC
 from skillplan.solvers.ordering.relaxation.branch_and_cut import BranchAndCut
@@ -33,7 +34,7 @@ class Uncut(CutRelaxation):
 
 
 @pytest.mark.parametrize("kind", [CutRelaxation, Uncut])
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(instance=orderings(most=9))
 def test_it_proves_the_optimum_or_that_there_is_no_order(kind, instance):
     """Branching alone would do: a part whose arcs are whole, but no order, is split as well."""
@@ -49,7 +50,7 @@ def test_it_proves_the_optimum_or_that_there_is_no_order(kind, instance):
     assert all(bound <= search.cost for bound in bounds)
 
 
-@settings(max_examples=80)
+@settings(max_examples=examples(80))
 @given(st.integers(10, 12), st.integers(0, 10**6), st.sampled_from(["few", "real", "spread"]))
 def test_arcs_that_are_not_considered_yet_count_when_a_part_is_given_up(n, seed, kind):
     """Where nodes have more arcs than the relaxation considers at first, and an order is known."""
@@ -63,7 +64,7 @@ def test_arcs_that_are_not_considered_yet_count_when_a_part_is_given_up(n, seed,
     assert search.cost == pytest.approx(least_cost(instance), rel=1e-9, abs=1e-9)
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(orderings(least=4, most=10), st.integers(0, 40))
 def test_its_bound_holds_whenever_it_is_stopped(instance, polls):
     """And going on from there ends with the proof."""

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
 from skillplan.solvers.ordering.instance import NO_ARC
 from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
@@ -33,7 +34,7 @@ def assert_valid(duals, orders, cutoff=np.inf):
             assert spent <= cost + 1e-9 * max(1.0, cost)
 
 
-@settings(max_examples=120)
+@settings(max_examples=examples(120))
 @given(orderings(most=8), st.integers(0, 8), st.integers(0, 3))
 def test_every_order_costs_its_duals(instance, polls, place):
     """Whenever it is stopped, and whatever the cutoff; where there is no order, it may say so."""
@@ -48,7 +49,7 @@ def test_every_order_costs_its_duals(instance, polls, place):
         assert_valid(found, orders, cutoff)
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(orderings(least=3, most=8), st.integers(0, 4))
 def test_fixing_leaves_every_better_order_its_arcs(instance, place):
     """With the cutoff of any order, again and again."""
@@ -105,7 +106,7 @@ def test_where_some_node_can_only_be_left_to_nowhere_there_is_no_order():
     assert tighten(relaxation_of(instance), np.inf, never, ignore).bound == np.inf
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(orderings(least=3, most=7), st.integers(0, 2**32))
 def test_any_prices_become_valid_duals(instance, seed):
     """However wrong the prices are that a solver gives: what is negative is taken off the bound."""

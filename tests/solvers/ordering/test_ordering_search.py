@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from ordering_instances import StopAfter, all_orders, instance_of, least_cost, orderings
 from skillplan.solvers.ordering.portfolio import METHODS, OrderingSearch
 
@@ -46,7 +47,7 @@ def assert_sound(search, told, least):
 
 
 @pytest.mark.parametrize("methods", PROVING)
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(instance=orderings(most=9))
 def test_each_method_proves_the_optimum_or_that_there_is_none(methods, instance):
     """By itself: whole numbers and others, ties, nothing, costs far apart, arcs forbidden."""
@@ -56,7 +57,7 @@ def test_each_method_proves_the_optimum_or_that_there_is_none(methods, instance)
 
 
 @pytest.mark.parametrize("methods", [*PROVING, EXACT])
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(st.integers(10, 13), st.integers(0, 10**6), st.sampled_from(["few", "real", "spread"]))
 def test_they_do_so_beyond_the_arcs_considered_first(methods, n, seed, kind):
     """Nodes with more neighbours than the relaxation begins with, and few feasible orders."""
@@ -82,7 +83,7 @@ def test_with_local_search_they_do_as_well(methods, instance):
 
 
 @pytest.mark.parametrize("methods", [*PROVING, EXACT])
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(instance=orderings(least=4, most=9), polls=st.integers(0, 40))
 def test_wherever_it_is_stopped_what_it_says_holds(methods, instance, polls):
     """Bound <= optimum <= cost, after any number of questions whether to stop."""
@@ -90,7 +91,7 @@ def test_wherever_it_is_stopped_what_it_says_holds(methods, instance, polls):
     assert_sound(search, told, least_cost(instance))
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(orderings(least=3, most=8), st.integers(0, 10**6), st.integers(0, 12))
 def test_an_order_to_start_from_is_never_made_worse(instance, which, polls):
     """Also where it is stopped at once."""

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
 from skillplan.solvers.ordering.instance import NO_ARC, OrderingInstance
 from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
@@ -72,7 +73,7 @@ def slack(value):
     return 1e-9 * max(1.0, abs(value)) if np.isfinite(value) else 0.0
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(orderings(least=3, most=8), st.integers(0, 8), st.integers(0, 3))
 def test_every_order_below_the_cutoff_costs_its_duals_and_prices(instance, polls, place):
     """Whenever it is stopped, and whatever the cutoff."""
@@ -88,7 +89,7 @@ def test_every_order_below_the_cutoff_costs_its_duals_and_prices(instance, polls
                 assert duals.bound + beyond(duals, order) <= cost + slack(cost)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(orderings(least=3, most=8), st.integers(1, 3))
 def test_no_order_is_charged_more_than_it_costs_wherever_it_is_cut(instance, place):
     """What both ends say was spent, and the arc between them, is at most the rest of its cost."""
@@ -110,7 +111,7 @@ def test_no_order_is_charged_more_than_it_costs_wherever_it_is_cut(instance, pla
                 assert both <= cost + slack(cost)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(orderings(least=4, most=9), st.integers(0, 3))
 def test_with_its_prices_both_searches_over_subsets_find_the_optimum_or_prove_there_is_none(
     instance, place
@@ -136,7 +137,7 @@ def test_with_its_prices_both_searches_over_subsets_find_the_optimum_or_prove_th
             assert bound == cutoff
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(orderings(least=4, most=8, kinds=("zero",)), st.integers(0, 2**32))
 def test_every_order_keeps_every_cut_between_nodes(instance, seed):
     """Found at any point whatever; what flows and what comes before need not even agree there."""
@@ -166,7 +167,7 @@ def test_every_order_keeps_every_cut_between_nodes(instance, seed):
                 assert any(crosses) or (between & passed).any()
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(orderings(least=4, most=8, kinds=("zero",)))
 def test_every_order_is_transitive(instance):
     """And nothing comes between neighbours: at orders no triple is violated, between them some."""
@@ -231,7 +232,7 @@ def test_a_triple_around_the_node_where_both_ends_would_meet_hides_no_order(free
     assert met.bound == instance.cost(met.order) == cost
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(orderings(least=6, most=9, kinds=("real",)), st.sampled_from([10_000, 30_000, 100_000]))
 def test_an_optimum_right_below_the_cutoff_is_found(instance, work):
     """Where there is hardly any room, with prices of a relaxation that is not at its end."""

@@ -4,6 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from ordering_instances import all_orders, arcs_of, instance_of, orderings
 from skillplan.solvers.ordering.relaxation.precedence_cuts import separate
 
@@ -31,7 +32,7 @@ def fractional(instance, seed, *, feasible):
     return tails, heads, np.minimum(values[tails, heads], 1.0)
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(orderings(least=3, most=8, kinds=("zero",)), st.integers(0, 2**32))
 def test_every_order_crosses_every_cut(instance, seed):
     """Also where the cut was lifted; and the point that it was found at does not."""
@@ -46,7 +47,7 @@ def test_every_order_crosses_every_cut(instance, seed):
         assert values[left[tails] & reached[heads]].sum() <= 1 - 0.02 + 1e-9
 
 
-@settings(max_examples=80)
+@settings(max_examples=examples(80))
 @given(orderings(least=3, most=8, kinds=("zero",)), st.integers(0, 2**32))
 def test_a_mixture_of_orders_violates_no_cut(instance, seed):
     """What can be, is not cut off."""

@@ -4,6 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from ordering_instances import all_orders, instance_of, orderings
 from skillplan.solvers.ordering.instance import OrderingInstance
 from skillplan.solvers.ordering.local_search.annealing import followers, nearest
@@ -19,7 +20,7 @@ def improved(instance, order, seed, iterations=300, exchanges=0.5, moves=0.5):
     return now, best, told
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(
     orderings(most=8, kinds=("whole", "real", "few", "zero")),
     st.integers(0, 10**6),
@@ -42,7 +43,7 @@ def test_orders_stay_feasible_and_cost_what_is_told(instance, seed, exchanges, m
     assert instance.cost(best) <= cost
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(orderings(least=4, most=7, kinds=("whole",)), st.integers(0, 10**6))
 def test_with_a_little_time_it_finds_the_best_of_few_orders(instance, seed):
     """From the worst, on instances of up to 120 orders without forbidden arcs."""

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from ordering_instances import StopAfter, all_orders, arcs_of, instance_of, least_cost, orderings
 from skillplan.solvers.ordering.instance import NO_ARC, OrderingInstance
 from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
@@ -32,7 +33,7 @@ def slack(value):
     return 1e-9 * max(1.0, abs(value)) if np.isfinite(value) else 0.0
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(orderings(most=7), st.integers(0, 2), st.integers(0, 6))
 def test_what_is_ahead_is_never_more_than_any_completion_spends(instance, rounds, bits):
     """Of every feasible order, cut after every node, with the neighbours that are left there."""
@@ -51,7 +52,7 @@ def test_what_is_ahead_is_never_more_than_any_completion_spends(instance, rounds
             assert bounds.ahead[row, left] <= rest + slack(rest)
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(orderings(most=9), st.integers(0, 2), st.integers(0, 3), st.integers(1, 12))
 def test_a_beam_keeps_its_word(instance, rounds, place, width):
     """A whole one has the optimum below the cutoff; a narrow one a bound, and maybe an order."""
@@ -80,6 +81,7 @@ def test_a_beam_in_which_all_ways_are_alike_still_leads_somewhere():
     instance = instance_of(9, 4, kind="zero", density=0.2)
     found = beam(instance, duals_of(instance, 1), np.inf, 1, never)
     assert instance.feasible(found.order)
+    assert instance.cost(found.order) == 0
 
 
 def test_a_beam_that_is_stopped_says_nothing():
@@ -88,7 +90,7 @@ def test_a_beam_that_is_stopped_says_nothing():
     assert beam(instance, duals_of(instance, 1), np.inf, 10, StopAfter(2)) is None
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(orderings(most=9), st.integers(0, 2), st.integers(0, 3))
 def test_from_both_ends_it_finds_the_optimum_below_the_cutoff_or_proves_there_is_none(
     instance, rounds, place
@@ -111,7 +113,7 @@ def test_from_both_ends_it_finds_the_optimum_below_the_cutoff_or_proves_there_is
         assert met.bound == cutoff
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(orderings(least=4, most=9), st.integers(0, 2), st.integers(0, 30), st.integers(1, 200))
 def test_from_both_ends_its_bound_holds_wherever_it_ends(instance, rounds, polls, states):
     """By a stop, before either end was searched or between the two, or for want of states."""
@@ -126,7 +128,7 @@ def test_from_both_ends_its_bound_holds_wherever_it_ends(instance, rounds, polls
             assert instance.feasible(met.order)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(orderings(least=3, most=8))
 def test_read_backwards_an_instance_has_the_same_optimum(instance):
     """By every search, the costs of arcs turned around."""

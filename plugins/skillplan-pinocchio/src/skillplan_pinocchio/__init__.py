@@ -1,1 +1,4 @@
-"""Inverse kinematics, trajectory times and swept collision detection of a Panda."""
+"""The detector `swept`: inverse kinematics, trajectory times and swept collisions of a Panda.
+
+It computes geometry, without a simulator; it never executes a skill, solves or shows anything.
+"""

@@ -58,11 +58,11 @@ class LinkSweep:
         Parameters
         ----------
         obstacle
-            What may be in the way.
+            What may block the motion.
         tolerance_m
             Depth that still counts as touching without harm [m], >= 0.
         samples
-            At so many equally spaced places of the path it is looked, >= 1.
+            How many equally spaced intervals of the path are checked, >= 1.
         """
         near = [
             (number, piece)

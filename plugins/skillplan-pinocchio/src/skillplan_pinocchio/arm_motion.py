@@ -1,4 +1,4 @@
-"""How the joints move: along a stroke, and from where one stroke ended to where another begins."""
+"""Paths of the joints: straight down to a target, and from above one target to above another."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from skillplan_pinocchio.arm_model import ArmModel, Vector, closing_yaw_rad, pos
 from skillplan_pinocchio.inverse_kinematics import Unreachable, elbows, solve
 from skillplan_pinocchio.timing import JointPath
 
-# A stroke or travel is a spline through so many intervals.
+# A path is a spline through so many intervals.
 _INTERVALS = 8
 
 
-def stroke_paths(
+def descent_paths(
     arm: ArmModel, tip: Point, above: Point, closing_yaw: float
 ) -> Iterator[JointPath | Unreachable]:
-    """Yield ways straight down to a target, by position of the elbow; see :func:`elbows`.
+    """Yield paths straight down to a target, by position of the elbow; see :func:`elbows`.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def stroke_paths(
             yield found
             continue
         _, rotation = arm.tip(found)
-        # Of the two ways to hold the hand, the one that was found.
+        # Of the two turns of the hand, the one that was found.
         yaw = closing_yaw_rad(rotation)
         nodes = [found]
         reached: Vector | Unreachable = found
@@ -56,8 +56,8 @@ def stroke_paths(
         yield reached if isinstance(reached, Unreachable) else JointPath(nodes[::-1])
 
 
-def travel_path(arm: ArmModel, start: Vector, end: Vector) -> JointPath:
-    """Return the way from one posture to another, the tip in a straight line, the hand down.
+def transfer_path(arm: ArmModel, start: Vector, end: Vector) -> JointPath:
+    """Return the path of a transfer motion, the tip in a straight line, the hand pointing down.
 
     Where the straight line leads out of reach, as close to the base, all joints go straight to
     their ends instead.

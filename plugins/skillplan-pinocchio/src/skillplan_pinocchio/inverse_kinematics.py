@@ -33,7 +33,7 @@ ELBOWS_RAD: Final = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)
 _MOST_ITERATIONS = 120
 _MOST_STEP_RAD = 0.3
 _DAMPING = 1e-4
-# Of the way back to the start's posture, so much is gone in an iteration; and not in the last.
+# This share of the distance to the start's posture is gone in an iteration; not in the last.
 _PULL = 0.3
 _PULLED_ITERATIONS = 25
 _IDENTITY = np.eye(6)
@@ -94,7 +94,7 @@ def elbows(arm: ArmModel, position: Point, closing_yaw: float) -> Iterator[Vecto
             # The hand turns against the first joint, looked at from above.
             wrist = panda.READY_RAD[6] - _wrapped(closing_yaw + turn - ready_yaw - bearing)
             wrist = _within(wrist, arm.low_rad[6], arm.high_rad[6])
-            # The less the hand is turned, the more room is left for the strokes to come.
+            # The less the hand is turned, the more room is left for the motions to come.
             starts.append((abs(wrist), wrist, turn))
         for _, wrist, turn in sorted(starts):
             start = ready.copy()

@@ -1,15 +1,15 @@
-"""The strokes of a skill as the arm makes them: with which elbow, and what its links may meet."""
+"""The motions of a skill as the arm makes them: with which elbow, and what its links may meet."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from skillplan.physics.linear_motions import Stroke
+from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.motion import Point
 from skillplan_pinocchio.arm_clearance import LinkSweep, LinkTouch
 from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.arm_motion import stroke_paths
+from skillplan_pinocchio.arm_motion import descent_paths
 from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.obstacles import Obstacle
 from skillplan_pinocchio.timing import JointPath
@@ -17,12 +17,12 @@ from skillplan_pinocchio.timing import JointPath
 
 @dataclass(frozen=True)
 class Elbow:
-    """One way of the joints along a stroke.
+    """One path of the joints down to a target.
 
     Parameters
     ----------
     path
-        Down to the target.
+        Of the joints.
     meets
         What its links run into wherever that is there, in order of the motion.
     """
@@ -37,8 +37,8 @@ class Elbow:
 
 
 @dataclass(frozen=True)
-class Ways:
-    """The ways of the joints straight down to a place.
+class DescentPaths:
+    """The paths of the joints straight down to a place.
 
     Parameters
     ----------
@@ -55,41 +55,41 @@ class Ways:
 
 
 @dataclass(frozen=True)
-class ArmStroke:
-    """A stroke and the ways of the joints along it.
+class ArmMotion:
+    """A linear motion and the paths of the joints along it.
 
     Parameters
     ----------
-    stroke
+    motion
         What the hand does.
     elbows, unreachable
-        See :class:`Ways`.
+        See :class:`DescentPaths`.
     """
 
-    stroke: Stroke
+    motion: LinearMotion
     elbows: tuple[Elbow, ...]
     unreachable: Unreachable | None = None
 
 
 class MotionPlanner:
-    """Finds the ways of the arm, once for each stroke.
+    """Finds the paths of the joints, once for each motion.
 
-    Which way is preferred depends on what may be in the way in any state, never on what is in
-    the way in one: so that a verdict rests on the facts of the obstacles met, and the time of
-    a skill on none of them.
+    Which path is preferred depends on the obstacles that there may be in any state, never on
+    those that there are in one: so that a verdict rests on the facts of the obstacles met, and
+    the time of a skill on none of them.
 
     Parameters
     ----------
     arm
         The arm.
     obstacles
-        Everything that may be in the way.
+        All that there may be.
     tolerance_m
         Depth that still counts as touching without harm [m], >= 0.
     samples
-        At so many places of a stroke the links are looked at, >= 1.
+        How many equally spaced intervals of a path the links are checked at, >= 1.
     check_arm
-        Whether the links are looked at.
+        Whether the links are checked.
     """
 
     def __init__(
@@ -106,15 +106,17 @@ class MotionPlanner:
         self.tolerance_m = tolerance_m
         self.samples = samples
         self.check_arm = check_arm
-        self._known: dict[tuple[Point, Point, float, frozenset[str]], Ways] = {}
+        self._known: dict[tuple[Point, Point, float, frozenset[str]], DescentPaths] = {}
 
-    def plan(self, stroke: Stroke) -> ArmStroke:
-        """Return how the arm makes a stroke."""
-        spares = spared(stroke)
-        ways = self.ways(stroke.tip, stroke.above, stroke.closing_yaw_rad, spares)
-        return ArmStroke(stroke, ways.elbows, ways.unreachable)
+    def plan(self, motion: LinearMotion) -> ArmMotion:
+        """Return how the arm makes a motion."""
+        spares = spared(motion)
+        paths = self.descents(motion.tip, motion.above, motion.closing_yaw_rad, spares)
+        return ArmMotion(motion, paths.elbows, paths.unreachable)
 
-    def ways(self, tip: Point, above: Point, closing_yaw: float, spares: frozenset[str]) -> Ways:
+    def descents(
+        self, tip: Point, above: Point, closing_yaw: float, spares: frozenset[str]
+    ) -> DescentPaths:
         """Return how the arm goes straight down to a place.
 
         Parameters
@@ -154,24 +156,28 @@ class MotionPlanner:
         ]
         return tuple(sorted(found, key=lambda pair: pair[1].touch.fraction))
 
-    def _found(self, tip: Point, above: Point, closing_yaw: float, spares: frozenset[str]) -> Ways:
+    def _found(
+        self, tip: Point, above: Point, closing_yaw: float, spares: frozenset[str]
+    ) -> DescentPaths:
         elbows: list[Elbow] = []
         failures: list[Unreachable] = []
-        for path in stroke_paths(self.arm, tip, above, closing_yaw):
+        for path in descent_paths(self.arm, tip, above, closing_yaw):
             if isinstance(path, Unreachable):
                 failures.append(path)
                 continue
             elbow = Elbow(path, self.met(path, spares))
             if not elbow.meets:
-                return Ways((elbow,))
+                return DescentPaths((elbow,))
             elbows.append(elbow)
         if not elbows:
-            return Ways((), min(failures, key=lambda failure: failure.distance_m))
+            return DescentPaths((), min(failures, key=lambda failure: failure.distance_m))
         # Sorting keeps the order of those that meet equally much.
-        return Ways(tuple(sorted(elbows, key=lambda elbow: (elbow.blocked, len(elbow.meets)))))
+        return DescentPaths(
+            tuple(sorted(elbows, key=lambda elbow: (elbow.blocked, len(elbow.meets))))
+        )
 
 
-def spared(stroke: Stroke) -> frozenset[str]:
-    """Return the bodies that a stroke may touch: its target and what is carried."""
-    carried = {stroke.carries} if stroke.carries is not None else set()
-    return frozenset({stroke.visit.subject} | carried)
+def spared(motion: LinearMotion) -> frozenset[str]:
+    """Return the bodies that a motion may touch: its target and what is carried."""
+    carried = {motion.carries} if motion.carries is not None else set()
+    return frozenset({motion.visit.subject} | carried)

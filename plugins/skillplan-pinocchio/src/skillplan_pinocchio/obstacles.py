@@ -1,4 +1,4 @@
-"""Everything that can stand in the way, by the fact that puts it there."""
+"""Obstacles: every body at every place where it can be, by the fact that puts it there."""
 
 from __future__ import annotations
 

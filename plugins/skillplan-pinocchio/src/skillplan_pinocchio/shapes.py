@@ -60,7 +60,7 @@ class ConvexPiece:
         return coal.Convex.convexHull(points, True, "Qt")
 
     def swept(self, by: Sequence[float]) -> ConvexPiece:
-        """Return what the piece sweeps on a straight way: the hull of its ends, exactly."""
+        """Return what the piece sweeps along a straight line: the hull of its ends, exactly."""
         return ConvexPiece(np.concatenate([self.corners, self.corners + np.array(by)]))
 
 

@@ -1,17 +1,17 @@
-"""How long skills take: travel, strokes down and up, and what the hand does there."""
+"""How long skills take: transfer motions, linear motions down and up, and what the hand does."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from skillplan.physics.linear_motions import Stroke, strokes
+from skillplan.physics.linear_motions import LinearMotion, linear_motions
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Robot
 from skillplan.task.task import Task
 from skillplan_pinocchio.arm_model import Vector
-from skillplan_pinocchio.arm_motion import travel_path
-from skillplan_pinocchio.motion_plan import ArmStroke, MotionPlanner
+from skillplan_pinocchio.arm_motion import transfer_path
+from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
 from skillplan_pinocchio.timing import JointLimits, JointPath
 
 
@@ -32,7 +32,7 @@ class Stand:
 
 
 class SkillTimes:
-    """Times of strokes and of the ways between them.
+    """Times of linear motions and of the transfer motions between them.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class SkillTimes:
     robot
         Its arm.
     planner
-        Finds the ways of the arm.
+        Finds the paths of the joints.
     limits
         Of the joints.
     dwells_s
@@ -66,12 +66,12 @@ class SkillTimes:
         self.dwells_s = dwells_s
         self.drop_height_m = drop_height_m
         self._stands: dict[str, Stand] = {}
-        self._travels: dict[tuple[bytes, bytes], JointPath] = {}
-        self._strokes_s: dict[Stroke, float] = {}
-        self._last = self._last_strokes()
+        self._transfers: dict[tuple[bytes, bytes], JointPath] = {}
+        self._motions_s: dict[LinearMotion, float] = {}
+        self._last = self._last_motions()
 
-    def duration_s(self, planned: tuple[ArmStroke, ...], stand: Stand) -> float | None:
-        """Return how long some strokes take in turn [s]; None where the arm cannot make them.
+    def duration_s(self, planned: tuple[ArmMotion, ...], stand: Stand) -> float | None:
+        """Return how long some motions take in turn [s]; None where the arm cannot make them.
 
         Parameters
         ----------
@@ -86,21 +86,21 @@ class SkillTimes:
             if not one.elbows or here is None:
                 return None
             path = one.elbows[0].path
-            total_s += self.travel(here, path.nodes[0]).timed(self.limits).duration_s
-            if one.stroke not in self._strokes_s:
-                self._strokes_s[one.stroke] = path.timed(self.limits).duration_s
+            total_s += self.transfer(here, path.nodes[0]).timed(self.limits).duration_s
+            if one.motion not in self._motions_s:
+                self._motions_s[one.motion] = path.timed(self.limits).duration_s
             # Up as down.
-            total_s += 2 * self._strokes_s[one.stroke] + self.dwells_s[one.stroke.visit.event]
+            total_s += 2 * self._motions_s[one.motion] + self.dwells_s[one.motion.visit.event]
             here = path.nodes[0]
         # A nanosecond is beyond what the limits mean, and the same on every machine.
         return round(total_s, 9)
 
-    def travel(self, start: Vector, end: Vector) -> JointPath:
-        """Return the way between two postures above targets."""
+    def transfer(self, start: Vector, end: Vector) -> JointPath:
+        """Return the path of the transfer motion between two postures above targets."""
         key = (start.tobytes(), end.tobytes())
-        if key not in self._travels:
-            self._travels[key] = travel_path(self.planner.arm, start, end)
-        return self._travels[key]
+        if key not in self._transfers:
+            self._transfers[key] = transfer_path(self.planner.arm, start, end)
+        return self._transfers[key]
 
     def stand(self, fact: str, position: Point) -> Stand:
         """Return how the arm stands at a place: as it ended the skill that leads there.
@@ -117,17 +117,17 @@ class SkillTimes:
         return self._stands[fact]
 
     def _found(self, fact: str, position: Point) -> Stand:
-        stroke = self._last.get(fact)
-        if stroke is not None:
-            position = stroke.above
-            elbows = self.planner.plan(stroke).elbows
+        motion = self._last.get(fact)
+        if motion is not None:
+            position = motion.above
+            elbows = self.planner.plan(motion).elbows
         else:
-            elbows = self.planner.ways(position, position, 0.0, frozenset()).elbows
+            elbows = self.planner.descents(position, position, 0.0, frozenset()).elbows
         return Stand(position, elbows[0].path.nodes[0] if elbows else None)
 
-    def _last_strokes(self) -> dict[str, Stroke]:
-        """Return the last stroke of the first skill that ends at every place."""
-        found: dict[str, Stroke] = {}
+    def _last_motions(self) -> dict[str, LinearMotion]:
+        """Return the last motion of the first skill that ends at every place."""
+        found: dict[str, LinearMotion] = {}
         for skill in self.task.skills:
             if skill.motion is None or skill.motion.robot != self.robot.name:
                 continue
@@ -135,5 +135,5 @@ class SkillTimes:
                 if fact in self.robot.places and fact not in found:
                     # A state in which the first route is the one that fits.
                     state = skill.motion.routes[0].when | skill.precondition.requires
-                    found[fact] = strokes(self.task, skill, state, self.drop_height_m)[-1]
+                    found[fact] = linear_motions(self.task, skill, state, self.drop_height_m)[-1]
         return found

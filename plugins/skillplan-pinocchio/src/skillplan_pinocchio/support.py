@@ -1,4 +1,4 @@
-"""Whether what is left somewhere stays there: what bears it, and whether it tips."""
+"""Whether what is left somewhere stays there: its supports, and whether it tips."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from skillplan_pinocchio.shapes import ConvexPiece
 Planar = tuple[float, float]
 Polygon = tuple[Planar, ...]
 
-# A contact of less area bears nothing [m^2].
+# A contact of less area supports nothing [m^2].
 _LEAST_AREA_M2 = 1e-10
 _ROUNDING_M = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """Where something bears a body.
+    """Where something supports a body.
 
     Parameters
     ----------
     body
-        What bears it.
+        What supports it.
     fact
         Holds while that is there; None for what is always there.
     polygons
@@ -36,8 +36,8 @@ class Contact:
 
 
 @dataclass(frozen=True)
-class Ground:
-    """Everything that could bear a body at a place.
+class Supports:
+    """Everything that could support a body at a place.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Ground:
     centre
         Of its mass, seen from above [m].
     contacts
-        What could bear it.
+        Of what could support it.
     """
 
     body: str
@@ -54,7 +54,7 @@ class Ground:
     contacts: tuple[Contact, ...]
     _known: dict[tuple[bool, ...], bool] = field(default_factory=dict, compare=False, repr=False)
 
-    def bears(self, there: Sequence[bool]) -> bool:
+    def hold(self, there: Sequence[bool]) -> bool:
         """Whether the centre of mass is above the hull of the contacts that are there.
 
         Parameters
@@ -75,18 +75,18 @@ class Ground:
         return self._known[key]
 
 
-def ground_of(
+def supports_of(
     body: str,
     pieces: tuple[ConvexPiece, ...],
     obstacles: Iterable[Obstacle],
     tolerance_m: float,
-) -> Ground:
-    """Return what could bear a body whose pieces are where it is left.
+) -> Supports:
+    """Return what could support a body whose pieces are where it is left.
 
     Parameters
     ----------
     body
-        Its name; it does not bear itself.
+        Its name; it does not support itself.
     pieces
         In the world.
     obstacles
@@ -114,7 +114,7 @@ def ground_of(
         )
         if polygons:
             contacts.append(Contact(obstacle.body, obstacle.fact, polygons))
-    return Ground(body, _centre(pieces), tuple(contacts))
+    return Supports(body, _centre(pieces), tuple(contacts))
 
 
 def planar_hull(points: Iterable[Planar]) -> Polygon:
@@ -123,9 +123,9 @@ def planar_hull(points: Iterable[Planar]) -> Polygon:
     if len(ordered) < 3:
         return tuple(ordered)
     halves: list[list[Planar]] = []
-    for way in (ordered, ordered[::-1]):
+    for direction in (ordered, ordered[::-1]):
         half: list[Planar] = []
-        for point in way:
+        for point in direction:
             while len(half) > 1 and _turn(half[-2], half[-1], point) <= 0:
                 half.pop()
             half.append(point)

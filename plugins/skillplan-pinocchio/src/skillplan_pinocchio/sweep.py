@@ -1,4 +1,4 @@
-"""What convex pieces run into on a straight way, and where first."""
+"""What convex pieces run into along a straight line, and where first."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ class Touch:
     Parameters
     ----------
     fraction
-        Of the way, in [0, 1].
+        Of the line, in [0, 1].
     position
         In the world [m].
     penetration_m
-        How deep the way leads into it, > 0 [m].
+        How deep the line leads into it, > 0 [m].
     """
 
     fraction: float
@@ -32,7 +32,7 @@ class Touch:
 class Sweep:
     """A straight displacement of some pieces.
 
-    What a convex piece sweeps on a straight way is the hull of its two ends, so that nothing is
+    What a convex piece sweeps along a straight line is the hull of its two ends, so that nothing is
     missed between samples; samples only say where it is touched first.
 
     Parameters
@@ -70,11 +70,11 @@ class Sweep:
         Parameters
         ----------
         obstacle
-            What may be in the way.
+            What may block the motion.
         tolerance_m
             Depth that still counts as touching without harm [m], >= 0.
         samples
-            At so many equally spaced places of the way it is looked for the first, >= 1.
+            How many equally spaced intervals of the line the first is searched at, >= 1.
         """
         found = [
             touch
@@ -105,5 +105,5 @@ class Sweep:
                 nearest, nearest_m = Touch(fraction, here.position, depth_m), here.distance_m
             if here.distance_m < -tolerance_m:
                 return nearest
-        # What is thinner than the way between two samples: the nearer of them.
+        # What is thinner than the distance between two samples: the nearer of them.
         return nearest

@@ -1,9 +1,9 @@
 """The detector ``swept``: convex hulls of hand, load and links along a skill's motion.
 
-The motion is that of the shared stroke planner: a travel at safe height, then at every via
-point straight down and up again (Moller et al., section 4.4). A skill is infeasible where the
-arm cannot follow, where something of it runs into a body, or where nothing bears what it
-leaves behind.
+The motion is the one that all back ends share: a transfer motion at safe height, then at every
+via point an approach-act-retreat motion, straight down and up again (Moller et al., section 4.4).
+A skill is infeasible where the arm cannot follow, where something of it runs into a body, or where
+nothing supports what it leaves behind.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from functools import cached_property
 from pydantic import Field
 
 from skillplan.collision.detector import Detector
+from skillplan.collision.hulls import HullScene
 from skillplan.physics.jaws import jaw_faults, too_wide
-from skillplan.physics.linear_motions import strokes
+from skillplan.physics.linear_motions import linear_motions
 from skillplan.task import back_end
 from skillplan.task.motion import Event
 from skillplan.task.scene import Robot
@@ -24,17 +25,18 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.course import Course, CourseMaker, Hit, Travels
 from skillplan_pinocchio.hand_sweeps import HandSweeps
-from skillplan_pinocchio.motion_plan import ArmStroke, MotionPlanner
+from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
 from skillplan_pinocchio.obstacles import obstacles_of
-from skillplan_pinocchio.ruling import Ruling
+from skillplan_pinocchio.picture import hull_scene
 from skillplan_pinocchio.skill_times import SkillTimes
+from skillplan_pinocchio.swept_motion import Collision, SweptMotion, SweptMotionBuilder, Transfers
 from skillplan_pinocchio.timing import JointLimits, JointPath
+from skillplan_pinocchio.verdict_in_state import VerdictInState
 
 
 class SweptDetector(Detector):
-    """Rule on swept convex hulls of hand, load and links, on reach, and on supports."""
+    """A verdict on swept convex hulls of hand, load and links, on reach, and on supports."""
 
     name = "swept"
     expected_s = 0.005
@@ -46,8 +48,8 @@ class SweptDetector(Detector):
             default=40,
             ge=4,
             le=1_000,
-            description="places along a stroke at which links, and first touches, are looked "
-            "for; hand and load are swept without gaps [-]",
+            description="places along a linear motion at which links, and first touches, are "
+            "looked for; hand and load are swept without gaps [-]",
         )
         tolerance_m: float = Field(
             default=2e-4,
@@ -73,7 +75,7 @@ class SweptDetector(Detector):
         )
         check_arm: bool = Field(
             default=True,
-            description="look at the links of the arm, not only at the hand [-]",
+            description="check the links of the arm, not only the hand [-]",
         )
         speed_fraction: float = Field(
             default=0.5,
@@ -98,7 +100,7 @@ class SweptDetector(Detector):
 
     def __init__(self, task: Task, options: Options | None = None) -> None:
         super().__init__(task, options)
-        self._courses: dict[tuple[str, int], Course] = {}
+        self._swept_motions: dict[tuple[str, int], SweptMotion] = {}
         self._durations_s: dict[tuple[str, int, str], float | None] = {}
 
     def refuses(self) -> str | None:
@@ -113,15 +115,15 @@ class SweptDetector(Detector):
         return {} if self.refuses() is not None else jaw_faults(self.task)
 
     def check(self, skill: Skill, state: State) -> Verdict:
-        """Rule on the motion of `skill`; see :meth:`BackEnd.check`."""
+        """Return the verdict on the motion of `skill`; see :meth:`BackEnd.check`."""
         facts = self.task.facts
         if skill.motion is None:
             return Verdict.feasible(facts.none, facts.none)
         present, absent = self._circumstances(skill, state)
         key = (skill.name, present)
-        if key not in self._courses:
-            self._courses[key] = self._course(skill, state)
-        return Ruling(state, present, absent).verdict(self._courses[key])
+        if key not in self._swept_motions:
+            self._swept_motions[key] = self._swept_motion(skill, state)
+        return VerdictInState(state, present, absent).on(self._swept_motions[key])
 
     def duration_s(self, skill: Skill, state: State) -> float | None:
         """Return how long the arm takes within its limits; see :meth:`BackEnd.duration_s`.
@@ -138,6 +140,19 @@ class SweptDetector(Detector):
             self._durations_s[key] = self._times.duration_s(self._plan(skill, state), stand)
         return self._durations_s[key]
 
+    def hulls(self, skill: Skill, state: State) -> HullScene:
+        """Return what `skill` sweeps, to be looked at; see :meth:`HullDetector.hulls`."""
+        words = too_wide(self.task.scene, self._robot, skill)
+        if words is not None:
+            raise ValueError(words)
+        verdict = self.check(skill, state)
+        sweeps = HandSweeps(self.task.scene, self._robot, self.options.clearance_m)
+        planned = self._plan(skill, state)
+        start = None
+        if self._transfer_matters:
+            start = self._times.stand(*self._robot.place(state)).above
+        return hull_scene(planned, sweeps, self._planner, state, verdict, start)
+
     @cached_property
     def _robot(self) -> Robot:
         return self.task.scene.robots[0]
@@ -153,8 +168,8 @@ class SweptDetector(Detector):
         )
 
     @cached_property
-    def _maker(self) -> CourseMaker:
-        return CourseMaker(
+    def _builder(self) -> SweptMotionBuilder:
+        return SweptMotionBuilder(
             self.task.scene,
             self._planner,
             HandSweeps(self.task.scene, self._robot, self.options.clearance_m),
@@ -170,13 +185,13 @@ class SweptDetector(Detector):
         return SkillTimes(self.task, self._robot, self._planner, limits, dwells_s, drop_m)
 
     @cached_property
-    def _travel_matters(self) -> bool:
-        """Whether anything is tall enough to be met at the height of the travel."""
+    def _transfer_matters(self) -> bool:
+        """Whether anything is tall enough to be met at the height of a transfer motion."""
         height_m = self._robot.safe_height_m + self.options.tolerance_m
         return any(obstacle.top_m > height_m for obstacle in self._planner.obstacles)
 
     def _circumstances(self, skill: Skill, state: State) -> tuple[int, int]:
-        """Return the facts that decide which way the arm goes and what it holds, as bits.
+        """Return the facts that decide how the arm moves and what it holds, as bits.
 
         Those that hold, and those that do not.
         """
@@ -195,27 +210,29 @@ class SweptDetector(Detector):
                 for route in skill.motion.routes
                 if state.bits & route.when.bits == route.when.bits
             )
-        if self._travel_matters:
+        if self._transfer_matters:
             present |= facts.bit(robot.place(state)[0])
         return present, absent
 
-    def _plan(self, skill: Skill, state: State) -> tuple[ArmStroke, ...]:
-        """Return the strokes as the arm makes them; they do not depend on where it stands."""
-        planned = strokes(self.task, skill, state, self.options.drop_height_m)
-        return tuple(self._planner.plan(stroke) for stroke in planned)
+    def _plan(self, skill: Skill, state: State) -> tuple[ArmMotion, ...]:
+        """Return the motions as the arm makes them; they do not depend on where it stands."""
+        planned = linear_motions(self.task, skill, state, self.options.drop_height_m)
+        return tuple(self._planner.plan(motion) for motion in planned)
 
-    def _course(self, skill: Skill, state: State) -> Course:
+    def _swept_motion(self, skill: Skill, state: State) -> SweptMotion:
         words = too_wide(self.task.scene, self._robot, skill)
         if words is not None:
-            return Course((Hit(None, words, {}),), ())
+            return SweptMotion((Collision(None, words, {}),), ())
         planned = self._plan(skill, state)
-        if not self._travel_matters:
-            return self._maker.course(planned)
+        if not self._transfer_matters:
+            return self._builder.build(planned)
         stand = self._times.stand(*self._robot.place(state))
         here = stand.joints_rad
-        ways: list[JointPath | None] = []
+        paths: list[JointPath | None] = []
         for one in planned:
             there = one.elbows[0].path.nodes[0] if one.elbows else None
-            ways.append(None if here is None or there is None else self._times.travel(here, there))
+            paths.append(
+                None if here is None or there is None else self._times.transfer(here, there)
+            )
             here = there
-        return self._maker.course(planned, Travels(stand.above, tuple(ways)))
+        return self._builder.build(planned, Transfers(stand.above, tuple(paths)))

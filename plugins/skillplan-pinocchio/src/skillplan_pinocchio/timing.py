@@ -187,7 +187,7 @@ class JointPath:
 
 
 def _duration_s(speed_per_s: float, acceleration_per_s2: float) -> float:
-    """Return how long a way of length 1 takes from rest to rest [s]."""
+    """Return how long a path of length 1 takes from rest to rest [s]."""
     if speed_per_s**2 >= acceleration_per_s2:
         return 2 / math.sqrt(acceleration_per_s2)
     return 1 / speed_per_s + speed_per_s / acceleration_per_s2

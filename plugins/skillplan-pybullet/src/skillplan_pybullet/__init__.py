@@ -1,6 +1,10 @@
-"""A Panda in pybullet: skills executed, contacts logged, postconditions sensed."""
+"""A Panda in pybullet: skills executed, contacts logged, postconditions sensed.
 
-from skillplan_pybullet.quiet_output import quiet_output
+It holds the engine, the detectors that read its contacts, and what they need; it never solves, and
+never shows or stores anything.
+"""
+
+from skillplan_pybullet.simulator.quiet_output import quiet_output
 
 # The simulator announces itself when it is imported, which is nobody's business.
 with quiet_output():

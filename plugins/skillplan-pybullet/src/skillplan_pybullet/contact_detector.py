@@ -15,9 +15,9 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan_pybullet.collision_signs import FRAMES
 from skillplan_pybullet.engine import PybulletEngine
 from skillplan_pybullet.record import Record
+from skillplan_pybullet.verdicts.contact_threshold import FRAMES
 
 
 class WindowOptions(back_end.Options):
@@ -34,9 +34,9 @@ class WindowOptions(back_end.Options):
 class ContactDetector(Detector):
     """Reads the simulation of a pybullet engine: the one beside it, or one of its own.
 
-    An engine and detectors that are asked the same question share one execution. What the
-    engine rules on itself, it is left to: a motion that the arm cannot follow, a world that
-    does not stand. Where no engine is beside it, the detector rules on that, too.
+    An engine and detectors that get the same query share one execution. What the engine has a
+    verdict on is left to it: a motion that the arm cannot follow, a world that does not stand.
+    Where no engine is beside it, the detector has a verdict on that, too.
     """
 
     # A little less than the engine: a collision is named before the disorder that it causes.
@@ -49,7 +49,7 @@ class ContactDetector(Detector):
         super().__init__(task, options)
         self._engine: PybulletEngine | None = None
         self._is_alone = True
-        # Of several detectors without an engine beside them, all read that of one.
+        # Of several detectors without an engine beside them, all read the engine of one.
         self._lender: ContactDetector = self
 
     def refuses(self) -> str | None:
@@ -80,7 +80,7 @@ class ContactDetector(Detector):
 
     @property
     def basis(self) -> Mapping[str, Any]:
-        """The engine's version and options, and whether the engine is asked, too."""
+        """The engine's version and options, and whether the engine is queried, too."""
         engine = self.engine
         return {
             "engine": engine.name,
@@ -91,13 +91,13 @@ class ContactDetector(Detector):
         }
 
     def check(self, skill: Skill, state: State) -> Verdict:
-        """Rule on the contacts of an execution; see :meth:`BackEnd.check`."""
+        """Return the verdict on the contacts of an execution; see :meth:`BackEnd.check`."""
         if skill.motion is None:
             return Verdict.feasible(self.task.facts.none, self.task.facts.none)
-        return self.rule(self.engine.record(skill, state))
+        return self.verdict_on(self.engine.record(skill, state))
 
-    def rule(self, record: Record) -> Verdict:
-        """Rule on what an execution left behind.
+    def verdict_on(self, record: Record) -> Verdict:
+        """Return the verdict on an execution.
 
         Parameters
         ----------
@@ -106,7 +106,7 @@ class ContactDetector(Detector):
         """
         present, absent = record.present, record.absent
         if record.upset is None and record.unreachable is None and record.unsettled is None:
-            return self.rule_on_contacts(record)
+            return self.contact_verdict(record)
         if not self._is_alone:
             return Verdict.feasible(present, absent)
         if record.upset is not None:
@@ -115,8 +115,8 @@ class ContactDetector(Detector):
         return Verdict.infeasible(reason, present, absent)
 
     @abstractmethod
-    def rule_on_contacts(self, record: Record) -> Verdict:
-        """Rule on an execution that came to pass."""
+    def contact_verdict(self, record: Record) -> Verdict:
+        """Return the verdict on the contacts of an execution that ran to its end."""
 
     def in_words(self, name: str) -> str:
         """Return a thing's name with an article, but for parts, which go by their names."""

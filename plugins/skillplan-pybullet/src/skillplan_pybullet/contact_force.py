@@ -7,18 +7,18 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from skillplan.task.verdict import Verdict
-from skillplan_pybullet.collision_signs import frame_means
 from skillplan_pybullet.contact_detector import ContactDetector, WindowOptions, rounded
 from skillplan_pybullet.record import FRAMES_PER_S, Record
+from skillplan_pybullet.verdicts.contact_threshold import frame_means
 
 _AXES = "xyz"
 
 
 class ContactForceDetector(ContactDetector):
-    """Rule on the mean of the absolute net contact force on every part, axis by axis.
+    """A verdict on the mean of the absolute net contact force on every part, axis by axis.
 
-    As Moller et al. have it (section 4.3): forces are averaged over the last 6 frames and held
-    against a threshold of 1. To the letter (``weight_compensated=false``) it fires on whatever
+    As Moller et al. have it (section 4.3): forces are averaged over the last 6 frames and
+    compared with a threshold of 1. To the letter (``weight_compensated=false``) it fires on what
     rests and weighs more than 102 g, for a resting part's net contact force is its weight. With
     compensation, an upward force up to the weight is left out: all of it where a part rests,
     none of it where something else than a contact carries it, as suction does. Even so it reads
@@ -47,8 +47,8 @@ class ContactForceDetector(ContactDetector):
 
     options: Options
 
-    def rule_on_contacts(self, record: Record) -> Verdict:
-        """Rule on the net forces; the part whose mean exceeds the threshold first is named."""
+    def contact_verdict(self, record: Record) -> Verdict:
+        """Return it; the part whose mean exceeds the threshold first is named."""
         threshold_n = self.options.threshold_n
         parts = {body.name for body in self.task.scene.bodies}
         means = {

@@ -7,20 +7,20 @@ from typing import Any
 from pydantic import Field
 
 from skillplan.task.verdict import Verdict
-from skillplan_pybullet.collision_signs import (
+from skillplan_pybullet.contact_detector import ContactDetector, WindowOptions, rounded
+from skillplan_pybullet.record import FRAMES_PER_S, Pair, Record
+from skillplan_pybullet.simulator.world import TABLE
+from skillplan_pybullet.verdicts.contact_threshold import (
     DISPLACEMENT_M,
     FORCE_N,
     mean_forces,
     presses,
     pushes,
 )
-from skillplan_pybullet.contact_detector import ContactDetector, WindowOptions, rounded
-from skillplan_pybullet.record import FRAMES_PER_S, Pair, Record
-from skillplan_pybullet.world import TABLE
 
 
 class ContactPairsDetector(ContactDetector):
-    """Rule on forces between bodies that should not touch, and on bodies pushed aside.
+    """A verdict on forces between bodies that should not touch, and on bodies pushed aside.
 
     A skill is infeasible where the normal force of an unexpected pair, averaged over the last
     frames, exceeds the threshold, or where a body that the skill does not handle moves further
@@ -51,8 +51,8 @@ class ContactPairsDetector(ContactDetector):
 
     options: Options
 
-    def rule_on_contacts(self, record: Record) -> Verdict:
-        """Rule on pairs and displacements; the one that came first is the reason."""
+    def contact_verdict(self, record: Record) -> Verdict:
+        """Return it; the pair or displacement that came first is the reason."""
         options = self.options
         pressing = presses(record, options.threshold_n, options.frames)
         pushed = pushes(record, options.displacement_m)
@@ -80,7 +80,7 @@ class ContactPairsDetector(ContactDetector):
         return Verdict.infeasible(reason, record.present, record.absent, {**found, **evidence})
 
     def _readings(self, record: Record) -> dict[str, Any]:
-        """Return the greatest figures seen beside the limits that they are held against."""
+        """Return the greatest figures seen beside the limits that they are compared with."""
         means = mean_forces(record, self.options.frames)
         most_n = max((mean.max() for mean in means.values()), default=0.0)
         peak_n = max((one.max() for one in record.pairs_n.values() if len(one)), default=0.0)

@@ -17,15 +17,15 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan_pybullet.dynamics import has_pinocchio
-from skillplan_pybullet.execution import Workcell
+from skillplan_pybullet.arm.dynamics import has_pinocchio
+from skillplan_pybullet.execution.footage import footage, picture
+from skillplan_pybullet.execution.plan_execution import Observers, execute_plan
+from skillplan_pybullet.execution.workcell import Workcell
 from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.footage import footage, picture
-from skillplan_pybullet.performing import perform
-from skillplan_pybullet.postconditions import Tolerances, rule
 from skillplan_pybullet.record import Record
+from skillplan_pybullet.verdicts.postconditions import Tolerances, postcondition_verdict
 
-# Engine and detectors ask about one question after the other.
+# Engine and detectors are queried about the same skill and state, one after the other.
 _KEPT_RECORDS = 8
 
 
@@ -33,8 +33,8 @@ class PybulletEngine(Engine, Performer):
     """Execute the skill with a Panda in pybullet and sense its postcondition.
 
     The robot is the one that pybullet ships (its inertias are placeholders, not measured).
-    Every check has a world of its own, with the bodies near the motion and what bears them; the
-    verdict rests on the facts that put them there. Ruled on are sensed postconditions: where
+    Every check has a world of its own, with the bodies near the motion and their supports; the
+    verdict rests on the facts that put them there. It is about sensed postconditions: where
     parts come to rest, what is in the hand, which tool is attached, the force a screw is
     driven with. Collisions are for the detectors that read the same execution.
     """
@@ -124,7 +124,7 @@ class PybulletEngine(Engine, Performer):
         return {} if self.refuses() is not None else jaw_faults(self.task)
 
     def record(self, skill: Skill, state: State) -> Record:
-        """Return the execution of a skill, shared by all who ask about it at one time."""
+        """Return the execution of a skill, shared by all back ends that are queried about it."""
         key = (skill.name, state.bits)
         known = self._records.get(key)
         if known is None:
@@ -134,10 +134,10 @@ class PybulletEngine(Engine, Performer):
         return known
 
     def check(self, skill: Skill, state: State) -> Verdict:
-        """Rule on the sensed postcondition of `skill`; see :meth:`BackEnd.check`."""
+        """Return the verdict on the sensed postcondition; see :meth:`BackEnd.check`."""
         if skill.motion is None:
             return Verdict.feasible(self.task.facts.none, self.task.facts.none)
-        return rule(skill, self.record(skill, state), self.tolerances)
+        return postcondition_verdict(skill, self.record(skill, state), self.tolerances)
 
     def picture(self, skill: Skill, state: State) -> Image:
         """Return the moment of failure, or the end; see :class:`Performer`."""
@@ -158,6 +158,5 @@ class PybulletEngine(Engine, Performer):
         stopped: Callable[[], bool] = lambda: False,
     ) -> Performance:
         """Execute a plan in one continuous world; see :meth:`Performer.perform`."""
-        return perform(
-            self, skills, frames_per_s=frames_per_s, show=show, note=note, stopped=stopped
-        )
+        observers = Observers(frames_per_s, show, note)
+        return execute_plan(self.workcell, self.tolerances, skills, observers, stopped)

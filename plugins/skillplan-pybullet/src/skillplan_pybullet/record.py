@@ -1,4 +1,4 @@
-"""What one simulated execution of a skill left behind, for engine and detectors to rule on."""
+"""What one simulated execution of a skill left behind: what the verdicts are about."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ class Record:
         Why the execution says nothing: the simulation blew up or took too long; None
         where it does.
     unsettled
-        Why the world itself could not be, before the robot moved, such as a part that nothing
-        bears; None where it stood.
+        Why the world itself could not be, before the robot moved, such as a part without a
+        support; None where it stood.
     steps
         Simulation steps.
     """

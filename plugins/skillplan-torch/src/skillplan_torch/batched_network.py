@@ -6,7 +6,6 @@ figures are the same alone and among others.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
@@ -16,6 +15,7 @@ import torch
 from numpy.typing import NDArray
 
 from skillplan.solvers.learning.network_policy import NetworkPolicy
+from skillplan_torch.snapshot_arrays import fitting
 
 Vector = NDArray[np.float32]
 
@@ -23,8 +23,6 @@ BLOCK = 32
 """What a run has of anything is padded to so many, the widest vector of a processor. What is left
 over of a block is rounded otherwise, and with several runs in a row it depends on how many they
 are where the leftovers are."""
-
-_MEAN_DECAY, _SQUARE_DECAY = 0.9, 0.999
 
 
 def padded(count: int) -> int:
@@ -92,7 +90,7 @@ class BatchedNetwork:
         return layer[:, 0]
 
     def copy(self) -> BatchedNetwork:
-        """Return a network of the same figures that goes its own way."""
+        """Return an independent network of the same figures."""
         twin = BatchedNetwork.__new__(BatchedNetwork)
         twin.parameters = [parameter.detach().clone() for parameter in self.parameters]
         twin._arrays = [parameter.numpy() for parameter in twin.parameters]
@@ -100,7 +98,7 @@ class BatchedNetwork:
 
     @torch.no_grad()
     def approach(self, other: BatchedNetwork, share: float) -> None:
-        """Move all parameters by a share of the way towards another network's."""
+        """Move all parameters by a share of the difference towards another network's."""
         torch._foreach_lerp_(self.parameters, [p.detach() for p in other.parameters], share)
 
     def is_sane(self) -> NDArray[np.bool_]:
@@ -137,80 +135,3 @@ class BatchedNetwork:
         """
         for i, mine in enumerate(self._arrays):
             np.copyto(mine, fitting(arrays, f"{name}.{i}", mine.shape))
-
-
-class BatchedAdam:
-    """Adam (Kingma and Ba, 2015) for batched networks.
-
-    Written out, as the library's costs more in wrapping so small networks than in arithmetic.
-
-    Parameters
-    ----------
-    parameters
-        What it changes.
-    epsilon
-        Keeps small gradients from being blown up, > 0.
-    """
-
-    def __init__(self, parameters: Sequence[torch.Tensor], epsilon: float = 1e-8) -> None:
-        self._parameters, self._epsilon = list(parameters), epsilon
-        self._steps = 0
-        self._means = [torch.zeros_like(one, requires_grad=False) for one in self._parameters]
-        self._squares = [torch.zeros_like(one, requires_grad=False) for one in self._parameters]
-
-    def step(self, loss: torch.Tensor, rate: float) -> None:
-        """Follow the gradient of a loss that is a sum over runs."""
-        for parameter in self._parameters:
-            parameter.grad = None
-        loss.backward()  # type: ignore[no-untyped-call]
-        self.follow(rate)
-
-    @torch.no_grad()
-    def follow(self, rate: float) -> None:
-        """Follow the gradients that there are."""
-        self._steps += 1
-        step = rate / (1.0 - _MEAN_DECAY**self._steps)
-        correction = math.sqrt(1.0 - _SQUARE_DECAY**self._steps)
-        for parameter, mean, square in zip(
-            self._parameters, self._means, self._squares, strict=True
-        ):
-            gradient = parameter.grad
-            assert gradient is not None
-            mean.lerp_(gradient, 1.0 - _MEAN_DECAY)
-            square.mul_(_SQUARE_DECAY).addcmul_(gradient, gradient, value=1.0 - _SQUARE_DECAY)
-            scale = square.sqrt().div_(correction).add_(self._epsilon)
-            parameter.addcdiv_(mean, scale, value=-step)
-
-    def arrays(self, name: str) -> dict[str, NDArray[Any]]:
-        """Return copies of its moments, to be read by `read`."""
-        found: dict[str, NDArray[Any]] = {f"{name}.steps": np.array(self._steps, dtype=np.int64)}
-        for i, (mean, square) in enumerate(zip(self._means, self._squares, strict=True)):
-            found[f"{name}.{i}.mean"] = mean.numpy().copy()
-            found[f"{name}.{i}.square"] = square.numpy().copy()
-        return found
-
-    def read(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Take over what `arrays` returned.
-
-        Raises
-        ------
-        ValueError
-            If it is of another shape.
-        """
-        self._steps = int(fitting(arrays, f"{name}.steps", ()))
-        for i, (mean, square) in enumerate(zip(self._means, self._squares, strict=True)):
-            np.copyto(mean.numpy(), fitting(arrays, f"{name}.{i}.mean", tuple(mean.shape)))
-            np.copyto(square.numpy(), fitting(arrays, f"{name}.{i}.square", tuple(square.shape)))
-
-
-def fitting(arrays: Mapping[str, NDArray[Any]], name: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    """Return an array of a snapshot, having seen that it is there and of this shape.
-
-    Raises
-    ------
-    ValueError
-        If not.
-    """
-    if name not in arrays or arrays[name].shape != shape:
-        raise ValueError(f"The snapshot's {name} is missing or of another shape.")
-    return arrays[name]

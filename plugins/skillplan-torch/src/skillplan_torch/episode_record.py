@@ -1,4 +1,4 @@
-"""The episode that a run is in."""
+"""The episode that a run is in: what was observed and done, and what it cost."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ class EpisodeRecord:
 
     Parameters
     ----------
-    situations, actions
-        Where what was done.
-    paid
-        What a learner makes of the reward of every step.
+    indices, actions
+        Of every step, the index of what was observed, see `ObservationCounts`, and the action.
+    step_rewards
+        What a learner makes of the reward of every step, see `RewardScaling`.
     costs, rewards
-        Of every step.
+        Of every step, in the environment.
     slots
         Where the transitions that begin with the first steps are remembered.
     greedy
         Whether the policy was followed so far.
     """
 
-    situations: list[int] = field(default_factory=list)
+    indices: list[int] = field(default_factory=list)
     actions: list[int] = field(default_factory=list)
-    paid: list[float] = field(default_factory=list)
+    step_rewards: list[float] = field(default_factory=list)
     costs: list[float] = field(default_factory=list)
     rewards: list[float] = field(default_factory=list)
     slots: list[int] = field(default_factory=list)
@@ -52,11 +52,23 @@ class EpisodeRecord:
         """The action taken last; -1 where none was."""
         return self.actions[-1] if self.actions else -1
 
-    def add(self, situation: int, action: int, paid: float, cost: float, reward: float) -> None:
-        """Take note of a step."""
-        self.situations.append(situation)
+    def add(self, index: int, action: int, step_reward: float, cost: float, reward: float) -> None:
+        """Take note of a step.
+
+        Parameters
+        ----------
+        index
+            Of what was observed.
+        action
+            What was done.
+        step_reward
+            What the learner makes of the reward.
+        cost, reward
+            In the environment.
+        """
+        self.indices.append(index)
         self.actions.append(action)
-        self.paid.append(paid)
+        self.step_rewards.append(step_reward)
         self.costs.append(cost)
         self.rewards.append(reward)
 
@@ -75,9 +87,9 @@ class EpisodeRecord:
     def document(self) -> dict[str, Any]:
         """Return all of it as JSON values, to be read by `read`."""
         return {
-            "situations": list(self.situations),
+            "situations": list(self.indices),
             "actions": list(self.actions),
-            "paid": list(self.paid),
+            "paid": list(self.step_rewards),
             "costs": list(self.costs),
             "rewards": list(self.rewards),
             "slots": list(self.slots),
@@ -87,5 +99,12 @@ class EpisodeRecord:
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> EpisodeRecord:
         """Return the record that `document` returned."""
-        lists = {key: list(value) for key, value in document.items() if key != "greedy"}
-        return cls(**lists, greedy=bool(document["greedy"]))
+        return cls(
+            indices=list(document["situations"]),
+            actions=list(document["actions"]),
+            step_rewards=list(document["paid"]),
+            costs=list(document["costs"]),
+            rewards=list(document["rewards"]),
+            slots=list(document["slots"]),
+            greedy=bool(document["greedy"]),
+        )

@@ -2,32 +2,55 @@
 
 from __future__ import annotations
 
-import click
+from typing import Annotated
 
-from skillplan.cli.options import format_option, set_option, settings, task_argument
+import typer
+
+from skillplan.cli.options import OUTPUT, BackEnds, Caching, Reading, Style, TaskFile
 
 
-@click.command("check")
-@task_argument
-@set_option
-@click.option(
-    "--explain-errata",
-    is_flag=True,
-    help="Also list what the paper behind this kind of task prints wrongly, by its geometry.",
-)
-@format_option
-def command(task: str, changes: tuple[str, ...], explain_errata: bool, style: str) -> int:
-    """Validate TASK: faults of YAML, keys, references, order and geometry."""
+def command(
+    task: TaskFile,
+    back_ends: BackEnds,
+    reading: Reading,
+    caching: Caching,
+    explain_errata: Annotated[
+        bool,
+        typer.Option(
+            "--explain-errata",
+            help="Also list what the paper behind this kind of task prints wrongly, by its "
+            "geometry.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = False,
+    style: Style = "table",
+) -> int:
+    """Validate TASK: faults of YAML, keys, references, order and geometry.
+
+    Warns of what is valid, but found out late: parts too wide for jaws, feeders that are blocked
+    at the start, drawings in a doubtful unit, and cycles of the precedence relation. That one is
+    derived by kinematic and aabb, which are instant, whatever the file chooses; --physics and
+    --collision name others, which are also asked what they find wrong with the file's parts.
+    """
     from skillplan.cli.output import emit
     from skillplan.errors import OptionError
-    from skillplan.pipeline.setup import Setup, load_problem
+    from skillplan.pipeline.preview import preview
     from skillplan.records.checked import Checked
+    from skillplan.views.tables.checked import checked_tables
 
-    problem = load_problem(task, None, settings(changes))
-    names = [[made.name for made in Setup().back_ends(one)] for one in problem.tasks]
+    problem = reading.problem(task, back_ends, warn=False)
+    setups = [back_ends.setup(one) for one in problem.tasks]
+    names = [
+        [made.name for made in setup.back_ends(one)]
+        for setup, one in zip(setups, problem.tasks, strict=True)
+    ]
     errata = problem.domain.errata(problem.config) if explain_errata else None
     if explain_errata and errata is None:
         raise OptionError(f"No errata are known of the paper behind {problem.kind!r} tasks.")
-    checked = Checked(problem, names, errata)
-    emit(style, checked.document(), checked.tables())
+    first = setups[0]
+    # Verdicts of what is instant are not worth a file each.
+    cache = caching.cache() if back_ends.named() else None
+    found = preview(problem, first.physics, first.collision, first.options, cache)
+    checked = Checked(problem, names, errata, found)
+    emit(style, checked.document(), checked_tables(checked))
     return 0

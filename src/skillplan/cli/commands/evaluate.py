@@ -2,212 +2,286 @@
 
 from __future__ import annotations
 
-import math
-import os
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
 
-import click
+import typer
 
+from skillplan.cli.completion import task_files
+from skillplan.cli.option_fit import refuse_given
+from skillplan.cli.option_values import count_option, positive_number
 from skillplan.cli.options import (
-    TaskPath,
-    asked,
-    back_end_options,
-    format_option,
-    jobs_option,
-    make_setup,
-    no_cache_option,
-    part_option,
-    seed_option,
-    set_option,
-    settings,
-    time_limit_option,
+    BackEnds,
+    Checking,
+    PartReading,
+    Seed,
+    Style,
+    TimeLimit,
 )
+from skillplan.cli.result_input import RESULT_HELP, load
 
-# What a task file takes and a folder of runs does not, and the other way round.
-_OF_TASK = ("sequence", "policy_file", "start", "part")
-_OF_RUN = ("task_file", "changed_task", "episodes", "temperature", "seed", "layouts")
+if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.pipeline.setup import Setup
+    from skillplan.solvers.solution import Policy
+    from skillplan.task.skill import Skill
+    from skillplan.task.task import Task
 
-
-class Temperature(click.ParamType[float]):
-    """A finite number above 0."""
-
-    name = "temperature"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Return the temperature."""
-        try:
-            temperature = float(value)
-        except ValueError:
-            self.fail(f"{value!r} is not a number.", param, ctx)
-        if not (math.isfinite(temperature) and temperature > 0):
-            self.fail(f"must be a finite number > 0, not {value}.", param, ctx)
-        return temperature
+OF_TASK, OF_RUN = "Of a task: what is replayed", "Of a result or a run"
+# What only a task file takes, what it does not, and what only a folder of runs takes.
+_REPLAYED = ("sequence", "policy_file", "start")
+_RECORDED = ("task_file", "changed_task")
+_RUN_ONLY = ("episodes", "temperature", "seed", "layouts")
+# Whoever proves the optimum beside a sequence; its options need not name it.
+DEFAULT_SOLVER = "auto"
 
 
-@click.command("evaluate")
-@click.argument("task", type=TaskPath(), metavar="TASK|RUN")
-@click.option(
-    "--sequence",
-    metavar="0,1,4,...",
-    help="Action numbers or skill names, separated by commas.",
-)
-@click.option(
-    "--policy",
-    "policy_file",
-    metavar="FILE",
-    help="Follow the policy of a policies.json instead, without planning anew.",
-)
-@click.option(
-    "--from",
-    "start",
-    metavar="PLACE",
-    help="Start elsewhere: a place such as C20, or facts separated by commas.",
-)
-@click.option(
-    "--task",
-    "task_file",
-    type=TaskPath(),
-    metavar="FILE",
-    help="Of a RUN: the task file, where it is not to be the one that train was given.",
-)
-@click.option(
-    "--changed-task",
-    is_flag=True,
-    help="Of a RUN: evaluate even where the task is another one than was learned.",
-)
-@click.option(
-    "--episodes",
-    type=click.IntRange(1, 1_000_000),
-    default=100,
-    show_default=True,
-    metavar="N",
-    help="Of a RUN: roll-outs of every run, each action drawn by its score.",
-)
-@click.option(
-    "--temperature",
-    type=Temperature(),
-    default=0.05,
-    show_default=True,
-    metavar="T",
-    help="Of a RUN: what scores are divided by; the lower, the greedier.",
-)
-@seed_option
-@click.option(
-    "--layouts",
-    type=click.IntRange(0, 10_000),
-    metavar="N",
-    help="Of a RUN: also try N layouts of the task file's family that no run has seen; default: "
-    "20 where a family was learned, else none.",
-)
-@back_end_options
-@set_option
-@part_option
-@time_limit_option(10.0)
-@jobs_option
-@no_cache_option
-@format_option
-@click.pass_context
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """What is replayed on a task, and from where.
+
+    Parameters
+    ----------
+    sequence
+        Action numbers or skill names, with commas.
+    policy_file
+        A policies.json to follow instead.
+    start
+        Where to start, if not where the task does.
+    """
+
+    sequence: Annotated[
+        str | None,
+        typer.Option(
+            "--sequence",
+            metavar="0,1,4,...",
+            help="Action numbers or skill names, separated by commas.",
+            rich_help_panel=OF_TASK,
+        ),
+    ] = None
+    policy_file: Annotated[
+        str | None,
+        typer.Option(
+            "--policy",
+            metavar="FILE",
+            help="Follow the policy of a policies.json instead, or of the folder that has it, "
+            "without planning anew.",
+            rich_help_panel=OF_TASK,
+        ),
+    ] = None
+    start: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="PLACE",
+            help="Start elsewhere: a place such as C20, or facts separated by commas.",
+            rich_help_panel=OF_TASK,
+        ),
+    ] = None
+
+    def on(self, task: Task) -> tuple[Task, Sequence[Skill] | Policy]:
+        """Return the task from where it is started, and the sequence or the policy.
+
+        Raises
+        ------
+        OptionError
+            If not just one of them is given, or something does not fit the task.
+        """
+        from skillplan.errors import OptionError
+        from skillplan.records.policy_file import policies_path, read_policy, start_state
+
+        if (self.sequence is None) == (self.policy_file is None):
+            raise OptionError("Give either --sequence or --policy.")
+        stored = None
+        if self.policy_file is not None:
+            stored = read_policy(policies_path(self.policy_file), task).policy
+        if self.start is not None:
+            try:
+                initial = start_state(task, self.start)
+            except OptionError as error:
+                raise OptionError(f"--from {self.start}: {error}") from None
+            task = task.replace(initial=initial, sha256=task.sha256)
+        return task, task.parse_sequence(self.sequence or "") if stored is None else stored
+
+
+@dataclass(frozen=True, slots=True)
+class RollOuts:
+    """How the policies of training runs are tried.
+
+    Parameters
+    ----------
+    task_file
+        Another file than the one that was learned; None for the same.
+    changed_task
+        Whether the task may have changed since.
+    episodes
+        How many roll-outs are drawn of every run, >= 1.
+    temperature
+        What scores are divided by, > 0.
+    layouts
+        How many unseen layouts of the family are tried; None for as many as suit the runs.
+    """
+
+    task_file: Annotated[
+        str | None,
+        typer.Option(
+            "--task",
+            metavar="FILE",
+            autocompletion=task_files,
+            help="The task file, where it is not to be the one that was solved or learned.",
+            rich_help_panel=OF_RUN,
+        ),
+    ] = None
+    changed_task: Annotated[
+        bool,
+        typer.Option(
+            "--changed-task",
+            help="Evaluate even where the task is another one than was solved or learned.",
+            rich_help_panel=OF_RUN,
+        ),
+    ] = False
+    episodes: Annotated[
+        int,
+        count_option(
+            "--episodes",
+            least=1,
+            most=1_000_000,
+            text="Roll-outs of every run, each action drawn by its score.",
+            rich_help_panel=OF_RUN,
+        ),
+    ] = 100
+    temperature: Annotated[
+        float,
+        typer.Option(
+            "--temperature",
+            parser=positive_number(),
+            metavar="T",
+            help="What scores are divided by; the lower, the greedier.",
+            rich_help_panel=OF_RUN,
+        ),
+    ] = 0.05
+    layouts: Annotated[
+        int | None,
+        count_option(
+            "--layouts",
+            least=0,
+            most=10_000,
+            text="Also try N layouts of the task file's family that no run has seen; default: 20 "
+            "where a family was learned, else none.",
+            rich_help_panel=OF_RUN,
+        ),
+    ] = None
+
+
 def command(
-    ctx: click.Context,
-    task: str,
-    sequence: str | None,
-    policy_file: str | None,
-    start: str | None,
-    task_file: str | None,
-    changed_task: bool,
-    episodes: int,
-    temperature: float,
-    seed: int,
-    layouts: int | None,
-    physics: str | None,
-    collision: str | None,
-    options: tuple[str, ...],
-    changes: tuple[str, ...],
-    part: str | None,
-    time_limit_s: float,
-    jobs: int,
-    no_cache: bool,
-    style: str,
+    ctx: typer.Context,
+    inputs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="TASK|RESULT|RUN...",
+            autocompletion=task_files,
+            help=f"A task file; {RESULT_HELP}; or one or several folders that train has written.",
+            show_default=False,
+        ),
+    ],
+    replayed: Replayed,
+    roll_outs: RollOuts,
+    reading: PartReading,
+    *,
+    seed: Seed = 0,
+    back_ends: BackEnds,
+    checking: Checking,
+    time_limit_s: TimeLimit = 10.0,
+    style: Style = "table",
 ) -> int:
-    """Replay a sequence of skills on TASK, follow a stored policy, or try those of a RUN.
+    """Replay a sequence of skills on TASK or the plan of RESULT, or try the policies of a RUN.
 
     Says whether it is feasible and complete, what it costs, how far that is from the proved
     optimum, or how far it may be at most, and otherwise which condition fails where. The time
-    limit is for proving the optimum.
+    limit is for proving the optimum. The task of RESULT is read as it was then, with the same
+    back ends, but for what is said otherwise.
 
-    RUN is a folder that train has written: the policy of every run is followed greedily and by
-    drawn actions, beside chance alone. Back ends are those of the training.
+    The policy of every run of a RUN is followed greedily and by drawn actions, beside chance
+    alone. Back ends are those of the training. Several are shown side by side.
     """
-    from skillplan.cli.option_fit import refuse_given
+    from skillplan.errors import OptionError
+    from skillplan.records.result_file import is_result, run_folder
 
-    if os.path.isdir(task):
-        from skillplan.cli.run_folder_evaluation import Asked, evaluate_run_folder
-        from skillplan.records.training.run_folder import RunFolder
+    folders = [run_folder(one) for one in inputs]
+    if len(inputs) > 1 and None in folders:
+        odd = inputs[folders.index(None)]
+        raise OptionError(f"{odd} is no folder of training runs; of others evaluate takes one.")
+    if folders[0] is not None:
+        from skillplan.cli.run_folder_evaluation import Wanted, evaluate_run_folders
 
-        folder = RunFolder(task)
-        refuse_given(ctx, _OF_TASK, "is for a task file, not for a folder of runs")
-        wanted = Asked(
-            task_file,
-            changed_task,
-            physics,
-            collision,
-            options,
-            settings(changes),
-            episodes,
-            temperature,
-            seed,
-            layouts,
-            time_limit_s,
-            jobs,
-            no_cache,
+        refuse_given(ctx, _REPLAYED, "is for a task file, not for a folder of runs")
+        refuse_given(ctx, ("part",), "is for a task file, not for a folder of runs")
+        wanted = Wanted(roll_outs, reading, back_ends, checking, seed, time_limit_s)
+        return evaluate_run_folders([one for one in folders if one is not None], wanted, style)
+    refuse_given(ctx, _RUN_ONLY, "is for a folder of runs")
+    if is_result(inputs[0]):
+        refuse_given(ctx, _REPLAYED, "is for a task file; a result holds its own plan")
+        loaded = load(
+            inputs[0],
+            reading,
+            back_ends,
+            solver=DEFAULT_SOLVER,
+            task_file=roll_outs.task_file,
+            changed_task=roll_outs.changed_task,
         )
-        return evaluate_run_folder(folder, wanted, style)
-    refuse_given(ctx, _OF_RUN, "is for a folder of runs, not for a task file")
+        task, plan = loaded.planned()
+        skills = task.parse_sequence(",".join(plan))
+        return _evaluate(task, loaded.setup, skills, checking, time_limit_s, style)
+    refuse_given(ctx, _RECORDED, "is for a result or a folder of runs, not for a task file")
+    task = reading.task(inputs[0], back_ends)
+    setup = back_ends.setup(task, (DEFAULT_SOLVER,))
+    task, skills_or_policy = replayed.on(task)
+    return _evaluate(task, setup, skills_or_policy, checking, time_limit_s, style)
+
+
+def _evaluate(
+    task: Task,
+    setup: Setup,
+    plan: Sequence[Skill] | Policy,
+    checking: Checking,
+    time_limit_s: float | None,
+    style: str,
+) -> int:
+    """Replay a sequence, or what a policy does; print what it comes to and return the exit code."""
     from contextlib import closing
 
     from skillplan.checks.verdict_cache import VerdictCache
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import showing_checks, stoppable
-    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED, OptionError
+    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
     from skillplan.model.policy_value import roll_out
     from skillplan.model.replay import replay
-    from skillplan.pipeline.run import DEFAULT_SOLVER, make_model, solve, warm_cache
-    from skillplan.pipeline.setup import load_problem
+    from skillplan.pipeline.run import make_model, solve
     from skillplan.records.evaluation import Evaluation
-    from skillplan.records.policy_file import read_policy, start_state
-    from skillplan.solvers.solution import Plan
+    from skillplan.solvers.solution import Plan, Policy
+    from skillplan.views.tables.evaluation import evaluation_table
 
-    loaded = load_problem(task, asked(physics, collision), settings(changes)).part(part)
-    setup = make_setup(physics, collision, options, (DEFAULT_SOLVER,))(loaded)
-    if (sequence is None) == (policy_file is None):
-        raise OptionError("Give either --sequence or --policy.")
-    stored = None if policy_file is None else read_policy(policy_file, loaded)
-    if start is not None:
-        try:
-            initial = start_state(loaded, start)
-        except OptionError as error:
-            raise OptionError(f"--from {start}: {error}") from None
-        loaded = loaded.replace(initial=initial, sha256=loaded.sha256)
-    cache = VerdictCache() if no_cache else warm_cache()
+    cache = checking.cache() or VerdictCache()
     with showing_checks("replaying") as on_check:
-        model = make_model(loaded, setup, cache, jobs=jobs, on_check=on_check)
+        model = make_model(task, setup, cache, jobs=checking.jobs, on_check=on_check)
         with closing(model.feasibility):
-            if stored is not None:
-                skills = tuple(roll_out(model, stored.policy.get))
-            else:
-                skills = loaded.parse_sequence(sequence or "")
+            skills = tuple(roll_out(model, plan.get) if isinstance(plan, Policy) else plan)
             walked = replay(model, skills)
     best = None
-    if walked.complete and loaded.deterministic:
+    if walked.complete and task.deterministic:
         with stoppable(time_limit_s, label="proving the optimum") as stop:
             known = Plan(tuple(skill.name for skill in skills), walked.cost)
             best = solve(
-                loaded, DEFAULT_SOLVER, setup, stop=stop, cache=cache, jobs=jobs, start=known
+                task,
+                DEFAULT_SOLVER,
+                setup,
+                stop=stop,
+                cache=cache,
+                jobs=checking.jobs,
+                start=known,
             )
-    evaluation = Evaluation(loaded, skills, walked, best)
-    emit(style, evaluation.document(), [evaluation.table()], failed=not walked.complete)
+    evaluation = Evaluation(task, skills, walked, best)
+    emit(style, evaluation.document(), [evaluation_table(evaluation)], failed=not walked.complete)
     if best is not None and best.interrupted:
         return EXIT_INTERRUPTED
     return EXIT_SOLVED if walked.complete else EXIT_NO_PLAN

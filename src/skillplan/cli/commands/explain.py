@@ -2,78 +2,135 @@
 
 from __future__ import annotations
 
-import click
+from typing import TYPE_CHECKING, Annotated
 
+import typer
+
+from skillplan.cli.completion import skills
+from skillplan.cli.option_values import count_option
 from skillplan.cli.options import (
-    SkillName,
-    asked,
-    back_end_options,
-    format_option,
-    make_setup,
-    no_cache_option,
-    part_option,
-    set_option,
-    settings,
-    task_argument,
+    OUTPUT,
+    TASK,
+    BackEnds,
+    Caching,
+    PartReading,
+    Style,
+    TaskFile,
 )
+from skillplan.cli.result_input import RESULT_HELP, load
+from skillplan.errors import OptionError
+
+if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.pipeline.restoration import LoadedResult
+    from skillplan.task.skill import Skill
+    from skillplan.task.task import Task
 
 
-@click.command("explain")
-@task_argument
-@click.argument("skill", type=SkillName())
-@click.option(
-    "--after",
-    metavar="0,1,...",
-    help="The sequence that leads to the state asked about; default: the initial state.",
-)
-@click.option(
-    "--picture",
-    metavar="FILE",
-    help="Draw the moment at which it fails, or its end, as .png, if the physics moves bodies. "
-    "What was there is replaced.",
-)
-@click.option("--animate", metavar="FILE", help="Likewise, film the whole skill as .gif.")
-@back_end_options
-@set_option
-@part_option
-@no_cache_option
-@format_option
 def command(
-    task: str,
-    skill: str,
-    after: str | None,
-    picture: str | None,
-    animate: str | None,
-    physics: str | None,
-    collision: str | None,
-    options: tuple[str, ...],
-    changes: tuple[str, ...],
-    part: str | None,
-    no_cache: bool,
-    style: str,
+    task: TaskFile,
+    skill: Annotated[
+        str,
+        typer.Argument(
+            metavar="SKILL",
+            autocompletion=skills,
+            help="A skill's name or action number.",
+            show_default=False,
+        ),
+    ],
+    back_ends: BackEnds,
+    reading: PartReading,
+    caching: Caching,
+    after: Annotated[
+        str | None,
+        typer.Option(
+            "--after",
+            metavar="0,1,...",
+            help="The sequence that leads to the state in question; default: the initial state.",
+            rich_help_panel=TASK,
+        ),
+    ] = None,
+    result: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="RESULT",
+            help=f"Take the sequence from a result of TASK, {RESULT_HELP}; --set, back ends and "
+            "their options are the result's, but for what is said otherwise.",
+            rich_help_panel=TASK,
+        ),
+    ] = None,
+    step: Annotated[
+        int | None,
+        count_option(
+            "--step",
+            least=1,
+            most=1_000_000,
+            text="With --from: the state in which step N of its plan begins; default: the end.",
+            rich_help_panel=TASK,
+        ),
+    ] = None,
+    picture: Annotated[
+        str | None,
+        typer.Option(
+            "--picture",
+            metavar="FILE",
+            help="Draw the moment at which it fails, or its end, as .png, if the physics moves "
+            "bodies; else the hulls that a detector such as swept compares. What was there is "
+            "replaced.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    animate: Annotated[
+        str | None,
+        typer.Option(
+            "--animate",
+            metavar="FILE",
+            help="Likewise, film the whole skill as .gif.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    style: Style = "table",
 ) -> int:
     """Say why SKILL, a name or action number, is feasible or not in a state of TASK.
 
     Shows the verdict of every stage with the facts it rests on and what was measured.
     """
     from skillplan.cli.output import emit
-    from skillplan.cli.showing import draw, drawing_paths, performer
+    from skillplan.cli.showing import draw, drawing_paths, illustrator
     from skillplan.errors import EXIT_NO_PLAN, EXIT_SOLVED
-    from skillplan.pipeline.run import make_model, warm_cache
-    from skillplan.pipeline.setup import load_problem
+    from skillplan.pipeline.run import make_model
     from skillplan.records.explanation import explain
+    from skillplan.views.tables.explanation import explanation_tables
 
-    loaded = load_problem(task, asked(physics, collision), settings(changes)).part(part)
-    setup = make_setup(physics, collision, options)(loaded)
+    if result is None:
+        if step is not None:
+            raise OptionError("--step counts the steps of a result: name it by --from RESULT.")
+        loaded = reading.task(task, back_ends)
+        setup = back_ends.setup(loaded)
+        before = loaded.parse_sequence(after) if after is not None else ()
+    else:
+        if after is not None:
+            raise OptionError("Give either --after or --from: both say what was done before.")
+        stored = load(result, reading, back_ends, task_file=task)
+        setup = stored.setup
+        loaded, before = _until(stored, step)
     chosen = loaded.skill(skill)
-    before = loaded.parse_sequence(after) if after is not None else ()
     paths = drawing_paths(picture, animate)
-    cache = None if no_cache else warm_cache()
+    cache = caching.cache()
     model = make_model(loaded, setup, cache)
-    engine = performer(model.feasibility.back_ends, "draw") if paths else None
+    drawer = illustrator(model.feasibility.back_ends, paths) if paths else None
     explanation = explain(model, chosen, before)
-    if engine is not None:
-        explanation = explanation.drawn(draw(engine, chosen, explanation.state, paths))
+    if drawer is not None:
+        explanation = explanation.drawn(draw(drawer, chosen, explanation.state, paths))
     failed = not explanation.feasible
-    emit(style, explanation.document(), explanation.tables(), failed=failed)
+    emit(style, explanation.document(), explanation_tables(explanation), failed=failed)
     return EXIT_SOLVED if explanation.feasible else EXIT_NO_PLAN
+
+
+def _until(stored: LoadedResult, step: int | None) -> tuple[Task, tuple[Skill, ...]]:
+    """Return a result's task, and the steps of its plan before one, or all."""
+    task, plan = stored.planned()
+    if step is not None and step > len(plan) + 1:
+        raise OptionError(f"--step {step}: the plan of {stored.path} has {len(plan)} steps.")
+    before = plan if step is None else plan[: step - 1]
+    return task, tuple(task.skill(name) for name in before)

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import click
-from click.shell_completion import CompletionItem
+from typing import Annotated
+
+import typer
+
+from skillplan.cli.completion import plugin_names
 
 
-def _complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    from skillplan.pipeline import registry
-
-    return [CompletionItem(n) for n in registry.names("domain") if n.startswith(incomplete)]
-
-
-@click.command("schema")
-@click.argument("kind", default="assembly", shell_complete=_complete)
-def command(kind: str) -> int:
+def command(
+    kind: Annotated[
+        str,
+        typer.Argument(
+            metavar="KIND", autocompletion=plugin_names("domain"), help="A kind of task."
+        ),
+    ] = "assembly",
+) -> int:
     """Print the JSON Schema of task files of KIND, by default assembly, for editors."""
     from skillplan.cli.output import as_json
     from skillplan.cli.writing import write_out

@@ -5,40 +5,34 @@ from __future__ import annotations
 import importlib
 import os
 import sys
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import click
-from click.shell_completion import CompletionItem
+import typer
 
-from skillplan.cli.option_fit import refuse_given
+from skillplan.cli.completion import task_files
+from skillplan.cli.option_fit import given, refuse_given
+from skillplan.cli.option_values import count_option, one_of
 from skillplan.cli.options import (
-    PluginName,
-    TaskPath,
-    asked,
-    back_end_options,
-    make_setup,
+    OUTPUT,
+    SOLVER,
+    BackEnds,
+    PartReading,
+    Seed,
+    TimeLimit,
     parse_options,
-    part_option,
-    seed_option,
-    set_option,
-    settings,
+    solver_option,
     split_names,
-    time_limit_option,
 )
-from skillplan.cli.run_figures import RUN_FIGURES, plot_run_folder
+from skillplan.cli.result_input import RESULT_HELP, load
 from skillplan.errors import OptionError, name_hint
+from skillplan.views.figures.catalogue import RUN_FIGURES, TASK_FIGURES, figure_module
 
-# Figure to the line that the help shows; the module is named after the figure.
-FIGURES = {
-    "policy": "the bench, with an arrow for what a policy recommends in every position",
-    "placement": "heads and bases along the trajectory, and which base holds which head",
-    "learning": "steps of an episode against episodes, for two sets of parameters",
-    "q-values": "action values of some states against episodes",
-    "rewards": "action and reward of every step",
-    "gantt": "when head, PKM and base carry out the five steps",
-    "fleet": "the ways of several bases on one bench, with their parallel steps",
-}
-_OF_THE_BENCH = ("fleet", "placement", "policy")
+if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.domains.load import Problem
+    from skillplan.pipeline.restoration import LoadedResult
+    from skillplan.solvers.stop import Stop
 
 # What a task file takes and a folder of runs does not.
 _OF_TASK = (
@@ -55,184 +49,261 @@ _OF_TASK = (
 _PROOF_S = 10.0
 
 
-def _listed(figures: dict[str, str]) -> str:
-    return "\n".join(f"  {name:<10} {line}" for name, line in figures.items())
+LISTS = {
+    "Figures of a task or a result": {name: one.line for name, one in TASK_FIGURES.items()},
+    "Figures of a folder of runs": {name: one.line for name, one in RUN_FIGURES.items()},
+}
 
 
-EPILOG = (
-    f"\b\nFigures of a task:\n{_listed(FIGURES)}\n\n"
-    f"\b\nFigures of a folder of runs, by default both, as PNG and SVG, into the folder:\n"
-    f"{_listed(RUN_FIGURES)}"
-)
+def _figure(name: str) -> str:
+    known = [*TASK_FIGURES, *RUN_FIGURES]
+    if name not in known:
+        raise OptionError(f"No figure {name!r}. {name_hint(name, known)}")
+    return name
 
 
-class FigureName(click.ParamType[str]):
-    """A figure's name; completes to the figures there are."""
-
-    name = "figure"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the name, or say which is nearest."""
-        known = {**FIGURES, **RUN_FIGURES}
-        if value not in known:
-            self.fail(f"No figure {value!r}. {name_hint(str(value), known)}", param, ctx)
-        return str(value)
-
-    def shell_complete(
-        self, ctx: click.Context, param: click.Parameter, incomplete: str
-    ) -> list[CompletionItem]:
-        """Return the figures that begin like what was typed."""
-        return [
-            CompletionItem(name, help=line)
-            for name, line in {**FIGURES, **RUN_FIGURES}.items()
-            if name.startswith(incomplete)
-        ]
+def _complete(ctx: typer.Context, incomplete: str) -> list[str]:
+    figures = [one for one in (*TASK_FIGURES, *RUN_FIGURES) if one.startswith(incomplete)]
+    return [*task_files(incomplete), *(figures if ctx.params.get("inputs") else [])]
 
 
-@click.command("plot", epilog=EPILOG)
-@click.argument("task", type=TaskPath(), metavar="TASK|RUN")
-@click.argument("figure", type=FigureName(), required=False)
-@click.option(
-    "--out",
-    metavar="FILE",
-    help="Where to, .png or .svg; default: TASK-FIGURE.png in the current folder, after the "
-    "task's name, or FIGURE.png and FIGURE.svg in RUN. What was there is replaced.",
-)
-@click.option(
-    "--solver",
-    type=PluginName("solver"),
-    metavar="NAME",
-    help="Which solver's answer is drawn; default: sarsa for policy, learning and q-values, "
-    "fleet for fleet, auto for rewards, else exact.",
-)
-@back_end_options
-@set_option
-@part_option
-@click.option(
-    "--states",
-    metavar="NAMES",
-    help="For q-values: places such as C66,C13; default: where the way starts, and where it "
-    "goes on.",
-)
-@click.option(
-    "--seeds",
-    type=click.IntRange(1, 100),
-    default=5,
-    show_default=True,
-    metavar="N",
-    help="For learning: how many runs with seeds from --seed on the mean and the band are of.",
-)
-@seed_option
-@click.option(
-    "--against",
-    type=click.Choice(["steps", "episodes"]),
-    default="steps",
-    show_default=True,
-    help="Of a RUN: environment steps, of which all runs do as many, or episodes, as the paper "
-    "has it.",
-)
-@time_limit_option()
-@click.option(
-    "--dpi",
-    type=click.IntRange(30, 600),
-    default=150,
-    show_default=True,
-    metavar="N",
-    help="Dots per inch of a PNG.",
-)
-@click.pass_context
 def command(
-    ctx: click.Context,
-    task: str,
-    figure: str | None,
-    out: str | None,
-    solver: str | None,
-    physics: str | None,
-    collision: str | None,
-    options: tuple[str, ...],
-    changes: tuple[str, ...],
-    part: str | None,
-    states: str | None,
-    seeds: int,
-    seed: int,
-    against: str,
-    time_limit_s: float | None,
-    dpi: int,
+    ctx: typer.Context,
+    inputs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="TASK|RESULT|RUN... [FIGURE]",
+            autocompletion=_complete,
+            help=f"A task file; {RESULT_HELP}; or one or several folders that train has written. "
+            "Then the figure, one of those below; of a RUN by default all.",
+            show_default=False,
+        ),
+    ],
+    *,
+    reading: PartReading,
+    solver: Annotated[
+        str | None,
+        solver_option(
+            "Which solver's answer is drawn; default: of RESULT its own; of TASK sarsa for policy, "
+            "learning and q-values, fleet for fleet, auto for rewards, else exact."
+        ),
+    ] = None,
+    seed: Seed = 0,
+    seeds: Annotated[
+        int,
+        count_option(
+            "--seeds",
+            least=1,
+            most=100,
+            text="For learning: how many runs with seeds from --seed on the mean and the band are "
+            "of.",
+            rich_help_panel=SOLVER,
+        ),
+    ] = 5,
+    back_ends: BackEnds,
+    time_limit_s: TimeLimit = None,
+    states: Annotated[
+        str | None,
+        typer.Option(
+            "--states",
+            metavar="NAMES",
+            help="For q-values: places such as --states C66,C13, or facts "
+            "that hold in one state each, such as --states 'held(pcb)'; default: where the path "
+            "starts, and where it goes on.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    against: Annotated[
+        Literal["steps", "episodes"],
+        typer.Option(
+            "--against",
+            parser=one_of(("steps", "episodes")),
+            metavar="AXIS",
+            help="Of a RUN: steps of the environment, of which all runs do as many, or episodes, "
+            "as the paper has it.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = "steps",
+    dpi: Annotated[
+        int,
+        count_option(
+            "--dpi",
+            least=30,
+            most=600,
+            text="Dots per inch of a PNG.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = 150,
+    out: Annotated[
+        str | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="Where to, .png or .svg; default: TASK-FIGURE.png in the current folder, after "
+            "the task's name, or FIGURE.png and FIGURE.svg in RUN. What was there is replaced.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
 ) -> int:
-    """Solve TASK and draw FIGURE of it, or draw what a RUN has learned; prints what is written.
+    """Draw FIGURE of TASK, solved anew, or of RESULT, or draw what a RUN has learned.
 
-    RUN is a folder that train has written.
+    Prints the files that are written. RESULT is drawn as it is stored where its plan is all that
+    the figure shows; what is to be seen of the search, or with another solver, is solved anew
+    with the task, the back ends and the options of the result. The curves of several RUNs stand
+    in one figure.
     """
-    from skillplan.cli.output import exit_code
-    from skillplan.cli.waiting import stoppable
-    from skillplan.cli.writing import write_out
-    from skillplan.pipeline.chain import solve_chain
-    from skillplan.pipeline.run import solve
-    from skillplan.pipeline.setup import load_problem
-    from skillplan.records.result import Status
+    from skillplan.records.result_file import is_result, run_folder
 
-    if os.path.isdir(task):
+    sources, figure = _split(inputs)
+    folders = [run_folder(one) for one in sources]
+    if len(sources) > 1 and None in folders:
+        odd = sources[folders.index(None)]
+        raise OptionError(f"{odd} is no folder of training runs; of others plot takes one.")
+    if folders[0] is not None:
+        from skillplan.cli.run_figures import Drawing, plot_run_folders
         from skillplan.records.training.run_folder import RunFolder
 
-        folder = RunFolder(task)
+        runs = [RunFolder(one) for one in folders if one is not None]
         refuse_given(ctx, _OF_TASK, "is for a task file, not for a folder of runs")
-        if figure in FIGURES:
+        if figure in TASK_FIGURES:
             raise OptionError(
                 f"Figure {figure!r} is of a task file; of a folder of runs there are "
                 f"{' and '.join(RUN_FIGURES)}."
             )
         _check_matplotlib()
         limit_s = _PROOF_S if time_limit_s is None else time_limit_s
-        return plot_run_folder(folder, figure, out, against, limit_s, dpi)
+        return plot_run_folders(runs, figure, out, Drawing(against, limit_s, dpi))
     refuse_given(ctx, ("against",), "is for a folder of runs, not for a task file")
     if figure is None:
-        raise OptionError(f"Name a figure of the task: {', '.join(FIGURES)}.")
+        raise OptionError(f"Name a figure of the task: {', '.join(TASK_FIGURES)}.")
     if figure in RUN_FIGURES:
         raise OptionError(
             f"Figure {figure!r} is of a folder of runs, which train writes; of a task file there "
-            f"are {', '.join(FIGURES)}."
+            f"are {', '.join(TASK_FIGURES)}."
         )
-    module = _module(figure)
+    if states is not None and figure != "q-values":
+        raise OptionError(f"--states is for q-values; {figure} takes none.")
+    wanted = _Wanted(figure, solver, seed, seeds, split_names(states or ""), time_limit_s, dpi, out)
+    if not is_result(sources[0]):
+        module = _module(figure)
+        problem = reading.problem(sources[0], back_ends)
+        return _plot(module, problem, reading.part, back_ends, wanted)
+    return _plot_result(ctx, sources[0], reading, back_ends, wanted)
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """What is drawn, and how."""
+
+    figure: str
+    solver: str | None
+    seed: int
+    seeds: int
+    states: Sequence[str]
+    time_limit_s: float | None
+    dpi: int
+    out: str | None
+
+
+def _plot_result(
+    ctx: typer.Context, path: str, reading: PartReading, back_ends: BackEnds, wanted: _Wanted
+) -> int:
+    """Draw a figure of a stored result: of its plan, or with its solver, options and seed."""
+    module = _module(wanted.figure)
+    loaded = load(path, reading, back_ends, solver=wanted.solver)
+    stored, origin = loaded.stored, loaded.origin
+    own = [
+        f"{plugin}.{key}={value}"
+        for plugin, values in origin.options.items()
+        for key, value in values.items()
+    ]
+    chosen = BackEnds(origin.physics, ",".join(origin.collision) or None, own)
+    anew = any(given(ctx, name) for name in ("solver", "options", "seed"))
+    solver = wanted.solver or stored.solver
+    seed = wanted.seed if given(ctx, "seed") else stored.seed
+    kept = None if anew else loaded
+    # Of a result of one task the part is known, of that of a chain the figure chooses.
+    part = reading.part or (None if stored.is_chain else origin.part)
+    return _plot(
+        module, loaded.problem, part, chosen, replace(wanted, solver=solver, seed=seed), kept
+    )
+
+
+def _plot(
+    module: Any,
+    problem: Problem,
+    part: str | None,
+    back_ends: BackEnds,
+    wanted: _Wanted,
+    kept: LoadedResult | None = None,
+) -> int:
+    """Solve what a figure needs, or take it from a result, and draw it."""
+    from skillplan.cli.output import exit_code
+    from skillplan.cli.waiting import stoppable
+    from skillplan.cli.writing import write_out
     from skillplan.pipeline.registry import load, make_options
+    from skillplan.records.result import Status
     from skillplan.views.figures.figure_file import checked_path, save_figure
     from skillplan.views.figures.figure_request import FigureRequest, Outcome
 
-    if states is not None and figure != "q-values":
-        raise OptionError(f"--states is for q-values; {figure} takes none.")
-    problem = load_problem(task, asked(physics, collision), settings(changes))
-    path = checked_path(f"{problem.name}-{figure}.png" if out is None else out)
-    name = module.SOLVER if solver is None else solver
-    given = parse_options(options, name).get(name, {})
+    figure = wanted.figure
+    path = checked_path(f"{problem.name}-{figure}.png" if wanted.out is None else wanted.out)
+    name = module.SOLVER if wanted.solver is None else wanted.solver
+    given = parse_options(back_ends.options, name).get(name, {})
     request = FigureRequest(
         figure,
         problem,
         name,
         given,
-        seed,
+        wanted.seed,
         part,
-        tuple(split_names(states or "")),
-        seeds,
+        tuple(wanted.states),
+        wanted.seeds,
         make_options("solver", name, load("solver", name), given).model_dump(),
     )
     outcomes = []
-    with stoppable(time_limit_s, label=f"{name} for {figure}") as stop:
+    with stoppable(wanted.time_limit_s, label=f"{name} for {figure}") as stop:
         for run in module.runs(request):
-            entries = (*options, *(f"{name}.{key}={value}" for key, value in run.options.items()))
-            setup = make_setup(physics, collision, entries, (name,))(run.task or problem.tasks[-1])
             stop.renew()
-            if run.task is None:
-                answer: Any = solve_chain(problem, name, setup, seed=seed + run.seed, stop=stop)
-            else:
-                answer = solve(run.task, name, setup, seed=seed + run.seed, stop=stop)
+            answer = _answer(run, request, back_ends, stop, kept)
             if answer.cost is None or answer.interrupted:
                 learned = run.may_fail and answer.status is Status.UNSOLVED and answer.trace
                 if answer.interrupted or not learned:
                     _say_why(problem.name, answer)
                     return exit_code([answer])
             outcomes.append(Outcome(run, answer))
-    save_figure(module.draw(request, outcomes), path, dpi)
+    save_figure(module.draw(request, outcomes), path, wanted.dpi)
     write_out(f"{path}\n")
     return 0
+
+
+def _answer(
+    run: Any, request: Any, back_ends: BackEnds, stop: Stop, kept: LoadedResult | None
+) -> Any:
+    """Return what comes of a run: what a result holds of it, or else a search."""
+    from skillplan.pipeline.chain import solve_chain
+    from skillplan.pipeline.run import solve
+
+    problem, name = request.problem, request.solver
+    if kept is not None and not run.options and not run.may_fail:
+        held = kept.answer_for(run.task)
+        if held is not None:
+            return held
+    own = [f"{name}.{key}={value}" for key, value in run.options.items()]
+    chosen = replace(back_ends, options=[*back_ends.options, *own])
+    setup = chosen.setup(run.task or problem.tasks[-1], (name,))
+    seed = request.seed + run.seed
+    if run.task is None:
+        return solve_chain(problem, name, setup, seed=seed, stop=stop)
+    return solve(run.task, name, setup, seed=seed, stop=stop)
+
+
+def _split(inputs: Sequence[str]) -> tuple[list[str], str | None]:
+    """Return what is drawn of, and the figure; the last word is one unless there is such a file."""
+    *sources, last = inputs
+    if not sources or os.path.exists(last):
+        return list(inputs), None
+    return sources, _figure(last)
 
 
 def _say_why(name: str, answer: Any) -> None:
@@ -243,10 +314,7 @@ def _say_why(name: str, answer: Any) -> None:
 def _module(figure: str) -> Any:
     """Return the module that draws a figure of a task."""
     _check_matplotlib()
-    package = "skillplan.views.figures"
-    if figure in _OF_THE_BENCH:
-        package += ".swarmitfix"
-    return importlib.import_module(f"{package}.{figure.replace('-', '_')}_figure")
+    return figure_module(figure)
 
 
 def _check_matplotlib() -> None:

@@ -2,42 +2,47 @@
 
 from __future__ import annotations
 
-import click
-from click.shell_completion import CompletionItem
+from typing import Annotated
 
-from skillplan.cli.options import format_option
+import typer
+
+from skillplan.cli.completion import plugin_names
+from skillplan.cli.options import Style
 
 
-def _complete_name(
-    ctx: click.Context, param: click.Parameter, incomplete: str
-) -> list[CompletionItem]:
-    from skillplan.errors import PluginError
+def _complete_kind(incomplete: str) -> list[str]:
     from skillplan.pipeline import registry
+
+    return [kind for kind in registry.KINDS if kind.startswith(incomplete)]
+
+
+def _complete_name(ctx: typer.Context, incomplete: str) -> list[str]:
+    from skillplan.errors import PluginError
 
     try:
-        names = registry.names(ctx.params.get("kind") or "")
+        return plugin_names(ctx.params.get("kind") or "")(incomplete)
     except PluginError:
         return []
-    return [CompletionItem(name) for name in names if name.startswith(incomplete)]
 
 
-def _complete_kind(
-    ctx: click.Context, param: click.Parameter, incomplete: str
-) -> list[CompletionItem]:
-    from skillplan.pipeline import registry
-
-    return [CompletionItem(kind) for kind in registry.KINDS if kind.startswith(incomplete)]
-
-
-@click.command("plugins")
-@click.argument("kind", required=False, shell_complete=_complete_kind)
-@click.argument("name", required=False, shell_complete=_complete_name)
-@format_option
-def command(kind: str | None, name: str | None, style: str) -> int:
+def command(
+    kind: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="KIND", autocompletion=_complete_kind, help="Such as solver or collision."
+        ),
+    ] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="NAME", autocompletion=_complete_name, help="A plugin's name."),
+    ] = None,
+    style: Style = "table",
+) -> int:
     """List installed plugins, of one KIND if given; with NAME, the plugin's options."""
     from skillplan.cli.output import emit
     from skillplan.pipeline import registry
-    from skillplan.views.tables.plugins import plugin_document, plugin_tables
+    from skillplan.records.plugin_info import plugin_document
+    from skillplan.views.tables.plugins import plugin_tables
 
     kinds = [kind] if kind else list(registry.KINDS)
     infos = [info for one in kinds for info in registry.describe(one)]

@@ -2,109 +2,108 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
 
-import click
+import typer
 
-from skillplan.cli.options import (
-    PluginName,
-    format_option,
-    make_setup,
-    part_option,
-    set_option,
-    settings,
-    task_argument,
-)
+from skillplan.cli.completion import plugin_names, plugin_options, task_files
+from skillplan.cli.option_values import positive_number
+from skillplan.cli.options import BACK_ENDS, OUTPUT, TASK, BackEnds, PartReading, Style
+from skillplan.cli.result_input import RESULT_HELP, load
+
+if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.pipeline.setup import Setup
+    from skillplan.task.skill import Skill
+    from skillplan.task.task import Task
 
 ENGINE = "pybullet"
 
 
-class _Number(click.ParamType[float]):
-    """A number above 0, up to a limit; unlike click's range, no NaN."""
-
-    name = "number"
-
-    def __init__(self, most: float) -> None:
-        self.most = most
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Return the number."""
-        try:
-            number = float(value)
-        except ValueError:
-            self.fail(f"{value!r} is not a number.", param, ctx)
-        if not 0 < number <= self.most:
-            self.fail(f"must be above 0 and at most {self.most}, not {value}.", param, ctx)
-        return number
-
-
-@click.command("simulate")
-@task_argument
-@click.option(
-    "--sequence",
-    metavar="0,1,4,...",
-    required=True,
-    help="The plan: action numbers or skill names, separated by commas.",
-)
-@click.option(
-    "--physics",
-    type=PluginName("physics"),
-    metavar="NAME",
-    help="An engine that moves bodies; default: the task file's choice, or else pybullet.",
-)
-@click.option(
-    "-O",
-    "options",
-    metavar="PLUGIN.KEY=VALUE",
-    multiple=True,
-    help="Option of the engine; 'skillplan plugins physics NAME' lists them. May be repeated.",
-)
-@click.option(
-    "--video",
-    metavar="FILE",
-    help="Film it, as .gif or .mp4. What was there is replaced.",
-)
-@click.option(
-    "--fps",
-    type=_Number(50),
-    default=12.5,
-    show_default=True,
-    metavar="N",
-    help="Pictures a second of the video.",
-)
-@click.option(
-    "--speed",
-    type=_Number(1000),
-    default=1.0,
-    show_default=True,
-    metavar="X",
-    help="How many simulated seconds the video shows in a second.",
-)
-@click.option(
-    "--trace",
-    metavar="FILE",
-    help="Where hand and bodies were, 60 rows a simulated second, as .csv. What was there is "
-    "replaced.",
-)
-@set_option
-@part_option
-@format_option
 def command(
-    task: str,
-    sequence: str,
-    physics: str | None,
-    options: tuple[str, ...],
-    video: str | None,
-    fps: float,
-    speed: float,
-    trace: str | None,
-    changes: tuple[str, ...],
-    part: str | None,
-    style: str,
+    task: Annotated[
+        str,
+        typer.Argument(
+            metavar="TASK|RESULT",
+            autocompletion=task_files,
+            help=f"A task file; or {RESULT_HELP}.",
+            show_default=False,
+        ),
+    ],
+    reading: PartReading,
+    sequence: Annotated[
+        str | None,
+        typer.Option(
+            "--sequence",
+            metavar="0,1,4,...",
+            help="The plan of TASK: action numbers or skill names, separated by commas. RESULT "
+            "holds its own.",
+            rich_help_panel=TASK,
+        ),
+    ] = None,
+    physics: Annotated[
+        str | None,
+        typer.Option(
+            "--physics",
+            metavar="NAME",
+            autocompletion=plugin_names("physics"),
+            help="An engine that moves bodies; default: the task file's choice, or else pybullet.",
+            rich_help_panel=BACK_ENDS,
+        ),
+    ] = None,
+    options: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-O",
+            metavar="KEY=VALUE",
+            autocompletion=plugin_options,
+            help="Option of the engine, as PLUGIN.KEY=VALUE; 'skillplan plugins physics NAME' "
+            "lists them. May be repeated.",
+            rich_help_panel=BACK_ENDS,
+        ),
+    ] = None,
+    video: Annotated[
+        str | None,
+        typer.Option(
+            "--video",
+            metavar="FILE",
+            help="Film it, as .gif or .mp4. What was there is replaced.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    fps: Annotated[
+        float,
+        typer.Option(
+            "--fps",
+            parser=positive_number(50),
+            metavar="N",
+            help="Pictures a second of the video.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = 12.5,
+    speed: Annotated[
+        float,
+        typer.Option(
+            "--speed",
+            parser=positive_number(1000),
+            metavar="X",
+            help="How many simulated seconds the video shows in a second.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = 1.0,
+    trace: Annotated[
+        str | None,
+        typer.Option(
+            "--trace",
+            metavar="FILE",
+            help="Where hand and bodies were, 60 rows a simulated second, as .csv. What was there "
+            "is replaced.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    style: Style = "table",
 ) -> int:
-    """Execute a whole plan of TASK in one continuous simulated world.
+    """Execute a whole plan of TASK, or that of RESULT, in one continuous simulated world.
 
     Says how each skill went, what was sensed, and how far from its goal every body ended. The
     plan ends at the first skill that fails; Ctrl-C ends it after the skill under way.
@@ -120,11 +119,14 @@ def command(
     from skillplan.physics.performance import Performance, Sample
     from skillplan.records.simulation import Simulation, applicable_part
     from skillplan.records.trace_file import SUFFIXES, trace_file
+    from skillplan.views.tables.simulation import simulation_tables
     from skillplan.views.video_file import VIDEOS, video_file
 
-    loaded, setup = _load(task, physics, options, changes, part)
+    # Detectors are not queried: the engine itself says what touches. Of those that the file
+    # chooses none needs to be installed.
+    back_ends = BackEnds(physics, "aabb", options or [])
+    loaded, setup, skills = _load(task, sequence, back_ends, reading)
     engine = performer(setup.back_ends(loaded), "move")
-    skills = loaded.parse_sequence(sequence)
     possible, obstacle = applicable_part(loaded, skills)
     film = None if video is None else output_path("--video", video, VIDEOS, "videos")
     table = None if trace is None else output_path("--trace", trace, SUFFIXES, "traces")
@@ -172,34 +174,47 @@ def command(
         obstacle,
     )
     good = simulation.feasible and simulation.complete and not stopped
-    emit(style, simulation.document(), simulation.tables(), failed=not good)
+    emit(style, simulation.document(), simulation_tables(simulation), failed=not good)
     if stopped:
         return EXIT_INTERRUPTED
     return EXIT_SOLVED if good else EXIT_NO_PLAN
 
 
 def _load(
-    path: str,
-    physics: str | None,
-    options: tuple[str, ...],
-    changes: tuple[str, ...],
-    part: str | None,
-) -> tuple[Any, Any]:
-    """Return task and setup; of engines the one asked for, or the file's, or else pybullet."""
+    path: str, sequence: str | None, back_ends: BackEnds, reading: PartReading
+) -> tuple[Task, Setup, tuple[Skill, ...]]:
+    """Return task, setup and plan; of engines the one chosen, or the file's, or else pybullet."""
+    from skillplan.errors import OptionError
+    from skillplan.records.result_file import is_result
+
+    stored = is_result(path)
+    if stored and sequence is not None:
+        raise OptionError("--sequence is for a task file; a result holds its own plan.")
+    if not stored and sequence is None:
+        raise OptionError("Give the plan by --sequence, or a RESULT in the place of TASK.")
+
+    def read(chosen: BackEnds) -> tuple[Task, Setup, tuple[Skill, ...]]:
+        if stored:
+            loaded = load(path, reading, chosen)
+            task, plan = loaded.planned()
+            return task, loaded.setup, task.parse_sequence(",".join(plan))
+        task = reading.task(path, chosen)
+        return task, chosen.setup(task), task.parse_sequence(sequence or "")
+
+    task, setup, skills = read(back_ends)
+    if setup.physics is None and task.physics is None:
+        return read(replace(back_ends, physics=_engine()))
+    return task, setup, skills
+
+
+def _engine() -> str:
+    """Return the engine that serves where nobody names one."""
     from skillplan.errors import OptionError
     from skillplan.pipeline import registry
-    from skillplan.pipeline.setup import load_problem
 
-    # Detectors are not asked: the engine itself says what touches. Of those that the file
-    # chooses none needs to be installed.
-    asked = {"collision": ["aabb"], **({} if physics is None else {"physics": [physics]})}
-    loaded = load_problem(path, asked, settings(changes)).part(part)
-    if physics is None and loaded.physics is None:
-        if ENGINE not in registry.names("physics"):
-            raise OptionError(
-                f"simulate needs an engine that moves bodies, such as {ENGINE!r}: "
-                f"pip install skillplan-{ENGINE}."
-            )
-        physics = ENGINE
-        loaded = load_problem(path, {**asked, "physics": [physics]}, settings(changes)).part(part)
-    return loaded, make_setup(physics, "aabb", options)(loaded)
+    if ENGINE not in registry.names("physics"):
+        raise OptionError(
+            f"simulate needs an engine that moves bodies, such as {ENGINE!r}: "
+            f"pip install skillplan-{ENGINE}."
+        )
+    return ENGINE

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated, Literal
 
-import click
+import typer
 
+from skillplan.cli.option_values import count_option, one_of
 from skillplan.cli.options import (
-    PluginName,
-    asked,
-    back_end_options,
-    format_option,
-    make_setup,
-    part_option,
-    seed_option,
-    set_option,
-    settings,
+    BACK_ENDS,
+    OUTPUT,
+    SOLVER,
+    BackEnds,
+    PartReading,
+    Seed,
+    Style,
+    TaskFile,
+    solver_option,
     split_names,
-    task_argument,
 )
+
+STUDY = "Study"
+_DESIGNS = ("one-at-a-time", "grid")
 
 EPILOG = (
     "Values: -O gamma=0.8:0.999:12 takes 12 evenly spaced values, -O alpha=0.001:1:7:log evenly "
@@ -31,80 +37,121 @@ EPILOG = (
 )
 
 
-@click.command("sweep", epilog=EPILOG)
-@task_argument
-@click.option(
-    "--solver",
-    type=PluginName("solver"),
-    metavar="NAME",
-    default="sarsa",
-    show_default=True,
-    help="Which solver is studied.",
-)
-@back_end_options
-@set_option
-@part_option
-@click.option(
-    "--starts",
-    metavar="A,B,C",
-    help="Where the task is done from: places such as C20, or facts joined by +; default: the "
-    "task's own start. A policy is learned once and answers from all of them.",
-)
-@click.option(
-    "--design",
-    type=click.Choice(["one-at-a-time", "grid"]),
-    default="one-at-a-time",
-    show_default=True,
-    help="Vary every option alone while the others stay at the centre, or take all combinations.",
-)
-@click.option(
-    "--runs",
-    type=click.IntRange(1, 10_000),
-    default=5,
-    show_default=True,
-    metavar="N",
-    help="Runs of every setting, with the seeds from --seed on.",
-)
-@seed_option
-@click.option(
-    "--jobs",
-    type=click.IntRange(1, 256),
-    default=1,
-    show_default=True,
-    metavar="N",
-    help="How many processes; results do not depend on it, but learning times do.",
-)
-@click.option("--warm", is_flag=True, help="Let runs use verdicts kept on disk.")
-@click.option(
-    "--out",
-    metavar="DIR",
-    help="Keep manifest.json, runs.jsonl, sweep.json and starts.csv in a new folder.",
-)
-@click.option("--resume", is_flag=True, help="Go on with the study in the folder of --out.")
-@click.option(
-    "--plot",
-    metavar="FILE",
-    help="Also draw a panel for every option that varies, as .png or .svg.",
-)
-@format_option
+@dataclass(frozen=True, slots=True)
+class Study:
+    """What a study varies.
+
+    Parameters
+    ----------
+    starts
+        Where the task is done from, with commas; None for the task's own start.
+    design
+        ``one-at-a-time`` or ``grid``.
+    runs
+        How many of every setting, >= 1.
+    """
+
+    starts: Annotated[
+        str | None,
+        typer.Option(
+            "--starts",
+            metavar="A,B,C",
+            help="Where the task is done from: places such as C20, or facts joined by +; default: "
+            "the task's own start. A policy is learned once and answers from all of them.",
+            rich_help_panel=STUDY,
+        ),
+    ] = None
+    design: Annotated[
+        Literal["one-at-a-time", "grid"],
+        typer.Option(
+            "--design",
+            parser=one_of(_DESIGNS),
+            metavar="DESIGN",
+            help="one-at-a-time varies every option alone while the others stay at the centre; "
+            "grid takes all combinations.",
+            rich_help_panel=STUDY,
+        ),
+    ] = "one-at-a-time"
+    runs: Annotated[
+        int,
+        count_option(
+            "--runs",
+            least=1,
+            most=10_000,
+            text="Runs of every setting, with the seeds from --seed on.",
+            rich_help_panel=STUDY,
+        ),
+    ] = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """Where a study is kept.
+
+    Parameters
+    ----------
+    out
+        The folder; None for none.
+    resume
+        Whether the folder holds a study to go on with.
+    plot
+        The file of a figure; None for none.
+    """
+
+    out: Annotated[
+        str | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Keep manifest.json, runs.jsonl, sweep.json and starts.csv in a new folder.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume",
+            help="Go on with the study in the folder of --out.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = False
+    plot: Annotated[
+        str | None,
+        typer.Option(
+            "--plot",
+            metavar="FILE",
+            help="Also draw a panel for every option that varies, as .png or .svg.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None
+
+
 def command(
-    task: str,
-    solver: str,
-    physics: str | None,
-    collision: str | None,
-    options: tuple[str, ...],
-    changes: tuple[str, ...],
-    part: str | None,
-    starts: str | None,
-    design: str,
-    runs: int,
-    seed: int,
-    jobs: int,
-    warm: bool,
-    out: str | None,
-    resume: bool,
-    plot: str | None,
-    style: str,
+    task: TaskFile,
+    reading: PartReading,
+    study: Study,
+    *,
+    solver: Annotated[str, solver_option("Which solver is studied.")] = "sarsa",
+    seed: Seed = 0,
+    jobs: Annotated[
+        int,
+        count_option(
+            "--jobs",
+            least=1,
+            most=256,
+            text="How many processes; results do not depend on it, but learning times do.",
+            rich_help_panel=SOLVER,
+        ),
+    ] = 1,
+    back_ends: BackEnds,
+    warm: Annotated[
+        bool,
+        typer.Option(
+            "--warm", help="Let runs use verdicts kept on disk.", rich_help_panel=BACK_ENDS
+        ),
+    ] = False,
+    kept: Kept,
+    style: Style = "table",
 ) -> int:
     """Study how a solver's options act on TASK: several values, several seeds, several starts.
 
@@ -122,38 +169,38 @@ def command(
         OptionError,
         SkillplanError,
     )
-    from skillplan.pipeline.setup import load_problem
     from skillplan.sweep.parameter_study import do_study, plan_study
     from skillplan.sweep.study_folder import StudyFolder
     from skillplan.views.tables.sweep import setting_table, start_table
     from skillplan.views.tables.table import as_csv
 
-    if resume and out is None:
+    out, part, starts = kept.out, reading.part, split_names(study.starts or "")
+    if kept.resume and out is None:
         raise OptionError("--resume needs --out DIR, the folder of the study to go on with.")
-    if starts is not None and not split_names(starts):
+    if study.starts is not None and not starts:
         raise OptionError("--starts names no start.")
-    problem = load_problem(task, asked(physics, collision), settings(changes))
+    problem = reading.problem(task, back_ends)
     loaded = problem.part(part)
-    values, others = _split(options, solver)
-    setup = make_setup(physics, collision, others, (solver,))(loaded)
+    values, others = _split(back_ends.options, solver)
+    setup = replace(back_ends, options=others).setup(loaded, (solver,))
     plan, job = plan_study(
         loaded,
         solver,
         values,
         setup,
-        starts=split_names(starts or ""),
-        design=design,
-        runs=runs,
+        starts=starts,
+        design=study.design,
+        runs=study.runs,
         seed=seed,
         warm=warm,
         name=problem.name if part is None else f"{problem.name}, {loaded.name}",
     )
-    picture = None if plot is None else _picture(plot)
+    picture = None if kept.plot is None else _picture(kept.plot)
     with ExitStack() as stack:
         folder = None
         if out is not None:
             words = tuple(sys.argv[1:])
-            folder = stack.enter_context(StudyFolder(out, plan, resume=resume, command=words))
+            folder = stack.enter_context(StudyFolder(out, plan, resume=kept.resume, command=words))
         count = stack.enter_context(counting(solver, len(plan.settings) * len(plan.seeds)))
         result = do_study(
             plan,
@@ -184,7 +231,7 @@ def command(
     return code
 
 
-def _split(entries: tuple[str, ...], solver: str) -> tuple[list[tuple[str, str]], tuple[str, ...]]:
+def _split(entries: Iterable[str], solver: str) -> tuple[list[tuple[str, str]], list[str]]:
     """Return option and text for the solver's entries of -O, and the other entries."""
     values, others = [], []
     for entry in entries:
@@ -194,7 +241,7 @@ def _split(entries: tuple[str, ...], solver: str) -> tuple[list[tuple[str, str]]
             values.append((name, text))
         else:
             others.append(entry)
-    return values, tuple(others)
+    return values, others
 
 
 def _picture(plot: str) -> Path:

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import shlex
 import sys
+from dataclasses import dataclass
+from typing import Annotated
 
-import click
+import typer
 
+from skillplan.cli.option_values import count_option, positive_seconds
 from skillplan.cli.options import (
-    PluginName,
-    PositiveSeconds,
-    asked,
-    back_end_options,
-    format_option,
-    make_setup,
-    no_cache_option,
-    part_option,
-    seed_option,
-    set_option,
-    settings,
-    task_argument,
+    LIMITS,
+    OUTPUT,
+    SOLVER,
+    BackEnds,
+    Caching,
+    PartReading,
+    Seed,
+    Style,
+    TaskFile,
+    solver_option,
 )
+
+TRAINING = "Training"
 
 EPILOG = (
     "Everything is kept in a folder: manifest.json says what was asked, runs/NN/metrics.jsonl what "
@@ -31,96 +34,115 @@ EPILOG = (
 )
 
 
-@click.command("train", epilog=EPILOG)
-@task_argument
-@click.option(
-    "--solver",
-    type=PluginName("solver"),
-    metavar="NAME",
-    default="dqn",
-    show_default=True,
-    help="Which learner is trained.",
-)
-@click.option(
-    "--runs",
-    type=click.IntRange(1, 1_000),
-    default=10,
-    show_default=True,
-    metavar="N",
-    help="How many runs, with the seeds from --seed on; up to five learn side by side.",
-)
-@click.option(
-    "--steps",
-    type=click.IntRange(1, 1_000_000_000),
-    metavar="N",
-    help="Environment steps of every run; goes before the learner's option steps, which is the "
-    "default.",
-)
-@click.option(
-    "--family",
-    type=click.IntRange(1, 10_000),
-    metavar="N",
-    help="Learn on N layouts drawn from the task file's family, another one in every episode, "
-    "instead of on its own.",
-)
-@back_end_options
-@set_option
-@part_option
-@seed_option
-@click.option(
-    "--jobs",
-    type=click.IntRange(1, 64),
-    default=1,
-    show_default=True,
-    metavar="N",
-    help="In how many processes groups of five runs learn; nothing that is learned depends on it.",
-)
-@click.option(
-    "--checkpoint",
-    "checkpoint_steps",
-    type=click.IntRange(1, 1_000_000_000),
-    default=1_000,
-    show_default=True,
-    metavar="N",
-    help="Keep a checkpoint every N environment steps, in hundreds.",
-)
-@click.option(
-    "--time-limit",
-    "time_limit_s",
-    type=PositiveSeconds(),
-    metavar="S",
-    default=60.0,
-    show_default=True,
-    help="Give up proving the optimum after S seconds.",
-)
-@no_cache_option
-@click.option(
-    "--out",
-    metavar="DIR",
-    help="The folder of the runs, a new one; default: the first of runs/TASK-SOLVER-1, -2, ... "
-    "that is not there.",
-)
-@click.option("--resume", is_flag=True, help="Go on with the training in the folder of --out.")
-@format_option
+@dataclass(frozen=True, slots=True)
+class Amount:
+    """How much is trained.
+
+    Parameters
+    ----------
+    runs
+        How many runs, >= 1.
+    steps
+        Environment steps of each; None for the learner's default.
+    family
+        How many layouts are learned on; None for the task's own.
+    checkpoint_steps
+        After how many environment steps a checkpoint is kept.
+    """
+
+    runs: Annotated[
+        int,
+        count_option(
+            "--runs",
+            least=1,
+            most=1_000,
+            text="How many runs, with the seeds from --seed on; up to five learn side by side.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = 10
+    steps: Annotated[
+        int | None,
+        count_option(
+            "--steps",
+            least=1,
+            most=1_000_000_000,
+            text="Environment steps of every run; goes before the learner's option steps, which "
+            "is the default.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = None
+    family: Annotated[
+        int | None,
+        count_option(
+            "--family",
+            least=1,
+            most=10_000,
+            text="Learn on N layouts drawn from the task file's family, another one in every "
+            "episode, instead of on its own.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = None
+    checkpoint_steps: Annotated[
+        int,
+        count_option(
+            "--checkpoint",
+            least=1,
+            most=1_000_000_000,
+            text="Keep a checkpoint every N environment steps, in hundreds.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = 1_000
+
+
 def command(
-    task: str,
-    solver: str,
-    runs: int,
-    steps: int | None,
-    family: int | None,
-    physics: str | None,
-    collision: str | None,
-    options: tuple[str, ...],
-    changes: tuple[str, ...],
-    part: str | None,
-    seed: int,
-    jobs: int,
-    checkpoint_steps: int,
-    time_limit_s: float,
-    no_cache: bool,
-    out: str | None,
-    resume: bool,
-    style: str,
+    task: TaskFile,
+    reading: PartReading,
+    amount: Amount,
+    *,
+    solver: Annotated[str, solver_option("Which learner is trained.")] = "dqn",
+    seed: Seed = 0,
+    jobs: Annotated[
+        int,
+        count_option(
+            "--jobs",
+            least=1,
+            most=64,
+            text="In how many processes groups of five runs learn; nothing that is learned "
+            "depends on it.",
+            rich_help_panel=SOLVER,
+        ),
+    ] = 1,
+    back_ends: BackEnds,
+    caching: Caching,
+    time_limit_s: Annotated[
+        float,
+        typer.Option(
+            "--time-limit",
+            parser=positive_seconds,
+            metavar="S",
+            help="Give up proving the optimum after S seconds.",
+            rich_help_panel=LIMITS,
+        ),
+    ] = 60.0,
+    out: Annotated[
+        str | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="The folder of the runs, a new one; default: the first of runs/TASK-SOLVER-1, "
+            "-2, ... that is not there.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume",
+            help="Go on with the training in the folder of --out.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = False,
+    style: Style = "table",
 ) -> int:
     """Train a learner on TASK, several runs from several seeds, and hold them to the optimum.
 
@@ -137,7 +159,6 @@ def command(
         EXIT_SOLVED,
         OptionError,
     )
-    from skillplan.pipeline.setup import load_problem
     from skillplan.training.trainer import Trainer, next_folder
     from skillplan.training.training_folder import TrainingFolder
     from skillplan.training.training_plan import plan_training
@@ -145,20 +166,20 @@ def command(
 
     if resume and out is None:
         raise OptionError("--resume needs --out DIR, the folder of the training to go on with.")
-    changed = settings(changes)
-    problem = load_problem(task, asked(physics, collision), changed)
-    setup = make_setup(physics, collision, options, (solver,))(problem.part(part))
+    part = reading.part
+    problem = reading.problem(task, back_ends)
+    setup = back_ends.setup(problem.part(part), (solver,))
     plan = plan_training(
         problem,
         solver,
         setup,
         part=part,
-        runs=runs,
-        steps=steps,
+        runs=amount.runs,
+        steps=amount.steps,
         seed=seed,
-        family=family or 0,
-        checkpoint_steps=checkpoint_steps,
-        warm=not no_cache,
+        family=amount.family or 0,
+        checkpoint_steps=amount.checkpoint_steps,
+        warm=not caching.no_cache,
     )
     words = list(sys.argv[1:])
     if out is None:
@@ -166,7 +187,7 @@ def command(
         words += ["--out", out]
         print(f"writing to {out}", file=sys.stderr)
     with TrainingFolder(
-        out, plan, problem, part=part, changes=changed, resume=resume, command=words
+        out, plan, problem, part=part, changes=reading.settings(), resume=resume, command=words
     ) as folder:
         trainer = Trainer(plan, folder, jobs=jobs, time_limit_s=time_limit_s)
         with displaying(plan, trainer.interrupt) as display:

@@ -2,51 +2,77 @@
 
 from __future__ import annotations
 
-import click
+from typing import Annotated
 
-from skillplan.cli.options import PositiveSeconds, TaskPath, format_option, no_cache_option
+import typer
+
+from skillplan.cli.completion import task_files
+from skillplan.cli.option_values import positive_seconds
+from skillplan.cli.options import LIMITS, OUTPUT, TASK, Caching, Style
 
 
-@click.command("verify")
-@click.argument("result", type=click.Path())
-@click.option(
-    "--task",
-    "task_file",
-    type=TaskPath(),
-    metavar="FILE",
-    help="The task file; default: the one that the result names, from here or beside the result.",
-)
-@click.option(
-    "--time-limit",
-    "time_limit_s",
-    type=PositiveSeconds(),
-    metavar="S",
-    default=60.0,
-    show_default=True,
-    help="Prove nothing a second time that takes longer than S seconds in all.",
-)
-@no_cache_option
-@format_option
 def command(
-    result: str, task_file: str | None, time_limit_s: float, no_cache: bool, style: str
+    result: Annotated[
+        str,
+        typer.Argument(
+            metavar="RESULT",
+            help="A result.json of search-optimal, or the folder that --out named.",
+            show_default=False,
+        ),
+    ],
+    *,
+    task_file: Annotated[
+        str | None,
+        typer.Option(
+            "--task",
+            metavar="FILE",
+            autocompletion=task_files,
+            help="The task file; default: the one that the result names, from here or beside the "
+            "result.",
+            rich_help_panel=TASK,
+        ),
+    ] = None,
+    caching: Caching,
+    time_limit_s: Annotated[
+        float,
+        typer.Option(
+            "--time-limit",
+            parser=positive_seconds,
+            metavar="S",
+            help="Prove nothing a second time that takes longer than S seconds in all.",
+            rich_help_panel=LIMITS,
+        ),
+    ] = 60.0,
+    verbose: Annotated[
+        bool,
+        typer.Option(
+            "--verbose",
+            help="Show every claim with how it was checked, also those that hold.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = False,
+    style: Style = "table",
 ) -> int:
     """Check the claims of RESULT independently of what made it.
 
-    RESULT is a result.json of search-optimal, or the folder that --out named. The plan is
-    replayed, the arithmetic is done anew, and what is claimed of all plans is proved a second
-    time, by another method, where the case is small enough and the time limit allows.
+    The plan is replayed, the arithmetic is done anew, and what is claimed of all plans is proved
+    a second time, by another method, where the case is small enough and the time limit allows.
+    What does not hold is listed, what does is told in short.
     """
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import stoppable
     from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
     from skillplan.pipeline.certification import certify
-    from skillplan.pipeline.run import warm_cache
+    from skillplan.views.tables.certificate import certificate_summary, certificate_table
 
     with stoppable(time_limit_s, label="verifying") as stop:
-        cache = None if no_cache else warm_cache()
+        cache = caching.cache()
         certificate = certify(result, task_file, stop=stop, cache=cache)
     code = EXIT_SOLVED if certificate.valid else EXIT_NO_PLAN
     if stop.interrupted:
         code = EXIT_INTERRUPTED
-    emit(style, certificate.document(), [certificate.table()], failed=code != 0)
+    # Only people want it short: Markdown and CSV hold every claim.
+    whole = verbose or style != "table"
+    table = certificate_table(certificate) if whole else certificate_summary(certificate)
+    emit(style, certificate.document(), [table], failed=code != 0)
     return code

@@ -7,6 +7,7 @@ from typing import Any
 
 from skillplan.domains.assembly.consistency import issues
 from skillplan.domains.assembly.grounding import ground
+from skillplan.domains.assembly.hints import hints
 from skillplan.domains.assembly.layout_family import layouts
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.domain import Domain
@@ -26,6 +27,10 @@ class AssemblyDomain(Domain):
     def issues(self, config: Any) -> Iterable[Issue]:
         """Return faults of references, order and geometry."""
         return issues(config)
+
+    def hints(self, config: Any) -> Iterable[Issue]:
+        """Return the parts that block a feeder from the start on."""
+        return hints(config)
 
     def variants(self, config: Any, seed: int, count: int) -> list[Any]:
         """Return layouts of the file's family, by its block ``family``."""

@@ -186,7 +186,7 @@ def _needed_actions(config: AssemblyConfig) -> dict[str, str]:
 
 
 def _step_limit(config: AssemblyConfig) -> Iterator[Issue]:
-    if config.goal is not None:
+    if config.goal is not None or config.step_limit is None:
         return
     steps = 2 * len(config.parts) + len(config.screws)
     tools = {part.tool for part in config.parts.values()}

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from skillplan.domains.domain import Account, Domain, Listing
+from skillplan.domains.domain import Account, Domain, Listing, Overview
 from skillplan.domains.swarmitfix.account import account
 from skillplan.domains.swarmitfix.base.goals import UnreachableSupport
 from skillplan.domains.swarmitfix.bench.table_errata import table_errata
 from skillplan.domains.swarmitfix.faults import issues
 from skillplan.domains.swarmitfix.job import Job
 from skillplan.domains.swarmitfix.machine_settings import bench_of
+from skillplan.domains.swarmitfix.overview import overview
 from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
+from skillplan.domains.swarmitfix.trajectory.unit_doubt import unit_doubt
 from skillplan.errors import ChainBroken, Issue, OptionError
 from skillplan.task.task import Task
 
@@ -27,6 +29,15 @@ class SwarmitfixDomain(Domain):
     def issues(self, config: Any) -> Iterable[Issue]:
         """Return faults of positions, trajectory, reach and robots."""
         return issues(config)
+
+    def warnings(self, config: Any) -> Iterable[Issue]:
+        """Return the doubt about the unit of a trajectory's file, where there is one."""
+        doubt = None if config.trajectory is None else unit_doubt(config.trajectory)
+        return () if doubt is None else (doubt.under("trajectory"),)
+
+    def overview(self, config: Any) -> Overview:
+        """Return the extent and the length of the trajectory, where there is one."""
+        return overview(config)
 
     def ground(self, config: Any, sha256: str) -> list[Task]:
         """Return the chain of tasks; what follows a level stands on that level's optimum."""

@@ -14,6 +14,7 @@ from skillplan.domains.swarmitfix.pkm.reach import Mount
 from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
 from skillplan.domains.swarmitfix.trajectory.content import element_key, elements_of
 from skillplan.domains.swarmitfix.trajectory.faults import Outline, faults
+from skillplan.domains.swarmitfix.trajectory.unit_doubt import unit_doubt
 from skillplan.errors import Issue
 from skillplan.files.schema_errors import continued
 
@@ -121,6 +122,10 @@ def _trajectory(config: SwarmitfixConfig, bench: Bench) -> Iterator[Issue]:
         if path or message not in told:
             key = ("trajectory", *element_key(trajectory, path))
             yield Issue(trajectory.place_of(path, message), key)
+    doubt = unit_doubt(trajectory) if found else None
+    if doubt is not None:
+        # What is off the bench, or too small, may be so for that reason alone.
+        yield doubt.under("trajectory")
     if config.heads.subdivisions is not None and not found:
         segments = len(Job(config).workpiece.segments)
         given = len(config.heads.subdivisions)

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from skillplan.files.strict_json import parse_json
 from skillplan.records.result import Status
 
 _ARRIVED = (Status.OPTIMAL, Status.SOLVED)
@@ -107,7 +108,7 @@ class SweepRecord:
 
     def document(self) -> dict[str, Any]:
         """Return the record as JSON values."""
-        content: dict[str, Any] = json.loads(self.line())
+        content: dict[str, Any] = parse_json(self.line())
         return content
 
 
@@ -120,13 +121,13 @@ def record_of(line: str) -> SweepRecord:
         If the line is damaged.
     """
     try:
-        content = json.loads(line)
+        content = parse_json(line)
         outcomes = tuple(
             StartOutcome(**{**one, "status": Status(one["status"])})
             for one in content.pop("outcomes")
         )
         record = SweepRecord(outcomes=outcomes, **content)
-    except (TypeError, KeyError, AttributeError, RecursionError) as error:
+    except (TypeError, KeyError, AttributeError) as error:
         raise ValueError(f"{type(error).__name__}: {error}") from None
     if not _sound(record):
         raise ValueError("a value is of another type than it should be")

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from skillplan.records import schemas
 from skillplan.records.interval import Estimate, mean, share
 from skillplan.records.result import tolerance
 from skillplan.records.sweep.plan import SweepPlan
 from skillplan.records.sweep.record import StartOutcome, SweepRecord
-
-SCHEMA = "skillplan.sweep/1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +172,7 @@ class SweepResult:
                 }
             )
         return {
-            "schema": SCHEMA,
+            "schema": schemas.SWEEP,
             "name": self.plan.name,
             **self.plan.document(),
             "one_policy_for_all_starts": self.shared,

@@ -14,10 +14,14 @@ from pathlib import Path
 from typing import Any, get_args
 
 from skillplan.errors import OptionError
+from skillplan.files.regular_file import read_bytes
+from skillplan.files.strict_json import parse_json
 from skillplan.solvers.learning.learner import End, Episode
 
 METRICS = "metrics.jsonl"
 _ENDS = get_args(End)
+# More than a run of a hundred million steps notes.
+_MOST_BYTES = 4 * 1024**3
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +83,7 @@ def metrics_line(record: Episode | FiguresRecord) -> str:
     return json.dumps(content, allow_nan=False, separators=(",", ":"))
 
 
-def read_metrics(path: Path, run: int) -> RunMetrics:
+def read_metrics(path: Path, run: int, *, within: Path | None = None) -> RunMetrics:
     """Return what a run noted; a piece of a line at the end of the file is left out.
 
     Parameters
@@ -88,6 +92,8 @@ def read_metrics(path: Path, run: int) -> RunMetrics:
         The file; none is that of a run which has noted nothing.
     run
         The run's number.
+    within
+        A folder that the file must lie in, wherever links lead; None for anywhere.
 
     Raises
     ------
@@ -95,13 +101,10 @@ def read_metrics(path: Path, run: int) -> RunMetrics:
         If the file cannot be read, or another line is damaged: it is named.
     """
     try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        return RunMetrics()
+        lines = metrics_lines(path, within=within)
     except OSError as error:
         raise OptionError(f"{path}: cannot be read: {error.strerror}.") from None
-    whole = content[: content.rfind(b"\n") + 1]
-    return metrics_of(whole.decode("utf-8", "replace").splitlines(), path, run)
+    return metrics_of(lines, path, run)
 
 
 def metrics_of(lines: Iterable[str], path: Path, run: int) -> RunMetrics:
@@ -116,6 +119,27 @@ def metrics_of(lines: Iterable[str], path: Path, run: int) -> RunMetrics:
     return RunMetrics(tuple(episodes), tuple(figures))
 
 
+def metrics_lines(path: Path, *, within: Path | None = None) -> list[str]:
+    """Return the whole lines of a file, unread; none where there is no file.
+
+    Parameters
+    ----------
+    path, within
+        As for `read_metrics`.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    """
+    try:
+        content = read_bytes(path, _MOST_BYTES, within=within)
+    except FileNotFoundError:
+        return []
+    whole = content[: content.rfind(b"\n") + 1]
+    return whole.decode("utf-8", "replace").splitlines()
+
+
 def _records(lines: Iterable[str], path: Path, run: int) -> Iterator[Episode | FiguresRecord]:
     before = 0
     for number, line in enumerate(lines, start=1):
@@ -123,7 +147,7 @@ def _records(lines: Iterable[str], path: Path, run: int) -> Iterator[Episode | F
             record = _record(line, run)
             if record.step < max(before, 1):
                 raise ValueError("its step is before that of the line above")
-        except (ValueError, TypeError, KeyError, RecursionError) as error:
+        except (ValueError, TypeError, KeyError) as error:
             reason = str(error) if isinstance(error, ValueError) else type(error).__name__
             raise OptionError(
                 f"{path}:{number}: is damaged: {reason}. Bring the file back from a copy, or "
@@ -134,7 +158,7 @@ def _records(lines: Iterable[str], path: Path, run: int) -> Iterator[Episode | F
 
 
 def _record(line: str, run: int) -> Episode | FiguresRecord:
-    content = json.loads(line)
+    content = parse_json(line)
     if not isinstance(content, dict):
         raise ValueError("it is no mapping")
     kind, step = content.pop("kind", None), content.pop("step", None)

@@ -18,10 +18,11 @@ from skillplan.env.observation import Observation
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.json_file import json_text, read_checked
+from skillplan.files.regular_file import read_bytes
+from skillplan.records import schemas
 from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.task.task import Task
 
-SCHEMA = "skillplan.network-policy/1"
 _REMEDY = "Train anew, or go on with --resume, which writes it again"
 _MOST_BYTES = 1024 * 1024 * 1024
 
@@ -102,7 +103,14 @@ class StoredNetwork:
         return None
 
 
-def write_network(folder: Path, stem: str, network: NetworkPolicy, **content: Any) -> None:
+def write_network(
+    folder: Path,
+    stem: str,
+    network: NetworkPolicy,
+    *,
+    within: Path | None = None,
+    **content: Any,
+) -> None:
     """Write a network into two files; the JSON, which vouches for the other one, comes last.
 
     Parameters
@@ -111,6 +119,8 @@ def write_network(folder: Path, stem: str, network: NetworkPolicy, **content: An
         Where to: ``stem.safetensors`` and ``stem.json``.
     network
         What acts.
+    within
+        A folder that the files must lie in, wherever links lead; None for anywhere.
     content
         Fields of `NetworkPolicyContent`, but for ``layers`` and ``sha256``.
 
@@ -131,29 +141,29 @@ def write_network(folder: Path, stem: str, network: NetworkPolicy, **content: An
         layers=[(weight.shape[0], weight.shape[1]) for weight in network.weights],
         sha256=hashlib.sha256(data).hexdigest(),
     )
-    write_whole(folder / f"{stem}.safetensors", data)
-    write_whole(folder / f"{stem}.json", json_text(SCHEMA, said))
+    write_whole(folder / f"{stem}.safetensors", data, within=within)
+    write_whole(folder / f"{stem}.json", json_text(schemas.NETWORK_POLICY, said), within=within)
 
 
-def read_network(path: Path) -> StoredNetwork:
+def read_network(path: Path, *, within: Path | None = None) -> StoredNetwork:
     """Return the network whose JSON file is named.
 
     Parameters
     ----------
     path
         A ``policy.json`` or ``last.json``; the weights lie beside it.
+    within
+        A folder that both must lie in, wherever links lead; None for anywhere.
 
     Raises
     ------
     OptionError
         If a file cannot be read, is none that `write_network` wrote, or does not fit the other.
     """
-    said = read_checked(path, SCHEMA, NetworkPolicyContent, _REMEDY)
+    said = read_checked(path, schemas.NETWORK_POLICY, NetworkPolicyContent, _REMEDY, within=within)
     weights = path.with_suffix(".safetensors")
     try:
-        if weights.stat().st_size > _MOST_BYTES:
-            raise OptionError(f"{weights}: is larger than any network. {_REMEDY}.")
-        data = weights.read_bytes()
+        data = read_bytes(weights, _MOST_BYTES, within=within)
     except OSError as error:
         raise OptionError(f"{weights}: cannot be read: {error.strerror}. {_REMEDY}.") from None
     if hashlib.sha256(data).hexdigest() != said.sha256:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from skillplan.records import schemas
 from skillplan.records.interval import Estimate, interquartile_mean
 from skillplan.records.optimum import Optimum
 from skillplan.records.training.layouts_result import LayoutsResult
@@ -186,7 +187,7 @@ class TrainingResult:
         task, best = self.task, self.optimum
         success = self.success.estimate
         return {
-            "schema": "skillplan.training/1",
+            "schema": schemas.TRAINING,
             "run_dir": self.run_dir,
             "task": {"name": task.name, "kind": task.kind, "sha256": task.sha256},
             "solver": self.solver,

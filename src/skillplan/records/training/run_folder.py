@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from skillplan.errors import OptionError
 from skillplan.files.json_file import read_checked, read_document
+from skillplan.records import schemas
 from skillplan.records.training.metrics_file import METRICS, FiguresRecord, read_metrics
 from skillplan.records.training.network_policy_file import StoredNetwork, read_network
 from skillplan.solvers.learning.learner import Episode
@@ -22,10 +23,6 @@ from skillplan.solvers.learning.learner import Episode
 MANIFEST, RESULT = "manifest.json", "result.json"
 TASK_CONFIG = "task.json"
 PROGRESS, CHECKPOINT = "progress.json", "checkpoint.safetensors"
-MANIFEST_SCHEMA = "skillplan.run/1"
-CONFIG_SCHEMA = "skillplan.resolved-task/1"
-RESULT_SCHEMA = "skillplan.training/1"
-PROGRESS_SCHEMA = "skillplan.group/1"
 _REMEDY = "Bring the file back from a copy, or train anew in another folder"
 
 
@@ -211,8 +208,12 @@ class RunFolder:
             raise OptionError(f"{path}: there is no such folder. Name one that train wrote.")
         if not (self.path / MANIFEST).exists():
             raise OptionError(f"{path}: holds no {MANIFEST}. Name a folder that train wrote.")
-        self.manifest = read_checked(self.path / MANIFEST, MANIFEST_SCHEMA, RunManifest, _REMEDY)
-        self.config = read_document(self.path / TASK_CONFIG, CONFIG_SCHEMA, _REMEDY)
+        self.manifest = read_checked(
+            self.path / MANIFEST, schemas.RUN, RunManifest, _REMEDY, within=self.path
+        )
+        self.config = read_document(
+            self.path / TASK_CONFIG, schemas.RESOLVED_TASK, _REMEDY, within=self.path
+        )
 
     @property
     def source(self) -> str:
@@ -236,7 +237,7 @@ class RunFolder:
         path = group_path(self.path, group) / PROGRESS
         if not path.exists():
             return None
-        return read_checked(path, PROGRESS_SCHEMA, GroupProgress, _REMEDY)
+        return read_checked(path, schemas.RUN_GROUP, GroupProgress, _REMEDY, within=self.path)
 
     def run(self, index: int) -> StoredRun:
         """Return a run.
@@ -256,13 +257,13 @@ class RunFolder:
             failure = progress.failures.get(index, "")
             stored = replace(stored, steps=progress.steps, failure=failure, wall_s=progress.wall_s)
         folder = run_path(self.path, index)
-        metrics = read_metrics(folder / METRICS, index)
+        metrics = read_metrics(folder / METRICS, index, within=self.path)
         return replace(
             stored,
             episodes=metrics.episodes,
             figures=metrics.figures,
-            policy=_policy(folder / "policy.json"),
-            last=_policy(folder / "last.json"),
+            policy=self._policy(folder / "policy.json"),
+            last=self._policy(folder / "last.json"),
         )
 
     def runs(self) -> list[StoredRun]:
@@ -287,10 +288,9 @@ class RunFolder:
         if not path.exists():
             return None
         remedy = "train --resume writes it again"
-        return {"schema": RESULT_SCHEMA, **read_document(path, RESULT_SCHEMA, remedy)}
+        document = read_document(path, schemas.TRAINING, remedy, within=self.path)
+        return {"schema": schemas.TRAINING, **document}
 
-
-def _policy(path: Path) -> StoredNetwork | None:
-    return (
-        read_network(path) if path.exists() or path.with_suffix(".safetensors").exists() else None
-    )
+    def _policy(self, path: Path) -> StoredNetwork | None:
+        there = path.exists() or path.with_suffix(".safetensors").exists()
+        return read_network(path, within=self.path) if there else None

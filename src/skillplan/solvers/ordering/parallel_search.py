@@ -8,7 +8,6 @@ and after how many nodes, does.
 
 from __future__ import annotations
 
-import multiprocessing
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -20,8 +19,9 @@ from skillplan.solvers.ordering.incumbents import News
 from skillplan.solvers.ordering.instance import Integers
 from skillplan.solvers.ordering.portfolio import METHODS, Method, OrderingSearch
 from skillplan.solvers.ordering.search_worker import Finding, Share, Word, prepare
+from skillplan.workers.executor import Ended, Executor, Worker, packed
 from skillplan.workers.resident_memory import resident_bytes_of
-from skillplan.workers.worker_processes import Ended, WorkerProcess, first_ready, packed
+from skillplan.workers.worker_processes import LocalProcesses
 
 _WHAT = "the search"
 # What is proved sooner is not worth a process.
@@ -47,7 +47,7 @@ _APPETITE = 4
 class _Other:
     """A search beside this one, and what it was told and has told last."""
 
-    process: WorkerProcess
+    process: Worker
     methods: tuple[Method, ...]
     seed: int
     told_cost: float = np.inf
@@ -75,6 +75,8 @@ class ParallelSearch:
         How many there are, this one counted, >= 2.
     seed
         Governs the randomness of all.
+    executor
+        Where the others run; processes of this machine by default.
 
     Attributes
     ----------
@@ -84,8 +86,15 @@ class ParallelSearch:
         In words, what ended those that ended before their time.
     """
 
-    def __init__(self, search: OrderingSearch, processes: int, seed: int = 0) -> None:
+    def __init__(
+        self,
+        search: OrderingSearch,
+        processes: int,
+        seed: int = 0,
+        executor: Executor | None = None,
+    ) -> None:
         self.search = search
+        self._executor = LocalProcesses(processes - 1) if executor is None else executor
         self.started = 1
         self.lost: list[str] = []
         self._wanted = emphases(search.methods, processes - 1)
@@ -139,7 +148,7 @@ class ParallelSearch:
         if not self._others:
             return None
         by_process = {other.process: other for other in self._others}
-        for process in first_ready(by_process, 0.0):
+        for process in self._executor.first_ready(by_process, 0.0):
             self._attend(by_process[process])
         self._spare_memory()
         cost, order = self._best
@@ -149,8 +158,8 @@ class ParallelSearch:
         return None
 
     def _start(self) -> None:
-        if multiprocessing.current_process().daemon:
-            self.lost.append("none was started: a process for jobs may not start others")
+        if self._executor.refusal:
+            self.lost.append(f"none was started: {self._executor.refusal}")
             return
         content = packed(None, _WHAT)
         for number, methods in enumerate(self._wanted, start=1):
@@ -159,7 +168,7 @@ class ParallelSearch:
                 self.lost.append("one was not started: memory limit")
                 continue
             try:
-                process = WorkerProcess(prepare, content, _WHAT)
+                process = self._executor.start(prepare, content, _WHAT)
             except SkillplanError as error:
                 self.lost.append(f"one was not started: {error}")
                 return

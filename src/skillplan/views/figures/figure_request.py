@@ -8,13 +8,12 @@ from typing import Any, Protocol
 
 from matplotlib.figure import Figure
 
-from skillplan.domains.domain import Account
 from skillplan.domains.load import Problem
-from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.errors import OptionError
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
 from skillplan.task.task import Task
+from skillplan.views.figures.walk_steps import WalkSteps
 
 # Options that headings name even where the user left them alone, and those they never name.
 _TOLD = ("gamma", "alpha", "epsilon", "episodes")
@@ -145,23 +144,6 @@ class FigureRequest:
                 f"{self.solver} records no {what}; name a learner such as sarsa by --solver"
             )
 
-    def bench(self, account: Account | None = None) -> Bench:
-        """Return the lattice of the file.
-
-        Raises
-        ------
-        OptionError
-            If the file is of another kind.
-        """
-        known = self.problem.account({}) if account is None else account
-        shape = known.document.get("bench")
-        if shape is None:
-            raise self.unfit(
-                f"it shows a bench, but the file is of kind {self.problem.kind}. Figures of any "
-                "kind are rewards, learning and q-values"
-            )
-        return Bench(shape["rows"], shape["cols"], shape["pitch_m"], shape["actions"])
-
     def chain_run(self) -> Run:
         """Return the run of the whole file.
 
@@ -207,6 +189,11 @@ class FigureRequest:
         assert start is not None
         assert goal is not None
         return start, goal
+
+    def walk_steps(self, task: Task) -> WalkSteps:
+        """Return what leads from place to place in a task of walking."""
+        (goal,) = (fact for fact in task.goal.requires if fact in task.places)
+        return WalkSteps(task, goal)
 
     def details(self, *runs: Run, solver: str | None = None) -> str:
         """Return what a figure says of how it came about."""

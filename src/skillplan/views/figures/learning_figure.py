@@ -5,13 +5,13 @@ Veeramani and Muthuswamy 2022, Fig. 8 and section 5.2.
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from skillplan.records.result import Result
@@ -25,6 +25,7 @@ from skillplan.views.figures.figure_style import (
     Heading,
     axes_in,
     in_house_style,
+    label_log_axis,
     legend_columns,
     sheet,
 )
@@ -192,7 +193,7 @@ def _draw_panel(axes: Axes, panel: LearningPanel) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
+        label_log_axis(axis)
     axes.grid(which="major")
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlabel("episode [-]")
@@ -272,8 +273,7 @@ def _curve(request: FigureRequest, label: str, results: Sequence[Result]) -> Lea
 
 def _fewest(request: FigureRequest, task: Task) -> float | None:
     """Return the mean of the fewest steps to the goal over all starts, where that is known."""
-    if task not in request.walks() or task.kind != "swarmitfix":
+    if task not in request.walks():
         return None
-    bench = request.bench()
-    distances = bench.distances(bench.position(request.ends(task)[1]))
-    return float(distances[distances > 0].mean())
+    fewest = [steps for steps in request.walk_steps(task).fewest.values() if steps > 0]
+    return statistics.fmean(fewest) if fewest else None

@@ -204,25 +204,23 @@ def _watched(request: FigureRequest, task: Task) -> dict[str, str]:
     if request.states:
         return {name: known[name] for name in request.states}
     if not task.places:
-        raise request.unfit("name the states by --states, each by a fact that holds in it alone")
-    return _first_on_the_way(request, task, facts)
+        raise request.unfit(
+            "name the states by --states, each by a fact that holds in it alone, such as "
+            f"--states '{task.facts.names[0]}'"
+        )
+    return {task.places[fact].name: fact for fact in _first_on_the_path(request, task)}
 
 
-def _first_on_the_way(
-    request: FigureRequest, task: Task, facts: Mapping[str, str]
-) -> dict[str, str]:
-    """Return the start and some positions between it and the goal, the farther first."""
-    start, goal = request.ends(task)
-    if task.kind != "swarmitfix":
-        return {start: facts[start]}
-    bench = request.bench()
-    left = bench.distances(bench.position(goal))
-    here, names = bench.position(start), [start]
-    while left[here] > 1 and len(names) < _STATES:
-        ends = [end for end in bench.successors[here].tolist() if end >= 0]
-        here = min(ends, key=lambda end: int(left[end]))
-        names.append(bench.name(here))
-    return {name: facts[name] for name in names}
+def _first_on_the_path(request: FigureRequest, task: Task) -> list[str]:
+    """Return the facts of the start and some places between it and the goal, farther first."""
+    walk = request.walk_steps(task)
+    here = next(fact for fact in task.initial if fact in task.places)
+    facts = [here]
+    while walk.fewest.get(here, 0) > 1 and len(facts) < _STATES:
+        ends = [end for end in walk.successors[here] if end in walk.fewest]
+        here = min(ends, key=lambda end: walk.fewest[end])
+        facts.append(here)
+    return facts
 
 
 def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from skillplan.domains.domain import Listing
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.result import Result, Status
-from skillplan.views.tables.results import PROOF, number, percent
+from skillplan.views.tables.listing import listing_table
+from skillplan.views.tables.results import PROOF
 from skillplan.views.tables.table import Column, Table
+from skillplan.views.tables.wording import number, percent
 
 
 def chain_tables(result: ChainResult) -> list[Table]:
@@ -17,7 +18,7 @@ def chain_tables(result: ChainResult) -> list[Table]:
         Column("task"),
         Column("from"),
         Column("to"),
-        Column("way", below=True),
+        Column("way", below=True, short="path"),
         Column("cost", right=True),
         Column("optimum", right=True),
         Column("time [s]", right=True),
@@ -71,19 +72,6 @@ def appendix_tables(result: ChainResult) -> dict[str, Table]:
     return {name: listing_table(listing) for name, listing in result.account.appendix.items()}
 
 
-def listing_table(listing: Listing) -> Table:
-    """Return a domain's listing as a table; columns of figures are set flush right."""
-    columns = []
-    for index, heading in enumerate(listing.columns):
-        cells = [row[index] for row in listing.rows]
-        columns.append(Column(heading, right=all(_is_figure(cell) for cell in cells)))
-    return Table(listing.title, columns, listing.rows, listing.notes)
-
-
-def _is_figure(cell: str) -> bool:
-    return cell in ("-", "") or cell.replace(".", "", 1).lstrip("-").isdigit()
-
-
 def _row(part: ChainPart) -> tuple[str, ...]:
     result, decimals = part.result, part.task.metric.decimals
     start, goal = part.ends
@@ -91,7 +79,7 @@ def _row(part: ChainPart) -> tuple[str, ...]:
         part.task.name,
         start or "-",
         goal or "-",
-        _way(part),
+        _path(part),
         number(result.cost, decimals),
         number(part.optimum, decimals),
         number(result.makespan_s, 1),
@@ -101,7 +89,7 @@ def _row(part: ChainPart) -> tuple[str, ...]:
     )
 
 
-def _way(part: ChainPart) -> str:
+def _path(part: ChainPart) -> str:
     """Return the places and, where their names are short, the skills between them."""
     skills = [step.skill for step in part.result.steps]
     if not part.path:

@@ -3,35 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from skillplan.chart.conflict import conflict_lines
 from skillplan.chart.partial_order import closure, reduction
 from skillplan.chart.precedence_chart import DerivedChart
 from skillplan.task.task import Task
 from skillplan.views.tables.table import Column, Table
-
-
-def chart_document(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> dict[str, Any]:
-    """Return the JSON document ``skillplan.chart/1``."""
-    hand_made = chart.hand_made or ()
-    return {
-        "schema": "skillplan.chart/1",
-        "task": {"name": task.name, "kind": task.kind, "sha256": task.sha256},
-        "back_ends": list(back_ends),
-        "relations": [
-            {"before": r.before, "after": r.after, "reason": r.reason, "evidence": dict(r.evidence)}
-            for r in chart.relations
-        ],
-        "hand_made": [{"before": before, "after": after} for before, after in hand_made],
-        "missing": [{"before": before, "after": after} for before, after in chart.missing],
-        "extra": [{"before": r.before, "after": r.after, "reason": r.reason} for r in chart.extra],
-        "impossible": dict(chart.impossible),
-        "undecided": list(chart.undecided),
-        "circle": list(chart.circle),
-        "contradiction": list(chart.contradiction),
-        "conditional": {skill: list(facts) for skill, facts in chart.conditional.items()},
-    }
 
 
 def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Table:
@@ -55,7 +32,8 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
             )
         )
     rows += [(before, after, "MISSING", "-", "-") for before, after in chart.missing]
-    columns = [Column(name) for name in ("before", "after", "hand-made", "asked", "reason")]
+    columns = [Column(name) for name in ("before", "after", "hand-made")]
+    columns += [Column("asked", short="query"), Column("reason")]
     if chart.hand_made is None:
         notes = ["The task file has no hand-made chart to compare with."]
     elif not chart.missing and not chart.extra:

@@ -1,4 +1,4 @@
-"""What was measured, in one line for people."""
+"""What was measured, for people: in one line, or as a list."""
 
 from __future__ import annotations
 
@@ -9,6 +9,14 @@ from typing import Any
 def evidence_text(evidence: Mapping[str, Any]) -> str:
     """Return evidence as ``key value`` pairs; what belongs to one thing stands in brackets."""
     return ", ".join(f"{key} {_plain(value)}" for key, value in evidence.items())
+
+
+def evidence_items(evidence: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return evidence as names and texts, one for each thing that was measured."""
+    return [
+        (key, (evidence_text(value) or "none") if isinstance(value, Mapping) else _plain(value))
+        for key, value in evidence.items()
+    ]
 
 
 def _plain(value: Any) -> str:

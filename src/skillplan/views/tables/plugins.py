@@ -18,25 +18,6 @@ _BOUNDS = {
 }
 
 
-def plugin_document(infos: Sequence[PluginInfo], options: type[BaseModel] | None) -> dict[str, Any]:
-    """Return the JSON document ``skillplan.plugins/1``."""
-    return {
-        "schema": "skillplan.plugins/1",
-        "plugins": [
-            {
-                "kind": info.kind,
-                "name": info.name,
-                "distribution": info.distribution,
-                "version": info.version,
-                "summary": info.summary,
-                "problem": info.problem,
-            }
-            for info in infos
-        ],
-        "options": None if options is None else options.model_json_schema(),
-    }
-
-
 def plugin_tables(infos: Sequence[PluginInfo], options: type[BaseModel] | None) -> list[Table]:
     """Return the plugins and, where one was asked for, its options."""
     headings = ("kind", "name", "distribution", "version", "what it does")

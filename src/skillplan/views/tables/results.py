@@ -10,6 +10,7 @@ from skillplan.records.result import Result, Status
 from skillplan.task.motion import Point
 from skillplan.task.task import Metric, Task
 from skillplan.views.tables.table import Column, Table
+from skillplan.views.tables.wording import number, percent
 
 PROOF = {
     Status.OPTIMAL: "optimal, proved",
@@ -125,16 +126,6 @@ def comparison_table(results: Sequence[Result], title: str, decimals: int = 5) -
     for result in results:
         notes += [f"{result.solver}: {note}" for note in _trace_notes(result, decimals)]
     return Table(title, columns, rows, notes)
-
-
-def percent(fraction: float | None) -> str:
-    """Return a fraction in per cent with two decimals, or a dash."""
-    return "-" if fraction is None else f"{100 * fraction:.2f} %"
-
-
-def number(value: float | None, decimals: int) -> str:
-    """Return a number, or a dash."""
-    return "-" if value is None else f"{value:.{decimals}f}"
 
 
 def _trace_notes(result: Result, decimals: int) -> list[str]:

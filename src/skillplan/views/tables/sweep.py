@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from skillplan.records.interval import Estimate
 from skillplan.records.sweep.plan import ONE_AT_A_TIME, setting_text, value_text
 from skillplan.records.sweep.result import StartSummary, SweepResult
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.tables.table import Column, ItemList, Table
 
 _MOST_NAMED = 10
+# The longest name of a start that heads a column.
+_SHORT = 12
 
 
 def setting_table(result: SweepResult) -> Table:
     """Return a row for every setting: mean steps from each start, and how often all arrive."""
     plan = result.plan
     starts = [start.name for start in plan.starts]
+    shorts = _short_names(starts)
     columns = [Column(axis.option, right=axis.numeric) for axis in plan.axes]
     columns += [Column("runs", right=True)]
-    columns += [Column(name, right=True) for name in starts]
+    columns += [
+        Column(name, right=True, short=short) for name, short in zip(starts, shorts, strict=True)
+    ]
     columns += [Column("all arrive", right=True), Column("95 % of runs", right=True)]
     columns += [Column("all at optimum", right=True), Column("95 % of runs", right=True)]
     columns += [Column("excess", right=True), Column("learning [s]", right=True)]
@@ -36,7 +43,20 @@ def setting_table(result: SweepResult) -> Table:
                 _plus_minus(every.learning_s, 3),
             ]
         )
-    return Table(f"{plan.name}: {plan.solver}, {_shape(result)}", columns, rows, _notes(result))
+    title = f"{plan.name}: {plan.solver}, {_shape(result)}"
+    named = (
+        [] if shorts == starts else [ItemList("starts:", list(zip(shorts, starts, strict=True)))]
+    )
+    return Table(title, columns, rows, _notes(result), named)
+
+
+def _short_names(starts: Sequence[str]) -> list[str]:
+    """Return names for headings: those of places, and numbers instead of whole states."""
+    if all(len(name) <= _SHORT for name in starts):
+        return list(starts)
+    if len(starts) == 1:
+        return ["start"]
+    return [f"start {number}" for number, _ in enumerate(starts, 1)]
 
 
 def start_table(result: SweepResult) -> Table:

@@ -1,4 +1,4 @@
-"""One table, shown as a terminal table, CSV or Markdown."""
+"""One table as data, as CSV and as Markdown."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import IO
 
 
 @dataclass(frozen=True)
@@ -23,16 +22,56 @@ class Column:
     below
         Whether its cells go below the table, a line for each row, where the terminal is too
         narrow for all columns.
+    listed
+        Whether the table's lists tell its cells on a terminal, so that it is no column there.
+    short
+        What stands above on a terminal instead, where the heading is long or old; else empty.
     """
 
     heading: str
     right: bool = False
     below: bool = False
+    listed: bool = False
+    short: str = ""
+
+    @property
+    def on_screen(self) -> str:
+        """What stands above on a terminal."""
+        return self.short or self.heading
+
+
+@dataclass(frozen=True)
+class ItemList:
+    """Names and texts, one a line, under a title.
+
+    Parameters
+    ----------
+    title
+        What they are of.
+    items
+        Name and text of each.
+    """
+
+    title: str
+    items: Sequence[tuple[str, str]]
 
 
 @dataclass(frozen=True)
 class Table:
     """Rows under a title, and lines below that say what they amount to.
+
+    Parameters
+    ----------
+    title
+        What it shows.
+    columns
+        From left to right.
+    rows
+        One cell for each column.
+    notes
+        Below; what they are about may stand in front, followed by two blanks.
+    lists
+        Shown on a terminal only, between rows and notes.
 
     Raises
     ------
@@ -44,33 +83,12 @@ class Table:
     columns: Sequence[Column]
     rows: Sequence[Sequence[str]]
     notes: Sequence[str] = field(default=())
+    lists: Sequence[ItemList] = field(default=())
 
     def __post_init__(self) -> None:
         for row in self.rows:
             if len(row) != len(self.columns):
                 raise ValueError(f"Row {row} does not have {len(self.columns)} cells.")
-
-
-def render(tables: Sequence[Table], style: str, out: IO[str]) -> str:
-    """Return tables as text.
-
-    Parameters
-    ----------
-    tables
-        At least one; CSV holds the last only, which is the most particular.
-    style
-        ``table``, ``csv`` or ``md``.
-    out
-        Where the text will go: a terminal's width and colours count.
-    """
-    if style == "csv":
-        return as_csv(tables[-1])
-    if style == "md":
-        return "\n".join(as_markdown(table) for table in tables)
-    # Here and not above: --help and JSON output must not pay for importing rich.
-    from skillplan.views.tables.terminal import as_terminal_text
-
-    return as_terminal_text(tables, out)
 
 
 def as_csv(table: Table) -> str:

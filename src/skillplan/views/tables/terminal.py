@@ -1,127 +1,143 @@
-"""Tables for people: on a terminal as wide as that is, elsewhere as wide as they are."""
+"""Tables for people, in lines that are no wider than the output."""
 
 from __future__ import annotations
 
-import io
-import re
-import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import IO
 
-from rich.box import ASCII, SIMPLE_HEAD, Box
 from rich.cells import cell_len
-from rich.console import Console
-from rich.table import Table as Grid
-from rich.text import Text
 
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.tables.column_widths import (
+    Block,
+    key_columns,
+    output_width,
+    table_layout,
+)
+from skillplan.views.tables.table import Column, ItemList, Table
+from skillplan.views.tables.text_wrapping import printable, text_width, wrapped, wrapped_note
 
-# Redirected output must not be cut to the width of a terminal that is not there.
-_BOUNDLESS = 10_000
-# Columns stand this far apart; where the terminal is narrow, closer.
-_WIDE_GAP, _NARROW_GAP = 3, 2
-# What a column of prose needs to be readable.
-_PROSE_WIDTH = 24
+# A line, and whether it is printed bold.
+_Line = tuple[str, bool]
+# The most columns that the names of a list's items take; longer ones have a line of their own.
+_NAMES_WIDTH = 24
 
 
 def as_terminal_text(tables: Sequence[Table], out: IO[str]) -> str:
     """Return tables as they are to stand in `out`."""
     encoding = (getattr(out, "encoding", None) or "utf-8").lower()
-    box = SIMPLE_HEAD if encoding.startswith("utf") else ASCII
-    if out.isatty():
-        console = Console(file=out, highlight=False)
-        width = console.width
-    else:
-        width = _BOUNDLESS
-        console = Console(file=io.StringIO(), highlight=False, width=width, color_system=None)
-    with console.capture() as text:
-        for table in tables:
-            _print(table, console, width, box)
-    return "".join(f"{line.rstrip()}\n" for line in text.get().splitlines())
+    rule = "\N{BOX DRAWINGS LIGHT HORIZONTAL}" if encoding.startswith("utf") else "-"
+    width = output_width(out)
+    lines = [line for table in tables for line in _lines(_cleaned(table), width, rule)]
+    plain = [(text.rstrip(), bold) for text, bold in lines]
+    if not out.isatty():
+        return "".join(f"{text}\n" for text, _ in plain)
+    return _in_bold(plain, out)
 
 
-def _print(table: Table, console: Console, width: int, box: Box) -> None:
-    console.print(Text(table.title, style="bold"))
-    below: list[str] = []
+def _in_bold(lines: Sequence[_Line], out: IO[str]) -> str:
+    """Return lines with the marks that make some of them bold, where the terminal knows any."""
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(file=out, highlight=False)
+    texts = []
+    for line, bold in lines:
+        if bold and line:
+            with console.capture() as marked:
+                console.print(Text(line, style="bold"), soft_wrap=True, end="")
+            line = marked.get()
+        texts.append(f"{line}\n")
+    return "".join(texts)
+
+
+def _cleaned(table: Table) -> Table:
+    """Return a table of which no text moves the cursor."""
+    return Table(
+        printable(table.title),
+        table.columns,
+        [[printable(cell) for cell in row] for row in table.rows],
+        [printable(note) for note in table.notes],
+        [
+            ItemList(printable(one.title), [(printable(a), printable(b)) for a, b in one.items])
+            for one in table.lists
+        ],
+    )
+
+
+def _lines(table: Table, width: int, rule: str) -> Iterator[_Line]:
+    """Return the lines of a table, an empty one last."""
+    yield from ((line, True) for line in wrapped(table.title, width, 2))
     if table.rows:
-        columns: Sequence[int] = range(len(table.columns))
-        fits = _width(table, columns, _WIDE_GAP, headings_wrap=False) <= width
-        if not fits:
-            columns, below = _moved_below(table)
-        console.print(_grid(table, columns, width, box, narrow=not fits))
-    for note in [*below, *table.notes]:
-        for line in _wrapped(note, width):
-            console.print(Text(line), soft_wrap=True)
-    console.print()
+        layout = table_layout(table, width)
+        for number, block in enumerate(layout.blocks):
+            if number:
+                yield "", False
+            yield from _block_lines(table, block, rule)
+        for line in _below(table, layout.below):
+            yield from ((text, False) for text in wrapped(line, width, 2))
+    for one in table.lists:
+        yield from ((text, False) for text in _item_lines(one, width))
+    for note in table.notes:
+        yield from ((text, False) for text in wrapped_note(note, width))
+    yield "", False
 
 
-def _moved_below(table: Table) -> tuple[Sequence[int], list[str]]:
-    """Return the columns that stay, and a line for each row that has anything in the others."""
-    stay = [index for index, column in enumerate(table.columns) if not column.below]
-    moved = [index for index, column in enumerate(table.columns) if column.below]
+def _block_lines(table: Table, block: Block, rule: str) -> Iterator[_Line]:
+    columns = [table.columns[index] for index in block.columns]
+    headings = [
+        wrapped(column.on_screen, width)
+        for column, width in zip(columns, block.widths, strict=True)
+    ]
+    # What is one line high stands next to the figures.
+    tall = max(map(len, headings))
+    headings = [[""] * (tall - len(lines)) + lines for lines in headings]
+    yield from ((line, True) for line in _row_lines(headings, columns, block))
+    yield rule * block.width, False
+    for row in table.rows:
+        cells = [
+            wrapped(row[index], width)
+            for index, width in zip(block.columns, block.widths, strict=True)
+        ]
+        yield from ((line, False) for line in _row_lines(cells, columns, block))
+
+
+def _row_lines(
+    cells: Sequence[Sequence[str]], columns: Sequence[Column], block: Block
+) -> Iterator[str]:
+    """Return the lines of one row, as many as its highest cell has."""
+    for number in range(max(map(len, cells))):
+        line = [
+            _aligned(cell[number] if number < len(cell) else "", width, right=column.right)
+            for cell, width, column in zip(cells, block.widths, columns, strict=True)
+        ]
+        yield (" " * block.gap).join(line)
+
+
+def _aligned(text: str, width: int, *, right: bool) -> str:
+    blanks = " " * (width - cell_len(text))
+    return blanks + text if right else text + blanks
+
+
+def _below(table: Table, moved: Sequence[int]) -> list[str]:
+    """Return a line for each row that has anything in the columns that stand below."""
+    keys = key_columns(table)
     lines = []
     for row in table.rows:
-        parts = [f"{table.columns[i].heading} {row[i]}" for i in moved if row[i] not in ("-", "")]
+        parts = [f"{table.columns[i].on_screen} {row[i]}" for i in moved if row[i] not in ("-", "")]
         if parts:
-            lines.append(f"{row[0]}: {'; '.join(parts)}")
-    return stay, lines
+            name = " ".join(row[i] for i in keys)
+            lines.append(f"{name}: {'; '.join(parts)}")
+    return lines
 
 
-def _grid(table: Table, columns: Sequence[int], width: int, box: Box, *, narrow: bool) -> Grid:
-    gap = _NARROW_GAP if narrow else _WIDE_GAP
-    grid = Grid(box=box, padding=(0, 1, 0, gap - 2), pad_edge=False, show_edge=False)
-    # Where figures and names fit uncut, only prose is wrapped.
-    uncut = narrow and _width(table, columns, gap, headings_wrap=True) <= width
-    for index in columns:
-        column = table.columns[index]
-        heading = _stacked(column) if narrow else column.heading
-        grid.add_column(
-            Text(heading),
-            justify="right" if column.right else "left",
-            overflow="fold",
-            no_wrap=uncut and not _is_prose(table, index),
-        )
-    for row in table.rows:
-        grid.add_row(*(Text(row[index]) for index in columns))
-    return grid
-
-
-def _width(table: Table, columns: Sequence[int], gap: int, *, headings_wrap: bool) -> int:
-    total = gap * (len(columns) - 1)
-    for index in columns:
-        column = table.columns[index]
-        heading = _stacked(column) if headings_wrap else column.heading
-        width = max(cell_len(line) for line in heading.split("\n"))
-        cells = max(cell_len(row[index]) for row in table.rows)
-        if headings_wrap and _is_prose(table, index):
-            cells = min(cells, _PROSE_WIDTH)
-        total += max(width, cells)
-    return total
-
-
-def _is_prose(table: Table, index: int) -> bool:
-    return not table.columns[index].right and any(" " in row[index] for row in table.rows)
-
-
-def _stacked(column: Column) -> str:
-    """Return a heading with its unit on a line of its own."""
-    return column.heading.replace(" [", "\n[")
-
-
-def _wrapped(note: str, width: int) -> list[str]:
-    """Return a note in lines that hang under its text.
-
-    A note with a word that fits no line, such as a long sequence, is left to the terminal, so
-    that it can be copied.
-    """
-    label = re.match(r"\S{1,24}( \S+)?\s{2,}", note)
-    hang = label.end() if label else 2
-    if len(note) <= width or max(map(len, note.split())) > width - hang:
-        return [note]
-    return textwrap.wrap(
-        note,
-        width,
-        subsequent_indent=" " * hang,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+def _item_lines(one: ItemList, width: int) -> Iterator[str]:
+    """Return a list under its title, the texts flush behind the widest name."""
+    yield from wrapped(one.title, width, 2)
+    names = [text_width(name) for name, _ in one.items if text_width(name) <= _NAMES_WIDTH]
+    hang = 4 + max(names, default=0)
+    for name, text in one.items:
+        if text_width(name) > _NAMES_WIDTH:
+            yield from wrapped(f"  {name}", width, 4)
+            yield from wrapped(" " * hang + text, width, hang)
+        else:
+            yield from wrapped(f"  {name}".ljust(hang) + text, width, hang)

@@ -8,8 +8,9 @@ from skillplan.records.interval import Estimate
 from skillplan.records.training.outcome import RECENT_STEPS, RunOutcome, Tally, deviation
 from skillplan.records.training.published_runs import SUCCESS_RATE
 from skillplan.records.training.result import TrainingResult
-from skillplan.views.tables.results import number, percent
+from skillplan.views.tables.layouts import layouts_table
 from skillplan.views.tables.table import Column, Table
+from skillplan.views.tables.wording import count, number, percent
 
 NONE = "N/A"
 """Stands for the sequence of a run that does not complete the task, as in the paper."""
@@ -32,7 +33,7 @@ def training_tables(result: TrainingResult) -> list[Table]:
     if result.published:
         columns += [Column("paper [m]", right=True), Column("paper dev.", right=True)]
     rows = [_row(result, place, one) for place, one in enumerate(result.outcomes)]
-    runs = _count(len(result.outcomes), "run")
+    runs = count(len(result.outcomes), "run")
     title = f"{result.task.name}: {runs} of {result.solver}, {result.steps:,} steps each"
     for key in ("observation", "mask"):
         if key in result.options:
@@ -40,7 +41,9 @@ def training_tables(result: TrainingResult) -> list[Table]:
     title += f"; physics {result.physics}, collision {result.collision or 'none'}"
     table = Table(title, columns, rows, _notes(result))
     # The most particular table comes last: it is what CSV holds.
-    return [table] if result.layouts is None else [result.layouts.table(result.task), table]
+    return (
+        [table] if result.layouts is None else [layouts_table(result.layouts, result.task), table]
+    )
 
 
 def _row(result: TrainingResult, place: int, one: RunOutcome) -> list[str]:
@@ -75,7 +78,7 @@ def _notes(result: TrainingResult) -> list[str]:
     elif cost is not None:
         notes.append(f"cost       interquartile mean {_interval(cost, task.cost_text)}")
     if off is not None or cost is not None:
-        notes[-1] += f", of the {_count(result.completed, 'run')} that complete"
+        notes[-1] += f", of the {count(result.completed, 'run')} that complete"
     notes += _success_notes(result)
     if result.best_seen is not None:
         note = f"best seen  {task.cost_text(result.best_seen)} while learning"
@@ -90,7 +93,7 @@ def _notes(result: TrainingResult) -> list[str]:
     if result.interrupted:
         notes.append("stopped    before all steps were done; train --resume goes on")
     notes += result.notes
-    asked = f"{_count(result.checks, 'check')}, {_count(result.executions, 'execution')}"
+    asked = f"{count(result.checks, 'check')}, {count(result.executions, 'execution')}"
     notes.append(f"effort     {asked}, {result.wall_s:.1f} s")
     if result.steps_per_s is not None:
         notes[-1] += f", {result.steps_per_s:,.0f} steps/s"
@@ -121,7 +124,7 @@ def _success_notes(result: TrainingResult) -> list[str]:
         drawn = result.sampling
         notes.append(
             f"success    {_interval(result.success.estimate, _one_decimal)} of "
-            f"{_count(result.success.episodes, 'sampled roll-out')}, temperature "
+            f"{count(result.success.episodes, 'sampled roll-out')}, temperature "
             f"{drawn.temperature:g}, seed {drawn.seed}"
         )
         spread = result.success_iqm
@@ -131,7 +134,7 @@ def _success_notes(result: TrainingResult) -> list[str]:
     if trained.estimate is not None:
         notes.append(
             f"training   {_interval(trained.estimate, _one_decimal)} of the "
-            f"{_count(trained.episodes, 'episode')} that ended in the last {RECENT_STEPS:,} steps "
+            f"{count(trained.episodes, 'episode')} that ended in the last {RECENT_STEPS:,} steps "
             "of a run completed the task"
         )
     return notes
@@ -142,7 +145,7 @@ def _baseline_notes(result: TrainingResult) -> list[str]:
     if base is None or base.tally.estimate is None:
         return []
     rate = _interval(base.tally.estimate, _one_decimal)
-    note = f"random     {rate} of {_count(base.tally.episodes, 'episode')} of even chance, mask "
+    note = f"random     {rate} of {count(base.tally.episodes, 'episode')} of even chance, mask "
     note += base.mask
     if base.best_cost is not None:
         off = deviation(base.best_cost, result.episode_optimum)
@@ -175,7 +178,3 @@ def _one_decimal(fraction: float) -> str:
 
 def _rate(tally: Tally) -> str:
     return "-" if tally.rate is None else _one_decimal(tally.rate)
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"

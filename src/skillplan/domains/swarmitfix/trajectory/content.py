@@ -1,11 +1,9 @@
-"""Trajectories between their forms: keys of a task file, elements, and back."""
+"""From the keys of a task file to the elements of its trajectory, and back to a key at fault."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
-from skillplan.domains.swarmitfix.trajectory.path import TrajectoryPath
 from skillplan.domains.swarmitfix.trajectory.path_elements import Arc, Element, Line, Spline
 from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
 from skillplan.domains.swarmitfix.trajectory.schema import PathElementConfig, TrajectoryConfig
@@ -33,23 +31,6 @@ def _element(entry: PathElementConfig) -> Element:
     if entry.arc_to_m is not None and entry.through_m is not None:
         return Arc(point(entry.arc_to_m), point(entry.through_m))
     return Spline(tuple(point(value) for value in entry.spline_through_m or ()))
-
-
-def content_of(path: TrajectoryPath) -> dict[str, Any]:
-    """Return a trajectory read from a file as the keys that would describe it."""
-    return {
-        "closed": path.closed,
-        "start_m": list(path.start),
-        "path": [_entry(element) for element in path.elements],
-    }
-
-
-def _entry(element: Element) -> dict[str, Any]:
-    if isinstance(element, Line):
-        return {"line_to_m": list(element.end)}
-    if isinstance(element, Arc):
-        return {"arc_to_m": list(element.end), "through_m": list(element.through)}
-    return {"spline_through_m": [list(value) for value in element.through]}
 
 
 def point(values: Sequence[float]) -> Point2:

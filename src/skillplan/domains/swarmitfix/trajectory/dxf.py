@@ -5,10 +5,10 @@ ELLIPSEs, SPLINEs and open polylines in the model space that meet end to end, in
 lie on one layer that is on, in one plane parallel to XY. Texts, dimensions and points are passed
 over; any other entity is refused by its handle.
 
-The drawing's unit is its header variable $INSUNITS, and millimetres where that is missing or
-unitless. A SPLINE or an ELLIPSE becomes a `Spline` through points on it, as dense as
-`dxf_entities.CURVE_TOLERANCE_M` asks. The file is read as it stands: one that ezdxf would have to
-repair is refused, for a repair may lose a part of the trajectory.
+The drawing's unit is what the task file says, else its header variable $INSUNITS, and
+millimetres where that is missing or unitless. A SPLINE or an ELLIPSE becomes a `Spline` through
+points on it, as dense as `dxf_entities.CURVE_TOLERANCE_M` asks. The file is read as it stands: one
+that ezdxf would have to repair is refused, for a repair may lose a part of the trajectory.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from __future__ import annotations
 import io
 import itertools
 import logging
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,22 +30,24 @@ from skillplan.domains.swarmitfix.trajectory.path import (
     one_line,
 )
 from skillplan.domains.swarmitfix.trajectory.path_chain import MOST_NAMED, Piece, chained
+from skillplan.domains.swarmitfix.trajectory.units import DEFAULT_UNIT, UNITS_M, UnitName
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
 
-UNITS_M = {
-    0: 1e-3,  # unitless
-    1: 0.0254,
-    2: 0.3048,
-    4: 1e-3,
-    5: 1e-2,
-    6: 1.0,
+UNITLESS = 0
+INSUNITS_M = {
+    UNITLESS: UNITS_M[DEFAULT_UNIT],
+    1: UNITS_M["in"],
+    2: UNITS_M["ft"],
+    4: UNITS_M["mm"],
+    5: UNITS_M["cm"],
+    6: UNITS_M["m"],
     8: 0.0254e-6,
-    9: 0.0254e-3,
-    10: 0.9144,
-    13: 1e-6,
-    14: 0.1,
+    9: UNITS_M["mil"],
+    10: UNITS_M["yd"],
+    13: UNITS_M["um"],
+    14: UNITS_M["dm"],
 }
 """Length of the unit that a value of $INSUNITS stands for [m]."""
 
@@ -54,7 +57,7 @@ _PASSED_OVER = frozenset(
 _logger = logging.getLogger("ezdxf")
 
 
-def dxf_trajectory(path: Path, content: bytes) -> TrajectoryPath:
+def dxf_trajectory(path: Path, content: bytes, unit: UnitName | None = None) -> TrajectoryPath:
     """Return the trajectory of a drawing.
 
     Parameters
@@ -63,6 +66,8 @@ def dxf_trajectory(path: Path, content: bytes) -> TrajectoryPath:
         The drawing's file, for messages.
     content
         The file's bytes.
+    unit
+        What its lengths are in, whatever it says itself; None for what it says.
 
     Raises
     ------
@@ -75,7 +80,9 @@ def dxf_trajectory(path: Path, content: bytes) -> TrajectoryPath:
     _logger.disabled = True
     try:
         drawing = read(io.StringIO(text))
-        pieces = _pieces(path, drawing, "$INSUNITS" in text)
+        insunits = drawing.header.get("$INSUNITS", UNITLESS) if "$INSUNITS" in text else UNITLESS
+        unit_m = _unit_m(path, insunits) if unit is None else UNITS_M[unit]
+        pieces = _pieces(path, drawing, unit_m)
     except TrajectoryFileError:
         raise
     except DXFError as error:
@@ -88,7 +95,7 @@ def dxf_trajectory(path: Path, content: bytes) -> TrajectoryPath:
         raise TrajectoryFileError(path, message) from None
     finally:
         _logger.disabled = was_disabled
-    return chained(path, pieces)
+    return replace(chained(path, pieces), unit_assumed=unit is None and insunits == UNITLESS)
 
 
 def _ascii_dxf(path: Path, content: bytes) -> str:
@@ -100,13 +107,17 @@ def _ascii_dxf(path: Path, content: bytes) -> str:
     return content.decode("utf-8-sig", errors="replace").replace("\r\n", "\n")
 
 
-def _pieces(path: Path, drawing: Drawing, has_unit: bool) -> list[Piece]:
-    unit = drawing.header.get("$INSUNITS", 0) if has_unit else 0
-    if unit not in UNITS_M:
-        known = ", ".join(map(str, UNITS_M))
-        message = f"The unit {unit!r} is not read here; set it to 4 (mm), or one of {known}."
+def _unit_m(path: Path, insunits: int) -> float:
+    """Return the length of the unit that a drawing says itself [m]."""
+    if insunits not in INSUNITS_M:
+        known = ", ".join(map(str, INSUNITS_M))
+        message = f"The unit {insunits!r} is not read here; set it to 4 (mm), or one of {known}."
         raise TrajectoryFileError(path, message, "$INSUNITS")
-    reader = EntityReader(path, UNITS_M[unit])
+    return INSUNITS_M[insunits]
+
+
+def _pieces(path: Path, drawing: Drawing, unit_m: float) -> list[Piece]:
+    reader = EntityReader(path, unit_m)
     layers: dict[str, str] = {}
     pieces = []
     for entity in drawing.modelspace():

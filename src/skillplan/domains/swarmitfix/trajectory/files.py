@@ -15,6 +15,7 @@ from skillplan.domains.swarmitfix.trajectory.path import (
 )
 from skillplan.domains.swarmitfix.trajectory.path_elements import Element, Line
 from skillplan.domains.swarmitfix.trajectory.plane_point import MAX_COORDINATE_M, Point2
+from skillplan.domains.swarmitfix.trajectory.units import UNITS_M, UnitName
 from skillplan.files.companion_file import CompanionFileError, read_companion
 
 __all__ = ["MAX_BYTES", "SUFFIXES", "TrajectoryFileError", "TrajectoryPath", "read_trajectory"]
@@ -26,10 +27,11 @@ GCODE_SUFFIXES = (".nc", ".gcode", ".ngc", ".tap")
 SUFFIXES = (".dxf", ".csv", *GCODE_SUFFIXES)
 
 _HEADERS = {"x_m,y_m": 1.0, "x_mm,y_mm": 1e-3}
+_HEADER_WITHOUT_UNIT = "x,y"
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 
 
-def read_trajectory(path: Path) -> TrajectoryPath:
+def read_trajectory(path: Path, unit: UnitName | None = None) -> TrajectoryPath:
     """Return the tool trajectory that a file holds.
 
     A trajectory that ends within `JOIN_M` of its start is closed. Whether it crosses itself or
@@ -39,8 +41,11 @@ def read_trajectory(path: Path) -> TrajectoryPath:
     ----------
     path
         Read by its suffix: ``.dxf`` as `dxf_trajectory` says; ``.nc``, ``.gcode``, ``.ngc`` and
-        ``.tap`` as `gcode_trajectory` says; ``.csv`` with the header ``x_m,y_m`` or
-        ``x_mm,y_mm`` and a vertex in every row.
+        ``.tap`` as `gcode_trajectory` says; ``.csv`` as `csv_trajectory` says.
+    unit
+        What its lengths are in: of a drawing before its own ``$INSUNITS``, of a program until it
+        says G20 or G21, of a table with the header ``x,y``. None for what the file says, and for
+        millimetres where it says nothing.
 
     Raises
     ------
@@ -58,16 +63,16 @@ def read_trajectory(path: Path) -> TrajectoryPath:
         # Takes ezdxf, which takes half a second to import.
         from skillplan.domains.swarmitfix.trajectory.dxf import dxf_trajectory
 
-        return dxf_trajectory(path, content)
+        return dxf_trajectory(path, content, unit)
     text = _text(path, content)
     if suffix == ".csv":
-        return csv_trajectory(path, text)
+        return csv_trajectory(path, text, unit)
     from skillplan.domains.swarmitfix.trajectory.gcode import gcode_trajectory
 
-    return gcode_trajectory(path, text)
+    return gcode_trajectory(path, text, unit)
 
 
-def csv_trajectory(path: Path, text: str) -> TrajectoryPath:
+def csv_trajectory(path: Path, text: str, unit: UnitName | None = None) -> TrajectoryPath:
     """Return the trajectory whose vertices a table holds.
 
     Parameters
@@ -75,8 +80,11 @@ def csv_trajectory(path: Path, text: str) -> TrajectoryPath:
     path
         The table's file, for messages.
     text
-        The header ``x_m,y_m`` or ``x_mm,y_mm`` and then rows of two numbers. Empty rows are
-        passed over. A last row equal to the first closes the trajectory.
+        The header ``x_m,y_m`` or ``x_mm,y_mm``, or ``x,y`` where `unit` is given, and then rows
+        of two numbers. Empty rows are passed over. A last row equal to the first closes the
+        trajectory.
+    unit
+        What the numbers under the header ``x,y`` are in.
 
     Raises
     ------
@@ -94,11 +102,7 @@ def csv_trajectory(path: Path, text: str) -> TrajectoryPath:
             if not any(cells):
                 continue
             if unit_m is None:
-                unit_m = _HEADERS.get(",".join(cells))
-                if unit_m is None:
-                    header = one_line(",".join(row), 40)
-                    message = f"The header is {header!r}; write x_m,y_m or x_mm,y_mm."
-                    raise TrajectoryFileError(path, message, place)
+                unit_m = _unit_of_header(path, ",".join(cells), place, unit)
                 continue
             if len(cells) != 2:
                 raise TrajectoryFileError(
@@ -121,6 +125,23 @@ def csv_trajectory(path: Path, text: str) -> TrajectoryPath:
         )
     elements: list[Element] = [Line(vertex) for vertex in vertices[1:]]
     return TrajectoryPath.ended(vertices[0], elements, places[1:], places[0])
+
+
+def _unit_of_header(path: Path, header: str, place: str, unit: UnitName | None) -> float:
+    """Return the length of a table's unit [m], which its header or the task file says."""
+    shown = one_line(header, 40)
+    if header == _HEADER_WITHOUT_UNIT and unit is not None:
+        return UNITS_M[unit]
+    if header == _HEADER_WITHOUT_UNIT:
+        message = f"The header {shown!r} says no unit; write x_m,y_m or x_mm,y_mm, or give 'unit'."
+        raise TrajectoryFileError(path, message, place)
+    if header not in _HEADERS:
+        message = f"The header is {shown!r}; write x_m,y_m or x_mm,y_mm."
+        raise TrajectoryFileError(path, message, place)
+    if unit is not None:
+        message = f"The header {shown!r} says the unit; leave 'unit' out, or write x,y."
+        raise TrajectoryFileError(path, message, place)
+    return _HEADERS[header]
 
 
 def _number(path: Path, cell: str, place: str) -> float:

@@ -1,7 +1,8 @@
 """The tool trajectory of a G-code program: its feed moves in the XY plane.
 
 Rapid moves (G0) place the tool and are no part of the trajectory; neither is any motion along Z.
-A program is in millimetres (G21) and absolute (G90) until it says otherwise, and the centres of
+A program is in the unit that the task file says, else in millimetres (G21), and absolute (G90)
+until it says otherwise, and the centres of
 its arcs are given from their start (G91.1). What could lead the tool elsewhere and is not read
 here (tool compensation, other planes, offsets, canned cycles, subprograms) is refused, not passed
 over. Words and their meaning are those of RS274/NGC (T. R. Kramer, F. M. Proctor, E. Messina,
@@ -13,6 +14,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
@@ -29,9 +31,7 @@ from skillplan.domains.swarmitfix.trajectory.plane_point import (
     Point2,
     shown,
 )
-
-MM_M = 1e-3
-INCH_M = 0.0254
+from skillplan.domains.swarmitfix.trajectory.units import DEFAULT_UNIT, UNITS_M, UnitName
 
 _WORD = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))", re.ASCII)
 _BLANK = re.compile(r"\([^()]*\)|;.*|\s")
@@ -45,7 +45,7 @@ _PLACING = "XYIJR"
 _HARMLESS_WORDS = "FSTHNOPZ"
 
 
-def gcode_trajectory(path: Path, text: str) -> TrajectoryPath:
+def gcode_trajectory(path: Path, text: str, unit: UnitName | None = None) -> TrajectoryPath:
     """Return the trajectory of a program.
 
     The first position that is given in full is where the tool is; the trajectory starts where
@@ -57,13 +57,15 @@ def gcode_trajectory(path: Path, text: str) -> TrajectoryPath:
         The program's file, for messages.
     text
         The program.
+    unit
+        What its lengths are in until it says G20 or G21; None for millimetres.
 
     Raises
     ------
     TrajectoryFileError
         With the line that cannot be read or placed, or if there is no feed move.
     """
-    machine = _Machine(path)
+    machine = _Machine(path, unit)
     for number, line in enumerate(_LINE_END.split(text), 1):
         machine.place = f"line {number}"
         machine.run(line)
@@ -73,20 +75,22 @@ def gcode_trajectory(path: Path, text: str) -> TrajectoryPath:
         raise TrajectoryFileError(
             path, "The program has no feed move in X or Y; give the trajectory by G1, G2 and G3."
         )
-    return TrajectoryPath.ended(machine.start, machine.elements, machine.places)
+    made = TrajectoryPath.ended(machine.start, machine.elements, machine.places)
+    return replace(made, unit_assumed=unit is None and not machine.unit_said)
 
 
 class _Machine:
     """What a program has told so far."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, unit: UnitName | None) -> None:
         self.path = path
         self.place = ""
         self.ended = False
         self.start: Point2 = (0.0, 0.0)
         self.elements: list[Element] = []
         self.places: list[str] = []
-        self._unit_m = MM_M
+        self.unit_said = False
+        self._unit_m = UNITS_M[unit or DEFAULT_UNIT]
         self._absolute = True
         self._motion: str | None = None
         self._at: dict[str, float] = {}
@@ -97,7 +101,8 @@ class _Machine:
         placed = any(letter in words for letter in _PLACING)
         for g in gs:
             if g in ("20", "21"):
-                self._unit_m = INCH_M if g == "20" else MM_M
+                self._unit_m = UNITS_M["in" if g == "20" else "mm"]
+                self.unit_said = True
             elif g in ("90", "91"):
                 self._absolute = g == "90"
             elif g in _OF_THE_MACHINE and "Z" in words and not placed:

@@ -7,7 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from skillplan.domains.swarmitfix.trajectory.path_elements import Element, Spline, ending_at
+from skillplan.domains.swarmitfix.trajectory.path_elements import (
+    Element,
+    Spline,
+    ending_at,
+    points_of,
+)
 from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
 
 JOIN_M = 1e-5
@@ -51,6 +56,8 @@ class TrajectoryPath:
         ``LWPOLYLINE #2F, vertex 3``.
     start_place
         Where in the file the start is given; empty where that is with the first element.
+    unit_assumed
+        Whether nothing says in which unit the file is, so that it was read in millimetres.
 
     Raises
     ------
@@ -63,12 +70,20 @@ class TrajectoryPath:
     closed: bool
     places: tuple[str, ...]
     start_place: str = ""
+    unit_assumed: bool = False
 
     def __post_init__(self) -> None:
         if not self.elements:
             raise ValueError("A trajectory needs an element.")
         if len(self.places) != len(self.elements):
             raise ValueError(f"{len(self.places)} places for {len(self.elements)} elements.")
+
+    @property
+    def extent_m(self) -> Point2:
+        """Sides of the rectangle about its start and the points that its elements name [m]."""
+        points = [self.start, *(p for element in self.elements for p in points_of(element))]
+        (x_low, x_high), (y_low, y_high) = ((min(c), max(c)) for c in zip(*points, strict=True))
+        return x_high - x_low, y_high - y_low
 
     @classmethod
     def ended(

@@ -26,6 +26,7 @@ from skillplan.views.figures.figure_style import (
 )
 from skillplan.views.figures.label_placement import LabelPlacer
 from skillplan.views.figures.swarmitfix.bench_canvas import BenchCanvas, bench_canvas
+from skillplan.views.figures.swarmitfix.requested_bench import requested_bench
 
 SOLVER = "fleet"
 _ASIDE = 0.095
@@ -231,7 +232,7 @@ def runs(request: FigureRequest) -> Sequence[Run]:
     OptionError
         If the file has no robots that share a bench.
     """
-    request.bench()
+    requested_bench(request)
     tasks = request.problem.tasks
     task = tasks[-1] if request.part is None else request.problem.part(request.part)
     if len(task.places_in(task.initial)) < 2:
@@ -242,7 +243,7 @@ def runs(request: FigureRequest) -> Sequence[Run]:
 def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     """Draw the schedule that a solver found, or the one that its plan allows."""
     result = outcomes[0].result
-    bench = request.bench()
+    bench = requested_bench(request)
     plan = [step.skill for step in result.steps]
     account = request.problem.account({result.task: plan})
     schedule = result.trace.get("schedule") or account.document["schedule"]

@@ -38,6 +38,7 @@ from skillplan.views.figures.swarmitfix.placement_marks import (
     links_m,
     visits_of,
 )
+from skillplan.views.figures.swarmitfix.requested_bench import requested_bench
 
 SOLVER = "exact"
 _TRAJECTORY = "#3c4043"
@@ -208,7 +209,7 @@ def _legend(closed: bool, between: bool, home: bool) -> list[tuple[Artist, str]]
 def runs(request: FigureRequest) -> Sequence[Run]:
     """Return what has to be solved first: the whole chain."""
     account = request.problem.account({})
-    request.bench(account)
+    requested_bench(request, account)
     if "workpiece" not in account.document:
         raise request.unfit("the file has no trajectory along which heads are placed")
     return [request.chain_run()]
@@ -218,7 +219,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     """Draw the placements of a solved chain."""
     chain = outcomes[0].chain
     document = chain.account.document
-    bench, workpiece = request.bench(chain.account), document["workpiece"]
+    bench, workpiece = requested_bench(request, chain.account), document["workpiece"]
     heads = [
         HeadMark(
             (entry["position_m"][0], entry["position_m"][1]),

@@ -32,6 +32,7 @@ from skillplan.views.figures.figure_style import (
     in_house_style,
 )
 from skillplan.views.figures.swarmitfix.bench_canvas import BenchCanvas, bench_canvas
+from skillplan.views.figures.swarmitfix.requested_bench import requested_bench
 
 SOLVER = "sarsa"
 _SHADES = LinearSegmentedColormap.from_list("steps", ["#f2f7fb", "#8fb8d8"])
@@ -257,7 +258,7 @@ def _draw_scale(canvas: BenchCanvas, most: int) -> None:
 
 def runs(request: FigureRequest) -> Sequence[Run]:
     """Return what has to be solved first: the task of walking."""
-    request.bench()
+    requested_bench(request)
     return [Run(request.walk())]
 
 
@@ -269,7 +270,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     OptionError
         If the solver gave a plan but no policy.
     """
-    bench, task, result = request.bench(), request.walk(), outcomes[0].result
+    bench, task, result = requested_bench(request), request.walk(), outcomes[0].result
     if result.policy is None:
         raise request.unfit(
             f"{result.solver} plans a sequence, not a policy; name a solver such as sarsa or "

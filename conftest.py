@@ -1,0 +1,35 @@
+"""For all tests, of the core and of every plugin: how many examples, and where verdicts are kept.
+
+Property tests draw the same examples in every run. ``make test`` takes the profile `fast`; ``make
+test-all`` takes `thorough`, by ``--hypothesis-profile=thorough``. A test that asks for a
+number of its own asks for ``examples(number)`` of ``tests/support``.
+"""
+
+import gc
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+repeatable = settings(
+    derandomize=True,
+    deadline=None,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.register_profile("fast", repeatable, max_examples=40)
+settings.register_profile("thorough", repeatable, max_examples=100)
+settings.load_profile("fast")
+
+
+def pytest_collection_finish(session):
+    """Thousands of tests are alive from here on: no garbage collection need look at them again."""
+    gc.collect()
+    gc.freeze()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _cache_folder(tmp_path_factory):
+    """No test touches the user's cache."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
+        yield

@@ -1,0 +1,213 @@
+"""The swept motion of a skill: every collision that any state may cause, worked out once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from skillplan.physics.linear_motions import LinearMotion
+from skillplan.task.motion import Event, Point
+from skillplan.task.scene import Pose, Scene
+from skillplan_pinocchio.arm_clearance import LinkTouch
+from skillplan_pinocchio.hand_sweeps import HandSweeps
+from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner, spared
+from skillplan_pinocchio.obstacles import Obstacle
+from skillplan_pinocchio.shapes import pieces_of
+from skillplan_pinocchio.support import Supports, supports_of
+from skillplan_pinocchio.sweep import Sweep, Touch
+from skillplan_pinocchio.timing import JointPath
+
+
+@dataclass(frozen=True)
+class Collision:
+    """A collision that happens where a fact holds.
+
+    Parameters
+    ----------
+    fact
+        Holds while the obstacle is there; None for a collision in every state.
+    reason
+        One clause.
+    evidence
+        What was measured, as JSON values.
+    """
+
+    fact: str | None
+    reason: str
+    evidence: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class ElbowChoice:
+    """Paths of the arm, of which one has to be free.
+
+    Parameters
+    ----------
+    paths
+        By position of the elbow, the preferred first: what its links collision, in order.
+    """
+
+    paths: tuple[tuple[Collision, ...], ...]
+
+
+@dataclass(frozen=True)
+class SweptMotion:
+    """Everything that can make a skill infeasible while the arm moves along one path.
+
+    Parameters
+    ----------
+    events
+        In order of the motion.
+    supports
+        Of the bodies that are left behind.
+    """
+
+    events: tuple[Collision | ElbowChoice, ...]
+    supports: tuple[Supports, ...]
+
+
+@dataclass(frozen=True)
+class Transfers:
+    """The transfer motions, at safe height to above the target of each linear motion.
+
+    Parameters
+    ----------
+    start
+        Where the tip comes from [m].
+    paths
+        Of the joints, by motion; None where the arm cannot stand at an end.
+    """
+
+    start: Point
+    paths: tuple[JointPath | None, ...]
+
+
+class SweptMotionBuilder:
+    """Works out swept motions.
+
+    Parameters
+    ----------
+    scene
+        The task's scene.
+    planner
+        Finds the paths of the joints.
+    sweeps
+        Of what the arm holds.
+    check_support
+        Whether what is left behind has to be supported.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        planner: MotionPlanner,
+        sweeps: HandSweeps,
+        *,
+        check_support: bool,
+    ) -> None:
+        self.scene = scene
+        self.planner = planner
+        self.sweeps = sweeps
+        self.check_support = check_support
+
+    def build(
+        self, motions: Iterable[ArmMotion], transfers: Transfers | None = None
+    ) -> SweptMotion:
+        """Return the swept motion of a skill.
+
+        Parameters
+        ----------
+        motions
+            As the arm makes them.
+        transfers
+            The transfer motions; None where nothing is tall enough to be met on them.
+        """
+        events: list[Collision | ElbowChoice] = []
+        supports = []
+        here = None if transfers is None else transfers.start
+        for index, planned in enumerate(motions):
+            motion = planned.motion
+            if planned.unreachable is not None:
+                evidence = {
+                    "position_m": [round(value, 6) for value in planned.unreachable.position],
+                    "missed_by_m": planned.unreachable.distance_m,
+                }
+                events.append(Collision(None, planned.unreachable.reason, evidence))
+                break
+            if transfers is not None and here is not None:
+                events += self._collisions(self.sweeps.transfer(motion, here))
+                events += self._transfer_links(motion, transfers.paths[index])
+                here = motion.above
+            events += self._clash(motion)
+            events += self._collisions(self.sweeps.approach(motion))
+            events += self._links(planned)
+            events += self._collisions(self.sweeps.retreat(motion))
+            if self.check_support and motion.visit.event in (Event.RELEASE, Event.DRIVE):
+                supports.append(self._supports(motion))
+        return SweptMotion(tuple(events), tuple(supports))
+
+    def _collisions(self, sweeps: Iterable[Sweep]) -> list[Collision]:
+        """Return every collision that some state would cause, in the order of the motion."""
+        found: list[tuple[float, Collision]] = []
+        for sweep in sweeps:
+            for obstacle in self.planner.obstacles:
+                if obstacle.body in sweep.spares:
+                    continue
+                touch = sweep.touch(obstacle, self.planner.tolerance_m, self.planner.samples)
+                if touch is not None:
+                    found.append(
+                        (touch.fraction, _collision(obstacle, sweep.mover, sweep.label, touch))
+                    )
+        return [collision for _, collision in sorted(found, key=lambda pair: pair[0])]
+
+    def _clash(self, motion: LinearMotion) -> Iterator[Collision]:
+        clash = self.sweeps.clash(motion, self.planner.tolerance_m)
+        if clash is not None:
+            mover, touch = clash
+            target = Obstacle(motion.visit.subject, None, ())
+            yield _collision(target, mover, "the approach", touch)
+
+    def _links(self, planned: ArmMotion) -> Iterator[ElbowChoice]:
+        paths = tuple(_link_collisions(elbow.meets, "the approach") for elbow in planned.elbows)
+        if all(paths):
+            yield ElbowChoice(paths)
+
+    def _transfer_links(
+        self, motion: LinearMotion, path: JointPath | None
+    ) -> Iterator[ElbowChoice]:
+        if path is None:
+            return
+        collisions = _link_collisions(self.planner.met(path, spared(motion)), "the travel")
+        if collisions:
+            yield ElbowChoice((collisions,))
+
+    def _supports(self, motion: LinearMotion) -> Supports:
+        visit = motion.visit
+        body = self.scene.body(visit.subject)
+        pieces = pieces_of(body, Pose.upright(visit.position, visit.yaw_rad))
+        return supports_of(body.name, pieces, self.planner.obstacles, self.planner.tolerance_m)
+
+
+def _link_collisions(
+    meets: Iterable[tuple[Obstacle, LinkTouch]], label: str
+) -> tuple[Collision, ...]:
+    return tuple(
+        _collision(obstacle, f"link {found.link} of the arm", label, found.touch)
+        for obstacle, found in meets
+    )
+
+
+def _collision(obstacle: Obstacle, mover: str, label: str, touch: Touch) -> Collision:
+    return Collision(
+        obstacle.fact,
+        f"{mover} runs into {obstacle.body} on {label}",
+        {
+            "moving": mover,
+            "bodies": [obstacle.body],
+            "during": label,
+            "position_m": list(touch.position),
+            "fraction": touch.fraction,
+            "penetration_m": touch.penetration_m,
+        },
+    )

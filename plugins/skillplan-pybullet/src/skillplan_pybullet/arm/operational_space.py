@@ -1,0 +1,75 @@
+"""Operational-space control: torques that move the tip as if it were a mass on a spring.
+
+Khatib (1987), in the form that Peters and Schaal (2008) give and Moller et al. use (section
+4.4): forces at the tip are shaped by the arm's inertia as seen there, and what torque is left
+draws the arm towards a posture without moving the tip.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.robots import panda
+from skillplan_pybullet.arm.dynamics import Terms
+from skillplan_pybullet.arm.panda_kinematics import TipPose, pointing_down, rotation_error
+from skillplan_pybullet.arm.straight_motion import Setpoint
+
+Vector = NDArray[np.float64]
+
+_NULLSPACE_STIFFNESS_PER_S2 = 10.0
+_READY = np.array(panda.READY_RAD)
+_LIMIT_NM = np.array(panda.JOINT_TORQUE_NM)
+
+
+def torques(
+    terms: Terms,
+    angles: Vector,
+    rates: Vector,
+    pose: TipPose,
+    wanted: Setpoint,
+    *,
+    stiffness_per_s2: float,
+    force_n: Vector,
+) -> Vector:
+    """Return joint torques [N m], shape (7,), within the joints' limits.
+
+    Parameters
+    ----------
+    terms
+        The arm's dynamics.
+    angles, rates
+        Joint angles [rad] and rates [rad/s], shape (7,).
+    pose
+        Where the tip is.
+    wanted
+        Where it is to be, and how fast.
+    stiffness_per_s2
+        Stiffness by unit of mass; damping is critical.
+    force_n
+        Force that the tip exerts besides [N], shape (3,).
+    """
+    damping = 2 * math.sqrt(stiffness_per_s2)
+    jacobian = terms.jacobian
+    velocity = jacobian @ rates
+    wanted_velocity = np.concatenate([wanted.velocity, [0.0, 0.0, wanted.yaw_rate_rad_per_s]])
+    error = np.concatenate(
+        [
+            wanted.position - pose.position,
+            rotation_error(pose.rotation, pointing_down(wanted.yaw_rad)),
+        ]
+    )
+    acceleration = stiffness_per_s2 * error + damping * (wanted_velocity - velocity)
+    acceleration[:3] += wanted.acceleration
+    mass_inverse = np.linalg.inv(terms.mass)
+    inertia = np.linalg.inv(jacobian @ mass_inverse @ jacobian.T)
+    wrench = inertia @ acceleration
+    wrench[:3] += force_n
+    pull = _NULLSPACE_STIFFNESS_PER_S2 * (_READY - angles)
+    pull -= 2 * math.sqrt(_NULLSPACE_STIFFNESS_PER_S2) * rates
+    consistent = mass_inverse @ jacobian.T @ inertia
+    posture = terms.mass @ pull
+    found = jacobian.T @ wrench + terms.bias + posture - jacobian.T @ (consistent.T @ posture)
+    return np.clip(found, -_LIMIT_NM, _LIMIT_NM)

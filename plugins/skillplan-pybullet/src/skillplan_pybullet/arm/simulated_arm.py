@@ -1,0 +1,273 @@
+"""A Panda in a simulated world: its joints, its jaws, what it holds and which tool it has."""
+
+from __future__ import annotations
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from skillplan.robots import panda
+from skillplan.task.motion import Point
+from skillplan_pybullet.arm.dynamics import (
+    ARM_JOINTS,
+    FINGER_LINKS,
+    HAND_LINK,
+    URDF,
+    Dynamics,
+    PinocchioDynamics,
+    PybulletDynamics,
+)
+from skillplan_pybullet.arm.operational_space import torques
+from skillplan_pybullet.arm.panda_kinematics import TipPose, follow, reach
+from skillplan_pybullet.arm.straight_motion import Setpoint
+from skillplan_pybullet.execution_settings import ExecutionSettings
+from skillplan_pybullet.simulator.quiet_output import quiet_output
+from skillplan_pybullet.simulator.world import GRAVITY_M_PER_S2, STEP_S, World
+
+Vector = NDArray[np.float64]
+
+# Names with a blank, which no part of a task can have.
+ROBOT = "robot arm"
+HAND = "robot hand"
+LINK_NAMES = {HAND_LINK: HAND, FINGER_LINKS[0]: "left finger", FINGER_LINKS[1]: "right finger"}
+
+# How fast the jaws move [m/s], and with what force they are held open [N].
+JAW_SPEED_M_PER_S = 0.05
+_OPENING_FORCE_N = 40.0
+_FINGER_FRICTION = 1.0
+# The joint that couples the fingers: the simulator ignores the description's own.
+_GEAR_ERP = 0.1
+_GEAR_FORCE_N = 50.0
+# Proportional gain and torque limits of position control.
+_POSITION_GAIN = 0.3
+_SHOWN, _HIDDEN = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.0)
+
+
+class SimulatedArm:
+    """The arm of a world.
+
+    Parameters
+    ----------
+    world
+        Where it stands.
+    base
+        Position of its base [m].
+    settings
+        How it is controlled, and with what force its jaws close.
+    """
+
+    def __init__(self, world: World, base: Point, settings: ExecutionSettings) -> None:
+        self.world, self.base, self.settings = world, base, settings
+        client = world.client
+        with quiet_output():
+            self.number = int(
+                pybullet.loadURDF(
+                    str(URDF),
+                    basePosition=base,
+                    useFixedBase=True,
+                    flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
+                    physicsClientId=client,
+                )
+            )
+        world.name(self.number, ROBOT)
+        self.dynamics: Dynamics = (
+            PinocchioDynamics()
+            if settings.dynamics == "pinocchio"
+            else PybulletDynamics(client, self.number)
+        )
+        # What the hand lifts beside itself [kg], and presses with [N].
+        self.payload_kg = 0.0
+        self.press_n = 0.0
+        self.wanted: Setpoint | None = None
+        self._joints = np.array(panda.READY_RAD)
+        self._jaw_target_m = panda.OPENING_M / 2
+        self._jaw_wanted_m = self._jaw_target_m
+        self._jaw_force_n = _OPENING_FORCE_N
+        self._prepare()
+
+    def _prepare(self) -> None:
+        client = self.world.client
+        for joint in (*ARM_JOINTS, *FINGER_LINKS):
+            pybullet.setJointMotorControl2(
+                self.number, joint, pybullet.VELOCITY_CONTROL, force=0, physicsClientId=client
+            )
+        gear = pybullet.createConstraint(
+            self.number,
+            FINGER_LINKS[0],
+            self.number,
+            FINGER_LINKS[1],
+            pybullet.JOINT_GEAR,
+            (1, 0, 0),
+            (0, 0, 0),
+            (0, 0, 0),
+            physicsClientId=client,
+        )
+        pybullet.changeConstraint(
+            gear, gearRatio=-1, erp=_GEAR_ERP, maxForce=_GEAR_FORCE_N, physicsClientId=client
+        )
+        for link in (HAND_LINK, *FINGER_LINKS):
+            pybullet.changeDynamics(self.number, link, collisionMargin=0.0, physicsClientId=client)
+        for link in FINGER_LINKS:
+            pybullet.changeDynamics(
+                self.number,
+                link,
+                lateralFriction=_FINGER_FRICTION,
+                spinningFriction=0.01,
+                frictionAnchor=1,
+                physicsClientId=client,
+            )
+
+    def stand(self, tip: Point, yaw_rad: float, opening_m: float) -> None:
+        """Put the arm at rest with its tip at a point, the hand turned just so.
+
+        Raises
+        ------
+        UnreachableError
+            If no posture brings it there.
+        """
+        self._rest(reach(tip, yaw_rad, self.base, self._joints), tip, yaw_rad, opening_m)
+
+    def _rest(self, joints: Vector, tip: Point, yaw_rad: float, opening_m: float) -> None:
+        self._joints = joints
+        client = self.world.client
+        for joint, angle in zip(ARM_JOINTS, self._joints.tolist(), strict=True):
+            pybullet.resetJointState(self.number, joint, angle, 0.0, physicsClientId=client)
+        for joint in FINGER_LINKS:
+            pybullet.resetJointState(self.number, joint, opening_m / 2, 0.0, physicsClientId=client)
+        self._jaw_target_m = self._jaw_wanted_m = opening_m / 2
+        self.wanted = Setpoint.at_rest(np.array(tip), yaw_rad)
+
+    def tip(self) -> TipPose:
+        """Return where the tip is."""
+        link = pybullet.getLinkState(
+            self.number, HAND_LINK, computeForwardKinematics=True, physicsClientId=self.world.client
+        )
+        rotation = World.rotation(link[5])
+        return TipPose(np.array(link[4]) + panda.TIP_M * rotation[:, 2], rotation)
+
+    def tip_error_m(self) -> float:
+        """Return how far the tip is from where it is to be [m]."""
+        assert self.wanted is not None
+        return float(np.linalg.norm(self.tip().position - self.wanted.position))
+
+    def joints_rad(self) -> tuple[float, ...]:
+        """Return the joint angles [rad]."""
+        states = pybullet.getJointStates(self.number, ARM_JOINTS, physicsClientId=self.world.client)
+        return tuple(state[0] for state in states)
+
+    def jaw_width_m(self) -> float:
+        """Return the distance between the jaws [m]."""
+        states = pybullet.getJointStates(
+            self.number, FINGER_LINKS, physicsClientId=self.world.client
+        )
+        return float(states[0][0] + states[1][0])
+
+    def open(self, opening_m: float) -> None:
+        """Begin to open the jaws to a distance."""
+        self._jaw_target_m = self.jaw_width_m() / 2
+        self._jaw_wanted_m, self._jaw_force_n = opening_m / 2, _OPENING_FORCE_N
+
+    def close(self) -> None:
+        """Begin to close the jaws until they grip."""
+        self._jaw_target_m = self.jaw_width_m() / 2
+        self._jaw_wanted_m, self._jaw_force_n = 0.0, self.settings.grip_force_n
+
+    def actuate(self) -> None:
+        """Set motors for the step to come."""
+        self._move_jaws()
+        assert self.wanted is not None
+        if self.settings.control == "position":
+            self._follow_by_position()
+            return
+        client = self.world.client
+        states = pybullet.getJointStates(
+            self.number, (*ARM_JOINTS, *FINGER_LINKS), physicsClientId=client
+        )
+        angles = np.array([state[0] for state in states])
+        rates = np.array([state[1] for state in states])
+        upwards_n = self.payload_kg * GRAVITY_M_PER_S2 - self.press_n
+        found = torques(
+            self.dynamics.terms(angles, rates),
+            angles[:7],
+            rates[:7],
+            self.tip(),
+            self.wanted,
+            stiffness_per_s2=self.settings.stiffness_per_s2,
+            force_n=np.array([0.0, 0.0, upwards_n]),
+        )
+        pybullet.setJointMotorControlArray(
+            self.number,
+            ARM_JOINTS,
+            pybullet.TORQUE_CONTROL,
+            forces=found.tolist(),
+            physicsClientId=client,
+        )
+
+    def show_hand(self, visible: bool) -> None:
+        """Take the hand and its fingers out of collision and sight, or put them back."""
+        links = (HAND_LINK, *FINGER_LINKS)
+        self.world.withdraw(ROBOT, () if visible else links)
+        for link in links:
+            pybullet.changeVisualShape(
+                self.number,
+                link,
+                rgbaColor=_SHOWN if visible else _HIDDEN,
+                physicsClientId=self.world.client,
+            )
+
+    def grip(self, name: str) -> int:
+        """Fix a body to the hand as it is; return the constraint."""
+        client = self.world.client
+        other = self.world.numbers[name]
+        link = pybullet.getLinkState(
+            self.number, HAND_LINK, computeForwardKinematics=True, physicsClientId=client
+        )
+        position, orientation = pybullet.getBasePositionAndOrientation(
+            other, physicsClientId=client
+        )
+        # Fixed joints are given from the hand's centre of mass.
+        away = pybullet.invertTransform(link[0], link[1])
+        offset, turn = pybullet.multiplyTransforms(*away, position, orientation)
+        return int(
+            pybullet.createConstraint(
+                self.number,
+                HAND_LINK,
+                other,
+                -1,
+                pybullet.JOINT_FIXED,
+                (0, 0, 0),
+                offset,
+                (0, 0, 0),
+                turn,
+                (0, 0, 0, 1),
+                physicsClientId=client,
+            )
+        )
+
+    def _move_jaws(self) -> None:
+        step_m = JAW_SPEED_M_PER_S * STEP_S
+        left_m = self._jaw_wanted_m - self._jaw_target_m
+        self._jaw_target_m += max(-step_m, min(step_m, left_m))
+        pybullet.setJointMotorControlArray(
+            self.number,
+            FINGER_LINKS,
+            pybullet.POSITION_CONTROL,
+            targetPositions=[self._jaw_target_m] * 2,
+            forces=[self._jaw_force_n] * 2,
+            physicsClientId=self.world.client,
+        )
+
+    def _follow_by_position(self) -> None:
+        assert self.wanted is not None
+        x, y, z = self.wanted.position.tolist()
+        self._joints = follow((x, y, z), self.wanted.yaw_rad, self.base, self._joints)
+        limits = list(panda.JOINT_TORQUE_NM)
+        pybullet.setJointMotorControlArray(
+            self.number,
+            ARM_JOINTS,
+            pybullet.POSITION_CONTROL,
+            targetPositions=self._joints.tolist(),
+            forces=limits,
+            positionGains=[_POSITION_GAIN] * 7,
+            physicsClientId=self.world.client,
+        )

@@ -1,0 +1,154 @@
+"""What is logged of an execution 60 times a simulated second: contacts and displacements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import combinations
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from skillplan_pybullet.arm.simulated_arm import LINK_NAMES, ROBOT, SimulatedArm
+from skillplan_pybullet.record import FRAMES_PER_S, Pair
+from skillplan_pybullet.simulator.world import STEPS_PER_S, TABLE, World
+
+Vector = NDArray[np.float64]
+
+STEPS_PER_FRAME = STEPS_PER_S // FRAMES_PER_S
+
+# Bodies at rest on each other lose touch now and then by less than this [m].
+_CLOSE_M = 0.0005
+
+# Of a contact as the simulator gives it: bodies, links, normal on the second body, normal
+# force, and the two friction forces with their directions.
+_FIRST, _SECOND, _FIRST_LINK, _SECOND_LINK = 1, 2, 3, 4
+_NORMAL, _FORCE, _FRICTION, _OTHER_FRICTION = 7, 9, 10, 12
+
+
+class ContactLog:
+    """Frames of one execution.
+
+    Parameters
+    ----------
+    world, arm
+        What is watched.
+    handled
+        Bodies that the skill handles: their displacement is no sign of anything.
+    """
+
+    def __init__(self, world: World, arm: SimulatedArm, handled: Iterable[str]) -> None:
+        self.world, self.arm = world, arm
+        self.handled = frozenset(handled)
+        self.frames = 0
+        self.phases: list[tuple[int, str]] = []
+        self.forces: dict[str, list[Vector]] = {name: [] for name in world.bodies}
+        self.pairs: dict[Pair, list[float]] = {}
+        self.moved: dict[str, list[float]] = {}
+        self.expected: set[Pair] = set()
+        # Bodies that may touch anything: what was let go, or is being driven.
+        self.free: set[str] = set()
+        # Constraints whose force on a body is a contact's as well, such as a suction cup's.
+        self.cups: dict[str, int] = {}
+        self.last_pairs: dict[Pair, float] = {}
+        self._origin: dict[str, Vector] = {}
+        self._begun = False
+
+    def begin(self) -> None:
+        """Take what touches now as expected, and where bodies are now as their places."""
+        self._begun = True
+        self.expected |= self._close()
+        self._origin = {
+            name: np.array(self.world.pose(name).position)
+            for name in self.world.bodies
+            if name not in self.handled
+        }
+        self.moved = {name: [] for name in self._origin}
+
+    def phase(self, label: str) -> None:
+        """Note what the robot is at from now on."""
+        self.phases.append((self.frames, label))
+
+    @property
+    def phase_now(self) -> str:
+        """What the robot is at."""
+        return self.phases[-1][1] if self.phases else ""
+
+    def frame(self) -> None:
+        """Log a frame; nothing before the log was begun."""
+        if not self._begun:
+            return
+        forces = {name: np.zeros(3) for name in self.world.bodies}
+        pairs = self._touching(forces)
+        for name, constraint in self.cups.items():
+            pull = pybullet.getConstraintState(constraint, physicsClientId=self.world.client)[:3]
+            # The constraint says what the body does to the hand, along the body's own axes.
+            turn, still = self.world.pose(name).orientation, (0.0, 0.0, 0.0, 1.0)
+            turned, _ = pybullet.multiplyTransforms((0, 0, 0), turn, pull, still)
+            forces[name] -= np.array(turned)
+        for name, force in forces.items():
+            self.forces.setdefault(name, [np.zeros(3)] * self.frames).append(force)
+        for pair, force_n in pairs.items():
+            if pair not in self.expected and not self.free & set(pair):
+                self.pairs.setdefault(pair, [0.0] * self.frames).append(force_n)
+        for name, origin in self._origin.items():
+            away = np.array(self.world.pose(name).position) - origin
+            self.moved[name].append(float(np.linalg.norm(away)))
+        self.frames += 1
+        for values in self.pairs.values():
+            if len(values) < self.frames:
+                values.append(0.0)
+        self.last_pairs = pairs
+
+    def pressing_n(self, ones: Iterable[str], others: Iterable[str]) -> float:
+        """Return the normal force between two groups of bodies in the last frame [N]."""
+        some, rest = set(ones), set(others)
+        return sum(
+            force
+            for (first, second), force in self.last_pairs.items()
+            if (first in some and second in rest) or (first in rest and second in some)
+        )
+
+    def unexpected_n(self) -> float:
+        """Return the greatest force of an unexpected pair in the last frame [N]."""
+        return max((values[-1] for values in self.pairs.values() if values), default=0.0)
+
+    def _close(self) -> set[Pair]:
+        """Return the pairs of bodies that bear on each other, or may at any moment."""
+        found = set()
+        for first, second in combinations(sorted((TABLE, *self.world.bodies)), 2):
+            if pybullet.getClosestPoints(
+                self.world.numbers[first],
+                self.world.numbers[second],
+                _CLOSE_M,
+                physicsClientId=self.world.client,
+            ):
+                found.add((first, second))
+        return found
+
+    def _touching(self, forces: dict[str, Vector] | None = None) -> dict[Pair, float]:
+        """Return the normal force of every pair that touches, and add up forces on bodies."""
+        pairs: dict[Pair, float] = {}
+        for point in pybullet.getContactPoints(physicsClientId=self.world.client):
+            normal_n = point[_FORCE]
+            if normal_n <= 0.0:
+                continue
+            first = self._named(point[_FIRST], point[_FIRST_LINK])
+            second = self._named(point[_SECOND], point[_SECOND_LINK])
+            pair = (first, second) if first <= second else (second, first)
+            pairs[pair] = pairs.get(pair, 0.0) + normal_n
+            if forces is None:
+                continue
+            # The normal points from the second body to the first.
+            force = normal_n * np.array(point[_NORMAL])
+            for index in (_FRICTION, _OTHER_FRICTION):
+                force = force + point[index] * np.array(point[index + 1])
+            if first in forces:
+                forces[first] += force
+            if second in forces:
+                forces[second] -= force
+        return pairs
+
+    def _named(self, number: int, link: int) -> str:
+        name = self.world.names[number]
+        return LINK_NAMES.get(link, ROBOT) if name == ROBOT else name

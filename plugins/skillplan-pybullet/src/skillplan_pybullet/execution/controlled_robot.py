@@ -1,0 +1,171 @@
+"""The robot at work in a simulated world: it moves, waits, carries, and all contacts are logged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from skillplan.task.motion import Point
+from skillplan.task.scene import Scene, Tool
+from skillplan_pybullet.arm.simulated_arm import HAND, LINK_NAMES, ROBOT, SimulatedArm
+from skillplan_pybullet.arm.straight_motion import StraightMotion
+from skillplan_pybullet.arm.tool_changer import ToolChanger
+from skillplan_pybullet.execution.contact_log import STEPS_PER_FRAME, ContactLog
+from skillplan_pybullet.execution_settings import ExecutionSettings
+from skillplan_pybullet.simulator.world import STEP_S, UpsetError, World
+
+# A tip that lags so far behind is stuck, and what comes after that is chaos [m].
+_STUCK_M = 0.012
+# Two heights that differ by less are one [m].
+_LEVEL_M = 1e-6
+# No skill takes so many simulation steps.
+_MOST_STEPS = 200_000
+
+
+class StuckError(Exception):
+    """Raised where the arm cannot go on: something blocks it."""
+
+
+class ControlledRobot:
+    """A robot that is told where to go, what to carry and when to step.
+
+    Parameters
+    ----------
+    world, arm
+        Where, and with what.
+    scene
+        What bodies and tools there are.
+    settings
+        How it moves.
+    tool
+        The tool attached at the start; the hand itself is a tool without a body.
+    every_step
+        Called after every simulation step.
+
+    Attributes
+    ----------
+    log
+        Of the contacts of the skill under way.
+    sensed
+        What sensors said during it.
+    carried
+        The body in the hand, if any.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        arm: SimulatedArm,
+        scene: Scene,
+        settings: ExecutionSettings,
+        tool: Tool | None,
+        every_step: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.world, self.arm, self.scene, self.settings = world, arm, scene, settings
+        self.every_step = every_step
+        self.log = ContactLog(world, arm, ())
+        self.sensed: dict[str, float | bool | str] = {}
+        self._bond: int | None = None
+        self._last_step = _MOST_STEPS
+        self.tools = ToolChanger(world, arm, scene, tool)
+        self.carry(None)
+
+    def watch(self, handled: set[str]) -> None:
+        """Begin a log for the skill to come."""
+        self.log = ContactLog(self.world, self.arm, handled)
+        for name in (HAND, *LINK_NAMES.values(), ROBOT):
+            for other in handled:
+                self.log.expected.add((min(name, other), max(name, other)))
+        if self.carried is not None and self._bond is not None:
+            self.log.cups[self.carried] = self._bond
+        self.log.begin()
+        self.sensed = {}
+        self._last_step = self.world.steps + _MOST_STEPS
+
+    def carry(self, name: str | None) -> None:
+        """Have the arm bear the tool and a body, or nothing besides."""
+        self.carried = name
+        carried_kg = 0.0 if name is None else self.world.mass_kg(name)
+        self.arm.payload_kg = self.tools.load_kg + carried_kg
+
+    def bind(self, name: str) -> int:
+        """Fix a body to the robot, which it passes through from now on; return the constraint."""
+        self.world.part(name, self.tools.robot_parts)
+        self._bond = self.arm.grip(name)
+        return self._bond
+
+    def unbind(self) -> None:
+        """Undo the bond, if there is one."""
+        if self._bond is not None:
+            self.world.release(self._bond)
+            self._bond = None
+
+    def wait(self, duration_s: float) -> None:
+        """Stay where the tip is to be."""
+        for _ in range(round(duration_s / STEP_S)):
+            self.step()
+
+    def step(self) -> None:
+        """Go on by one simulation step.
+
+        Raises
+        ------
+        StuckError
+            If something blocks the arm.
+        UpsetError
+            If the simulation blew up, or goes on and on.
+        """
+        self.arm.actuate()
+        self.world.step()
+        if self.world.steps % STEPS_PER_FRAME == 0:
+            self._check_sanity()
+            self.log.frame()
+            if self.arm.tip_error_m() > _STUCK_M:
+                raise StuckError
+        self.every_step()
+
+    def move(self, end: Point, yaw_rad: float) -> None:
+        """Move the tip straight to a point.
+
+        Raises
+        ------
+        StuckError
+            If something blocks it.
+        """
+        here = self.arm.wanted
+        assert here is not None
+        motion = StraightMotion.between(
+            here.position,
+            np.array(end),
+            here.yaw_rad,
+            yaw_rad,
+            speed_m_per_s=self.settings.speed_m_per_s,
+            acceleration_m_per_s2=self.settings.acceleration_m_per_s2,
+        )
+        for step in range(1, int(motion.duration_s / STEP_S) + 2):
+            self.arm.wanted = motion.at(step * STEP_S)
+            self.step()
+
+    def transfer(self, end: Point, yaw_rad: float) -> None:
+        """Move the tip to a point above another target, no lower than the higher of the two.
+
+        Raises
+        ------
+        StuckError
+            If something blocks it.
+        """
+        here = self.arm.wanted
+        assert here is not None
+        x_m, y_m, z_m = here.position.tolist()
+        if z_m < end[2] - _LEVEL_M:
+            self.move((x_m, y_m, end[2]), here.yaw_rad)
+        elif z_m > end[2] + _LEVEL_M:
+            self.move((end[0], end[1], z_m), yaw_rad)
+        self.move(end, yaw_rad)
+
+    def _check_sanity(self) -> None:
+        if not (self.world.is_sane() and np.isfinite(self.arm.tip_error_m())):
+            raise UpsetError("the simulation blew up")
+        if self.world.steps > self._last_step:
+            raise UpsetError(f"the skill took more than {_MOST_STEPS:,} simulation steps")

@@ -1,0 +1,118 @@
+"""Pictures of one execution: the moment at which it fails, or all of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from skillplan.physics.linear_motions import linear_motions
+from skillplan.physics.performance import Image
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan_pybullet.execution.skill_runner import SkillRunner
+from skillplan_pybullet.execution.workcell import Workcell
+from skillplan_pybullet.record import FRAMES_PER_S, Record
+from skillplan_pybullet.simulator.camera import Camera, alarm
+from skillplan_pybullet.simulator.world import STEPS_PER_S
+from skillplan_pybullet.verdicts.contact_threshold import presses, pushes
+
+# Bodies without a support are shown after so many frames, as they fall.
+_FALLING_FRAMES = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A frame of an execution, and the bodies to look at.
+
+    Parameters
+    ----------
+    frame
+        Number of the frame; None for the end.
+    bodies
+        Their names.
+    """
+
+    frame: int | None
+    bodies: tuple[str, ...]
+
+
+class _Taken(Exception):
+    """Raised to end an execution whose picture is taken."""
+
+
+def moment_of_failure(record: Record) -> Moment:
+    """Return when an execution went wrong: the first contact or displacement, else the end."""
+    found: list[tuple[int, tuple[str, ...]]] = [
+        *((press.frame, press.pair) for press in presses(record)),
+        *((frame, (name,)) for name, frame in pushes(record).items()),
+    ]
+    if not found:
+        return Moment(None, ())
+    frame, bodies = min(found)
+    return Moment(frame, bodies)
+
+
+def picture(workcell: Workcell, skill: Skill, state: State, *, blamed: bool = False) -> Image:
+    """Return the moment at which a skill fails in a state, or its end.
+
+    Bodies that collide are painted red; where none do and the skill is to be blamed all the
+    same, it is what it handles.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing to be seen, in words: the arm cannot follow the motion.
+    """
+    record = workcell.execute(skill, state)
+    moment = moment_of_failure(record)
+    culprits = moment.bodies
+    if blamed and not culprits and skill.motion is not None:
+        culprits = tuple(visit.subject for visit in skill.motion.visits(state))
+    frame = _FALLING_FRAMES if record.unsettled is not None else moment.frame
+    camera = _camera(workcell, skill, state)
+    taken: list[Image] = []
+
+    def watch(runner: SkillRunner) -> None:
+        if runner.log.phases and frame is not None and runner.log.frames > frame:
+            alarm(runner.world, culprits)
+            taken.append(camera.take(runner.world))
+            raise _Taken
+        if frame is None and runner.world.steps == record.steps:
+            alarm(runner.world, culprits)
+            taken.append(camera.take(runner.world))
+
+    try:
+        workcell.execute(skill, state, watch)
+    except _Taken:
+        return taken[0]
+    if not taken:
+        raise ValueError(record.unreachable or "the execution has no such moment")
+    return taken[0]
+
+
+def footage(workcell: Workcell, skill: Skill, state: State, frames_per_s: float) -> Iterator[Image]:
+    """Yield pictures of a skill in a state, so many a simulated second.
+
+    Raises
+    ------
+    ValueError
+        If the rate is not above 0 and at most 60 pictures a second.
+    """
+    if not 0 < frames_per_s <= FRAMES_PER_S:
+        raise ValueError(f"There are 0 to {FRAMES_PER_S} pictures a second, not {frames_per_s}.")
+    camera = _camera(workcell, skill, state)
+    every = STEPS_PER_S / frames_per_s
+    taken: list[Image] = []
+
+    def watch(runner: SkillRunner) -> None:
+        if runner.world.steps >= len(taken) * every:
+            taken.append(camera.take(runner.world))
+
+    workcell.execute(skill, state, watch)
+    yield from taken
+
+
+def _camera(workcell: Workcell, skill: Skill, state: State) -> Camera:
+    motions = linear_motions(workcell.task, skill, state, workcell.settings.drop_height_m)
+    x_m, y_m, z_m = motions[-1].tip
+    return Camera((x_m, y_m, z_m + 0.05))

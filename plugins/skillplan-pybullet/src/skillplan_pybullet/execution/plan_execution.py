@@ -1,0 +1,233 @@
+"""A whole plan executed in one continuous world, as on the real workplace."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from skillplan.physics.linear_motions import LinearMotion, linear_motions
+from skillplan.physics.performance import (
+    Arrival,
+    Image,
+    Performance,
+    PerformedSkill,
+    Sample,
+)
+from skillplan.robots import panda
+from skillplan.task.scene import Pose
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.verdict import Verdict
+from skillplan_pybullet.arm.hand_turns import Posture
+from skillplan_pybullet.arm.panda_kinematics import UnreachableError
+from skillplan_pybullet.arm.simulated_arm import SimulatedArm
+from skillplan_pybullet.execution.contact_log import STEPS_PER_FRAME
+from skillplan_pybullet.execution.controlled_robot import StuckError
+from skillplan_pybullet.execution.skill_runner import SkillRunner
+from skillplan_pybullet.execution.workcell import SETTLE_S, Workcell
+from skillplan_pybullet.simulator.camera import Camera
+from skillplan_pybullet.simulator.world import STEPS_PER_S, UpsetError, World
+from skillplan_pybullet.verdicts.contact_threshold import presses
+from skillplan_pybullet.verdicts.postconditions import (
+    Tolerances,
+    offset_m,
+    postcondition_verdict,
+    tilt_rad,
+)
+
+# How the hand is turned in the ready posture [rad].
+_HOME_YAW_RAD = -np.pi / 2
+_OVERVIEW_M = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Observers:
+    """Who looks on while a plan is executed.
+
+    Parameters
+    ----------
+    frames_per_s
+        Pictures a simulated second [1/s]; None for none.
+    show
+        Is given every picture.
+    note
+        Is given a sample of every frame of 1/60 s.
+    """
+
+    frames_per_s: float | None = None
+    show: Callable[[Image], None] | None = None
+    note: Callable[[Sample], None] | None = None
+
+
+def execute_plan(
+    workcell: Workcell,
+    tolerances: Tolerances,
+    skills: Sequence[Skill],
+    observers: Observers,
+    stopped: Callable[[], bool],
+) -> Performance:
+    """Execute a plan without a break; see :meth:`skillplan.physics.performance.Performer`.
+
+    Parameters
+    ----------
+    workcell
+        Whose task and settings they are.
+    tolerances
+        How exactly every prediction has to come true.
+    skills
+        The plan.
+    observers
+        Who looks on.
+    stopped
+        Whether to end before the next skill.
+    """
+    with World(workcell.settings.friction) as world:
+        return _PlanExecution(workcell, tolerances, world, observers).play(skills, stopped)
+
+
+class _PlanExecution:
+    def __init__(
+        self, workcell: Workcell, tolerances: Tolerances, world: World, observers: Observers
+    ) -> None:
+        self.workcell, self.tolerances, self.world = workcell, tolerances, world
+        self.show, self.note = observers.show, observers.note
+        self.task = workcell.task
+        self.robot = self.task.scene.robots[0]
+        self.arm = SimulatedArm(world, self.robot.base, workcell.settings)
+        frames_per_s = observers.frames_per_s
+        self.every = STEPS_PER_S / frames_per_s if frames_per_s and self.show else None
+        self.shown = 0
+        self.skill = ""
+        self.camera = Camera(self._middle(), _OVERVIEW_M)
+
+    def play(self, skills: Sequence[Skill], stopped: Callable[[], bool]) -> Performance:
+        state = self.task.initial
+        _, home = self.robot.place(state)
+        try:
+            self.arm.stand(home, _HOME_YAW_RAD, panda.OPENING_M / 2)
+        except UnreachableError as error:
+            none = self.task.facts.none
+            verdict = Verdict.infeasible(f"before it begins: {error}", none, none)
+            begun = tuple(PerformedSkill(skill.name, verdict, 0.0, 0.0) for skill in skills[:1])
+            return Performance(begun, (), 0.0, 0)
+        for index, body in enumerate(self.task.scene.bodies):
+            placement = body.placement(state)
+            if placement is not None and placement.solid:
+                self.world.add(body, placement.pose, index)
+        runner = SkillRunner(
+            self.world,
+            self.arm,
+            self.task.scene,
+            self.workcell.settings,
+            self.robot.tool(state),
+            self._every_step,
+        )
+        self.runner = runner
+        with suppress(StuckError, UpsetError):
+            # What blocks the arm from the start, the first skill will say.
+            runner.wait(SETTLE_S)
+        done: list[PerformedSkill] = []
+        for skill in skills:
+            if done and stopped():
+                break
+            self.skill = skill.name
+            begin_s = self.world.steps / STEPS_PER_S
+            verdict = self._execute(skill, state)
+            state = skill.prediction_in(state).apply(state)
+            end_s = self.world.steps / STEPS_PER_S
+            done.append(PerformedSkill(skill.name, verdict, begin_s, end_s))
+            if not verdict.is_feasible:
+                break
+        return Performance(
+            tuple(done),
+            tuple(self._arrivals(state)),
+            self.world.steps / STEPS_PER_S,
+            self.world.steps,
+        )
+
+    def _execute(self, skill: Skill, state: State) -> Verdict:
+        facts = self.task.facts
+        if not skill.applicable(state):
+            missing = skill.why_not(state)
+            return Verdict.infeasible(
+                f"needs {', '.join(missing.requires)}", facts.none, facts.none
+            )
+        if skill.motion is None:
+            return Verdict.feasible(facts.none, facts.none)
+        motions = linear_motions(self.task, skill, state, self.workcell.settings.drop_height_m)
+        runner = self.runner
+        runner.watch({motion.visit.subject for motion in motions})
+        try:
+            for motion in motions:
+                runner.bring_out(motion.visit.subject, state)
+                runner.log.phase(f"the travel to {motion.visit.subject}")
+                yaw_rad = self.workcell.turns.towards(motion, self._posture()).yaw_rad
+                runner.transfer(motion.above, yaw_rad)
+                runner.run(motion, yaw_rad)
+        except (UpsetError, np.linalg.LinAlgError) as error:
+            return Verdict.unknown(str(error))
+        except UnreachableError as error:
+            return Verdict.infeasible(str(error), facts.none, facts.none)
+        except StuckError:
+            runner.sensed["stuck_on"] = runner.log.phase_now
+        return self._sensed(skill, state, motions)
+
+    def _sensed(self, skill: Skill, state: State, motions: Sequence[LinearMotion]) -> Verdict:
+        record = self.workcell.record_of(skill, state, motions, self.runner)
+        verdict = postcondition_verdict(skill, record, self.tolerances)
+        if not verdict.is_feasible:
+            return verdict
+        pressing = presses(record)
+        if pressing:
+            reason = " and ".join(pressing[0].pair) + " collided"
+            return Verdict.infeasible(reason, evidence=dict(verdict.evidence))
+        return verdict
+
+    def _posture(self) -> Posture:
+        assert self.arm.wanted is not None
+        return Posture(np.array(self.arm.joints_rad()), self.arm.wanted.yaw_rad)
+
+    def _every_step(self) -> None:
+        steps = self.world.steps
+        if self.every is not None and self.show is not None and steps >= self.shown * self.every:
+            self.show(self.camera.take(self.world))
+            self.shown += 1
+        if self.note is not None and steps % STEPS_PER_FRAME == 0:
+            self.note(self._sample())
+
+    def _sample(self) -> Sample:
+        assert self.arm.wanted is not None
+        x, y, z = self.arm.tip().position.tolist()
+        a, b, c = self.arm.wanted.position.tolist()
+        known = {body.name for body in self.task.scene.bodies}
+        return Sample(
+            self.world.steps / STEPS_PER_S,
+            self.skill,
+            (x, y, z),
+            (a, b, c),
+            self.arm.joints_rad(),
+            self.arm.jaw_width_m(),
+            self.runner.log.unexpected_n(),
+            {name: self.world.pose(name) for name in self.world.bodies if name in known},
+        )
+
+    def _arrivals(self, state: State) -> list[Arrival]:
+        held = self.runner.carried
+        found: list[Arrival] = []
+        if not self.world.is_sane():
+            return found
+        for name, goal in self.task.scene.at(state).items():
+            if name in self.world.numbers and name != held:
+                final: Pose = self.world.pose(name)
+                found.append(
+                    Arrival(name, goal, final, offset_m(final, goal), tilt_rad(final, goal))
+                )
+        return found
+
+    def _middle(self) -> tuple[float, float, float]:
+        points = list(self.robot.places.values())
+        xs, ys = [point[0] for point in points], [point[1] for point in points]
+        return ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2, 0.08)

@@ -1,0 +1,270 @@
+"""One skill executed in a fresh world that holds what can matter to it, and the record of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from skillplan.physics.jaws import jaw_opening_m
+from skillplan.physics.linear_motions import LinearMotion, grasp_of, linear_motions
+from skillplan.robots import panda
+from skillplan.task.motion import Event, Point
+from skillplan.task.scene import GraspKind, Pose, Robot
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan_pybullet.arm.hand_turns import HandTurns, Posture
+from skillplan_pybullet.arm.panda_kinematics import UnreachableError
+from skillplan_pybullet.arm.simulated_arm import SimulatedArm
+from skillplan_pybullet.execution.controlled_robot import StuckError
+from skillplan_pybullet.execution.skill_runner import SkillRunner
+from skillplan_pybullet.execution.support_trial import SupportTrials
+from skillplan_pybullet.execution.surroundings import Neighbourhood, Surroundings
+from skillplan_pybullet.execution_settings import ExecutionSettings
+from skillplan_pybullet.record import Record
+from skillplan_pybullet.simulator.world import GRAVITY_M_PER_S2, UpsetError, World
+
+# The world comes to rest for so long before anything is done [s].
+SETTLE_S = 0.1
+
+
+class Workcell:
+    """Executes skills of a task, each in a world of its own.
+
+    Parameters
+    ----------
+    task
+        With one robot.
+    settings
+        How the robot moves.
+    """
+
+    def __init__(self, task: Task, settings: ExecutionSettings) -> None:
+        self.task, self.settings = task, settings
+        self.robot: Robot = task.scene.robots[0]
+        self.surroundings = Surroundings(task, settings.clearance_m, settings.press_travel_m)
+        self.turns = HandTurns(task, settings.drop_height_m)
+        self.supports = SupportTrials(task, self.surroundings, settings.friction)
+
+    def execute(
+        self,
+        skill: Skill,
+        state: State,
+        watch: Callable[[SkillRunner], None] | None = None,
+    ) -> Record:
+        """Execute a skill in a state in which it is applicable.
+
+        Parameters
+        ----------
+        skill
+            With a motion.
+        state
+            Where it starts.
+        watch
+            Called after every simulation step with the robot at work.
+        """
+        motions = linear_motions(self.task, skill, state, self.settings.drop_height_m)
+        route, here = self._route_facts(skill, state), self._here(motions[0], state)
+        around = self.around(skill, state)
+        with World(self.settings.friction) as world:
+            arm = SimulatedArm(world, self.robot.base, self.settings)
+            try:
+                yaws = self._yaws(arm, motions, here)
+            except UnreachableError as error:
+                none = self.task.facts.none
+                return self._draft(skill, route, none, unreachable=str(error))
+            # After what the arm can reach, which does not depend on any body.
+            fallen = self.supports.fallen(around, state)
+            if fallen is not None and watch is None:
+                present = fallen.present | route
+                return self._draft(skill, present, fallen.absent, unsettled=fallen.reason)
+            try:
+                turned = list(zip(motions, yaws, strict=True))
+                return self._run(skill, state, turned, arm, around, watch)
+            except UnreachableError as error:
+                basis = around.present, around.absent
+                return self._draft(skill, *basis, unreachable=str(error))
+            except (UpsetError, np.linalg.LinAlgError) as error:
+                return self._draft(skill, around.present, around.absent, upset=str(error))
+
+    def around(self, skill: Skill, state: State) -> Neighbourhood:
+        """Return what an execution has in its world, and the facts that all of it rests on."""
+        motions = linear_motions(self.task, skill, state, self.settings.drop_height_m)
+        found = self.surroundings.around(skill, motions, state, self._here(motions[0], state))
+        return found.resting_on(self._route_facts(skill, state))
+
+    def _route_facts(self, skill: Skill, state: State) -> State:
+        """Return the facts that decide the route, and where a transfer motion begins."""
+        assert skill.motion is not None
+        facts, routes = self.task.facts.none, skill.motion.routes
+        if len(routes) > 1:
+            facts |= next(r.when for r in routes if state.bits & r.when.bits == r.when.bits)
+        if self.surroundings.transfer_matters:
+            facts |= self.task.facts.of(self.robot.place(state)[0])
+        return facts
+
+    def _here(self, first: LinearMotion, state: State) -> Point | None:
+        """Return where a transfer motion begins, if anything can block one."""
+        if not self.surroundings.transfer_matters:
+            return None
+        x_m, y_m, _ = self.robot.place(state)[1]
+        height_m = self.turns.height_m(self.robot.place(state)[0], self.robot.safe_height_m)
+        return x_m, y_m, max(height_m, first.above[2])
+
+    def _run(
+        self,
+        skill: Skill,
+        state: State,
+        motions: Sequence[tuple[LinearMotion, float]],
+        arm: SimulatedArm,
+        around: Neighbourhood,
+        watch: Callable[[SkillRunner], None] | None,
+    ) -> Record:
+        """Execute motions, each with how the hand is turned, and return the record.
+
+        Parameters
+        ----------
+        skill, state
+            What is executed, and where it starts.
+        motions
+            Of the skill, and how the hand is turned in each [rad].
+        arm
+            At rest where it begins.
+        around
+            What else is in its world.
+        watch
+            Called after every simulation step.
+        """
+        scene, world = self.task.scene, arm.world
+        plain = [motion for motion, _ in motions]
+        colours = {body.name: index for index, body in enumerate(scene.bodies)}
+        for one in around.bodies:
+            world.add(one.body, one.placement.pose, colours[one.body.name])
+        first = plain[0]
+        runner = SkillRunner(world, arm, scene, self.settings, first.tool)
+        if watch is not None:
+            runner.every_step = lambda: watch(runner)
+        handled = {motion.visit.subject for motion in plain}
+        stopped = None
+        try:
+            if first.visit.event is Event.RELEASE:
+                runner.take(scene.body(first.visit.subject), first.visit.yaw_rad)
+            else:
+                runner.bring_out(first.visit.subject, state)
+            runner.wait(SETTLE_S)
+            runner.watch(handled)
+            for index, (motion, yaw_rad) in enumerate(motions):
+                if index or self.surroundings.transfer_matters:
+                    runner.log.phase(f"the travel to {motion.visit.subject}")
+                    runner.transfer(motion.above, yaw_rad)
+                runner.run(motion, yaw_rad)
+        except StuckError:
+            stopped = runner.log.phase_now or "its way before anything was done"
+        self._sense(runner, plain[-1], stopped)
+        return self._record(skill, state, plain, (around.present, around.absent), runner)
+
+    def _yaws(
+        self, arm: SimulatedArm, motions: Sequence[LinearMotion], here: Point | None
+    ) -> list[float]:
+        """Put the arm where it begins; return how its hand is turned in every motion [rad].
+
+        Raises
+        ------
+        UnreachableError
+            If either end of a motion, or where it begins, is out of reach.
+        """
+        begins: list[Posture] = []
+        for motion in motions:
+            begins.append(self.turns.towards(motion, begins[-1] if begins else None))
+        first = motions[0]
+        arm.stand(here or first.above, begins[0].yaw_rad, self._first_opening(first))
+        return [posture.yaw_rad for posture in begins]
+
+    def _first_opening(self, motion: LinearMotion) -> float:
+        if motion.visit.event not in (Event.GRASP, Event.RELEASE):
+            return panda.OPENING_M / 2
+        grasp = grasp_of(self.task.scene.body(motion.visit.subject))
+        return jaw_opening_m(grasp, self.settings.clearance_m, motion.tool)
+
+    def _sense(self, runner: SkillRunner, last: LinearMotion, stopped: str | None) -> None:
+        sensed = runner.sensed
+        if stopped is not None:
+            sensed["stuck_on"] = stopped
+        event = last.visit.event
+        if event in (Event.GRASP, Event.RELEASE):
+            grasp = grasp_of(self.task.scene.body(last.visit.subject))
+            if grasp.kind is GraspKind.JAWS:
+                sensed["jaw_width_m"] = runner.arm.jaw_width_m()
+
+    def record_of(
+        self, skill: Skill, state: State, motions: Sequence[LinearMotion], runner: SkillRunner
+    ) -> Record:
+        """Return the record of a skill that a robot has just executed in a larger world."""
+        self._sense(runner, motions[-1], None)
+        none = self.task.facts.none
+        return self._record(skill, state, motions, (none, none), runner)
+
+    def _record(
+        self,
+        skill: Skill,
+        state: State,
+        motions: Sequence[LinearMotion],
+        basis: tuple[State, State],
+        runner: SkillRunner,
+    ) -> Record:
+        world, log = runner.world, runner.log
+        scene = self.task.scene
+        known = [name for name in world.bodies if any(b.name == name for b in scene.bodies)]
+        return Record(
+            skill.name,
+            *basis,
+            tuple(log.phases),
+            {name: np.array(log.forces.get(name, [])).reshape(-1, 3) for name in known},
+            {name: world.mass_kg(name) * GRAVITY_M_PER_S2 for name in known},
+            {pair: np.array(values) for pair, values in sorted(log.pairs.items())},
+            {name: np.array(values) for name, values in log.moved.items() if name in known},
+            {name: world.pose(name) for name in known},
+            self._expected(skill, state, motions[-1], known),
+            runner.sensed,
+            steps=world.steps,
+        )
+
+    def _expected(
+        self, skill: Skill, state: State, last: LinearMotion, names: Sequence[str]
+    ) -> dict[str, Pose]:
+        """Return where the prediction has bodies; what is held, above where it was picked up."""
+        after = skill.prediction_in(state).apply(state)
+        poses = self.task.scene.at(after)
+        if last.visit.event is Event.GRASP:
+            body = self.task.scene.body(last.visit.subject)
+            x_m, y_m, _ = last.visit.position
+            bottom_m = last.above[2] - grasp_of(body).tip[2]
+            poses[body.name] = Pose.upright((x_m, y_m, bottom_m), last.visit.yaw_rad)
+        return {name: poses[name] for name in names if name in poses}
+
+    def _draft(
+        self,
+        skill: Skill,
+        present: State,
+        absent: State,
+        *,
+        unreachable: str | None = None,
+        unsettled: str | None = None,
+        upset: str | None = None,
+    ) -> Record:
+        return Record(
+            skill.name,
+            present,
+            absent,
+            (),
+            {},
+            {},
+            {},
+            {},
+            {},
+            {},
+            unreachable=unreachable,
+            unsettled=unsettled,
+            upset=upset,
+        )

@@ -1,0 +1,347 @@
+"""A simulated world: the table, the bodies of a scene that matter, and nothing else.
+
+Every execution has one of its own: bodies that are put back into a used world differ by
+micrometres afterwards, and only a fresh one gives the same digits in any order, process and run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from skillplan.task.scene import Body, Pose
+from skillplan.task.shape import Box, Cylinder, Mesh, Shape
+from skillplan_pybullet.simulator.mass_properties import MassProperties, mass_properties
+from skillplan_pybullet.simulator.quiet_output import quiet_output
+
+STEPS_PER_S = 240
+STEP_S = 1 / STEPS_PER_S
+GRAVITY_M_PER_S2 = 9.81
+# Below this, parts between two jaws flicker about the vertical at 240 steps a second until they
+# fall out: light parts turn as if they had this moment of inertia.
+LEAST_INERTIA_KG_M2 = 2e-5
+# A name with a blank, which no part of a task can have.
+TABLE = "work table"
+
+_TABLE_HALF_M = (1.5, 1.5, 0.05)
+_SOLVER_ITERATIONS = 100
+# Nothing gets so far, or so fast, in a simulation that has not blown up [m], [m/s].
+_FAR_M = 10.0
+_FAST_M_PER_S = 50.0
+# Colours of bodies in pictures, in turn.
+_PALETTE = (
+    (0.16, 0.45, 0.24, 1.0),
+    (0.85, 0.55, 0.20, 1.0),
+    (0.80, 0.72, 0.30, 1.0),
+    (0.55, 0.35, 0.65, 1.0),
+    (0.75, 0.30, 0.25, 1.0),
+    (0.35, 0.50, 0.75, 1.0),
+    (0.45, 0.45, 0.48, 1.0),
+)
+_TABLE_COLOUR = (0.88, 0.87, 0.84, 1.0)
+
+
+class UpsetError(Exception):
+    """Raised, in words, where the simulation blew up and says nothing any more."""
+
+
+class World:
+    """A table and bodies under gravity, advanced 240 times a simulated second.
+
+    To be used as a context manager: the simulator's memory is given back at the end.
+
+    Parameters
+    ----------
+    friction
+        Coefficient of lateral friction of bodies and table [-].
+    """
+
+    def __init__(self, friction: float) -> None:
+        self.friction = friction
+        self.steps = 0
+        self.numbers: dict[str, int] = {}
+        self.names: dict[int, str] = {}
+        self._properties: dict[str, MassProperties] = {}
+        self._masses: dict[str, float] = {}
+        # Pairs that pass through each other for the time being, and links that nothing touches.
+        self._parted: set[frozenset[str]] = set()
+        self._withdrawn: dict[str, frozenset[int]] = {}
+        with quiet_output():
+            self.client = pybullet.connect(pybullet.DIRECT)
+            pybullet.setTimeStep(STEP_S, physicsClientId=self.client)
+            pybullet.setGravity(0, 0, -GRAVITY_M_PER_S2, physicsClientId=self.client)
+            pybullet.setPhysicsEngineParameter(
+                numSolverIterations=_SOLVER_ITERATIONS, physicsClientId=self.client
+            )
+            table = pybullet.createMultiBody(
+                0,
+                pybullet.createCollisionShape(
+                    pybullet.GEOM_BOX, halfExtents=_TABLE_HALF_M, physicsClientId=self.client
+                ),
+                pybullet.createVisualShape(
+                    pybullet.GEOM_BOX,
+                    halfExtents=_TABLE_HALF_M,
+                    rgbaColor=_TABLE_COLOUR,
+                    physicsClientId=self.client,
+                ),
+                basePosition=(0, 0, -_TABLE_HALF_M[2]),
+                physicsClientId=self.client,
+            )
+        pybullet.changeDynamics(table, -1, lateralFriction=friction, physicsClientId=self.client)
+        self.name(table, TABLE)
+
+    def __enter__(self) -> World:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        with quiet_output():
+            pybullet.disconnect(physicsClientId=self.client)
+
+    def name(self, number: int, name: str) -> None:
+        """Give a body of the simulator a name."""
+        self.numbers[name] = number
+        self.names[number] = name
+
+    def step(self) -> None:
+        """Advance by 1/240 s."""
+        pybullet.stepSimulation(physicsClientId=self.client)
+        self.steps += 1
+
+    def add(self, body: Body, pose: Pose, colour: int = 0) -> int:
+        """Put a body at a pose, its origin at the centre of its bottom."""
+        properties = mass_properties(body).at_least(LEAST_INERTIA_KG_M2)
+        number = self._create(
+            body.shapes, body.mass_kg, properties, _PALETTE[colour % len(_PALETTE)]
+        )
+        self._properties[body.name], self._masses[body.name] = properties, body.mass_kg
+        self.name(number, body.name)
+        for name, links in self._withdrawn.items():
+            self._tell(name, sorted(links), body.name)
+        self.put(body.name, pose)
+        pybullet.changeDynamics(
+            number,
+            -1,
+            localInertiaDiagonal=properties.inertia_kg_m2.tolist(),
+            lateralFriction=self.friction,
+            spinningFriction=0.001,
+            rollingFriction=0.0,
+            restitution=0.0,
+            frictionAnchor=1,
+            collisionMargin=0.0,
+            physicsClientId=self.client,
+        )
+        return number
+
+    def put(self, name: str, pose: Pose) -> None:
+        """Move a body to a pose, at rest."""
+        position, orientation = self._centre_pose(name, pose)
+        pybullet.resetBasePositionAndOrientation(
+            self.numbers[name], position, orientation, physicsClientId=self.client
+        )
+        pybullet.resetBaseVelocity(
+            self.numbers[name], (0, 0, 0), (0, 0, 0), physicsClientId=self.client
+        )
+
+    def pose(self, name: str) -> Pose:
+        """Return where a body is: the pose of the centre of its bottom."""
+        position, orientation = pybullet.getBasePositionAndOrientation(
+            self.numbers[name], physicsClientId=self.client
+        )
+        rotation = self.rotation(orientation)
+        origin = np.array(position) - rotation @ self._properties[name].centre
+        norm = float(np.linalg.norm(orientation))
+        x, y, z, w = (value / norm for value in orientation)
+        return Pose((float(origin[0]), float(origin[1]), float(origin[2])), (x, y, z, w))
+
+    def is_sane(self) -> bool:
+        """Whether every body is at a finite place and none races off."""
+        for name in self._properties:
+            position, _ = pybullet.getBasePositionAndOrientation(
+                self.numbers[name], physicsClientId=self.client
+            )
+            linear, _ = pybullet.getBaseVelocity(self.numbers[name], physicsClientId=self.client)
+            values = np.array([*position, *linear])
+            if not np.isfinite(values).all() or np.abs(values[:3]).max() > _FAR_M:
+                return False
+            if np.abs(values[3:]).max() > _FAST_M_PER_S:
+                return False
+        return True
+
+    def mass_kg(self, name: str) -> float:
+        """Return the mass of a body [kg]."""
+        return self._masses[name]
+
+    def weigh(self, name: str, mass_kg: float) -> None:
+        """Change the mass of a body for a while; its shape stays."""
+        properties = self._properties[name]
+        factor = mass_kg / self._masses[name]
+        pybullet.changeDynamics(
+            self.numbers[name],
+            -1,
+            mass=mass_kg,
+            localInertiaDiagonal=(factor * properties.inertia_kg_m2).tolist(),
+            physicsClientId=self.client,
+        )
+        self._masses[name] = mass_kg
+        self._properties[name] = replace(
+            properties, inertia_kg_m2=factor * properties.inertia_kg_m2
+        )
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies of the scene, in the order in which they were put."""
+        return tuple(self._properties)
+
+    def others(self, name: str) -> list[str]:
+        """Return the names of the table and all bodies but one."""
+        return [other for other in (TABLE, *self.bodies) if other != name]
+
+    def part(self, one: str, others: Iterable[str]) -> None:
+        """Let a body pass through others."""
+        for other in others:
+            self._parted.add(frozenset((one, other)))
+            self._tell(one, self._links(one), other)
+
+    def join(self, one: str, others: Iterable[str]) -> None:
+        """Let a body touch others again."""
+        for other in others:
+            self._parted.discard(frozenset((one, other)))
+            self._tell(one, self._links(one), other)
+
+    def withdraw(self, name: str, links: Iterable[int]) -> None:
+        """Let these links of a body touch nothing, what is added later included.
+
+        Its other links, and those that were withdrawn before, touch what they may. That of a
+        body without joints is -1.
+        """
+        before, now = self._withdrawn.get(name, frozenset()), frozenset(links)
+        self._withdrawn[name] = now
+        for other in self.numbers:
+            if other != name:
+                self._tell(name, sorted(before ^ now), other)
+
+    def hold(self, name: str) -> int:
+        """Fix a body where it is; return the constraint, to be given to `release`."""
+        number = self.numbers[name]
+        position, orientation = pybullet.getBasePositionAndOrientation(
+            number, physicsClientId=self.client
+        )
+        return int(
+            pybullet.createConstraint(
+                number,
+                -1,
+                -1,
+                -1,
+                pybullet.JOINT_FIXED,
+                (0, 0, 0),
+                (0, 0, 0),
+                position,
+                (0, 0, 0, 1),
+                orientation,
+                physicsClientId=self.client,
+            )
+        )
+
+    def release(self, constraint: int) -> None:
+        """Undo a constraint."""
+        pybullet.removeConstraint(constraint, physicsClientId=self.client)
+
+    @staticmethod
+    def rotation(orientation: tuple[float, float, float, float]) -> NDArray[np.float64]:
+        """Return a quaternion (x, y, z, w) as a matrix of shape (3, 3)."""
+        return np.array(pybullet.getMatrixFromQuaternion(orientation)).reshape(3, 3)
+
+    def _centre_pose(
+        self, name: str, pose: Pose
+    ) -> tuple[list[float], tuple[float, float, float, float]]:
+        rotation = self.rotation(pose.orientation)
+        centre = np.array(pose.position) + rotation @ self._properties[name].centre
+        return centre.tolist(), pose.orientation
+
+    def _links(self, name: str) -> range:
+        """Return the numbers of a body's links, from -1 for its base."""
+        return range(-1, pybullet.getNumJoints(self.numbers[name], physicsClientId=self.client))
+
+    def _tell(self, one: str, links: Iterable[int], other: str) -> None:
+        """Tell the simulator which links of a body may touch another."""
+        parted = frozenset((one, other)) in self._parted
+        hidden = self._withdrawn.get(one, frozenset())
+        others_hidden = self._withdrawn.get(other, frozenset())
+        for link in links:
+            for other_link in self._links(other):
+                may = not parted and link not in hidden and other_link not in others_hidden
+                pybullet.setCollisionFilterPair(
+                    self.numbers[one],
+                    self.numbers[other],
+                    link,
+                    other_link,
+                    int(may),
+                    physicsClientId=self.client,
+                )
+
+    def _create(
+        self,
+        shapes: tuple[Shape, ...],
+        mass_kg: float,
+        properties: MassProperties,
+        colour: tuple[float, float, float, float],
+    ) -> int:
+        # The simulator takes meshes in files only.
+        has_mesh = any(isinstance(shape, Mesh) for shape in shapes)
+        with TemporaryDirectory() if has_mesh else nullcontext("") as folder:
+            shared = {
+                "shapeTypes": [_TYPES[type(shape)] for shape in shapes],
+                "halfExtents": [[extent / 2 for extent in shape.box.size] for shape in shapes],
+                "radii": [getattr(shape, "diameter_m", 1.0) / 2 for shape in shapes],
+                "lengths": [shape.box.size[2] for shape in shapes],
+                "fileNames": [
+                    _written(shape, Path(folder) / f"{index}.obj")
+                    for index, shape in enumerate(shapes)
+                ],
+                "physicsClientId": self.client,
+            }
+            places = [_centre(shape) - properties.centre for shape in shapes]
+            positions = [place.tolist() for place in places]
+            with quiet_output():
+                collision = pybullet.createCollisionShapeArray(
+                    collisionFramePositions=positions, **shared
+                )
+                visual = pybullet.createVisualShapeArray(
+                    visualFramePositions=positions, rgbaColors=[colour] * len(shapes), **shared
+                )
+                return int(
+                    pybullet.createMultiBody(
+                        mass_kg, collision, visual, physicsClientId=self.client
+                    )
+                )
+
+
+_TYPES = {Box: pybullet.GEOM_BOX, Cylinder: pybullet.GEOM_CYLINDER, Mesh: pybullet.GEOM_MESH}
+
+
+def _centre(shape: Shape) -> NDArray[np.float64]:
+    """Return the origin of a shape's own geometry; corners of a mesh are the body's already."""
+    return np.zeros(3) if isinstance(shape, Mesh) else np.array(shape.centre)
+
+
+def _written(shape: Shape, path: Path) -> str:
+    """Write a mesh to a file and return its name; "" for others."""
+    if not isinstance(shape, Mesh):
+        return ""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in shape.corners]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in shape.faces]
+    path.write_text("\n".join(lines) + "\n", "utf-8")
+    return str(path)

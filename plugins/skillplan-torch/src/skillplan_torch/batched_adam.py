@@ -1,0 +1,79 @@
+"""The optimiser of batched networks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from skillplan_torch.snapshot_arrays import fitting
+
+_MEAN_DECAY, _SQUARE_DECAY = 0.9, 0.999
+
+
+class BatchedAdam:
+    """Adam (Kingma and Ba, 2015) for batched networks.
+
+    Written out, as the library's costs more in wrapping so small networks than in arithmetic.
+
+    Parameters
+    ----------
+    parameters
+        What it changes.
+    epsilon
+        Keeps small gradients from being blown up, > 0.
+    """
+
+    def __init__(self, parameters: Sequence[torch.Tensor], epsilon: float = 1e-8) -> None:
+        self._parameters, self._epsilon = list(parameters), epsilon
+        self._steps = 0
+        self._means = [torch.zeros_like(one, requires_grad=False) for one in self._parameters]
+        self._squares = [torch.zeros_like(one, requires_grad=False) for one in self._parameters]
+
+    def step(self, loss: torch.Tensor, rate: float) -> None:
+        """Follow the gradient of a loss that is a sum over runs."""
+        for parameter in self._parameters:
+            parameter.grad = None
+        loss.backward()  # type: ignore[no-untyped-call]
+        self.follow(rate)
+
+    @torch.no_grad()
+    def follow(self, rate: float) -> None:
+        """Follow the gradients that there are."""
+        self._steps += 1
+        step = rate / (1.0 - _MEAN_DECAY**self._steps)
+        correction = math.sqrt(1.0 - _SQUARE_DECAY**self._steps)
+        for parameter, mean, square in zip(
+            self._parameters, self._means, self._squares, strict=True
+        ):
+            gradient = parameter.grad
+            assert gradient is not None
+            mean.lerp_(gradient, 1.0 - _MEAN_DECAY)
+            square.mul_(_SQUARE_DECAY).addcmul_(gradient, gradient, value=1.0 - _SQUARE_DECAY)
+            scale = square.sqrt().div_(correction).add_(self._epsilon)
+            parameter.addcdiv_(mean, scale, value=-step)
+
+    def arrays(self, name: str) -> dict[str, NDArray[Any]]:
+        """Return copies of its moments, to be read by `read`."""
+        found: dict[str, NDArray[Any]] = {f"{name}.steps": np.array(self._steps, dtype=np.int64)}
+        for i, (mean, square) in enumerate(zip(self._means, self._squares, strict=True)):
+            found[f"{name}.{i}.mean"] = mean.numpy().copy()
+            found[f"{name}.{i}.square"] = square.numpy().copy()
+        return found
+
+    def read(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Take over what `arrays` returned.
+
+        Raises
+        ------
+        ValueError
+            If it is of another shape.
+        """
+        self._steps = int(fitting(arrays, f"{name}.steps", ()))
+        for i, (mean, square) in enumerate(zip(self._means, self._squares, strict=True)):
+            np.copyto(mean.numpy(), fitting(arrays, f"{name}.{i}.mean", tuple(mean.shape)))
+            np.copyto(square.numpy(), fitting(arrays, f"{name}.{i}.square", tuple(square.shape)))

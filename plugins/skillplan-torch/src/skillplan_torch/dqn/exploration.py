@@ -1,0 +1,180 @@
+"""Which action deep Q-learning tries: by visit counts, by chance, or off the policy once.
+
+Untried actions are taken to be better than they look, where an action is chosen and where a value
+is learned from the next one: Rashid et al., "Optimistic exploration even with a pessimistic
+initialisation" (2020).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan_torch.dqn.options import DqnOptions
+from skillplan_torch.dqn.schedules import Schedules
+from skillplan_torch.observation_counts import ObservationCounts, of_runs
+
+# From so many visits on the bonus is as good as gone.
+_MOST_VISITS = 256
+
+
+class Exploration:
+    """Chooses the actions of all runs.
+
+    Parameters
+    ----------
+    options, schedules
+        How it explores, and when.
+    generators
+        One for every run.
+    counts
+        Of what every run has tried.
+    step_limit
+        Most skills of an episode.
+
+    Attributes
+    ----------
+    branch_depths
+        After how many skills the episode of every run leaves the policy; `step_limit` where it
+        does not.
+    completed
+        Whether a run has completed the task yet, shape (runs,).
+    """
+
+    def __init__(
+        self,
+        options: DqnOptions,
+        schedules: Schedules,
+        generators: Sequence[np.random.Generator],
+        counts: ObservationCounts,
+        step_limit: int,
+    ) -> None:
+        self._options, self._schedules = options, schedules
+        self._generators, self._counts, self._limit = generators, counts, step_limit
+        self._fading = 1.0 / np.arange(1.0, _MOST_VISITS + 1.0) ** options.bonus_power
+        self.completed = np.zeros(len(generators), dtype=np.bool_)
+        self.branch_depths = [step_limit] * len(generators)
+        for run in range(len(generators)):
+            self.begin_episode(run, 0)
+
+    def begin_episode(self, run: int, steps: int) -> None:
+        """Draw after how many skills the episode that begins leaves the policy.
+
+        Parameters
+        ----------
+        run
+            Whose.
+        steps
+            How many steps the run has done.
+        """
+        depth, generator = self._limit, self._generators[run]
+        if self._schedules.branches(steps) and generator.random() < self._options.branching:
+            depth = int(generator.integers(self._limit))
+        self.branch_depths[run] = depth
+
+    def choose(
+        self,
+        values: NDArray[np.float32],
+        allowed: NDArray[np.bool_],
+        at: NDArray[np.int64],
+        lengths: Sequence[int],
+        steps: int,
+    ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Return the action of every run, and whether it is the policy's own.
+
+        Parameters
+        ----------
+        values, allowed
+            Of all actions of every run, shape (runs, actions); -inf where not allowed.
+        at
+            Index of what every run observes, shape (runs,).
+        lengths
+            How many skills the episode of every run has had.
+        steps
+            How many steps every run has done.
+        """
+        greedy: NDArray[np.int64] = values.argmax(axis=1)
+        actions = greedy.copy()
+        if self._options.exploration == "count":
+            bonus = self.bonus(at[:, None], steps)
+            if bonus is not None:
+                actions = (values + bonus[:, 0]).argmax(axis=1)
+        elif self._options.exploration == "boltzmann":
+            self._draw_by_value(actions, values, steps)
+        else:
+            epsilon = self._schedules.exploration(steps)
+            for run, generator in enumerate(self._generators):
+                if generator.random() < epsilon:
+                    actions[run] = generator.choice(np.flatnonzero(allowed[run]))
+        for run, depth in enumerate(self.branch_depths):
+            if lengths[run] >= depth:
+                branch = self._branch(run, values[run], allowed[run], int(greedy[run]), at[run])
+                if branch is not None:
+                    actions[run] = branch
+                    self.branch_depths[run] = self._limit
+        return actions, actions == greedy
+
+    def bonus(self, indices: NDArray[np.int64], steps: int) -> NDArray[np.float64] | None:
+        """Return what is added to values for few visits; None where that is nothing.
+
+        Parameters
+        ----------
+        indices
+            Of observations, by run, shape (runs, n).
+        steps
+            How many steps every run has done.
+
+        Returns
+        -------
+        ndarray or None
+            Shape (runs, n, actions).
+        """
+        if self._options.exploration != "count" or not self._schedules.optimism(steps):
+            return None
+        visits = of_runs(self._counts.visits, indices)
+        fading: NDArray[np.float64] = self._fading.take(np.minimum(visits, _MOST_VISITS - 1))
+        return self._schedules.exploration(steps) * fading
+
+    def _draw_by_value(
+        self, actions: NDArray[np.int64], values: NDArray[np.float32], steps: int
+    ) -> None:
+        temperature = self._schedules.exploration(steps)
+        with np.errstate(over="ignore", invalid="ignore"):
+            worth = np.exp((values - values.max(axis=1, keepdims=True)) / temperature)
+        for run, generator in enumerate(self._generators):
+            total = np.cumsum(worth[run])
+            drawn = np.searchsorted(total, generator.random() * total[-1], side="right")
+            actions[run] = min(int(drawn), len(total) - 1)
+
+    def _branch(
+        self,
+        run: int,
+        values: NDArray[np.float32],
+        allowed: NDArray[np.bool_],
+        greedy: int,
+        at: np.int64,
+    ) -> int | None:
+        """Return the most promising action that is not the policy's; None where there is none.
+
+        Parameters
+        ----------
+        run
+            Whose.
+        values, allowed
+            Of all its actions, shape (actions,).
+        greedy
+            The policy's action.
+        at
+            Index of what the run observes.
+        """
+        visits = self._counts.visits[run, at]
+        others = allowed.copy()
+        others[greedy] = False
+        if not self.completed[run]:
+            others &= visits == 0
+        if not others.any():
+            return None
+        promise = values + self._options.branch_bonus / np.sqrt(visits + 1.0)
+        return int(np.where(others, promise, -np.inf).argmax())

@@ -1,0 +1,113 @@
+"""The update of deep Q-learning: targets by double Q-learning, and a step of gradient descent.
+
+van Hasselt et al., "Deep reinforcement learning with double Q-learning" (2016). Targets are mixed
+with the best return seen: Ostrovski et al., "Count-based exploration with neural density models"
+(2017).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from skillplan.env.transition_table import COMPLETE, GOES_ON
+from skillplan_torch.dqn.exploration import Exploration
+from skillplan_torch.dqn.options import DqnOptions
+from skillplan_torch.dqn.q_networks import QNetworks
+from skillplan_torch.dqn.replay_memory import ReplayMemory
+from skillplan_torch.dqn.schedules import Schedules
+from skillplan_torch.observation_counts import ObservationCounts, of_runs
+
+
+class QUpdate:
+    """Learns from batches of what is remembered.
+
+    Parameters
+    ----------
+    options, schedules
+        How it learns, and when.
+    networks, memory, counts, exploration
+        What is improved, from what, and by which bonus for what was tried seldom.
+    reward_scale
+        What the rewards of steps are multiplied by.
+    best_share
+        Share of the best return seen in a target, once it has come in, in [0, 1].
+    """
+
+    def __init__(
+        self,
+        options: DqnOptions,
+        schedules: Schedules,
+        networks: QNetworks,
+        memory: ReplayMemory,
+        counts: ObservationCounts,
+        exploration: Exploration,
+        *,
+        reward_scale: float,
+        best_share: float,
+    ) -> None:
+        self._options, self._schedules, self._networks = options, schedules, networks
+        self._memory, self._counts, self._exploration = memory, counts, exploration
+        self._scale, self._best_share = reward_scale, best_share
+
+    def learn(self, generators: Sequence[np.random.Generator], steps: int) -> NDArray[np.float64]:
+        """Learn from a batch of every run, after so many steps.
+
+        Returns
+        -------
+        ndarray
+            Mean loss and mean value of every run, shape (2, runs).
+        """
+        memory, seen = self._memory, self._counts.observations
+        slots, weights = memory.draw(generators, self._options.batch)
+        wanted = torch.from_numpy(self._targets(slots, steps).astype(np.float32))
+        shares = torch.from_numpy(weights.astype(np.float32))
+        now = torch.from_numpy(of_runs(seen, of_runs(memory.observation, slots)))
+        taken = torch.from_numpy(of_runs(memory.action, slots))[..., None]
+        values = self._networks.values(now).gather(2, taken)[..., 0]
+        losses = torch.nn.functional.huber_loss(values, wanted, reduction="none") * shares
+        self._networks.follow(losses.mean(1).sum(), self._schedules.learning_rate(steps))
+        with torch.no_grad():
+            memory.learned(slots, (values - wanted).numpy())
+            means = [losses.mean(1).numpy(), values.mean(1).numpy()]
+        return np.stack(means).astype(np.float64)
+
+    def _targets(self, slots: NDArray[np.int64], steps: int) -> NDArray[np.float64]:
+        """Return what the values of transitions should be, shape (runs, batch)."""
+        options, memory = self._options, self._memory
+        following, end = of_runs(memory.next_observation, slots), of_runs(memory.end, slots)
+        lengths = of_runs(memory.steps, slots)
+        rewards = self._scale * of_runs(memory.reward, slots)
+        # What the last of several steps brings is as far away.
+        last = options.gamma ** (lengths - 1)
+        rewards += np.where(end == COMPLETE, last * options.complete, 0.0)
+        rewards -= np.where((end != COMPLETE) & (end != GOES_ON), last * options.failure, 0.0)
+        next_values = self._next_values(following, steps)
+        discounts = np.where(end == GOES_ON, options.gamma**lengths, 0.0)
+        # Steps only lose: nothing is worth more than completing, however promising it looks.
+        targets: NDArray[np.float64] = rewards + discounts * np.minimum(
+            next_values, options.complete
+        )
+        share = self._best_share * self._schedules.imitation(steps)
+        if share and options.gamma == 1.0:
+            # What was seen is held up once the search for better is over.
+            best = options.complete + self._scale * of_runs(memory.best, slots)
+            targets = np.where(np.isnan(best), targets, (1 - share) * targets + share * best)
+        return targets
+
+    @torch.no_grad()
+    def _next_values(self, following: NDArray[np.int64], steps: int) -> NDArray[np.float32]:
+        """Return values of the best next actions: one network chooses, the other one values."""
+        after = torch.from_numpy(of_runs(self._counts.observations, following))
+        barred = torch.from_numpy(~of_runs(self._counts.masks, following))
+        own = self._networks.values(after).masked_fill(barred, -torch.inf)
+        others = self._networks.target_values(after)
+        bonus = self._exploration.bonus(following, steps)
+        if bonus is not None:
+            added = torch.from_numpy(bonus.astype(np.float32))
+            own, others = own + added, others + added
+        found: NDArray[np.float32] = others.gather(2, own.argmax(2, keepdim=True))[..., 0].numpy()
+        return found

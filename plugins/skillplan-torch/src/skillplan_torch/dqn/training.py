@@ -1,0 +1,255 @@
+"""Deep Q-learning under way: steps in the environment, what is remembered of them, updates.
+
+Mnih et al., "Human-level control through deep reinforcement learning" (2015). The update itself
+is in `q_update`, the choice of actions in `exploration`. A step limit that nobody observes is no
+end of what is learned: Pardo et al., "Time limits in reinforcement learning" (2018).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.env.skill_vector_env import SkillVectorEnv
+from skillplan.env.transition_table import COMPLETE, GOES_ON, OUT_OF_TIME
+from skillplan.solvers.learning.learner import Episode
+from skillplan.solvers.learning.network_policy import NetworkPolicy, allowing
+from skillplan_torch.best_policies import CompletedEpisode
+from skillplan_torch.dqn.exploration import Exploration
+from skillplan_torch.dqn.options import DqnOptions
+from skillplan_torch.dqn.q_networks import QNetworks
+from skillplan_torch.dqn.q_update import QUpdate
+from skillplan_torch.dqn.replay_memory import ReplayMemory
+from skillplan_torch.dqn.schedules import Schedules
+from skillplan_torch.episode_record import EpisodeRecord
+from skillplan_torch.network_training import NetworkTraining
+from skillplan_torch.observation_counts import ObservationCounts
+
+
+class DqnTraining(NetworkTraining):
+    """Runs of deep Q-learning under way.
+
+    Parameters
+    ----------
+    options
+        Of the solver.
+    env
+        An environment for every run.
+    seeds
+        One for every run.
+    steps
+        How many every run does in all.
+    """
+
+    def __init__(
+        self, options: DqnOptions, env: SkillVectorEnv, seeds: Sequence[int], steps: int
+    ) -> None:
+        super().__init__(options, env, seeds, steps)
+        self._options = options
+        runs = len(seeds)
+        self._rows = np.arange(runs)
+        observations, infos = env.reset(seed=list(seeds))
+        features = observations.shape[1]
+        self._counts = ObservationCounts(runs, features, self._actions, options.tell_last_action)
+        self._memory = ReplayMemory(
+            runs,
+            options.capacity,
+            distinct=options.replay == "distinct",
+            priority=options.priority,
+        )
+        self._networks = QNetworks(options, features, self._actions, self._generators)
+        self._schedules = Schedules(options, steps)
+        self._exploration = Exploration(
+            options, self._schedules, self._generators, self._counts, self._limit
+        )
+        deterministic = all(model.task.deterministic for model in env.models)
+        best_share = 0.9 if deterministic else 0.0
+        # What rewards of steps are multiplied by, and the least that one of them is taken for.
+        typical = self._scaling.typical
+        self._least = -options.step_floor * typical
+        self._update = QUpdate(
+            options,
+            self._schedules,
+            self._networks,
+            self._memory,
+            self._counts,
+            self._exploration,
+            reward_scale=options.steps_worth / (self._limit * typical) if typical else 0.0,
+            best_share=best_share if options.best_return is None else options.best_return,
+        )
+        # Updates that are due; a fraction of one is carried over.
+        self._due = 0.0
+        self._curves: list[NDArray[np.float64]] = []
+        self._observe(observations, infos["action_mask"])
+
+    def advance(self, steps: int) -> list[Episode]:
+        """Do so many environment steps in every run; return the episodes that ended."""
+        options = self._options
+        ended: list[Episode] = []
+        for _ in range(steps):
+            actions, greedy = self._choose()
+            observations, rewards, _, _, infos = self._env.step(actions)
+            self.steps += 1
+            before, ends = self._at, infos["end"]
+            final = self._counts.indices(
+                infos["final_obs"], allowing(infos["final_mask"]), actions.tolist()
+            )
+            step_rewards = np.maximum(
+                self._scaling.of_steps(rewards, infos["cost"], ends), self._least
+            )
+            self._counts.visits[self._rows, before, actions] += 1
+            costs = infos["cost"].tolist()
+            for run, end in enumerate(ends.tolist()):
+                record = self._episodes[run]
+                record.add(
+                    int(before[run]),
+                    int(actions[run]),
+                    float(step_rewards[run]),
+                    costs[run],
+                    float(rewards[run]),
+                )
+                record.greedy = record.greedy and bool(greedy[run])
+                goes_on = end == OUT_OF_TIME and not options.late_is_failure
+                self._remember(run, GOES_ON if goes_on else end, int(final[run]), over=end)
+                if end != GOES_ON:
+                    episode = self._end_episode(run, end)
+                    if episode is not None:
+                        ended.append(episode)
+            self._observe(observations, infos["action_mask"])
+            if self.steps >= options.warm_up:
+                self._due += options.updates
+                while self._due >= 1.0:
+                    self._due -= 1.0
+                    self._curves.append(self._update.learn(self._generators, self.steps))
+        self._find_failures()
+        return ended
+
+    def figures(self) -> list[dict[str, float]]:
+        """Return loss, mean value and what exploration and learning rate have come to."""
+        runs, steps = len(self._generators), self.steps
+        means = np.mean(self._curves, axis=0) if self._curves else np.full((2, runs), np.nan)
+        self._curves = []
+        found = []
+        for run in range(runs):
+            one = {
+                "learning_rate": self._schedules.learning_rate(steps),
+                self._options.exploration: self._schedules.exploration(steps),
+                "situations": float(self._counts.known(run)),
+                "remembered": float(self._memory.size(run)),
+            }
+            if np.isfinite(means[:, run]).all():
+                one |= {"loss": float(means[0, run]), "value": float(means[1, run])}
+            found.append(one)
+        return found
+
+    def _own_arrays(self) -> dict[str, NDArray[Any]]:
+        return {
+            **self._networks.arrays(),
+            **self._counts.arrays("situations"),
+            **self._memory.arrays("memory"),
+            "curves": np.array(self._curves).reshape(-1, 2, len(self._generators)),
+        }
+
+    def _own_notes(self) -> dict[str, Any]:
+        return {
+            "due": self._due,
+            "branch": list(self._exploration.branch_depths),
+            "completed": self._exploration.completed.tolist(),
+        }
+
+    def _read_own(self, arrays: Mapping[str, NDArray[Any]], notes: Mapping[str, Any]) -> None:
+        self._networks.read(arrays)
+        self._counts.read("situations", arrays)
+        self._memory.read("memory", arrays)
+        self._curves = list(arrays["curves"])
+        self._due = float(notes["due"])
+        self._exploration.branch_depths = [int(depth) for depth in notes["branch"]]
+        self._exploration.completed = np.array(notes["completed"], dtype=np.bool_)
+
+    def _observe(self, observations: NDArray[np.float32], masks: NDArray[np.bool_]) -> None:
+        before = [record.last_action for record in self._episodes]
+        self._observed, self._allowed = observations, allowing(masks)
+        self._at = self._counts.indices(observations, self._allowed, before)
+
+    def _choose(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Return the action of every run, and whether it is the policy's own."""
+        values = np.where(self._allowed, self._networks.of_one(self._observed), -np.inf)
+        lengths = [record.length for record in self._episodes]
+        return self._exploration.choose(values, self._allowed, self._at, lengths, self.steps)
+
+    def _remember(self, run: int, end: int, following: int, *, over: int) -> None:
+        """Add the transitions that are complete with the step just taken.
+
+        Parameters
+        ----------
+        run
+            Whose.
+        end
+            How the episode is taken to end with the step.
+        following
+            The index of what is observed after it.
+        over
+            How it does end.
+        """
+        record, n_step = self._episodes[run], self._options.n_step
+        last = record.length
+        while len(record.slots) < last and (over != GOES_ON or last - len(record.slots) >= n_step):
+            first = len(record.slots)
+            slot = self._memory.add(
+                run,
+                record.indices[first],
+                record.actions[first],
+                sum(
+                    self._options.gamma**later * reward
+                    for later, reward in enumerate(record.step_rewards[first:])
+                ),
+                end,
+                following,
+                last - first,
+            )
+            record.slots.append(slot)
+        if end == COMPLETE:
+            self._exploration.completed[run] = True
+            self._memory.complete(run, record.slots, record.step_rewards)
+
+    def _policy_of(self, run: int) -> NetworkPolicy:
+        return self._networks.policy(run)
+
+    def _end_episode(self, run: int, end: int) -> Episode | None:
+        """Compare a run's policy with the episode that has ended, and begin the next one.
+
+        Returns
+        -------
+        Episode or None
+            None of a run that has failed.
+        """
+        record = self._episodes[run]
+        episode = record.ended(run, self.steps, end)
+        self._episodes[run] = EpisodeRecord()
+        self._exploration.begin_episode(run, self.steps)
+        if run in self.failed:
+            return None
+        try:
+            policy = self._policy_of(run)
+        except ValueError:
+            self._find_failures()
+            return None
+        completed = None
+        if episode.success:
+            at, actions = np.array(record.indices), np.array(record.actions)
+            seen = self._counts
+            completed = CompletedEpisode(
+                episode.cost, seen.observations[run, at], seen.masks[run, at], actions
+            )
+        self._best.ended(run, episode.step, completed, policy)
+        return episode
+
+    def _find_failures(self) -> None:
+        for run in np.flatnonzero(~self._networks.is_sane()).tolist():
+            reason = (
+                f"its network is no longer finite after {self.steps:,} steps; lower learning_rate"
+            )
+            self.failed.setdefault(run, reason)

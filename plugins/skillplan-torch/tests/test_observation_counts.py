@@ -1,0 +1,123 @@
+"""Situations: their numbers, and what is known of them."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from example_count import examples
+from skillplan_torch.observation_counts import ObservationCounts, doubled, of_runs
+
+ACTIONS = 3
+
+
+def bits(number, width=12):
+    """Return an observation that tells one number from another."""
+    return np.array([number >> i & 1 for i in range(width)], dtype=np.float32)
+
+
+def mask(number):
+    """Return a mask that allows something and depends on the observation alone."""
+    return np.array([True, number % 2 == 0, number % 3 == 0])
+
+
+def met(counts, numbers, before):
+    """Return the numbers of what every run observes."""
+    return counts.indices(
+        np.stack([bits(n) for n in numbers]), np.stack([mask(n) for n in numbers]), before
+    ).tolist()
+
+
+def rebuilt(counts, runs, **more):
+    other = ObservationCounts(runs, 12, ACTIONS, **more)
+    other.read("s", counts.arrays("s"))
+    return other
+
+
+class TestNumbers:
+    def test_they_are_given_in_the_order_in_which_a_run_meets_them(self):
+        counts = ObservationCounts(2, 12, ACTIONS, True)
+        assert met(counts, [5, 8], [-1, -1]) == [0, 0]
+        assert met(counts, [6, 8], [0, -1]) == [1, 0]
+        assert met(counts, [5, 5], [-1, -1]) == [0, 1]
+        assert [counts.known(run) for run in (0, 1)] == [2, 2]
+
+    @pytest.mark.parametrize(("tells", "expected"), [(True, [0, 1, 2]), (False, [0, 0, 0])])
+    def test_the_action_before_tells_them_apart_where_that_is_wanted(self, tells, expected):
+        counts = ObservationCounts(1, 12, ACTIONS, tells)
+        assert [met(counts, [5], [before])[0] for before in (-1, 0, 2)] == expected
+
+    @settings(max_examples=examples(50))
+    @given(
+        st.lists(
+            st.tuples(st.integers(0, 20), st.integers(0, 20), st.integers(-1, ACTIONS - 1)),
+            max_size=60,
+        ),
+        st.booleans(),
+        st.integers(0, 60),
+    )
+    def test_they_are_those_of_a_plain_dictionary_also_where_they_are_read_again(
+        self, way, tells, cut
+    ):
+        counts, known = ObservationCounts(2, 12, ACTIONS, tells), ({}, {})
+        for i, (first, second, before) in enumerate(way):
+            if i == cut:
+                counts = rebuilt(counts, 2, tells_last_action=tells)
+            found = met(counts, [first, second], [before, before])
+            for run, seen in enumerate((first, second)):
+                key = (seen, before if tells else None)
+                assert found[run] == known[run].setdefault(key, len(known[run]))
+        for run, numbers in enumerate(known):
+            assert counts.known(run) == len(numbers)
+            for (seen, _), number in numbers.items():
+                assert (counts.observations[run, number] == bits(seen)).all()
+                assert (counts.masks[run, number] == mask(seen)).all()
+
+
+class TestGrowth:
+    def test_there_is_room_for_more_than_at_first(self):
+        counts = ObservationCounts(2, 12, ACTIONS, False)
+        first = counts.visits.shape[1]
+        for number in range(3 * first):
+            # The second run meets one situation only.
+            assert met(counts, [number, 7], [-1, -1]) == [number, 0]
+            counts.visits[0, number, number % ACTIONS] += number
+        assert counts.visits.shape[1] >= 3 * first
+        for one in (counts, rebuilt(counts, 2, tells_last_action=False)):
+            for number in range(0, 3 * first, 97):
+                assert (one.observations[0, number] == bits(number)).all()
+                assert one.visits[0, number].sum() == number
+                assert met(one, [number, 7], [-1, -1]) == [number, 0]
+            assert one.known(0) == 3 * first
+            assert one.known(1) == 1
+
+    def test_what_is_doubled_begins_with_what_was_there(self):
+        assert doubled(np.array([[1, 2], [3, 4]])).tolist() == [[1, 2, 0, 0], [3, 4, 0, 0]]
+
+
+class TestGoingOn:
+    def test_arrays_are_as_long_as_what_is_known(self):
+        counts = ObservationCounts(2, 12, ACTIONS, True)
+        assert counts.arrays("s")["s.tried"].shape == (2, 1, ACTIONS)
+        met(counts, [1, 1], [-1, -1])
+        met(counts, [2, 1], [-1, -1])
+        assert counts.arrays("s")["s.tried"].shape == (2, 2, ACTIONS)
+
+    def test_arrays_of_others_are_refused(self):
+        counts = ObservationCounts(2, 12, ACTIONS, True)
+        met(counts, [1, 2], [-1, -1])
+        for shape in ((3, 12, ACTIONS), (2, 11, ACTIONS), (2, 12, ACTIONS + 1)):
+            with pytest.raises(ValueError, match="missing or of another shape"):
+                ObservationCounts(*shape, True).read("s", counts.arrays("s"))
+
+
+@settings(max_examples=examples(30))
+@given(st.integers(1, 4), st.integers(1, 9), st.integers(0, 6), st.integers(0, 99))
+def test_entries_of_runs_are_those_at_their_indices(runs, size, count, seed):
+    generator = np.random.default_rng(seed)
+    indices = generator.integers(size, size=(runs, count))
+    for array in (generator.random((runs, size)), generator.random((runs, size, 2))):
+        expected = [[array[run, i] for i in row] for run, row in enumerate(indices)]
+        np.testing.assert_array_equal(
+            of_runs(array, indices), np.array(expected).reshape(runs, count, *array.shape[2:])
+        )

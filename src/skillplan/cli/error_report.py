@@ -1,0 +1,116 @@
+"""What is said of an error: on stderr, and in JSON as the one document on stdout."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from itertools import pairwise
+from typing import Any
+
+import typer
+
+from skillplan.cli.writing import write_out
+from skillplan.errors import EXIT_BACK_END, SkillplanError, TaskError, traceback_text
+
+_MOST_LINES = 200
+
+
+def report_usage(error: typer.TyperException, words: Sequence[str]) -> int:
+    """Report a line that cannot be understood; return the exit code.
+
+    Parameters
+    ----------
+    error
+        What Typer found wrong.
+    words
+        The line.
+    """
+    near = getattr(error, "possibilities", None)
+    if near:
+        error.message = f"No such option {error.option_name!r}. "  # type: ignore[attr-defined]
+        error.message += f"Did you mean {' or '.join(map(repr, near))}?"
+        error.possibilities = None  # type: ignore[attr-defined]
+    # Where nothing was typed the help has been printed, and is all there is to say.
+    if type(error).__name__ != "NoArgsIsHelpError":
+        error.show()  # type: ignore[attr-defined]
+    _print_document(error_document(error), words)
+    return error.exit_code
+
+
+def report_error(error: SkillplanError, words: Sequence[str]) -> int:
+    """Report what a user or plugin author has to repair; return the exit code.
+
+    Parameters
+    ----------
+    error
+        With its message, or the faults of a file.
+    words
+        The command line.
+    """
+    lines = error.lines() if isinstance(error, TaskError) else [str(error)]
+    shown = lines[:_MOST_LINES]
+    for line in shown:
+        # A file may hold what a terminal cannot print.
+        text = line.encode(sys.stderr.encoding or "utf-8", "backslashreplace")
+        print(f"skillplan: error: {text.decode(sys.stderr.encoding or 'utf-8')}", file=sys.stderr)
+    if len(lines) > len(shown):
+        print(f"skillplan: and {len(lines) - len(shown)} more faults", file=sys.stderr)
+    print(traceback_text(error), file=sys.stderr, end="")
+    _print_document(error_document(error), words)
+    return error.exit_code
+
+
+def report_bug(error: Exception, words: Sequence[str]) -> None:
+    """Own up to a bug of skillplan.
+
+    Parameters
+    ----------
+    error
+        What was raised.
+    words
+        The command line.
+    """
+    print(
+        f"skillplan: internal error: {type(error).__name__}: {error}\n"
+        "This is a bug in skillplan. Set SKILLPLAN_DEBUG=1 to see where, and report it.",
+        file=sys.stderr,
+    )
+    _print_document(error_document(error), words)
+
+
+def error_document(error: Exception) -> dict[str, Any]:
+    """Return the JSON document ``skillplan.error/1``."""
+    from skillplan.records import schemas
+
+    issues = []
+    if isinstance(error, TaskError):
+        issues = [
+            {
+                "file": error.source,
+                "line": issue.line or None,
+                "column": issue.column or None,
+                "path": list(issue.path),
+                "message": issue.message,
+            }
+            for issue in error.issues
+        ]
+    usage = isinstance(error, typer.TyperException)
+    return {
+        "schema": schemas.ERROR,
+        "error": type(error).__name__,
+        "message": error.format_message() if usage else str(error),  # type: ignore[attr-defined]
+        "exit_code": getattr(error, "exit_code", EXIT_BACK_END),
+        "issues": issues,
+    }
+
+
+def _print_document(document: dict[str, Any], words: Sequence[str]) -> None:
+    if _wants_json(words):
+        with suppress(SkillplanError):
+            write_out(f"{json.dumps(document, indent=2)}\n")
+
+
+def _wants_json(words: Sequence[str]) -> bool:
+    return "--format=json" in words or any(pair == ("--format", "json") for pair in pairwise(words))

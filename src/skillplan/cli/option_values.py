@@ -1,0 +1,150 @@
+"""What the words after an option mean: numbers in a range, seconds, sizes of memory, choices."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import typer
+
+_LEAST_BYTES = 64 * 1024**2
+_UNITS = {
+    "": 1,
+    "B": 1,
+    "KB": 10**3,
+    "MB": 10**6,
+    "GB": 10**9,
+    "TB": 10**12,
+    "KIB": 2**10,
+    "MIB": 2**20,
+    "GIB": 2**30,
+    "TIB": 2**40,
+}
+_SIZE = re.compile(r"(\d+(?:\.\d+)?) ?([A-Za-z]*)", re.ASCII)
+
+
+def count_option(*flags: str, least: int, most: int, text: str, **details: Any) -> Any:
+    """Return an option that takes a whole number N.
+
+    Parameters
+    ----------
+    flags
+        Such as ``--jobs``.
+    least, most
+        The range, both included; the help says it.
+    text
+        What else the help says.
+    details
+        As `typer.Option` takes them.
+    """
+    text = f"{text.rstrip('.')}; {least:,} to {most:,}."
+    parser = whole_number(least, most)
+    return typer.Option(*flags, parser=parser, help=text, **{"metavar": "N", **details})
+
+
+def whole_number(least: int, most: int) -> Callable[[str | int], int]:
+    """Return what reads a whole number in a range, both ends included.
+
+    It raises `typer.BadParameter` for anything else.
+    """
+
+    def parse(value: str | int) -> int:
+        try:
+            number = int(value)
+        except ValueError:
+            raise typer.BadParameter(f"{value!r} is not a whole number.") from None
+        if not least <= number <= most:
+            raise typer.BadParameter(f"{number} is not in the range {least}<=x<={most}.")
+        return number
+
+    return parse
+
+
+def positive_number(most: float = math.inf) -> Callable[[str | float], float]:
+    """Return what reads a finite number above 0 and at most `most`.
+
+    It raises `typer.BadParameter` for anything else, NaN included.
+    """
+
+    def parse(value: str | float) -> float:
+        number = _number(value)
+        if most < math.inf and not 0 < number <= most:
+            raise typer.BadParameter(f"must be above 0 and at most {most:g}, not {value}.")
+        if not (math.isfinite(number) and number > 0):
+            raise typer.BadParameter(f"must be a finite number > 0, not {value}.")
+        return number
+
+    return parse
+
+
+def positive_seconds(value: str | float) -> float:
+    """Return a finite number of seconds above 0.
+
+    Raises
+    ------
+    typer.BadParameter
+        If it is none.
+    """
+    number = _number(value, "number of seconds")
+    if not (math.isfinite(number) and number > 0):
+        raise typer.BadParameter(f"must be a finite number > 0, not {value}.")
+    return number
+
+
+def fraction(value: str | float) -> float:
+    """Return a number from 0 to 1.
+
+    Raises
+    ------
+    typer.BadParameter
+        If it is none, as NaN.
+    """
+    number = _number(value)
+    if not 0 <= number <= 1:
+        raise typer.BadParameter(f"must be from 0 to 1, not {value}.")
+    return number
+
+
+def memory_size(value: str | int) -> int:
+    """Return a size of memory [bytes], given so or with a unit such as GiB or MB; 64MiB at least.
+
+    Raises
+    ------
+    typer.BadParameter
+        If it is none, or too small for any search.
+    """
+    if isinstance(value, int):
+        return value
+    found = _SIZE.fullmatch(value)
+    factor = None if found is None else _UNITS.get(found[2].upper())
+    if found is None or factor is None:
+        raise typer.BadParameter(
+            f"{value!r} is no size of memory. Write it as 2GiB, 512MiB, 1.5GB or in bytes."
+        )
+    if len(found[1]) > 24:
+        raise typer.BadParameter("is more memory than any machine has.")
+    size = int(float(found[1]) * factor)
+    if size < _LEAST_BYTES:
+        raise typer.BadParameter(f"must be at least 64MiB, not {value}.")
+    return size
+
+
+def one_of(choices: Sequence[str]) -> Callable[[str], str]:
+    """Return what takes one of some words and raises `typer.BadParameter` for any other."""
+
+    def parse(value: str) -> str:
+        if value not in choices:
+            known = ", ".join(map(repr, choices))
+            raise typer.BadParameter(f"{value!r} is not one of {known}.")
+        return value
+
+    return parse
+
+
+def _number(value: str | float, what: str = "number") -> float:
+    try:
+        return float(value)
+    except ValueError:
+        raise typer.BadParameter(f"{value!r} is not a {what}.") from None

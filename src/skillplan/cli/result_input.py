@@ -1,0 +1,70 @@
+"""A result in the place of a task file: what it says of its origin, but for what the line says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from skillplan.cli.options import BackEnds, PartReading, parse_options, split_names
+
+if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.pipeline.restoration import LoadedResult
+
+RESULT_HELP = "a result.json of search-optimal, or the folder that --out named"
+ResultFile = Annotated[
+    str,
+    typer.Argument(metavar="RESULT", help=f"{RESULT_HELP.capitalize()}.", show_default=False),
+]
+
+
+def load(
+    path: str,
+    reading: PartReading,
+    back_ends: BackEnds,
+    *,
+    solver: str | None = None,
+    task_file: str | None = None,
+    changed_task: bool = False,
+) -> LoadedResult:
+    """Return a result with its task.
+
+    Parameters
+    ----------
+    path
+        Of the result.
+    reading, back_ends
+        What goes before what the result says; what ``--set`` changes makes another task of it.
+    solver
+        The one that options without a plugin's name are for; None where there is none.
+    task_file
+        The task file; None for the one that the result names.
+    changed_task
+        Whether the task may be another one than was solved.
+
+    Raises
+    ------
+    OptionError
+        If the result cannot be used, or an option is wrong.
+    """
+    from skillplan.pipeline.restoration import Override, load_result
+
+    override = Override(
+        task_file,
+        reading.part,
+        reading.settings(),
+        back_ends.physics,
+        tuple(split_names(back_ends.collision or "")),
+        parse_options(back_ends.options, solver),
+    )
+    changed = changed_task or bool(reading.changes)
+    loaded = load_result(path, override, changed_task=changed)
+    chosen = replace(
+        back_ends,
+        physics=back_ends.physics or loaded.origin.physics,
+        collision=back_ends.collision or ",".join(loaded.origin.collision) or None,
+    )
+    # Options are for who takes part.
+    chosen.setup(loaded.problem.tasks[-1], () if solver is None else (solver,))
+    return loaded

@@ -1,0 +1,106 @@
+"""What is valid in an assembly file, but found out late: wide grasps, and blocked feeders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from skillplan.collision.boxes import WorldBox, sweep_hits, world_box
+from skillplan.domains.assembly.gripping import grasp_of_part
+from skillplan.domains.assembly.layout import boxes_of, feeder_of, start_of
+from skillplan.domains.assembly.part_schema import PartConfig
+from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.errors import Issue
+from skillplan.physics.linear_motions import jaws_about
+from skillplan.robots.panda import OPENING_M
+from skillplan.task.motion import Point
+from skillplan.task.scene import GraspKind
+
+_TOUCH_M = 2e-4
+_ROUNDING_M = 1e-6
+
+
+def hints(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield parts that a real hand cannot grasp, and those that block a feeder at the start."""
+    yield from _wide_grasps(config)
+    yield from _blocked_feeders(config)
+
+
+def _wide_grasps(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield the parts that are wider along their closing axis than the jaws of an engine open."""
+    for name, part in config.parts.items():
+        grasp = grasp_of_part(config, name)
+        if grasp.kind is GraspKind.SUCTION or grasp.width_m <= OPENING_M + _ROUNDING_M:
+            continue
+        axis = grasp.closing_axis
+        # The other axis, at the same depth, is the way out where it is narrow enough.
+        other = "yx"["xy".index(axis)]
+        narrower = jaws_about(boxes_of(part), other, part.grasp.depth_m).width_m <= OPENING_M
+        turned = f"{{closing_axis: {other}}} or " if narrower else ""
+        message = (
+            f"{grasp.width_m:.3f} m wide along {axis}, where jaws of {part.tool!r} close; those of "
+            f"a Panda, which engines simulate, open {OPENING_M:.3f} m. Give grasp: "
+            f"{turned}{{type: suction}}."
+        )
+        key = "grasp" if "closing_axis" in part.grasp.model_fields_set else part.shape_key
+        yield Issue(message, ("parts", name, key))
+
+
+def _blocked_feeders(config: AssemblyConfig) -> Iterator[Issue]:
+    lying = {
+        name: _boxes_at(part, start_of(config, name), part.start_yaw_rad)
+        for name, part in config.parts.items()
+        if part.feeder is None
+    }
+    for feeder in config.feeders:
+        handed_out = _handed_out(config, feeder)
+        blocked = {
+            name: [what for what, boxes in handed_out.items() if _meet(boxes, own, config)]
+            for name, own in lying.items()
+        }
+        for name, waiting in blocked.items():
+            if waiting:
+                message = (
+                    f"{name!r} lies where {feeder!r} hands out {_listed(waiting)}, which cannot be "
+                    "taken before it is gone. Move one of them."
+                )
+                key = "start_on" if config.parts[name].start_m is None else "start_m"
+                yield Issue(message, ("parts", name, key))
+
+
+def _handed_out(config: AssemblyConfig, feeder: str) -> dict[str, tuple[WorldBox, ...]]:
+    """Return what a feeder hands out, by the boxes about it where it is taken."""
+    place = feeder_of(config, feeder)
+    parts = {
+        name: _boxes_at(part, place, part.start_yaw_rad)
+        for name, part in config.parts.items()
+        if part.feeder == feeder
+    }
+    heads = {
+        name: (_head(place, screw.head_diameter_m, screw.head_height_m),)
+        for name, screw in config.screws.items()
+        if screw.feeder == feeder
+    }
+    return {**parts, **heads}
+
+
+def _boxes_at(part: PartConfig, origin: Point, yaw_rad: float) -> tuple[WorldBox, ...]:
+    return tuple(world_box(box, origin, yaw_rad) for box in boxes_of(part))
+
+
+def _head(place: Point, diameter_m: float, height_m: float) -> WorldBox:
+    x_m, y_m, z_m = place
+    radius_m = diameter_m / 2
+    return WorldBox(
+        (x_m - radius_m, y_m - radius_m, z_m), (x_m + radius_m, y_m + radius_m, z_m + height_m)
+    )
+
+
+def _meet(taken: tuple[WorldBox, ...], lying: tuple[WorldBox, ...], config: AssemblyConfig) -> bool:
+    """Whether what is lifted straight up to safe height meets what lies there."""
+    lift = (0.0, 0.0, config.robot.safe_height_m)
+    return any(sweep_hits(own, lift, other, _TOUCH_M) for own in taken for other in lying)
+
+
+def _listed(names: list[str]) -> str:
+    shown = ", ".join(repr(name) for name in names[:4])
+    return f"{shown} and {len(names) - 4} more" if len(names) > 4 else shown

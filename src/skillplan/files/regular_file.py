@@ -1,0 +1,176 @@
+"""Opening and reading files: regular ones only, and never more of one than a limit allows.
+
+A folder, a pipe, a socket and a device are refused before anything waits for them. Where a file
+must lie in a folder, no link leads out of it.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import Literal
+
+Refusal = Literal["folder", "irregular", "large", "outside"]
+
+_CHUNK_BYTES = 1024 * 1024
+# Nothing is waited for, nothing becomes this process's terminal, and no other program inherits it.
+_CAREFUL = os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC if os.name == "posix" else 0
+_BINARY = getattr(os, "O_BINARY", 0)
+_NO_LINK = getattr(os, "O_NOFOLLOW", 0)
+# A folder on the path need not be readable, only passable.
+_PASS = getattr(os, "O_PATH", os.O_RDONLY) | getattr(os, "O_DIRECTORY", 0) | _NO_LINK
+
+_WORDS: dict[Refusal, tuple[int, str]] = {
+    "folder": (errno.EISDIR, "it is a folder"),
+    "irregular": (errno.EINVAL, "it is no regular file"),
+    "large": (errno.EFBIG, "it is larger than the {most_bytes:,} bytes that it may have"),
+    "outside": (errno.ELOOP, "a link leads out of the folder"),
+}
+
+
+class RefusedFile(OSError):
+    """A file that is there, but is not opened or read; `strerror` says why in words.
+
+    Parameters
+    ----------
+    why
+        The kind of refusal.
+    path
+        The file.
+    most_bytes
+        The limit, where it is exceeded.
+    """
+
+    def __init__(self, why: Refusal, path: str | os.PathLike[str], most_bytes: int = 0) -> None:
+        number, words = _WORDS[why]
+        super().__init__(number, words.format(most_bytes=most_bytes), os.fspath(path))
+        self.why = why
+
+
+def read_bytes(
+    path: str | os.PathLike[str],
+    most_bytes: int,
+    *,
+    within: str | os.PathLike[str] | None = None,
+) -> bytes:
+    """Return the content of a regular file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    most_bytes
+        Greatest size [B], >= 0. No more than one byte beyond it is ever read.
+    within
+        A folder that the file must lie in, wherever links lead; None for anywhere.
+
+    Raises
+    ------
+    RefusedFile
+        If it is no regular file, is too large, or a link leads out of `within`.
+    OSError
+        If it cannot be read; `strerror` says why.
+    """
+    with os.fdopen(open_regular(path, os.O_RDONLY, within=within), "rb", buffering=0) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size > most_bytes:
+            raise RefusedFile("large", path, most_bytes)
+        pieces: list[bytes] = []
+        left, chunk = most_bytes + 1, size + 1
+        # A file may grow meanwhile, and those of the process file system have no size.
+        while left and (piece := file.read(min(left, chunk))):
+            pieces.append(piece)
+            left, chunk = left - len(piece), _CHUNK_BYTES
+        if not left:
+            raise RefusedFile("large", path, most_bytes)
+    return b"".join(pieces)
+
+
+def open_regular(
+    path: str | os.PathLike[str],
+    flags: int,
+    *,
+    within: str | os.PathLike[str] | None = None,
+) -> int:
+    """Return the descriptor of a regular file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    flags
+        As for `os.open`; with ``O_CREAT`` it is made where there is none.
+    within
+        A folder that the file must lie in, wherever links lead; None for anywhere.
+
+    Raises
+    ------
+    RefusedFile
+        If it is no regular file, or a link leads out of `within`.
+    OSError
+        If it cannot be opened; `strerror` says why.
+    """
+    try:
+        if within is not None:
+            descriptor = _opened_within(path, flags, within)
+        else:
+            # To open a device or a pipe is to do something to it.
+            _refuse_irregular(path, _status(path))
+            descriptor = os.open(path, flags | _CAREFUL | _BINARY, 0o666)
+    except ValueError as error:
+        # A name that no file can have, such as one with a NUL.
+        raise OSError(errno.EINVAL, str(error), os.fspath(path)) from None
+    try:
+        _refuse_irregular(path, os.fstat(descriptor))
+    except OSError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def real_path_within(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Path:
+    """Return where a path really leads, which must be in a folder; it need not be there yet.
+
+    Raises
+    ------
+    RefusedFile
+        If a link, or ``..``, leads out of the folder.
+    """
+    real = Path(os.path.realpath(path))
+    if not real.is_relative_to(os.path.realpath(folder)):
+        raise RefusedFile("outside", path)
+    return real
+
+
+def _opened_within(path: str | os.PathLike[str], flags: int, within: str | os.PathLike[str]) -> int:
+    """Open a file of a folder, without any link on the path that was found to stay in it."""
+    real = real_path_within(path, within)
+    _refuse_irregular(path, _status(real))
+    if os.open not in os.supports_dir_fd:
+        return os.open(real, flags | _CAREFUL | _BINARY, 0o666)
+    root = Path(os.path.realpath(within))
+    *folders, name = real.relative_to(root).parts or ("",)
+    # Step by step: what is replaced by a link meanwhile is not followed.
+    here = os.open(root, _PASS)
+    try:
+        for folder in folders:
+            step = os.open(folder, _PASS, dir_fd=here)
+            os.close(here)
+            here = step
+        return os.open(name, flags | _CAREFUL | _NO_LINK, 0o666, dir_fd=here)
+    finally:
+        os.close(here)
+
+
+def _status(path: str | os.PathLike[str]) -> os.stat_result | None:
+    try:
+        return os.stat(path)
+    except FileNotFoundError:
+        return None
+
+
+def _refuse_irregular(path: str | os.PathLike[str], status: os.stat_result | None) -> None:
+    if status is not None and not stat.S_ISREG(status.st_mode):
+        raise RefusedFile("folder" if stat.S_ISDIR(status.st_mode) else "irregular", path)

@@ -1,0 +1,36 @@
+"""The names and versions of all documents and files; a name is written here and nowhere else.
+
+Keys may be added to a document, never renamed or removed: that takes a new version.
+"""
+
+from __future__ import annotations
+
+# The store of verdicts lies on a lower floor, which may not import this one.
+
+# What commands print with --format json, and save.
+CACHE = "skillplan.cache/1"
+CHART = "skillplan.chart/1"
+CHECK = "skillplan.check/1"
+COMPARISON = "skillplan.comparison/1"
+DETECTORS = "skillplan.detectors/1"
+ERROR = "skillplan.error/1"
+EVALUATION = "skillplan.evaluation/1"
+EXPLANATION = "skillplan.explanation/1"
+PLUGINS = "skillplan.plugins/1"
+RESULT = "skillplan.result/1"
+SIMULATION = "skillplan.simulation/1"
+SWEEP = "skillplan.sweep/1"
+TRAINING = "skillplan.training/1"
+TRAININGS = "skillplan.trainings/1"
+VERIFICATION = "skillplan.verification/1"
+
+# Files of their own: policies, and what stands in the folder of a training or a study.
+CHECKPOINT = "skillplan.checkpoint/1"
+NETWORK_POLICY = "skillplan.network-policy/1"
+POLICY = "skillplan.policy/1"
+RESOLVED_TASK = "skillplan.resolved-task/1"
+RUN = "skillplan.run/1"
+RUN_GROUP = "skillplan.group/1"
+SWEEP_MANIFEST = "skillplan.sweep-manifest/1"
+
+__all__ = [name for name in dir() if name.isupper()]

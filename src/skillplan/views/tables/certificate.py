@@ -1,0 +1,67 @@
+"""What a checker found out about a result: in short what holds, in full what does not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from skillplan.records.certificate import Certificate, Claim, Outcome
+from skillplan.views.tables.table import Column, Table
+
+# How claims were checked, by the label that stands in front; every other method is a proof.
+_LABELS = {"replay": "replay", "arithmetic": "figures", "grounding": "replay"}
+_PROOF = "proof"
+_MOST_NAMED = 5
+
+
+def certificate_table(certificate: Certificate) -> Table:
+    """Return a row for every claim, and what they come to below."""
+    everything = len(certificate.claims)
+    return _table(certificate, certificate.claims, [_verdict(certificate, everything)])
+
+
+def certificate_summary(certificate: Certificate) -> Table:
+    """Return a row for every claim that does not hold, and below in short what does."""
+    amiss = [one for one in certificate.claims if one.outcome is not Outcome.HOLDS]
+    groups: dict[str, list[Claim]] = {}
+    for one in certificate.claims:
+        groups.setdefault(_LABELS.get(one.method, _PROOF), []).append(one)
+    notes = [
+        f"{label:<10} {_held(groups[label])}"
+        for label in dict.fromkeys((*_LABELS.values(), _PROOF))
+        if label in groups
+    ]
+    return _table(certificate, amiss, [*notes, _verdict(certificate, _MOST_NAMED)])
+
+
+def _table(certificate: Certificate, claims: Iterable[Claim], notes: Sequence[str]) -> Table:
+    columns = (Column("claim"), Column("outcome"), Column("by"), Column("detail"))
+    rows = [(one.claim, one.outcome.value, one.method, one.detail) for one in claims]
+    return Table(f"{certificate.name}: verification", columns, rows, notes)
+
+
+def _held(claims: Sequence[Claim]) -> str:
+    """Return which claims hold, of how many tasks, and how those that were proved were."""
+    held = [one for one in claims if one.outcome is Outcome.HOLDS]
+    if len(held) < len(claims):
+        words = f"{len(held)} of {len(claims)} claims hold"
+    else:
+        names = list(dict.fromkeys(one.claim.rpartition(": ")[2] for one in held))
+        words = f"{', '.join(names)} {'holds' if len(claims) == 1 else 'hold'}"
+        tasks = len({one.claim.rpartition(": ")[0] for one in held} - {""})
+        words += f", {len(claims)} claims of {tasks} tasks" if tasks > 1 else ""
+    methods = list(dict.fromkeys(one.method for one in held if one.method not in _LABELS))
+    return f"{words}, by {' and '.join(methods)}" if methods else words
+
+
+def _verdict(certificate: Certificate, most: int) -> str:
+    """Return what it all comes to; of claims that do not hold the names, or how many they are."""
+    failing = [one.claim for one in certificate.claims if one.outcome is Outcome.FAILS]
+    if failing:
+        return f"verdict    NOT VALID: {_named(failing, most)}"
+    open_ = [one.claim for one in certificate.claims if one.outcome is Outcome.NOT_CHECKED]
+    rest = f", but for what was not checked: {_named(open_, most)}" if open_ else ""
+    return f"verdict    valid{rest}"
+
+
+def _named(claims: Sequence[str], most: int) -> str:
+    return ", ".join(claims) if len(claims) <= most else f"{len(claims)} claims"

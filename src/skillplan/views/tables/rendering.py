@@ -1,0 +1,30 @@
+"""Tables in the format that was asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import IO
+
+from skillplan.views.tables.table import Table, as_csv, as_markdown
+
+
+def render(tables: Sequence[Table], style: str, out: IO[str]) -> str:
+    """Return tables as text.
+
+    Parameters
+    ----------
+    tables
+        At least one; CSV holds the last only, which is the most particular.
+    style
+        ``table``, ``csv`` or ``md``.
+    out
+        Where the text will go: a terminal's width and colours count.
+    """
+    if style == "csv":
+        return as_csv(tables[-1])
+    if style == "md":
+        return "\n".join(as_markdown(table) for table in tables)
+    # Here and not above: CSV and Markdown must not pay for importing rich.
+    from skillplan.views.tables.terminal import as_terminal_text
+
+    return as_terminal_text(tables, out)

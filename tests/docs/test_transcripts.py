@@ -1,0 +1,74 @@
+"""What README and documentation show is what the program prints.
+
+``pytest tests/docs --update-transcripts`` writes what it prints into the pages instead.
+"""
+
+import difflib
+
+import pytest
+
+from transcripts import PAGES, ROOT, Session, agree, fences, untimed
+
+
+def takes_part(page, *, slow):
+    """Whether a page shows anything, or anything slow, that can be done."""
+    found = fences(page.read_text("utf-8"))
+    return any(
+        fence.slow if slow else fence.language == "console" or "run" in fence.words
+        for fence in found
+    )
+
+
+def named(page):
+    return str(page.relative_to(ROOT))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with the configs and a cold cache, on something of no width in particular."""
+    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / ".cache"))
+    monkeypatch.delenv("COLUMNS", raising=False)
+    monkeypatch.chdir(tmp_path)
+
+
+def follow(page, request, *, with_slow):
+    session = Session(page, with_slow)
+    text = session.follow()
+    if request.config.getoption("--update-transcripts"):
+        page.write_text(text, "utf-8")
+        return
+    different = [
+        "\n".join([one.command, *difflib.unified_diff(one.shown, one.printed, lineterm="")])
+        for one in session.differences
+    ]
+    assert [] == different, "\n".join(different)
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("page", [p for p in PAGES if takes_part(p, slow=False)], ids=named)
+def test_a_page_shows_what_is_printed(page, request):
+    """Each quick command and script of a page prints what the page shows, times aside."""
+    follow(page, request, with_slow=False)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("page", [p for p in PAGES if takes_part(p, slow=True)], ids=named)
+def test_a_page_shows_what_is_printed_where_that_takes_long(page, request):
+    """The same with physics, training and studies."""
+    follow(page, request, with_slow=True)
+
+
+def test_three_dots_stand_for_any_lines():
+    """A transcript may leave lines out, but not others than at the dots."""
+    assert agree(["a", "...", "d"], ["a", "b", "c", "d"])
+    assert agree(["a", "..."], ["a"])
+    assert not agree(["a", "...", "d"], ["a", "b", "c"])
+    assert not agree(["b", "...", "d"], ["a", "b", "d"])
+
+
+def test_only_figures_of_the_machine_are_masked():
+    """Costs count to the last digit; seconds do not."""
+    shown = untimed("cost 1.86709 m\neffort 23 checks, 0.01 s", "skillplan search-optimal a.yaml")
+    assert ["cost 1.86709 m", "effort 23 checks, # s"] == shown

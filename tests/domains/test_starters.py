@@ -1,0 +1,90 @@
+"""Every kind of task has a starter: a commented file that is valid and is solved at once."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from skillplan.domains.domain import Domain, Strict
+from skillplan.errors import OptionError
+from skillplan.files.yaml import parse
+from skillplan.pipeline import registry
+from skillplan.pipeline.chain import solve_chain
+from skillplan.pipeline.run import solve
+from skillplan.pipeline.setup import load_problem
+
+KINDS = ("assembly", "sop", "swarmitfix")
+
+
+def starter_of(kind: str) -> str:
+    return registry.load("domain", kind)().starter()
+
+
+def schema_keys(kind: str) -> set[str]:
+    schema = registry.load("domain", kind).Config.model_json_schema(by_alias=True)
+    models = [schema, *schema.get("$defs", {}).values()]
+    return {key for model in models for key in model.get("properties", {})}
+
+
+@pytest.fixture(params=KINDS)
+def starter(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """The starter of a kind, as a file of the user's."""
+    path = tmp_path / f"{request.param}{registry.load('domain', request.param).starter_suffix}"
+    path.write_text(starter_of(request.param), "utf-8")
+    return path
+
+
+class TestAStarter:
+    def test_is_valid_and_of_its_kind(self, starter: Path) -> None:
+        """Loading finds no fault, and another starter is of another kind."""
+        assert load_problem(starter).kind == starter.stem
+
+    def test_solves_to_a_proved_optimum(self, starter: Path) -> None:
+        """The only task, or every task of the chain that a solver plans, has a proof."""
+        problem = load_problem(starter)
+        if problem.is_chain:
+            chain = solve_chain(problem, "exact")
+            assert chain.complete
+            statuses = {p.result.status.value for p in chain.parts if p.task.stage != "goals"}
+        else:
+            statuses = {solve(problem.task, "exact").status.value}
+        assert statuses == {"optimal"}
+
+    def test_begins_with_the_line_that_editors_look_for(self, starter: Path) -> None:
+        """And the second says how to get the schema that it names."""
+        first, second, *_ = starter.read_text("utf-8").splitlines()
+        assert first == f"# yaml-language-server: $schema={starter.stem}.schema.json"
+        assert f"skillplan schema {starter.stem} > {starter.stem}.schema.json" in second
+
+    def test_explains_every_key_where_it_first_stands(self, starter: Path) -> None:
+        """A comment on its line or on the one above; names of the user's own need none."""
+        keys = schema_keys(starter.stem)
+        told: set[str] = set()
+        unexplained = []
+        above = ""
+        for line in starter.read_text("utf-8").splitlines():
+            code, _, comment = line.partition("#")
+            for key in re.findall(r"([a-z_]+):(?= |$)", code):
+                if key in keys - told and not comment and "#" not in above:
+                    unexplained.append(key)
+                told.add(key)
+            above = line
+        assert unexplained == []
+
+    def test_leaves_the_step_limit_to_the_default(self, starter: Path) -> None:
+        """No newcomer has to count skills."""
+        assert "step_limit" not in parse(starter.read_text("utf-8"), "starter").data
+
+
+def test_a_kind_without_a_starter_says_so() -> None:
+    """A plugin's domain need not ship one."""
+
+    class Bare(Domain):
+        kind = "bare"
+        Config = Strict
+
+        def ground(self, config, sha256):
+            return []
+
+    with pytest.raises(OptionError, match="'bare' have no starter file"):
+        Bare().starter()

@@ -1,0 +1,299 @@
+"""The straight line: from a path to a judged result."""
+
+from dataclasses import replace
+
+import pytest
+
+from expensive_back_ends import ExpensiveEngine
+from situations import CONFIGS, FakeSetup, fake_back_end, solver_that, two_roads_task
+from skillplan.checks.verdict_cache import DiskVerdictCache
+from skillplan.collision.aabb import AabbDetector
+from skillplan.collision.detector import Detector
+from skillplan.errors import BackEndError, OptionError, PluginError, TaskError
+from skillplan.pipeline import registry
+from skillplan.pipeline.comparison import solve_all
+from skillplan.pipeline.run import cache_folder, make_model, make_solver, solve
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.solvers.solution import Plan, Solution
+from skillplan.solvers.stop import Stop
+from skillplan.task.task import BackEndChoice
+from skillplan.task.verdict import Verdict
+from skillplan.testing import lid_task
+
+BOARD = CONFIGS / "inverter_board.yaml"
+
+
+def names(task, setup=Setup()):
+    return [back_end.name for back_end in setup.back_ends(task)]
+
+
+def test_a_path_becomes_a_judged_result():
+    """Load, solve, judge; the result says by what and of which content."""
+    problem = load_problem(BOARD)
+    result = solve(problem.task)
+    assert (result.status, result.solver, result.seed) == ("optimal", "auto", 0)
+    assert (result.physics, result.collision) == ("kinematic", "precedence")
+    assert (result.task, result.kind, result.sha256) == (
+        "inverter-board",
+        "assembly",
+        problem.sha256,
+    )
+    assert result.cost_unit == "m"
+    assert result.makespan == 15
+    assert result.makespan_s == pytest.approx(sum(step.duration_s for step in result.steps))
+    assert (result.wall_s > 0, result.checks > 0, result.expanded > 0) == (True, True, True)
+
+
+def test_the_makespan_is_durations_and_travel(board_task):
+    """12 picks and places of 3 s, one load of 10 s, two screws of 8 s, and the way at 0.25 m/s.
+
+    The swap runs by both holders, which are at one place here.
+    """
+    result = solve(board_task)
+    assert result.makespan_s == pytest.approx(12 * 3 + 10 + 2 * 8 + result.cost / 0.25)
+
+
+def test_the_task_file_chooses_the_back_ends():
+    """Else its chart, else geometry, and nothing where there are no bodies."""
+    task = lid_task()
+    assert names(task) == ["kinematic", "precedence"]
+    assert names(task.replace(chart=())) == ["kinematic", "aabb"]
+    assert names(two_roads_task()) == ["kinematic"]
+    both = (BackEndChoice("aabb", {"tolerance_m": 0.001}), BackEndChoice("precedence"))
+    assert names(task.replace(collision=both)) == ["kinematic", "aabb", "precedence"]
+
+
+def test_the_user_chooses_before_the_task_file():
+    """A detector named twice is asked once."""
+    task = lid_task().replace(collision=(BackEndChoice("precedence"),))
+    assert names(task, Setup(collision=("aabb",))) == ["kinematic", "aabb"]
+    assert names(task, Setup(collision=("aabb", "aabb"))) == ["kinematic", "aabb"]
+
+
+def test_options_of_the_file_hold_until_the_user_changes_them():
+    """One by one."""
+    choice = BackEndChoice("aabb", {"tolerance_m": 0.001, "check_support": False})
+    task = lid_task().replace(collision=(choice,))
+    (_, aabb) = Setup().back_ends(task)
+    assert (aabb.options.tolerance_m, aabb.options.check_support) == (0.001, False)
+    (_, aabb) = Setup(options={"aabb": {"tolerance_m": 0.002}}).back_ends(task)
+    assert (aabb.options.tolerance_m, aabb.options.check_support) == (0.002, False)
+
+
+def test_an_unknown_plugin_or_option_is_a_user_error():
+    """Before anything is searched."""
+    task = lid_task()
+    with pytest.raises(PluginError, match="Unknown physics 'kinematik'"):
+        make_model(task, Setup(physics="kinematik"))
+    with pytest.raises(PluginError, match="Unknown solver 'exakt'"):
+        solve(task, "exakt")
+    with pytest.raises(OptionError, match="'aabb' has no option 'tolerance'"):
+        make_model(task, Setup(collision=("aabb",), options={"aabb": {"tolerance": 1}}))
+    with pytest.raises(OptionError, match="max_labels"):
+        make_solver("exact", {"max_labels": -1})
+    with pytest.raises(TaskError):
+        load_problem("no/such/file.yaml")
+
+
+@pytest.mark.parametrize("method", ["__init__", "refuses"])
+def test_a_back_end_that_fails_to_start_is_named(monkeypatch, method):
+    """It is a failure of the back end, not of the input."""
+
+    def fail(self, *arguments):
+        raise OSError("no licence")
+
+    def check(self, skill, state):
+        return Verdict.feasible()
+
+    broken = type("Broken", (Detector,), {"name": "broken", "check": check, method: fail})
+    load = registry.load
+    monkeypatch.setattr(
+        registry, "load", lambda kind, name: broken if name == "broken" else load(kind, name)
+    )
+    with pytest.raises(BackEndError, match="collision 'broken' failed on 'lid': OSError: no lic"):
+        make_model(lid_task(), Setup(collision=("broken",)))
+
+
+def test_each_solver_of_a_comparison_starts_cold(board_task):
+    """The second asks as much as it would alone."""
+    together = solve_all(board_task, ["exact", "exhaustive", "exact"])
+    alone = solve(board_task, "exhaustive")
+    assert [result.status for result in together] == ["optimal"] * 3
+    assert together[1].checks == alone.checks
+    assert together[2].checks == together[0].checks > 0
+
+
+def test_a_comparison_holds_the_claims_together(monkeypatch):
+    """Whoever is refuted by another's plan is wrong, even where the audit found nothing."""
+    liar = solver_that(lambda s, m: Solution(Plan(("to_b", "finish"), 4.0), 4.0, proved=True))
+    honest = solver_that(lambda s, m: Solution(Plan(("to_a", "a_to_b", "finish"), 3.0)), "honest")
+    monkeypatch.setattr("skillplan.judge.referee.AUDIT_STATES", 0)
+    task, setup = two_roads_task(), FakeSetup()
+    monkeypatch.setattr(
+        "skillplan.pipeline.run.make_solver",
+        lambda name, *rest: {"liar": liar, "honest": honest}[name],
+    )
+    assert solve(task, "liar", setup).status == "optimal"
+    judged = solve_all(task, ["liar", "honest"], setup)
+    assert [result.status for result in judged] == ["wrong", "solved"]
+
+
+def test_an_interrupted_comparison_leaves_out_the_rest(board_task):
+    """What was found so far is judged and shown."""
+
+    def make_stop(name):
+        stop = Stop()
+        stop.interrupt()
+        return stop
+
+    results = solve_all(board_task, ["exhaustive", "exact"], make_stop=make_stop)
+    assert len(results) == 1
+    assert results[0].interrupted
+
+
+def test_a_warm_cache_spares_dear_checks(tmp_path):
+    """A second run asks a dear back end nothing, and finds the same."""
+    made = []
+
+    def dear(task):
+        made.append(fake_back_end(task, Verdict.feasible(), dear=True))
+        return [made[-1]]
+
+    results = [
+        solve(two_roads_task(), "exact", FakeSetup(make=dear), cache=DiskVerdictCache(tmp_path))
+        for _ in range(2)
+    ]
+    assert results[0].steps == results[1].steps
+    assert (results[0].checks > 0, results[1].checks) == (True, 0)
+    assert [bool(back_end.asked) for back_end in made] == [True, False]
+
+
+def test_without_a_choice_the_cache_is_the_users(monkeypatch):
+    """Never the working folder."""
+    monkeypatch.delenv("SKILLPLAN_CACHE_DIR")
+    assert cache_folder().name == "skillplan"
+    assert cache_folder().is_absolute()
+    monkeypatch.setenv("SKILLPLAN_CACHE_DIR", "/somewhere/else")
+    assert str(cache_folder()) == "/somewhere/else"
+
+
+def test_a_refusal_is_a_result_in_words():
+    """Not an error: in a comparison the others go on."""
+    solver = solver_that(lambda s, m: Solution())
+    type(solver).refuses = lambda self, model: "needs a larger task"
+    result = solve(two_roads_task(), solver, FakeSetup())
+    assert (result.status, result.reason, result.cost) == ("refused", "needs a larger task", None)
+
+
+def test_a_search_shows_what_it_asks_of_expensive_back_ends():
+    """With its own figures, through the stop."""
+    shown = []
+    stop = Stop(on_progress=shown.append)
+    setup = FakeSetup(make=lambda task: [fake_back_end(task, Verdict.feasible(), dear=True)])
+    result = solve(two_roads_task(), "exact", setup, stop=stop)
+    asked = [progress.asked for progress in shown if progress.asked is not None]
+    assert asked[-1].checks == result.checks > 0
+    assert asked[0].checks == asked[-1].to_go == 0
+    quiet = []
+    solve(two_roads_task(), "exact", FakeSetup(), stop=Stop(on_progress=quiet.append))
+    assert all(progress.asked is None for progress in quiet)
+
+
+def test_a_plan_takes_as_long_as_the_back_ends_say():
+    """Instead of what the task says."""
+    clock = {"duration_s": lambda self, skill, state: 7.5}
+    setup = FakeSetup(make=lambda task: [fake_back_end(task, Verdict.feasible(), **clock)])
+    result = solve(two_roads_task(), "exact", setup)
+    assert result.makespan_s == 7.5 * len(result.steps) > 0
+    assert {step.duration_s for step in result.steps} == {7.5}
+
+
+@pytest.mark.parametrize("solver", ["exact", "exhaustive"])
+def test_a_result_does_not_depend_on_how_many_processes_check(solver):
+    """Neither plan, nor proof, nor counts."""
+    task = lid_task()
+    options = ExpensiveEngine.Options(seed=2)
+    setup = FakeSetup(make=lambda task: [ExpensiveEngine(task, options)])
+    found = [replace(solve(task, solver, setup, jobs=jobs), wall_s=0.0) for jobs in (1, 2)]
+    assert found[0] == found[1]
+    assert found[0].checks > 0
+
+
+class TestConstruction:
+    """A back end may take seconds to start: it is constructed once for a solver and its judge."""
+
+    @pytest.fixture
+    def made(self):
+        """The back ends that were constructed."""
+        return []
+
+    @pytest.fixture
+    def setup(self, made):
+        """A setup whose one back end is noted when it is constructed."""
+
+        def make(task):
+            made.append(fake_back_end(task, Verdict.feasible()))
+            return [made[-1]]
+
+        return FakeSetup(make=make)
+
+    def test_search_and_judge_share_it(self, made, setup):
+        """As does the walk along a plan to start from."""
+        start = Plan(("to_a", "a_to_b", "finish"))
+        result = solve(two_roads_task(), "exact", setup, start=start)
+        assert result.status == "optimal"
+        assert len(made) == 1
+
+    def test_it_is_told_of_the_others_once(self):
+        """However many models are made of it."""
+        told = []
+
+        class Social(Detector):
+            """Notes who is beside it."""
+
+            name = "social"
+
+            def beside(self, others):
+                told.append(len(others))
+
+            def check(self, skill, state):
+                return Verdict.feasible()
+
+        setup = FakeSetup(make=lambda task: [Social(task), fake_back_end(task, name="other")])
+        solve(two_roads_task(), "exact", setup)
+        assert told == [1]
+
+    def test_each_solver_of_a_comparison_has_its_own(self, made, setup):
+        """What a back end remembers for one must not spare the next its work."""
+        solve_all(two_roads_task(), ["exact", "exhaustive"], setup)
+        assert len(made) == 2
+
+    def test_the_referee_has_a_fresh_model(self, made, setup):
+        """It queries cheap back ends anew, whoever has queried them before."""
+        queried = []
+        solver = solver_that(
+            lambda self, model: (
+                queried.append(len(made[0].asked)) or Solution(Plan(("to_b", "finish")))
+            )
+        )
+        assert solve(two_roads_task(), solver, setup).status == "solved"
+        assert queried == [0]
+        assert len(made[0].asked) == 2
+
+    def test_one_that_loading_constructed_is_handed_on_once(self):
+        """The next who wants one constructs another."""
+        problem = load_problem("configs/inverter_board.yaml", {"collision": ["aabb"]})
+        problem.spare_back_ends.append(AabbDetector(problem.task))
+        (spare,) = problem.spare_back_ends
+        setup = Setup(collision=("aabb",))
+        assert setup.back_ends(problem.task, problem.spare_back_ends)[1] is spare
+        assert setup.back_ends(problem.task, problem.spare_back_ends)[1] is not spare
+
+    def test_one_with_other_options_is_not_taken(self):
+        """Nor one of another task."""
+        task = lid_task()
+        spare = [AabbDetector(task)]
+        setup = Setup(collision=("aabb",), options={"aabb": {"tolerance_m": 0.002}})
+        assert setup.back_ends(task, spare)[1] is not spare[0]
+        assert Setup(collision=("aabb",)).back_ends(lid_task(), spare)[1] is not spare[0]
+        assert len(spare) == 1

@@ -1,0 +1,574 @@
+"""Parameter studies: what is varied, what the runs show, and what survives whatever happens."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import statistics
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from skillplan import Setup, Task, load_problem
+from skillplan.errors import OptionError, SkillplanError
+from skillplan.records.interval import Estimate, mean, share, t_quantile
+from skillplan.records.result import Status
+from skillplan.records.sweep.plan import GRID, Axis, Start, SweepPlan, setting_text
+from skillplan.records.sweep.record import StartOutcome, SweepRecord, record_of
+from skillplan.records.sweep.result import SweepResult
+from skillplan.sweep.parameter_study import do_study, plan_study
+from skillplan.sweep.parameter_values import read_values, spaced
+from skillplan.sweep.study_folder import StudyFolder
+from skillplan.sweep.study_run import StudyJob, do_run
+from skillplan.views.figures.figure_file import figure_bytes
+from skillplan.views.figures.sweep_figure import sweep_figure
+from skillplan.views.tables.sweep import setting_table, start_table
+
+CASES = Path(__file__).parents[2] / "configs" / "swarmitfix_cases.yaml"
+QUICK = [("episodes", "300")]
+OUTCOME = StartOutcome("C20", Status.SOLVED, 4.0, 4, "", 0.1)
+GOOD_LINE = SweepRecord(1, 2, (OUTCOME,)).line()
+
+
+@pytest.fixture(scope="module")
+def walk() -> Task:
+    """To C1, from C20."""
+    return load_problem(CASES).tasks[0]
+
+
+def a_plan(**changes: Any) -> SweepPlan:
+    plan = SweepPlan(
+        name="cases",
+        task="base-1",
+        kind="swarmitfix",
+        sha256="0" * 64,
+        cost_unit="steps",
+        step_limit=1000,
+        solver="sarsa",
+        physics="kinematic",
+        collision="",
+        design="one-at-a-time",
+        axes=(Axis("gamma", (0.8, 0.9)), Axis("alpha", (0.1, 0.5))),
+        centre={"gamma": 0.9, "alpha": 0.1},
+        fixed={},
+        starts=(Start("C20", 4.0),),
+        seeds=(0, 1),
+    )
+    return replace(plan, **changes)
+
+
+def timeless(document: Any) -> Any:
+    """Return a document without what a clock decides."""
+    if isinstance(document, dict):
+        return {key: timeless(value) for key, value in document.items() if key != "learning_s"}
+    return [timeless(one) for one in document] if isinstance(document, list) else document
+
+
+class TestValues:
+    def test_a_range_is_evenly_spaced_and_has_both_ends(self) -> None:
+        assert (0.8, 0.85, 0.9) == spaced("gamma", "0.8:0.9:3")
+
+    def test_a_logarithmic_range_multiplies(self) -> None:
+        assert (0.01, 0.1, 1.0) == spaced("alpha", "0.01:1:3:log")
+
+    @given(
+        st.floats(1e-6, 1e6),
+        st.floats(1e-6, 1e6),
+        st.integers(2, 200),
+        st.sampled_from(["", ":log"]),
+    )
+    def test_every_range_runs_one_way_between_its_ends(
+        self, first: float, last: float, count: int, how: str
+    ) -> None:
+        if first == last:
+            return
+        values = spaced("x", f"{first!r}:{last!r}:{count}{how}")
+        assert (first, last) == (values[0], values[-1])
+        assert count >= len(values) >= 2
+        if abs(first - last) > 1e-3 * max(first, last):
+            assert sorted(values, reverse=first > last) == list(values)
+
+    def test_whole_numbered_options_take_the_nearest_whole_values_once(self) -> None:
+        asked = read_values("sarsa", [("episodes", "1:3:9")])
+        assert (1, 2, 3) == asked.axes[0].values
+        assert 35_000 == asked.centre["episodes"]
+
+    def test_words_and_truths_can_be_listed(self) -> None:
+        asked = read_values("sarsa", [("objective", "cost,reward"), ("expected", "true,false")])
+        assert [("cost", "reward"), (True, False)] == [axis.values for axis in asked.axes]
+
+    def test_text_with_a_comma_is_one_value_of_an_option_that_takes_any_text(self) -> None:
+        asked = read_values("sarsa", [("watch", "at(C1),at(C2)")])
+        assert ((), {"watch": "at(C1),at(C2)"}) == (asked.axes, asked.fixed)
+
+    def test_one_value_beside_several_is_the_centre(self) -> None:
+        asked = read_values("sarsa", [("gamma", "0.7"), ("gamma", "0.8,0.9"), ("alpha", "0.2")])
+        assert ({"gamma": 0.7}, {"alpha": 0.2}) == (asked.centre, asked.fixed)
+
+    @pytest.mark.parametrize(
+        ("name", "text", "message"),
+        [
+            ("gamma", "0.8:0.9", "has the form FROM:TO:COUNT"),
+            ("gamma", "0.8:0.9:3:lin", "has the form FROM:TO:COUNT"),
+            ("gamma", "0.8:x:3", "the ends of a range are numbers"),
+            ("gamma", "0.8:inf:3", "the ends of a range are finite numbers"),
+            ("gamma", "0.8:0.9:1", "whole number from 2 to 1,000, not '1'"),
+            ("gamma", "0.8:0.9:2.5", "whole number from 2 to 1,000, not '2.5'"),
+            ("gamma", "0.8:0.9:1001", "whole number from 2 to 1,000, not '1001'"),
+            ("gamma", "0.8:0.8:3", "the ends of a range differ"),
+            ("gamma", "0:1:3:log", "the ends of a logarithmic range are > 0"),
+            ("gamma", "0.8:1.2:3", "gamma"),
+            ("gamma", "0.8,,0.9", "a value of the list is missing"),
+            ("gamma", "nan,0.5", "gamma"),
+            ("gamma", ",".join(map(str, range(1001))), "lists more than 1,000 values"),
+            ("gama", "0.8:0.9:3", "Did you mean 'gamma'?"),
+            ("expected", "true,perhaps", "expected"),
+        ],
+    )
+    def test_a_wrong_value_is_one_clear_error(self, name: str, text: str, message: str) -> None:
+        with pytest.raises(OptionError) as caught:
+            read_values("sarsa", [(name, text)])
+        assert message in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+    @pytest.mark.parametrize("texts", [("0.1", "0.2"), ("0.1,0.2", "0.3,0.4")])
+    def test_an_option_given_twice_is_refused(self, texts: tuple[str, str]) -> None:
+        with pytest.raises(OptionError, match="'alpha' is given twice"):
+            read_values("sarsa", [("alpha", text) for text in texts])
+
+
+class TestPlans:
+    def test_one_at_a_time_varies_around_the_centre_and_does_nothing_twice(self) -> None:
+        settings = a_plan().settings
+        assert [(0.8, 0.1), (0.9, 0.1), (0.9, 0.5)] == [(s["gamma"], s["alpha"]) for s in settings]
+
+    def test_a_grid_takes_all_combinations(self) -> None:
+        assert 4 == len(a_plan(design=GRID).settings)
+
+    def test_an_axis_shows_the_settings_in_which_the_others_are_at_the_centre(self) -> None:
+        plan = a_plan()
+        assert [[0], [1]] == plan.settings_along(plan.axes[0])
+        assert [[1], [2]] == plan.settings_along(plan.axes[1])
+
+    def test_in_a_grid_an_axis_shows_all_settings_of_a_value(self) -> None:
+        plan = a_plan(design=GRID)
+        assert [[0, 1], [2, 3]] == plan.settings_along(plan.axes[0])
+
+    def test_without_axes_there_is_one_setting(self) -> None:
+        assert [{}] == a_plan(axes=(), centre={}).settings
+        assert "defaults" == setting_text({})
+
+    @pytest.mark.parametrize(
+        ("changes", "message"),
+        [
+            ({"design": "random"}, "A design is one of"),
+            ({"axes": (Axis("gamma", (0.8,)),) * 2}, "An axis occurs twice"),
+            ({"centre": {}}, "The centre must hold"),
+            ({"starts": ()}, "The starts must be distinct"),
+            ({"seeds": (1, 1)}, "The seeds must be distinct"),
+        ],
+    )
+    def test_a_plan_that_makes_no_sense_is_refused(
+        self, changes: dict[str, Any], message: str
+    ) -> None:
+        with pytest.raises(ValueError, match=message):
+            a_plan(**changes)
+
+    def test_parts_of_a_plan_that_make_no_sense_are_refused(self) -> None:
+        with pytest.raises(ValueError, match="has no values"):
+            Axis("gamma", ())
+        with pytest.raises(ValueError, match="has a value twice"):
+            Axis("gamma", (0.8, 0.8))
+        with pytest.raises(ValueError, match="must be >= 0"):
+            Start("C1", -1.0)
+        with pytest.raises(ValueError, match="at least one start"):
+            StudyJob({}, "sarsa", Setup())
+
+    @pytest.mark.parametrize(
+        ("starts", "message"),
+        [
+            (["C99"], "--starts C99: no place 'C99'"),
+            (["C1", "at(C1)"], "is named twice"),
+            (["C1+C2"], "cannot both hold"),
+        ],
+    )
+    def test_a_wrong_start_is_named(self, walk: Task, starts: list[str], message: str) -> None:
+        with pytest.raises(OptionError) as caught:
+            plan_study(walk, "sarsa", QUICK, starts=starts)
+        assert message in str(caught.value)
+
+    def test_too_many_runs_are_refused(self, walk: Task) -> None:
+        values = [("gamma", "0.1:0.9:500"), ("alpha", "0.1:0.9:500")]
+        with pytest.raises(OptionError, match="more than 100,000 runs"):
+            plan_study(walk, "sarsa", values, design=GRID)
+
+    def test_a_solver_that_cannot_serve_the_task_is_told_before_any_run(
+        self, board_task: Task
+    ) -> None:
+        with pytest.raises(OptionError, match="cannot serve 'inverter-board'"):
+            plan_study(board_task, "sarsa", [("max_states", "10")])
+
+
+class TestIntervals:
+    @pytest.mark.parametrize(
+        ("freedom", "quantile"),
+        [(1, 12.7062), (2, 4.3027), (4, 2.7764), (9, 2.2622), (29, 2.0452), (1000, 1.9623)],
+    )
+    def test_quantiles_are_those_of_the_printed_table(self, freedom: int, quantile: float) -> None:
+        assert quantile == pytest.approx(t_quantile(freedom), abs=5e-5)
+
+    def test_quantiles_have_no_step_where_the_formula_changes(self) -> None:
+        assert t_quantile(1000) == pytest.approx(t_quantile(1001), abs=1e-5)
+
+    def test_ten_of_ten_may_still_fail_one_time_in_four(self) -> None:
+        """Wilson's interval does not shrink to a point; Brown, Cai and DasGupta (2001)."""
+        ten = share(10, 10)
+        assert ten is not None
+        assert ten.low == pytest.approx(0.7225, abs=1e-4)
+        assert 1.0 == ten.high
+
+    @given(st.integers(1, 500).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
+    def test_a_share_and_its_complement_mirror_each_other(self, counts: tuple[int, int]) -> None:
+        count, total = counts
+        one, other = share(count, total), share(total - count, total)
+        assert one is not None
+        assert other is not None
+        assert one.low is not None
+        assert other.high is not None
+        assert one.low == pytest.approx(1 - other.high, abs=1e-12)
+        assert 0 <= one.low <= one.value
+
+    def test_the_interval_of_a_mean_covers_it_95_times_of_100(self) -> None:
+        rng, covered = random.Random(1), 0
+        for _ in range(2000):
+            estimate = mean([rng.gauss(3.0, 2.0) for _ in range(5)])
+            assert estimate is not None
+            assert estimate.low is not None
+            assert estimate.high is not None
+            covered += estimate.low <= 3.0 <= estimate.high
+        assert 0.95 == pytest.approx(covered / 2000, abs=0.012)
+
+    def test_too_few_runs_give_no_interval(self) -> None:
+        assert (None, None) == (mean([]), share(0, 0))
+        assert Estimate(2.0) == mean([2.0])
+
+    def test_what_makes_no_sense_is_refused(self) -> None:
+        with pytest.raises(ValueError, match="makes no sense"):
+            share(2, 1)
+        with pytest.raises(ValueError, match="must be >= 1"):
+            t_quantile(0)
+        with pytest.raises(ValueError, match="two ends"):
+            Estimate(1.0, 0.5)
+        with pytest.raises(ValueError, match="lies outside"):
+            Estimate(1.0, 2.0, 3.0)
+
+
+class TestRecords:
+    def test_a_record_survives_its_line(self) -> None:
+        for record in (
+            SweepRecord(1, 2, (OUTCOME,), True, 300),
+            SweepRecord(1, 2, (replace(OUTCOME, status=Status.UNSOLVED, cost=None, steps=None),)),
+            SweepRecord(0, 0, error="refused: it is Monday"),
+        ):
+            assert record == record_of(record.line())
+
+    @pytest.mark.parametrize(
+        "line",
+        [
+            "",
+            "7",
+            "[]",
+            "{}",
+            '{"outcomes": 3}',
+            '{"setting": 0, "seed": 0, "outcomes": []}',
+            GOOD_LINE[:-9],
+            GOOD_LINE.replace('"seed": 2', '"seed": "2"'),
+            GOOD_LINE.replace("solved", "soluble"),
+        ],
+    )
+    def test_a_damaged_line_is_never_trusted(self, line: str) -> None:
+        record_of(GOOD_LINE)
+        with pytest.raises(ValueError):  # noqa: PT011  # what is wrong differs
+            record_of(line)
+
+    def test_records_that_make_no_sense_are_refused(self) -> None:
+        with pytest.raises(ValueError, match="does not fit its cost"):
+            replace(OUTCOME, cost=None)
+        with pytest.raises(ValueError, match="finite and >= 0"):
+            replace(OUTCOME, learning_s=-1.0)
+        with pytest.raises(ValueError, match="must be >= 0"):
+            SweepRecord(-1, 0, (OUTCOME,))
+        with pytest.raises(ValueError, match="either outcomes or an error"):
+            SweepRecord(0, 0)
+        with pytest.raises(ValueError, match="occurs twice"):
+            SweepResult(a_plan(), [SweepRecord(0, 0, (OUTCOME,))] * 2)
+        with pytest.raises(ValueError, match="none of this study"):
+            SweepResult(a_plan(), [SweepRecord(9, 0, (OUTCOME,))])
+
+
+class TestStudies:
+    def test_one_policy_answers_from_all_starts_within_its_optima(self, walk: Task) -> None:
+        """The paper's five cases at its best parameters."""
+        starts = ["C20", "C6", "C35", "C52", "C78"]
+        plan, job = plan_study(walk, "sarsa", starts=starts, runs=3)
+        result = do_study(plan, job)
+        assert result.shared
+        assert [4.0, 3.0, 5.0, 8.0, 9.0] == [start.optimum for start in plan.starts]
+        for start in plan.starts:
+            one = result.summary([0], start.name)
+            assert (3, 3) == (one.runs, one.arrived)
+            assert one.excess is not None
+            assert 0.0 <= one.excess.value
+        times = {one.learning_s for one in result.records[0].outcomes}
+        assert 1 == len(times)
+
+    def test_a_solver_of_plans_is_run_once_for_every_start(self, walk: Task) -> None:
+        plan, job = plan_study(walk, "exact", starts=["C20", "C6"], runs=1)
+        result = do_study(plan, job)
+        assert not result.shared
+        assert [4, 3] == [one.steps for one in result.records[0].outcomes]
+        assert 1 == result.summary([0]).best
+
+    def test_results_depend_neither_on_processes_nor_on_their_order(self, walk: Task) -> None:
+        values = [("episodes", "200,400"), ("alpha", "0.1,0.5")]
+        plan, job = plan_study(walk, "sarsa", values, starts=["C20", "C78"], runs=3)
+        one, three = (do_study(plan, job, jobs=jobs).document() for jobs in (1, 3))
+        assert timeless(one) == timeless(three)
+
+    def test_figures_are_those_of_the_runs(self) -> None:
+        far = replace(OUTCOME, cost=6.0, steps=6)
+        lost = StartOutcome("C20", Status.UNSOLVED, None, None, "lost", 0.3)
+        plan = a_plan(seeds=(0, 1, 2, 3))
+        records = [SweepRecord(0, seed, (one,)) for seed, one in enumerate((OUTCOME, far, lost))]
+        result = SweepResult(plan, [*records, SweepRecord(0, 3, error="broke")])
+        one = result.summary([0], "C20")
+        assert (3, 2, 1) == (one.runs, one.arrived, one.best)
+        assert one.steps is not None
+        assert one.excess is not None
+        assert one.learning_s is not None
+        assert (5.0, 1.0) == (one.steps.value, one.excess.value)
+        assert one.learning_s.value == pytest.approx(statistics.mean([0.1, 0.1, 0.3]))
+        assert (1, 8) == (len(result.failed), result.missing)
+
+    def test_tables_name_what_failed_and_what_is_missing(self) -> None:
+        result = SweepResult(a_plan(), [SweepRecord(2, 1, error="out of memory")])
+        notes = "\n".join(setting_table(result).notes)
+        assert "gamma = 0.9, alpha = 0.5, seed 1: out of memory" in notes
+        assert "5 of the runs have not been done" in notes
+        assert 3 == len(start_table(result).rows)
+
+    def test_a_run_that_goes_wrong_says_so_and_raises_nothing(self, board_task: Task) -> None:
+        _, job = plan_study(board_task, "sarsa", QUICK)
+        record = do_run(job, 0, {"max_states": 10}, 0)
+        assert "refused" in (record.error or "")
+        assert "no option" in (do_run(job, 0, {"gama": 1}, 0).error or "")
+
+    def test_a_stopped_study_keeps_what_is_done(self, walk: Task) -> None:
+        plan, job = plan_study(walk, "sarsa", QUICK, runs=50)
+        seen: list[SweepRecord] = []
+        result = do_study(plan, job, stopped=lambda: len(seen) >= 2, on_run=seen.append)
+        assert result.interrupted
+        assert 50 == len(result.records) + result.missing
+        assert 2 <= len(result.records) < 50
+
+
+class TestFolders:
+    @pytest.fixture
+    def study(self, walk: Task) -> tuple[SweepPlan, StudyJob]:
+        """Four short runs."""
+        return plan_study(walk, "sarsa", [("episodes", "200,300")], runs=2)
+
+    def test_what_is_there_is_not_done_again(
+        self, study: tuple[SweepPlan, StudyJob], tmp_path: Path
+    ) -> None:
+        plan, job = study
+        with StudyFolder(str(tmp_path / "a"), plan) as folder:
+            whole = do_study(plan, job, folder=folder)
+        with StudyFolder(str(tmp_path / "a"), plan, resume=True) as folder:
+            assert 4 == len(folder.records)
+            again = do_study(plan, job, folder=folder)
+        assert whole.document() == again.document()
+
+    def test_a_torn_last_line_is_dropped_and_its_run_done_again(
+        self, study: tuple[SweepPlan, StudyJob], tmp_path: Path
+    ) -> None:
+        plan, job = study
+        with StudyFolder(str(tmp_path), plan) as folder:
+            whole = do_study(plan, job, folder=folder)
+        runs = tmp_path / "runs.jsonl"
+        content = runs.read_bytes()
+        for length in (len(content) - 1, 17, 0):
+            runs.write_bytes(content[:length])
+            with StudyFolder(str(tmp_path), plan, resume=True) as folder:
+                assert content[:length].count(b"\n") == len(folder.records)
+                again = do_study(plan, job, folder=folder)
+            assert timeless(whole.document()) == timeless(again.document())
+            assert 4 == runs.read_bytes().count(b"\n")
+
+    def test_another_damaged_line_is_named(
+        self, study: tuple[SweepPlan, StudyJob], tmp_path: Path
+    ) -> None:
+        plan, job = study
+        with StudyFolder(str(tmp_path), plan) as folder:
+            do_study(plan, job, folder=folder)
+        runs = tmp_path / "runs.jsonl"
+        runs.write_bytes(b"oops\n" + runs.read_bytes())
+        with pytest.raises(OptionError, match=r"runs.jsonl:1: is damaged: .* Delete the line"):
+            StudyFolder(str(tmp_path), plan, resume=True)
+
+    def test_failed_runs_are_done_again(
+        self, study: tuple[SweepPlan, StudyJob], tmp_path: Path
+    ) -> None:
+        plan, job = study
+        with StudyFolder(str(tmp_path), plan) as folder:
+            folder.add(SweepRecord(0, 0, error="out of memory"))
+        with StudyFolder(str(tmp_path), plan, resume=True) as folder:
+            assert [] == folder.records
+            assert [] == do_study(plan, job, folder=folder).failed
+
+    @pytest.mark.parametrize(
+        ("changes", "message"),
+        [
+            ({"sha256": "f" * 64}, "is another one, in the task"),
+            ({"seeds": (0, 1, 2)}, "the seeds: \\[0, 1\\] there, \\[0, 1, 2\\] now"),
+            ({"step_limit": 5}, "the step limit: 1000 there, 5 now"),
+            ({"starts": (Start("C6"),)}, "is another one, in the starts"),
+            ({"fixed": {"sarsa": {"alpha": 0.2}}}, "is another one, in the fixed options"),
+            ({"axes": (Axis("episodes", (200,)),)}, "is another one, in the values of the options"),
+        ],
+    )
+    def test_another_study_is_refused_in_words(
+        self,
+        study: tuple[SweepPlan, StudyJob],
+        tmp_path: Path,
+        changes: dict[str, Any],
+        message: str,
+    ) -> None:
+        plan, _ = study
+        StudyFolder(str(tmp_path), plan).close()
+        with pytest.raises(OptionError, match=message):
+            StudyFolder(str(tmp_path), replace(plan, **changes), resume=True)
+
+    def test_nothing_there_is_overwritten(
+        self, study: tuple[SweepPlan, StudyJob], tmp_path: Path
+    ) -> None:
+        plan, _ = study
+        (tmp_path / "thesis.tex").write_text("words")
+        with pytest.raises(OptionError, match="is not empty"):
+            StudyFolder(str(tmp_path), plan)
+        with pytest.raises(OptionError, match=r"holds no manifest.json"):
+            StudyFolder(str(tmp_path), plan, resume=True)
+        assert ["thesis.tex"] == [path.name for path in tmp_path.iterdir()]
+
+    def test_two_studies_do_not_write_to_one_folder(
+        self, study: tuple[SweepPlan, StudyJob], tmp_path: Path
+    ) -> None:
+        pytest.importorskip("fcntl")
+        plan, _ = study
+        with (
+            StudyFolder(str(tmp_path), plan),
+            pytest.raises(OptionError, match="another study is writing there"),
+        ):
+            StudyFolder(str(tmp_path), plan, resume=True)
+
+    @pytest.mark.parametrize("content", ["", "{", "[]", '{"schema": "skillplan.sweep-manifest/9"}'])
+    def test_a_manifest_that_is_none_is_refused(
+        self, study: tuple[SweepPlan, StudyJob], tmp_path: Path, content: str
+    ) -> None:
+        plan, _ = study
+        (tmp_path / "manifest.json").write_text(content)
+        with pytest.raises(OptionError, match=r"--out"):
+            StudyFolder(str(tmp_path), plan, resume=True)
+
+
+class TestKilling:
+    def test_killed_at_any_instant_and_resumed_it_equals_an_uninterrupted_study(
+        self, tmp_path: Path
+    ) -> None:
+        """SIGKILL at random moments, from the start of the program on, until it gets through."""
+
+        def words(folder: str) -> list[str]:
+            command = [sys.executable, "-m", "skillplan", "sweep", str(CASES), "--resume"]
+            values = ["-O", "gamma=0.8:0.999:4", "-O", "episodes=4000", "--starts", "C20,C78"]
+            where = ["--runs", "6", "--jobs", "2", "--out", str(tmp_path / folder)]
+            return [*command, *values, *where, "--format", "json"]
+
+        done = subprocess.run(words("whole"), capture_output=True, text=True, check=True)
+        whole = json.loads(done.stdout)
+        rng = random.Random(7)
+        for patience_s in (rng.uniform(0.2, 2.2) for _ in range(6)):
+            process = subprocess.Popen(
+                words("killed"), stdout=subprocess.DEVNULL, start_new_session=True
+            )
+            time.sleep(patience_s)
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+        lines = (tmp_path / "killed" / "runs.jsonl").read_bytes().count(b"\n")
+        done = subprocess.run(words("killed"), capture_output=True, text=True)
+        assert 0 == done.returncode, done.stderr
+        assert lines <= 24
+        assert timeless(whole) == timeless(json.loads(done.stdout))
+        assert timeless(whole) == timeless(
+            json.loads((tmp_path / "killed" / "sweep.json").read_text())
+        )
+
+    def test_processes_end_with_the_program_that_started_them(self, tmp_path: Path) -> None:
+        """However abruptly that ends."""
+        if not Path("/proc").is_dir():
+            pytest.skip("processes are looked up in /proc")
+        command = [sys.executable, "-m", "skillplan", "sweep", str(CASES), "--jobs", "2"]
+        process = subprocess.Popen(
+            [*command, "-O", "episodes=100000000", "--out", str(tmp_path / "a")],
+            stdout=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        deadline_s = time.monotonic() + 30
+        while len(in_session(process.pid)) < 3:
+            assert time.monotonic() < deadline_s
+            time.sleep(0.05)
+        process.kill()
+        process.wait()
+        while in_session(process.pid):
+            assert time.monotonic() < deadline_s
+            time.sleep(0.05)
+
+
+def in_session(session: int) -> list[int]:
+    """Return the processes of a session."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                if os.getsid(int(entry.name)) == session:
+                    found.append(int(entry.name))
+            except ProcessLookupError:
+                continue
+    return found
+
+
+class TestFigures:
+    @pytest.mark.parametrize("design", ["one-at-a-time", "grid"])
+    def test_there_is_a_column_for_every_option(self, walk: Task, design: str) -> None:
+        values = [("episodes", "100,200,10000"), ("objective", "cost,reward")]
+        plan, job = plan_study(walk, "sarsa", values, starts=["C20", "C6"], runs=2, design=design)
+        figure = sweep_figure(do_study(plan, job))
+        assert 6 == len(figure.axes)
+        assert ["episodes", "objective"] == [axes.get_xlabel() for axes in figure.axes[4:]]
+        assert figure_bytes(figure, ".svg") == figure_bytes(figure, ".svg")
+
+    def test_what_cannot_be_drawn_is_said(self) -> None:
+        nothing = SweepResult(a_plan(axes=(), centre={}), [SweepRecord(0, 0, (OUTCOME,))])
+        with pytest.raises(OptionError, match="1 to 6 options that vary, not 0"):
+            sweep_figure(nothing)
+        starts = tuple(Start(f"C{i}") for i in range(9))
+        with pytest.raises(SkillplanError, match="up to 8 starts, not 9"):
+            sweep_figure(SweepResult(a_plan(starts=starts), []))

@@ -1,0 +1,136 @@
+"""Who may open files, start processes, and do neither: read from the source."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src" / "skillplan"
+PLUGINS = ROOT / "plugins"
+MODULES = sorted([*SOURCE.rglob("*.py"), *PLUGINS.glob("*/src/**/*.py")])
+
+# Calls by which a file is opened, by their last name; of some modules only.
+OPENING = {"open", "fdopen", "read_text", "read_bytes", "write_text", "write_bytes"}
+OPENING |= {"readfile", "saveas", "save_file", "load_file", "memmap", "fromfile", "tofile"}
+OPENING_OF = {
+    "json": {"load", "dump"},
+    "pickle": {"load", "dump"},
+    "np": {"load", "save", "savez", "savez_compressed", "loadtxt", "savetxt", "genfromtxt"},
+    "trimesh": {"load", "load_mesh", "load_path"},
+    "os": {"replace", "rename", "link", "symlink", "truncate", "mkfifo"},
+}
+OPENING_MODULES = {"tempfile", "shutil", "fcntl", "mmap", "filelock", "fileinput"}
+
+# Who opens something that no user handed over, and why.
+OPENS = {
+    "workers/resident_memory.py": "the process file system of Linux",
+    "workers/worker_processes.py": "the null device, for what libraries print",
+    "domains/domain.py": "the starter that lies in the package of a domain",
+    "cli/writing.py": "the null device, once stdout is gone",
+    "skillplan_pybullet/quiet_output.py": "the null device, for what pybullet prints",
+    "skillplan_pybullet/world.py": "meshes for pybullet, in a temporary folder of its own",
+    "skillplan_pybullet/skill_runner.py": "opens the jaws of a hand",
+}
+
+STARTING_MODULES = {"multiprocessing", "subprocess", "concurrent", "pty", "asyncio"}
+STARTING_OF_OS = {"fork", "forkpty", "system", "popen", "posix_spawn", "posix_spawnp", "startfile"}
+
+IO_MODULES = OPENING_MODULES | STARTING_MODULES
+IO_MODULES |= {"os", "io", "pathlib", "sys", "socket", "logging", "sqlite3", "urllib", "glob"}
+
+
+def place(path: Path) -> str:
+    """Return a module's path from its package on."""
+    if path.is_relative_to(SOURCE):
+        return path.relative_to(SOURCE).as_posix()
+    return path.as_posix().partition("/src/")[2]
+
+
+def calls(path: Path) -> Iterator[tuple[str, str]]:
+    """Yield for every call what it is called on, if that is a name, and its own name."""
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            yield "", node.func.id
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            holder = node.func.value
+            yield holder.id if isinstance(holder, ast.Name) else "?", node.func.attr
+
+
+def imports(path: Path) -> set[str]:
+    """Return the top-level modules that a module imports, wherever it does."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module is not None:
+            found.add(node.module.partition(".")[0])
+    return found
+
+
+def opening(path: Path) -> set[str]:
+    """Return by what a module opens, replaces or links files."""
+    found = OPENING_MODULES & imports(path)
+    for holder, name in calls(path):
+        # By its bare name only `open`: the others are functions of the floor `files`.
+        if name in OPENING_OF.get(holder, ()) or (name in OPENING if holder else name == "open"):
+            found.add(f"{holder}.{name}" if holder else name)
+    return found
+
+
+def starting(path: Path) -> set[str]:
+    """Return by what a module starts processes."""
+    found = STARTING_MODULES & imports(path)
+    return found | {
+        name
+        for holder, name in calls(path)
+        if holder == "os" and (name in STARTING_OF_OS or name.startswith(("exec", "spawn")))
+    }
+
+
+def test_only_the_floor_of_files_opens_files() -> None:
+    """Whoever else opens anything is listed, with what it is."""
+    found = {place(path): opening(path) for path in MODULES}
+    openers = {name for name, by in found.items() if by and not name.startswith("files/")}
+    assert set(OPENS) == openers, {name: found[name] for name in openers ^ set(OPENS)}
+
+
+def test_only_the_floor_of_workers_starts_processes() -> None:
+    """No exception: programs of others are started there, too."""
+    found = {place(path): starting(path) for path in MODULES}
+    assert {"workers/program.py", "workers/worker_processes.py"} == {
+        name for name, by in found.items() if by
+    }
+
+
+def test_tasks_are_pure_data() -> None:
+    """The floor `task` neither reads nor writes, nor knows where anything lies."""
+    modules = sorted((SOURCE / "task").glob("*.py"))
+    assert modules
+    for path in modules:
+        assert set() == IO_MODULES & imports(path), path.name
+        assert set() == opening(path), path.name
+        assert set() == {"print", "input"} & {name for _, name in calls(path)}, path.name
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("open('a')", {"open"}),
+        ("Path('a').open()", {"?.open"}),
+        ("path.read_text()", {"path.read_text"}),
+        ("import numpy as np\nnp.load('a')", {"np.load"}),
+        ("def f():\n    import shutil", {"shutil"}),
+        ("from tempfile import mkdtemp", {"tempfile"}),
+        ("import os\nos.replace('a', 'b')", {"os.replace"}),
+        ("text.replace('a', 'b')\njson.loads(text)\nread_text(path)", set()),
+    ],
+)
+def test_the_search_finds_what_opens(tmp_path: Path, source: str, expected: set[str]) -> None:
+    """So that the lists above mean something."""
+    path = tmp_path / "module.py"
+    path.write_text(source)
+    assert expected == opening(path)

@@ -1,0 +1,45 @@
+"""Lines end between words, else in lists, else in names, else anywhere."""
+
+from __future__ import annotations
+
+import pytest
+
+from skillplan.views.tables.text_wrapping import printable, wrapped, wrapped_note
+
+
+@pytest.mark.parametrize(
+    ("text", "width", "lines"),
+    [
+        ("all fits", 8, ["all fits"]),
+        ("words go over", 9, ["words go", "over"]),
+        ("0,1,2,3,4,5", 6, ["0,1,2,", "3,4,5"]),
+        ("at(home)+hand_free", 10, ["at(home)+", "hand_free"]),
+        ("policy-iteration", 10, ["policy-", "iteration"]),
+        ("see /a/folder/somewhere", 12, ["see /a/", "folder/", "somewhere"]),
+        ("abcdefghij", 4, ["abcd", "efgh", "ij"]),
+        ("two\nlines", 20, ["two", "lines"]),
+    ],
+)
+def test_a_text_is_broken_where_it_reads_best(text: str, width: int, lines: list[str]) -> None:
+    """Words whole as long as they fit a line."""
+    assert lines == wrapped(text, width)
+
+
+def test_further_lines_hang() -> None:
+    assert ["one two", "  three", "  four"] == wrapped("one two three four", 7, 2)
+
+
+def test_a_note_hangs_under_its_text() -> None:
+    """Behind the label and the blanks that follow it."""
+    assert ["cost   one two", "       three"] == wrapped_note("cost   one two three", 15)
+
+
+def test_wide_characters_take_two_columns() -> None:
+    assert ["\N{CJK UNIFIED IDEOGRAPH-4E00}" * 2] * 2 == wrapped(
+        "\N{CJK UNIFIED IDEOGRAPH-4E00}" * 4, 4
+    )
+
+
+def test_nothing_moves_the_cursor() -> None:
+    """A name in a task file cannot colour or overwrite what is printed."""
+    assert "[31mred bell" == printable("\x1b[31mred\tbell\x07\r")
