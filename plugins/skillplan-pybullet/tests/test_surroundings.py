@@ -76,7 +76,7 @@ def verdicts(task: Task, asked: Sequence[tuple[Skill, State]]) -> list[tuple[Ver
     return [(engine.check(*one), pairs.check(*one)) for one in asked]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="the sample executed twice, in whole worlds, too")
 @pytest.mark.parametrize("product", PRODUCTS)
 def test_a_world_with_everything_gives_the_same_answer(product, monkeypatch):
     pytest.importorskip("pinocchio", reason="the sample is drawn by swept hulls")
