@@ -75,6 +75,8 @@ class TestTwo:
                 "No such option '--slover'. Did you mean '--solver'",
             ),
             (("search-optimal", "BOARD", "--solver", "exat"), "Did you mean 'exact'?"),
+            (("search-optimal", "BOARD", "--solver", "optimal"), "Did you mean 'exact'?"),
+            (("search-optimal", "BOARD", "--solver", "Best"), "Did you mean 'auto'?"),
             (("search-optimal", "BOARD", "--physics", "kinematik"), "Did you mean 'kinematic'?"),
             (("search-optimal", "BOARD", "--collision", "aab,precedence"), "Did you mean 'aabb'?"),
             (("search-optimal", "BOARD", "--collision", ","), "--collision names no detector."),
