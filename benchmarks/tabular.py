@@ -35,7 +35,8 @@ BUDGETS_MS = {
 }
 SEEDS = 5
 START = (
-    "import sys; sys.argv=['']; from skillplan.solvers.learning.episode_kernels import random_bits; "
+    "import sys; sys.argv=['']; "
+    "from skillplan.solvers.learning.episode_kernels import random_bits; "
     "import numpy; random_bits(numpy.zeros(1, dtype=numpy.uint64))"
 )
 

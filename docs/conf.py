@@ -5,7 +5,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
-import skillplan  # noqa: E402
+import skillplan
 
 project = "skillplan"
 author = "The skillplan developers"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from inspect import cleandoc
 from types import MappingProxyType, ModuleType
-from typing import Any
+from typing import Any, Literal
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -17,7 +17,7 @@ from skillplan.cli.options import OUTPUT
 from skillplan.errors import nearest
 
 # Brackets that rich would take for markup, as in [x, y], are written \[x, y].
-MARKUP = "rich"
+MARKUP: Literal["rich"] = "rich"
 SETTINGS = {"help_option_names": ["-h", "--help"]}
 Function = Callable[..., int]
 Lists = Mapping[str, Mapping[str, str]]

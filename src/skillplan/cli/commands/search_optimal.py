@@ -82,8 +82,8 @@ def command(
     from skillplan.pipeline.solve_problem import solve_problem
     from skillplan.records.policy_file import POLICIES, policy_document, solved_tasks
     from skillplan.records.result_file import PLAN, RESULT, start_plan
-    from skillplan.views.tables.rendering import as_csv
     from skillplan.views.tables.solved import saved_tables, solved_tables
+    from skillplan.views.tables.table import as_csv
 
     part = reading.part
     problem = reading.problem(task, back_ends)
