@@ -30,6 +30,7 @@ OPENS = {
     "workers/resident_memory.py": "the process file system of Linux",
     "workers/worker_processes.py": "the null device, for what libraries print",
     "domains/domain.py": "the starter that lies in the package of a domain",
+    "pipeline/warm_up.py": "a board of its own, in a folder of its own",
     "cli/writing.py": "the null device, once stdout is gone",
     "skillplan_pybullet/simulator/quiet_output.py": "the null device, for what pybullet prints",
     "skillplan_pybullet/simulator/world.py": "meshes for pybullet, in a folder of its own",
