@@ -16,7 +16,7 @@ from pydantic import Field
 from skillplan.collision.detector import Detector
 from skillplan.collision.hulls import HullScene
 from skillplan.physics.jaws import jaw_faults, too_wide
-from skillplan.physics.linear_motions import strokes
+from skillplan.physics.linear_motions import linear_motions
 from skillplan.task import back_end
 from skillplan.task.motion import Event
 from skillplan.task.scene import Robot
@@ -216,7 +216,7 @@ class SweptDetector(Detector):
 
     def _plan(self, skill: Skill, state: State) -> tuple[ArmMotion, ...]:
         """Return the motions as the arm makes them; they do not depend on where it stands."""
-        planned = strokes(self.task, skill, state, self.options.drop_height_m)
+        planned = linear_motions(self.task, skill, state, self.options.drop_height_m)
         return tuple(self._planner.plan(motion) for motion in planned)
 
     def _swept_motion(self, skill: Skill, state: State) -> SweptMotion:
