@@ -111,7 +111,7 @@ def _plain(kind: str | None, own: Schema, root: Schema) -> str:
     if kind == "array":
         return _list_text(own, root)
     if kind == "object":
-        return "mapping by name" if "additionalProperties" in own and _values(own) else "mapping"
+        return "mapping by name" if _values(own) else "mapping"
     words = {"string": "text", "boolean": "true or false", "null": "null", None: "any value"}
     return words[kind]
 
@@ -149,8 +149,11 @@ def _default(own: Schema, *, required: bool) -> str:
 
 
 def _values(own: Schema) -> Schema | None:
-    values = own.get("additionalProperties")
-    return values if isinstance(values, dict) and values else None
+    """Return the schema of the values of a mapping whose keys are free names."""
+    for values in (own.get("additionalProperties"), *own.get("patternProperties", {}).values()):
+        if isinstance(values, dict) and values:
+            return values
+    return None
 
 
 def _inner(path: str, own: Schema, root: Schema) -> Iterator[tuple[str, Schema]]:

@@ -11,7 +11,7 @@ from board_situations import BOARD
 from skillplan.checks.single_check import introduce
 from skillplan.collision.boxes import world_boxes
 from skillplan.model.skill_model import SkillModel
-from skillplan.physics.linear_motions import Stroke
+from skillplan.physics.linear_motions import LinearMotion
 from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.task.motion import Point
@@ -32,7 +32,7 @@ SAMPLE = 20
 def everything(
     self: Surroundings,
     skill: Skill,
-    way: Sequence[Stroke],
+    way: Sequence[LinearMotion],
     state: State,
     here: Point | None = None,
 ) -> Neighbourhood:
