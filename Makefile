@@ -43,7 +43,7 @@ check: .venv/.test .venv/.check  ## format, lint, types, import floors
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/ruff check $(SOURCES)
 	$(BIN)/mypy
-	$(BIN)/lint-imports
+	PYTHONPATH=$$(echo plugins/*/src | tr ' ' :) $(BIN)/lint-imports
 
 format: .venv/.check  ## format, and mend what lint can mend
 	$(BIN)/ruff format $(SOURCES)

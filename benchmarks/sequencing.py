@@ -1,7 +1,7 @@
 """TSPLIB instances of sequential ordering: the portfolio against CP-SAT, at the same seconds.
 
 Every solver has a process of its own on one core, in turns: A, B, A, B, so that a drifting machine
-does not decide. Costs and bounds are held against the best known costs: a bound above, or a cost
+does not decide. Costs and bounds are compared with the best known costs: a bound above, or a cost
 below, is an error of the solver, and the exit code is 1.
 
 Run from the repository: ``python benchmarks/sequencing.py [--seconds 60] [--out FILE]``.
@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fresh_process import ROOT, Answer, Question, last_core
+from fresh_process import ROOT, Outcome, Trial, last_core
 from record_file import RecordFile
 
 from skillplan.pipeline import registry
@@ -41,7 +41,7 @@ class Row:
     solver: str
     n: int | None
     best: float | None
-    answer: Answer
+    outcome: Outcome
 
     @property
     def proved(self) -> bool:
@@ -74,19 +74,19 @@ class Row:
 
     def cells(self) -> list[str]:
         """Return what the table shows."""
-        answer = self.answer
+        outcome = self.answer
         return [
             self.name,
             "-" if self.n is None else str(self.n),
             "-" if self.best is None else f"{self.best:g}",
             self.solver,
-            "-" if answer.cost is None else f"{answer.cost:.0f}",
+            "-" if outcome.cost is None else f"{outcome.cost:.0f}",
             "-" if self.deviation is None else f"{100 * self.deviation:.2f} %",
-            "-" if answer.bound is None else f"{answer.bound:.0f}",
+            "-" if outcome.bound is None else f"{outcome.bound:.0f}",
             "proved" if self.proved else "-" if self.gap is None else f"{100 * self.gap:.2f} %",
-            f"{answer.taken_s:.2f}",
-            f"{answer.peak_mib:.0f}",
-            answer.method,
+            f"{outcome.taken_s:.2f}",
+            f"{outcome.peak_mib:.0f}",
+            outcome.method,
         ]
 
 
@@ -201,9 +201,9 @@ def main() -> int:
         if missing:
             print(f"{args.folder} has no {', '.join(missing)}.", file=sys.stderr)
             return 2
-    asked = args.solvers.split()
-    solvers = [name for name in asked if name.partition(":")[0] in registry.names("solver")]
-    for name in sorted(set(asked) - set(solvers)):
+    wanted = args.solvers.split()
+    solvers = [name for name in wanted if name.partition(":")[0] in registry.names("solver")]
+    for name in sorted(set(wanted) - set(solvers)):
         print(f"{name} is left out: no such solver is installed.", file=sys.stderr)
     if not solvers or not paths:
         print("There is nothing to measure.", file=sys.stderr)
@@ -211,7 +211,7 @@ def main() -> int:
     rows = []
     for path in paths:
         for solver in solvers:
-            question = Question(
+            trial = Trial(
                 str(path.resolve()), solver, args.seconds, args.by_cpu, args.seed, args.core
             )
             line = best.get(path.stem, {})
@@ -221,7 +221,7 @@ def main() -> int:
                 solver,
                 int(line["n"]) if line.get("n") else None,
                 float(known) if known else None,
-                records.answer(path.stem, question),
+                records.outcome(path.stem, trial),
             )
             rows.append(row)
             print(" ".join(row.cells()), row.fault, file=sys.stderr, flush=True)

@@ -193,7 +193,7 @@ def test_help_lists_all_figures_and_loads_none() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.endswith("False False\n")
-    assert all(f"    {name} " in done.stdout for name in TASK_FIGURES)
+    assert all(f"│ {name} " in done.stdout for name in TASK_FIGURES)
 
 
 def test_a_missing_matplotlib_is_told(cli: Any, walk: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,7 @@ from PIL import Image
 
 from skillplan.pipeline import registry
 
+JSON = ("--format", "json")
 OPTIMUM = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 
 # Every skill takes 2 s of 60 samples each; from the second on it shows another colour.
@@ -116,6 +117,26 @@ class TestSimulate:
             document[key] for key in ("feasible", "complete", "stopped")
         )
         assert {"pcb", "switch_1", "screw_2"} <= {one["body"] for one in document["arrivals"]}
+
+    @pytest.mark.parametrize("named", ["", "result.json"], ids=["folder", "file"])
+    def test_a_result_is_as_good_as_its_sequence(
+        self, cli: Any, board: str, puppet: str, tmp_path: Path, named: str
+    ) -> None:
+        """Its task, part and changes are the result's; the engine is the one named."""
+        cli("search-optimal", board, "--set", "step_limit=40", "--out", str(tmp_path / "out"))
+        outcome = cli("simulate", str(tmp_path / "out" / named), "--physics", puppet, *JSON)
+        document = outcome.document
+        assert (0, puppet) == (outcome.code, document["physics"])
+        assert [int(action) for action in OPTIMUM.split(",")] == document["actions"]
+
+    def test_a_plan_is_given_once(self, cli: Any, board: str, puppet: str, tmp_path: Path) -> None:
+        """Beside a task file, or in a result."""
+        cli("search-optimal", board, "--out", str(tmp_path / "out"))
+        engine = ("--physics", puppet)
+        outcome = cli("simulate", board, *engine)
+        assert (2, True) == (outcome.code, "Give the plan by --sequence, or a RES" in outcome.err)
+        outcome = cli("simulate", str(tmp_path / "out"), "--sequence", "0", *engine)
+        assert (2, True) == (outcome.code, "a result holds its own plan" in outcome.err)
 
     def test_a_skill_that_fails_ends_the_plan(self, cli: Any, board: str, puppet: str) -> None:
         """Which one, why, and with what figures; exit code 1."""

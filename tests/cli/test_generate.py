@@ -85,7 +85,7 @@ def test_a_file_that_cannot_be_is_refused(
         (("--parts", "3"), "Missing option '--density'"),
         (("--parts", "0", "--density", "0"), "'--parts': 0 is not in the range 1<=x<=256."),
         (("--parts", "257", "--density", "0"), "'--parts': 257 is not in the range 1<=x<=256."),
-        (("--parts", "x", "--density", "0"), "'--parts': 'x' is not a valid integer"),
+        (("--parts", "x", "--density", "0"), "'--parts': 'x' is not a whole number"),
         (("--parts", "3", "--density", "nan"), "'--density': must be from 0 to 1, not nan."),
         (("--parts", "3", "--density", "1.1"), "'--density': must be from 0 to 1, not 1.1."),
         (("--parts", "3", "--density", "half"), "'--density': 'half' is not a number."),

@@ -167,7 +167,7 @@ def test_the_dynamic_program_proves_what_is_published(name):
     assert "dynamic programming" in result.bound_method or "relaxation" in result.bound_method
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="up to a minute an instance; smaller ones are proved in every run")
 @pytest.mark.parametrize(
     "name", ["ESC47", "ft53.4", "ft70.1", "p43.1", "prob.42", "ft53.1", "rbg253a"]
 )
@@ -177,7 +177,7 @@ def test_the_portfolio_proves_what_is_published(name):
     assert (result.status, result.cost) == (Status.OPTIMAL, float(BEST_KNOWN[name]["best_known"]))
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="ten seconds an instance, 22 of them")
 @pytest.mark.parametrize("name", sorted(path.stem for path in FOLDER.glob("*.sop")))
 def test_no_bound_is_above_and_no_cost_below_what_is_published(name):
     """Within ten seconds each, whether proved or not."""
@@ -218,7 +218,12 @@ def searched(folder, n, limit_mib, time_limit_s):
 @pytest.mark.skipif(sys.platform != "linux", reason="sizes are told in KiB on Linux")
 @pytest.mark.parametrize(
     ("n", "limit_mib", "time_limit_s"),
-    [(60, 400, 4), pytest.param(380, 600, 25, marks=pytest.mark.slow)],
+    [
+        (60, 400, 4),
+        pytest.param(
+            380, 600, 25, marks=pytest.mark.slow(reason="380 nodes for 25 s; 60 in every run")
+        ),
+    ],
 )
 def test_a_memory_limit_is_kept_and_leaves_a_plan_and_a_bound(tmp_path, n, limit_mib, time_limit_s):
     """To within a tenth, as the largest size that the process ever had."""

@@ -116,7 +116,18 @@ class TestThePapersBoard:
 
 
 class TestTheSensorStack:
-    @pytest.mark.parametrize("back_end", ["swept", pytest.param("physics", marks=pytest.mark.slow)])
+    @pytest.mark.parametrize(
+        "back_end",
+        [
+            "swept",
+            pytest.param(
+                "physics",
+                marks=pytest.mark.slow(
+                    reason="a product of its own by physics; by swept hulls in every run"
+                ),
+            ),
+        ],
+    )
     def test_a_product_of_another_order_has_another_relation(self, back_end):
         task = load_problem(BOARD.parent / "sensor_stack.yaml").task
         found = answer(task, back_end)

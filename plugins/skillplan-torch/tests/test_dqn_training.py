@@ -44,7 +44,11 @@ def checkpoints(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize(
-    ("runs", "steps", "kills"), [(2, 600, 3), pytest.param(6, 3_000, 20, marks=pytest.mark.slow)]
+    ("runs", "steps", "kills"),
+    [
+        (2, 600, 3),
+        pytest.param(6, 3_000, 20, marks=pytest.mark.slow(reason="20 kills; three in every run")),
+    ],
 )
 def test_sigkill_at_random_instants_changes_nothing(
     tmp_path: Path, runs: int, steps: int, kills: int

@@ -6,6 +6,7 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Annotated, Any
 
 import typer
@@ -14,6 +15,7 @@ from typer.main import get_command
 
 from skillplan import __version__
 from skillplan.cli.command_group import MARKUP, SETTINGS, CommandGroup, of_module, untyped
+from skillplan.cli.compilation_notice import compilation_announced
 from skillplan.cli.error_report import report_bug, report_error, report_usage
 from skillplan.errors import EXIT_BACK_END, EXIT_INTERRUPTED, SkillplanError
 
@@ -36,6 +38,7 @@ PANELS = {
         "sweep": "Study how a solver's options act: several values, seeds and starts.",
     },
     "Task files": {
+        "init": "Write a commented task file to begin one's own from.",
         "check": "Validate a task file: its faults at once.",
         "generate": "Write a task file at random: parts, precedence, tools.",
         "schema": "Print the JSON Schema of a kind of task file.",
@@ -43,6 +46,7 @@ PANELS = {
     "This installation": {
         "plugins": "List installed back ends, solvers and kinds of task.",
         "cache": "Show, verify, fill and clear the verdicts kept on disk.",
+        "warm-up": "Compile ahead what would be compiled at its first use.",
     },
 }
 
@@ -151,7 +155,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _run(words: list[str]) -> int:
     try:
-        code = app.main(args=words, prog_name="skillplan", standalone_mode=False)
+        with nullcontext() if words[:1] == ["warm-up"] else compilation_announced():
+            code = app.main(args=words, prog_name="skillplan", standalone_mode=False)
         return code if isinstance(code, int) else 0
     except typer.TyperException as error:
         return report_usage(error, words)

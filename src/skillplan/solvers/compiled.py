@@ -11,6 +11,9 @@ from collections.abc import Callable
 from typing import ParamSpec, TypeVar, cast
 
 from numba import njit
+from numba.core import event
+
+from skillplan.solvers import compilation
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -28,3 +31,19 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
         if "cache" not in str(error):
             raise
         return cast(Callable[P, R], njit(function))
+
+
+class _Teller(event.Listener):  # type: ignore[misc]
+    """Tells of every kernel of this project that numba compiles."""
+
+    def on_start(self, event: event.Event) -> None:
+        """Tell of a kernel before it is compiled."""
+        function = event.data["dispatcher"].py_func
+        if function.__module__.startswith("skillplan"):
+            compilation.tell(f"{function.__module__}.{function.__qualname__}")
+
+    def on_end(self, event: event.Event) -> None:
+        """Say nothing more."""
+
+
+event.register("numba:compile", _Teller())

@@ -6,6 +6,7 @@ common colour vision deficiencies tell apart; nothing is told by colour alone.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,10 +15,12 @@ from typing import Any, ParamSpec, TypeVar
 
 import matplotlib
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
+from matplotlib.ticker import FuncFormatter
 
 INK = "#1a1a1a"
 MUTED = "#5f6368"
@@ -176,6 +179,23 @@ def axes_in(
     return figure.add_axes(
         (left_in / whole_w, bottom_in / whole_h, width_in / whole_w, height_in / whole_h)
     )
+
+
+def label_log_axis(axis: Axis) -> None:
+    """Label a logarithmic axis with plain numbers, also between powers of ten where few show.
+
+    Matplotlib's own labels are formulas, and formulas are not read in the house style.
+    """
+
+    def between(value: float, _: int | None) -> str:
+        low, high = sorted(axis.get_view_interval())
+        digit = round(value / 10 ** math.floor(math.log10(value) + 1e-9))
+        decades = math.log10(high / low)
+        shown = decades < 1 or (decades < 2 and digit in (2, 5))
+        return f"{value:,.10g}" if shown else ""
+
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
+    axis.set_minor_formatter(FuncFormatter(between))
 
 
 def legend_columns(labels: list[str], width_in: float) -> tuple[int, float]:

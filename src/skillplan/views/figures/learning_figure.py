@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from skillplan.records.result import Result
@@ -26,6 +25,7 @@ from skillplan.views.figures.figure_style import (
     Heading,
     axes_in,
     in_house_style,
+    label_log_axis,
     legend_columns,
     sheet,
 )
@@ -193,7 +193,7 @@ def _draw_panel(axes: Axes, panel: LearningPanel) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
+        label_log_axis(axis)
     axes.grid(which="major")
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlabel("episode [-]")

@@ -5,6 +5,7 @@ Veeramani and Muthuswamy 2022, Fig. 10.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,6 +13,7 @@ from typing import Literal
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
 
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
@@ -32,6 +34,8 @@ from skillplan.views.figures.figure_style import (
 
 SOLVER = "auto"
 _RIGHT_IN, _STEP_IN, _MOST_IN = 0.3, 0.42, 14.0
+# Bars that are smaller than the largest by more than this cannot be seen beside it.
+_MOST_RATIO = 100.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,10 +128,7 @@ def _draw_rewards(axes: Axes, steps: Sequence[PaidStep], wide_in: float) -> None
         zorder=3,
     )
     axes.axhline(0.0, color=INK, linewidth=0.8, zorder=4)
-    low, high = min(0.0, *rewards), max(0.0, *rewards)
-    room = 0.16 * ((high - low) or 1.0)
-    axes.set_ylim(low - (room if low < 0 else 0.0), high + room)
-    axes.set_ylabel("reward [-]")
+    _scale_rewards(axes, rewards)
     step_in = wide_in / (len(steps) + 0.2)
     texts = [_reward_text(reward) for reward in rewards]
     if max(text_width_in(text, 6.5) for text in texts) + 0.05 <= step_in:
@@ -137,6 +138,28 @@ def _draw_rewards(axes: Axes, steps: Sequence[PaidStep], wide_in: float) -> None
     axes.set_xticks(shown, [_tick(number, steps[number - 1]) for number in shown])
     places = any(step.place for step in steps)
     axes.set_xlabel("step, and the position where it ends" if places else "step")
+
+
+def _scale_rewards(axes: Axes, rewards: Sequence[float]) -> None:
+    """Set the axis of rewards, with room for figures; logarithmic where small bars would vanish."""
+    low, high = min(0.0, *rewards), max(0.0, *rewards)
+    sizes = [abs(reward) for reward in rewards if reward]
+    if not sizes or max(sizes) <= _MOST_RATIO * min(sizes):
+        room = 0.16 * ((high - low) or 1.0)
+        axes.set_ylim(low - (room if low < 0 else 0.0), high + room)
+        axes.set_ylabel("reward [-]")
+        return
+    # From zero to the smallest bar the axis is linear, beyond it logarithmic on both sides.
+    least = 10.0 ** math.floor(math.log10(min(sizes)))
+    axes.set_yscale("symlog", linthresh=least, linscale=0.5)
+    axes.set_ylim(8 * low if low < 0 else 0.0, 8 * high if high > 0 else 0.0)
+    decades = math.floor(math.log10(max(sizes))) - round(math.log10(least))
+    powers = [least * 10.0**power for power in range(0, decades + 1, -(-decades // 3))]
+    ticks = [-power for power in powers if -power >= low] + [0.0]
+    ticks += [power for power in powers if power <= high]
+    axes.set_yticks(ticks, [f"{tick:g}".replace("-", "\N{MINUS SIGN}") for tick in ticks])
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.set_ylabel("reward [-], log scale")
 
 
 def _reward_text(reward: float) -> str:

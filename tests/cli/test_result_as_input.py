@@ -1,0 +1,300 @@
+"""A result in the place of a task or a sequence: the folder that --out named, or its JSON."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from PIL import Image
+
+from run_folders import HOPELESS, OPTIMAL, SWITCHED, write_runs
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+BOARD = str(CONFIGS / "inverter_board.yaml")
+BENCH = str(CONFIGS / "swarmitfix_triangular.yaml")
+JSON = ("--format", "json")
+
+
+@pytest.fixture
+def folder(cli: Any, tmp_path: Path) -> Path:
+    """The optimum of the board within 40 steps, by the shapes of its parts."""
+    path = tmp_path / "earlier"
+    words = ("--collision", "aabb", "--set", "step_limit=40", "--out", str(path))
+    assert 0 == cli("search-optimal", BOARD, *words).code
+    return path
+
+
+@pytest.fixture
+def chain(cli: Any, tmp_path: Path) -> Path:
+    """A solved chain of heads, goals and paths of a base."""
+    path = tmp_path / "chain"
+    assert 0 == cli("search-optimal", BENCH, "--solver", "exact", "--out", str(path)).code
+    return path
+
+
+@pytest.fixture(params=["", "result.json"], ids=["folder", "file"])
+def result(folder: Path, request: pytest.FixtureRequest) -> str:
+    """The same result in both forms."""
+    return str(folder / request.param)
+
+
+def texts(path: Path) -> str:
+    """Return the texts of an SVG file, on lines of their own."""
+    tags = ElementTree.parse(path).iter("{http://www.w3.org/2000/svg}text")
+    return "\n".join("".join(tag.itertext()).strip() for tag in tags)
+
+
+class TestEvaluate:
+    def test_the_plan_is_replayed_as_it_was_made(self, cli: Any, result: str) -> None:
+        """Feasible, complete, and at the same cost."""
+        outcome = cli("evaluate", result, *JSON)
+        document = outcome.document
+        assert 0 == outcome.code
+        assert (True, True) == (document["feasible"], document["complete"])
+        assert pytest.approx(1.86709, abs=5e-6) == document["cost"]
+
+    def test_what_the_line_says_goes_before(
+        self, cli: Any, result: str, bursting_detector: str
+    ) -> None:
+        """A back end, and a change of the file, which makes another task of it."""
+        slow = cli("evaluate", result, "--set", "robot.travel_speed_m_per_s=0.01", *JSON)
+        assert 0 == slow.code
+        assert cli("evaluate", result, *JSON).document["makespan_s"] < slow.document["makespan_s"]
+        assert 3 == cli("evaluate", result, "--collision", bursting_detector).code
+
+    def test_a_task_of_a_chain_is_named(self, cli: Any, chain: Path) -> None:
+        """It is grounded as it was: from the plans of the stages before."""
+        stored = json.loads((chain / "result.json").read_text("utf-8"))
+        part = stored["sequences"][0]
+        outcome = cli("evaluate", str(chain), "--part", part["name"], *JSON)
+        assert 0 == outcome.code
+        assert part["cost"] == pytest.approx(outcome.document["cost"])
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [((), "Name one by --part: heads-1"), (("--part", "heds-1"), "Did you mean 'heads-1'?")],
+    )
+    def test_a_chain_alone_has_no_single_plan(
+        self, cli: Any, chain: Path, words: tuple[str, ...], message: str
+    ) -> None:
+        """The message names its tasks, or the nearest."""
+        outcome = cli("evaluate", str(chain), *words)
+        assert 2 == outcome.code
+        assert message in outcome.err
+
+    def test_a_changed_task_is_refused_unless_told_otherwise(
+        self, cli: Any, tmp_path: Path
+    ) -> None:
+        """By the hash of its content."""
+        task, out = tmp_path / "board.yaml", str(tmp_path / "out")
+        shutil.copy(BOARD, task)
+        cli("search-optimal", str(task), "--out", out)
+        task.write_text(task.read_text("utf-8").replace("step_limit: 20", "step_limit: 25"))
+        outcome = cli("evaluate", out)
+        assert 2 == outcome.code
+        assert "has changed since" in outcome.err
+        assert 0 == cli("evaluate", out, "--changed-task").code
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (("--sequence", "0"), "--sequence is for a task file; a result holds its own plan."),
+            (("--policy", "p.json"), "--policy is for a task file; a result holds its own plan."),
+            (("--episodes", "3"), "--episodes is for a folder of runs."),
+            (("-O", "aab.tolerance_m=1"), "No plugin 'aab' takes part in this run."),
+        ],
+    )
+    def test_what_does_not_fit_is_refused(
+        self, cli: Any, folder: Path, words: tuple[str, ...], message: str
+    ) -> None:
+        """Rather than ignored."""
+        outcome = cli("evaluate", str(folder), *words)
+        assert (2, "") == (outcome.code, outcome.out)
+        assert message in outcome.err
+
+    def test_a_result_without_a_plan_is_refused(
+        self, cli: Any, no_way: str, tmp_path: Path
+    ) -> None:
+        """Its status says why there is none."""
+        out = str(tmp_path / "out")
+        cli("search-optimal", no_way, "--solver", "exact", "--out", out)
+        outcome = cli("evaluate", out)
+        assert 2 == outcome.code
+        assert "holds no plan of" in outcome.err
+        assert "its status is infeasible" in outcome.err
+
+
+class TestExplain:
+    def test_a_step_is_the_state_in_which_it_begins(self, cli: Any, result: str) -> None:
+        """As the same sequence pasted by --after would have it."""
+        step = ("--from", result, "--step", "7")
+        told = cli("explain", BOARD, "place(brace)", *step, *JSON).document
+        pasted = cli(
+            "explain",
+            BOARD,
+            "place(brace)",
+            *("--after", "0,1,2,3,4,5", "--collision", "aabb", "--set", "step_limit=40"),
+            *JSON,
+        ).document
+        assert pasted == told
+
+    def test_without_a_step_it_is_the_end(self, cli: Any, result: str) -> None:
+        """All is done there."""
+        outcome = cli("explain", BOARD, "pick(pcb)", "--from", result, *JSON)
+        assert 1 == outcome.code
+        assert {"placed(pcb)", "placed(brace)"} <= set(outcome.document["state"])
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (("--step", "3"), "--step counts the steps of a result: name it by --from RESULT."),
+            (("--from", "RESULT", "--after", "0"), "Give either --after or --from"),
+            (("--from", "RESULT", "--step", "17"), "has 15 steps."),
+        ],
+    )
+    def test_what_does_not_fit_is_refused(
+        self, cli: Any, folder: Path, words: tuple[str, ...], message: str
+    ) -> None:
+        """In one message."""
+        named = [str(folder) if word == "RESULT" else word for word in words]
+        outcome = cli("explain", BOARD, "0", *named)
+        assert (2, "") == (outcome.code, outcome.out)
+        assert message in outcome.err
+
+    def test_a_result_of_another_task_is_refused(self, cli: Any, motor: str, folder: Path) -> None:
+        """Both are named."""
+        outcome = cli("explain", motor, "0", "--from", str(folder))
+        assert 2 == outcome.code
+        assert "'inverter-board'" in outcome.err
+        assert "'motor-drive'" in outcome.err
+
+
+class TestPlot:
+    def test_the_rewards_of_a_stored_plan_are_drawn(
+        self, cli: Any, result: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Without a search: no solver is made."""
+        path = tmp_path / "rewards.svg"
+        monkeypatch.setattr(
+            "skillplan.pipeline.chain.solve_chain", lambda *_, **__: pytest.fail("it has searched")
+        )
+        outcome = cli("plot", result, "rewards", "--out", str(path))
+        assert (0, f"{path}\n") == (outcome.code, outcome.out)
+        assert "place(transformer)" in texts(path)
+
+    @pytest.mark.parametrize("figure", ["gantt", "placement", "rewards"])
+    def test_a_stored_chain_is_drawn(
+        self, cli: Any, chain: Path, tmp_path: Path, figure: str
+    ) -> None:
+        """The same as of the task, but for who has found it and how fast."""
+        of_result, of_task = tmp_path / "result.png", tmp_path / "task.png"
+        assert 0 == cli("plot", str(chain), figure, "--out", str(of_result)).code
+        words = ("--solver", "exact", "--out", str(of_task))
+        assert 0 == cli("plot", BENCH, figure, *words).code
+        with Image.open(of_result) as drawn, Image.open(of_task) as expected:
+            assert expected.tobytes() == drawn.tobytes()
+
+    def test_a_stored_policy_is_drawn(self, cli: Any, tmp_path: Path) -> None:
+        """From the policies.json beside the plan."""
+        out, path = str(tmp_path / "learned"), tmp_path / "policy.svg"
+        learned = ("--solver", "sarsa", "-O", "episodes=300", "--seed", "3", "--out", out)
+        cli("search-optimal", BENCH, *learned)
+        assert 0 == cli("plot", out, "policy", "--out", str(path)).code
+        assert "solver sarsa" in texts(path)
+
+    def test_what_a_search_shows_is_searched_anew_as_it_was(self, cli: Any, tmp_path: Path) -> None:
+        """With the solver, the options and the seed of the result."""
+        out, path = str(tmp_path / "learned"), tmp_path / "values.svg"
+        learned = ("--solver", "sarsa", "-O", "episodes=300", "--seed", "3", "--out", out)
+        cli("search-optimal", BENCH, *learned)
+        assert 0 == cli("plot", out, "q-values", "--out", str(path)).code
+        shown = texts(path)
+        assert "seed 3" in shown
+        assert "episodes = 300" in shown
+
+
+class TestVerifyAndStart:
+    def test_both_take_folder_and_file(self, cli: Any, result: str) -> None:
+        """As ever."""
+        assert cli("verify", result, *JSON).document["valid"]
+        words = ("--collision", "aabb", "--set", "step_limit=40", "--start", result)
+        trace = cli("search-optimal", BOARD, *words, *JSON).document["trace"]
+        assert trace["start"].startswith("from a plan of ")
+
+
+class TestRuns:
+    @pytest.fixture
+    def good(self, tmp_path: Path) -> Path:
+        """Two runs, which complete the board."""
+        return write_runs(tmp_path / "good", BOARD, [OPTIMAL, SWITCHED])
+
+    @pytest.fixture
+    def poor(self, tmp_path: Path) -> Path:
+        """Two runs, of which one completes it."""
+        return write_runs(tmp_path / "poor", BOARD, [SWITCHED, HOPELESS])
+
+    def test_several_stand_side_by_side(self, cli: Any, good: Path, poor: Path) -> None:
+        """In JSON each with all that is said of it alone."""
+        outcome = cli("evaluate", str(good), str(poor), *JSON)
+        document = outcome.document
+        assert (0, "skillplan.trainings/1") == (outcome.code, document["schema"])
+        assert [2, 1] == [row["completed_runs"] for row in document["rows"]]
+        assert cli("evaluate", str(good), *JSON).document["runs"] == document["rows"][0]["runs"]
+
+    def test_the_table_has_a_row_for_each(self, cli: Any, good: Path, poor: Path) -> None:
+        """By its folder."""
+        lines = cli("evaluate", str(good), str(poor), "--format", "csv").out.splitlines()
+        assert 3 == len(lines)
+        assert [str(good), str(poor)] == [line.split(",")[0] for line in lines[1:]]
+
+    @pytest.mark.parametrize("command", ["evaluate", "plot"])
+    def test_something_else_among_them_is_refused(self, cli: Any, good: Path, command: str) -> None:
+        """By name."""
+        outcome = cli(command, str(good), BOARD)
+        assert 2 == outcome.code
+        assert f"{BOARD} is no folder of training runs" in outcome.err
+
+    def test_the_document_of_a_folder_means_the_folder(self, cli: Any, good: Path) -> None:
+        """Of training runs as of results."""
+        (good / "result.json").write_text("{}")
+        document = cli("evaluate", str(good), *JSON).document
+        assert (
+            document["runs"] == cli("evaluate", str(good / "result.json"), *JSON).document["runs"]
+        )
+
+    @pytest.mark.parametrize("figure", ["success", "distances"])
+    def test_their_curves_stand_in_one_figure(
+        self, cli: Any, good: Path, poor: Path, tmp_path: Path, figure: str
+    ) -> None:
+        """The legend names each by its folder and solver."""
+        path = tmp_path / "together.svg"
+        assert 0 == cli("plot", str(good), str(poor), figure, "--out", str(path)).code
+        shown = texts(path)
+        assert "good: " in shown
+        assert "poor: " in shown
+        assert "2 trainings: inverter-board" in shown
+
+    def test_without_a_name_both_figures_go_here(
+        self, cli: Any, good: Path, poor: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """After the task; no folder of runs is written to."""
+        here = tmp_path / "here"
+        here.mkdir()
+        monkeypatch.chdir(here)
+        outcome = cli("plot", str(good), str(poor))
+        names = ["inverter-board-success.png", "inverter-board-distances.png"]
+        assert names == outcome.out.split()
+        assert sorted(names) == sorted(path.name for path in here.iterdir())
+
+    def test_those_of_other_tasks_are_refused(
+        self, cli: Any, good: Path, motor: str, tmp_path: Path
+    ) -> None:
+        """They have no axis in common."""
+        other = write_runs(tmp_path / "other", motor, [OPTIMAL])
+        outcome = cli("plot", str(good), str(other), "success", "--out", str(tmp_path / "x.svg"))
+        assert 2 == outcome.code
+        assert "is of another task, 'motor-drive'" in outcome.err
