@@ -5,6 +5,8 @@ test-all`` takes `thorough`, by ``--hypothesis-profile=thorough``. A test that a
 number of its own asks for ``examples(number)`` of ``tests/support``.
 """
 
+import gc
+
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -17,6 +19,12 @@ repeatable = settings(
 settings.register_profile("fast", repeatable, max_examples=40)
 settings.register_profile("thorough", repeatable, max_examples=100)
 settings.load_profile("fast")
+
+
+def pytest_collection_finish(session):
+    """Thousands of tests are alive from here on: no garbage collection need look at them again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)

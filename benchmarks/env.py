@@ -1,7 +1,7 @@
-"""Environments: steps a second of many places at once, against a plain loop over single ones.
+"""Environments: steps a second of many at once, against a plain loop over single ones.
 
-Both do the same episodes of the paper's board, and must be paid the same. Budget of the project:
-100,000 steps a second, once what is tried has been tried before.
+Both do the same episodes of the paper's board, and must get the same rewards. Budget of the
+project: 100,000 steps a second, once what is tried has been tried before.
 """
 
 from __future__ import annotations
@@ -22,48 +22,48 @@ BOARD = Path(__file__).parents[1] / "configs" / "inverter_board.yaml"
 BUDGET_PER_S = 100_000
 STEPS = 3_000
 ROUNDS = 7
-# Of the actions so many are not looked up in the mask: episodes end in every way.
+# Of the actions so many are not looked up in the mask: episodes end in every manner.
 WILD = 0.05
 
 
 def main() -> None:
     """Print the table."""
     print(
-        f"{'places':>6} {'[us] a call':>12} {'steps/s':>12} {'plain loop':>12} {'ratio':>7} "
+        f"{'envs':>6} {'[us] a call':>12} {'steps/s':>12} {'plain loop':>12} {'ratio':>7} "
         f"{'budget':>12}"
     )
-    for places in (1, 5, 10, 50, 250):
-        vectorised_per_s, plain_per_s = steps_per_s(places)
-        budget = f"{vectorised_per_s / BUDGET_PER_S:.1f} x" if places > 1 else "-"
+    for count in (1, 5, 10, 50, 250):
+        vectorised_per_s, plain_per_s = steps_per_s(count)
+        budget = f"{vectorised_per_s / BUDGET_PER_S:.1f} x" if count > 1 else "-"
         print(
-            f"{places:6} {1e6 * places / vectorised_per_s:12.1f} {vectorised_per_s:12,.0f} "
+            f"{count:6} {1e6 * count / vectorised_per_s:12.1f} {vectorised_per_s:12,.0f} "
             f"{plain_per_s:12,.0f} {vectorised_per_s / plain_per_s:7.1f} {budget:>12}"
         )
 
 
-def steps_per_s(places: int) -> tuple[float, float]:
-    """Return the steps a second of so many places at once, and of a plain loop; medians.
+def steps_per_s(count: int) -> tuple[float, float]:
+    """Return the steps a second of so many environments at once, and of a plain loop; medians.
 
     The two take turns, so that a drifting machine does not decide.
     """
     task = load_problem(BOARD).task
-    env = SkillVectorEnv(make_model(task), places)
+    env = SkillVectorEnv(make_model(task), count)
     actions = some_actions(env)
     single = SkillEnv(make_model(task))
     looped = actions[:, 0]
     plain(single, looped)
     figures = []
     for _ in range(ROUNDS):
-        paid, wall_s = vectorised(env, actions)
-        paid_plain, plain_s = plain(single, looped)
-        assert paid == paid_plain, "the two were not paid the same"
+        rewards, wall_s = vectorised(env, actions)
+        plain_rewards, plain_s = plain(single, looped)
+        assert rewards == plain_rewards, "the two did not get the same rewards"
         figures.append((actions.size / wall_s, looped.size / plain_s))
     fast, slow = zip(*figures, strict=True)
     return statistics.median(fast), statistics.median(slow)
 
 
 def some_actions(env: SkillVectorEnv) -> NDArray[np.int64]:
-    """Return actions for every step and place, shape (steps, places), mostly allowed ones."""
+    """Return actions for every step and environment, shape (steps, count), mostly allowed ones."""
     rng = np.random.default_rng(0)
     _, infos = env.reset(seed=0)
     taken = []
@@ -75,26 +75,26 @@ def some_actions(env: SkillVectorEnv) -> NDArray[np.int64]:
 
 
 def vectorised(env: SkillVectorEnv, actions: NDArray[np.int64]) -> tuple[list[float], float]:
-    """Return what the first place is paid in every step, and the time of all [s]."""
+    """Return the first environment's reward of every step, and the time of all [s]."""
     env.reset(seed=0)
     begin_s = time.perf_counter()
-    paid = [env.step(chosen)[1] for chosen in actions]
+    found = [env.step(chosen)[1] for chosen in actions]
     wall_s = time.perf_counter() - begin_s
-    return [float(rewards[0]) for rewards in paid], wall_s
+    return [float(rewards[0]) for rewards in found], wall_s
 
 
 def plain(env: SkillEnv, actions: NDArray[np.int64]) -> tuple[list[float], float]:
-    """Return what a single place is paid in every step, and the time of all [s]."""
+    """Return a single environment's reward of every step, and the time of all [s]."""
     chosen = actions.tolist()
     env.reset(seed=0)
-    paid = []
+    rewards = []
     begin_s = time.perf_counter()
     for action in chosen:
         _, reward, terminated, truncated, _ = env.step(action)
-        paid.append(reward)
+        rewards.append(reward)
         if terminated or truncated:
             env.reset()
-    return paid, time.perf_counter() - begin_s
+    return rewards, time.perf_counter() - begin_s
 
 
 if __name__ == "__main__":

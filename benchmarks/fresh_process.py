@@ -29,8 +29,8 @@ ONE_THREAD = dict.fromkeys(
 
 
 @dataclass(frozen=True)
-class Question:
-    """What is asked of a process.
+class Trial:
+    """What a process has to do.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def _value(text: str) -> object:
 
 
 @dataclass(frozen=True)
-class Answer:
+class Outcome:
     """What became of it.
 
     Parameters
@@ -113,10 +113,10 @@ def last_core() -> int:
     return max(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 0
 
 
-def ask(question: Question) -> Answer:
-    """Have a fresh process answer; what it says of its failure is the reason."""
-    command = [sys.executable, str(Path(__file__).resolve()), json.dumps(asdict(question))]
-    most_s = 300 + 20 * question.limit_s
+def run_in_process(trial: Trial) -> Outcome:
+    """Run a trial in a fresh process; what it says of its failure is the reason."""
+    command = [sys.executable, str(Path(__file__).resolve()), json.dumps(asdict(trial))]
+    most_s = 300 + 20 * trial.limit_s
     try:
         done = subprocess.run(
             command,
@@ -127,38 +127,38 @@ def ask(question: Question) -> Answer:
             timeout=most_s,
         )
     except subprocess.TimeoutExpired:
-        return Answer("failed", reason=f"killed after {most_s:.0f} s")
+        return Outcome("failed", reason=f"killed after {most_s:.0f} s")
     if done.returncode != 0:
         said = done.stderr.strip().splitlines()
-        return Answer("failed", reason=said[-1] if said else f"exit code {done.returncode}")
-    return Answer(**json.loads(done.stdout.splitlines()[-1]))
+        return Outcome("failed", reason=said[-1] if said else f"exit code {done.returncode}")
+    return Outcome(**json.loads(done.stdout.splitlines()[-1]))
 
 
-def answer(question: Question) -> Answer:
+def run_here(trial: Trial) -> Outcome:
     """Solve in this process, on its one core."""
     if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {question.core})
-    warm_up(question.plugin)
+        os.sched_setaffinity(0, {trial.core})
+    warm_up(trial.plugin)
 
     from skillplan import Setup, Stop, load_problem
     from skillplan.checks.verdict_cache import VerdictCache
     from skillplan.pipeline.run import attempt, grade
     from skillplan.solvers import stop as clocked
 
-    task, cache = load_problem(question.path).task, VerdictCache()
-    setup = Setup(options={question.plugin: question.options})
+    task, cache = load_problem(trial.path).task, VerdictCache()
+    setup = Setup(options={trial.plugin: trial.options})
     clock: Callable[[], float] = time.perf_counter
-    if question.by_cpu:
+    if trial.by_cpu:
         clock = time.process_time
         # A stop reads the time of the module that it looks up here.
         vars(clocked)["time"] = SimpleNamespace(monotonic=clock)
     begin_s = clock()
-    stop = Stop(time_limit_s=question.limit_s)
-    made = attempt(task, question.plugin, setup, seed=question.seed, stop=stop, cache=cache)
+    stop = Stop(time_limit_s=trial.limit_s)
+    made = attempt(task, trial.plugin, setup, seed=trial.seed, stop=stop, cache=cache)
     taken_s = clock() - begin_s
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     result = grade(task, made, setup, cache)
-    return Answer(
+    return Outcome(
         str(result.status),
         result.cost,
         result.document()["lower_bound"],
@@ -186,4 +186,4 @@ def warm_up(solver: str) -> None:
 
 
 if __name__ == "__main__":
-    print(json.dumps(asdict(answer(Question(**json.loads(sys.argv[1]))))))
+    print(json.dumps(asdict(run_here(Trial(**json.loads(sys.argv[1]))))))

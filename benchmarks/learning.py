@@ -1,7 +1,7 @@
 """Deep Q-learning: steps a second against Stable-Baselines3's, on the paper's board without mask.
 
-Both observe the paper's bits and are paid by Table II, with one thread a process. Ways to train
-take turns; each is timed once it is warm, and held against Stable-Baselines3's defaults in as many
+Both observe the paper's bits and get the rewards of Table II, with one thread a process. Settings
+take turns; each is timed once it is warm, and compared with Stable-Baselines3's defaults in as many
 processes of the same round. Its runs learn one after another in a process, `dqn`'s in groups of
 five side by side, as `skillplan train` has them. Budget of the project: 3 times its steps a second.
 
@@ -48,8 +48,8 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
-class Way:
-    """A way to train runs.
+class Setting:
+    """How runs are trained.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Way:
 
     @property
     def is_baseline(self) -> bool:
-        """Whether others are held against it."""
+        """Whether others are compared with it."""
         return self.options == {}
 
 
@@ -106,14 +106,14 @@ class Clock:
         return time.perf_counter() - self._begin_s[0], time.process_time() - self._begin_s[1]
 
 
-WAYS = (
-    Way("Stable-Baselines3, defaults", (1,), 1, {}),
-    Way("Stable-Baselines3, defaults", (1, 1), 2, {}),
-    Way("Stable-Baselines3, train_freq 2", (1,), 1, {"train_freq": 2, "gradient_steps": 1}),
-    Way("Stable-Baselines3, train_freq 1", (1,), 1, {"train_freq": 1, "gradient_steps": 1}),
-    Way("dqn, a run alone", (1,), 1),
-    Way("dqn, groups of five", (GROUP, GROUP), 1),
-    Way("dqn, groups of five", (GROUP, GROUP), 2),
+SETTINGS = (
+    Setting("Stable-Baselines3, defaults", (1,), 1, {}),
+    Setting("Stable-Baselines3, defaults", (1, 1), 2, {}),
+    Setting("Stable-Baselines3, train_freq 2", (1,), 1, {"train_freq": 2, "gradient_steps": 1}),
+    Setting("Stable-Baselines3, train_freq 1", (1,), 1, {"train_freq": 1, "gradient_steps": 1}),
+    Setting("dqn, a run alone", (1,), 1),
+    Setting("dqn, groups of five", (GROUP, GROUP), 1),
+    Setting("dqn, groups of five", (GROUP, GROUP), 2),
 )
 
 
@@ -121,18 +121,18 @@ def main() -> None:
     """Install what is compared with, and print the table."""
     parser = argparse.ArgumentParser(description=f"Steps a second of dqn and of {BASELINE}.")
     parser.add_argument("--steps", type=int, default=5_000, help="environment steps of a run")
-    parser.add_argument("--rounds", type=int, default=2, help="how often the ways take turns")
+    parser.add_argument("--rounds", type=int, default=2, help="how often the settings take turns")
     parser.add_argument("--folder", type=Path, help=f"where {BASELINE} is, or is installed")
-    asked = parser.parse_args()
-    if asked.steps < LEAST_STEPS or asked.rounds < 1:
+    args = parser.parse_args()
+    if args.steps < LEAST_STEPS or args.rounds < 1:
         parser.error(f"it takes at least {LEAST_STEPS:,} steps and 1 round")
     with ExitStack() as stack:
-        folder = asked.folder or Path(stack.enter_context(TemporaryDirectory()))
+        folder = args.folder or Path(stack.enter_context(TemporaryDirectory()))
         install(folder)
         rounds: list[list[list[Share]]] = []
-        for number in range(asked.rounds):
-            rounds.append([turn(way, asked.steps, 100 * number, folder) for way in WAYS])
-    table(rounds, asked.steps)
+        for number in range(args.rounds):
+            rounds.append([turn(setting, args.steps, 100 * number, folder) for setting in SETTINGS])
+    table(rounds, args.steps)
 
 
 def install(folder: Path) -> None:
@@ -148,12 +148,12 @@ def install(folder: Path) -> None:
         sys.exit(f"{wanted} cannot be installed into {folder}: {said}")
 
 
-def turn(way: Way, steps: int, seed: int, folder: Path) -> list[Share]:
+def turn(setting: Setting, steps: int, seed: int, folder: Path) -> list[Share]:
     """Return what every process has trained, all at once.
 
     Parameters
     ----------
-    way
+    setting
         How.
     steps
         Environment steps of a run.
@@ -164,20 +164,22 @@ def turn(way: Way, steps: int, seed: int, folder: Path) -> list[Share]:
     """
     spawn = multiprocessing.get_context("spawn")
     os.environ.update(dict.fromkeys(THREADS, "1"))
-    barrier = spawn.Barrier(way.processes)
+    barrier = spawn.Barrier(setting.processes)
     started: list[tuple[multiprocessing.process.BaseProcess, Connection]] = []
     try:
-        for index in range(way.processes):
+        for index in range(setting.processes):
             here, there = spawn.Pipe(duplex=False)
-            groups = way.groups[index :: way.processes]
+            groups = setting.groups[index :: setting.processes]
             seeds = seed + index * sum(groups)
             process = spawn.Process(
-                target=work, args=(there, barrier, way, groups, steps, seeds, folder), daemon=True
+                target=work,
+                args=(there, barrier, setting, groups, steps, seeds, folder),
+                daemon=True,
             )
             process.start()
             there.close()
             started.append((process, here))
-        return [answer(way, here) for _, here in started]
+        return [received(setting, here) for _, here in started]
     finally:
         for process, here in started:
             here.close()
@@ -185,41 +187,59 @@ def turn(way: Way, steps: int, seed: int, folder: Path) -> list[Share]:
             process.join()
 
 
-def answer(way: Way, pipe: Connection) -> Share:
+def received(setting: Setting, pipe: Connection) -> Share:
     """Return what a process says, or end the program with why it cannot."""
     try:
         said: Share | str = pipe.recv()
     except EOFError:
         said = "its process has ended"
     if isinstance(said, str):
-        sys.exit(f"{way.name} cannot be timed: {said}")
+        sys.exit(f"{setting.name} cannot be timed: {said}")
     return said
 
 
 def work(
     pipe: Connection,
     barrier: Barrier,
-    way: Way,
+    setting: Setting,
     groups: tuple[int, ...],
     steps: int,
     seed: int,
     folder: Path,
 ) -> None:
-    """Train groups one after another, once every process is warm; tell what they came to."""
+    """Train groups one after another, once every process is warm; tell what they came to.
+
+    Parameters
+    ----------
+    pipe
+        Takes what was trained, or why it could not be.
+    barrier
+        Where all processes wait until they are warm.
+    setting
+        How.
+    groups
+        How many runs each group has.
+    steps
+        Environment steps of a run.
+    seed
+        Of the first run; the others' count up.
+    folder
+        Where Stable-Baselines3 is.
+    """
     try:
         import torch
 
         torch.set_num_threads(1)
-        if way.options is None:
+        if setting.options is None:
             train = train_dqn
         else:
             sys.path.insert(0, str(folder))
             train = train_baseline
-        train(way, 1, WARM_UP_STEPS, seed)
+        train(setting, 1, WARM_UP_STEPS, seed)
         barrier.wait(PATIENCE_S)
         trained = []
         for runs in groups:
-            trained.append(train(way, runs, steps, seed))
+            trained.append(train(setting, runs, steps, seed))
             seed += runs
         pipe.send(
             Share(
@@ -235,7 +255,7 @@ def work(
         pipe.send(f"{type(error).__name__}: {error}")
 
 
-def train_dqn(way: Way, runs: int, steps: int, seed: int) -> Share:
+def train_dqn(setting: Setting, runs: int, steps: int, seed: int) -> Share:
     """Train runs side by side, as `skillplan train` does."""
     from skillplan.env.skill_vector_env import SkillVectorEnv
     from skillplan.pipeline.run import make_model, make_solver
@@ -261,7 +281,7 @@ def train_dqn(way: Way, runs: int, steps: int, seed: int) -> Share:
     )
 
 
-def train_baseline(way: Way, runs: int, steps: int, seed: int) -> Share:
+def train_baseline(setting: Setting, runs: int, steps: int, seed: int) -> Share:
     """Train runs of Stable-Baselines3 one after another."""
     from stable_baselines3 import DQN
 
@@ -269,7 +289,7 @@ def train_baseline(way: Way, runs: int, steps: int, seed: int) -> Share:
     wall_s, cpu_s, updates, completing = 0.0, 0.0, 0, 0
     for run in range(runs):
         clock = Clock()
-        learner = DQN("MlpPolicy", env, seed=seed + run, device="cpu", **(way.options or {}))
+        learner = DQN("MlpPolicy", env, seed=seed + run, device="cpu", **(setting.options or {}))
         learner.learn(steps)
         took_s = clock.read()
         wall_s, cpu_s = wall_s + took_s[0], cpu_s + took_s[1]
@@ -299,31 +319,37 @@ def completes(choose: Callable[[Any], int]) -> bool:
 
 
 def table(rounds: list[list[list[Share]]], steps: int) -> None:
-    """Print what every way came to: rates and ratios are medians of the rounds."""
+    """Print what every setting came to: rates and ratios are medians of the rounds."""
     print(
         f"{f'runs of {steps:,} steps':31} {'runs':>4} {'processes':>9} {'steps/s':>8} "
         f"{'a process':>9} {'ratio':>6} {'lowest':>6} {'by CPU time':>11} {'updates':>7} "
         f"{'learned from':>12} {'complete':>9}"
     )
-    for at, way in enumerate(WAYS):
+    for at, setting in enumerate(SETTINGS):
         base_at = next(
-            i for i, one in enumerate(WAYS) if one.is_baseline and one.processes == way.processes
+            i
+            for i, one in enumerate(SETTINGS)
+            if one.is_baseline and one.processes == setting.processes
         )
-        rate = statistics.median(rates(way, turns[at], steps)[0] for turns in rounds)
+        rate = statistics.median(rates(setting, turns[at], steps)[0] for turns in rounds)
         ratios, by_cpu = zip(
             *(
                 (own / base, own_cpu / base_cpu)
                 for (own, own_cpu), (base, base_cpu) in (
-                    (rates(way, turns[at], steps), rates(WAYS[base_at], turns[base_at], steps))
+                    (
+                        rates(setting, turns[at], steps),
+                        rates(SETTINGS[base_at], turns[base_at], steps),
+                    )
                     for turns in rounds
                 )
             ),
             strict=True,
         )
-        runs, share = sum(way.groups), rounds[0][at][0]
+        runs, share = sum(setting.groups), rounds[0][at][0]
         completing = sum(share.completing for turns in rounds for share in turns[at])
         print(
-            f"{way.name:31} {runs:4} {way.processes:9} {rate:8,.0f} {rate / way.processes:9,.0f} "
+            f"{setting.name:31} {runs:4} {setting.processes:9} "
+            f"{rate:8,.0f} {rate / setting.processes:9,.0f} "
             f"{statistics.median(ratios):6.2f} {min(ratios):6.2f} "
             f"{statistics.median(by_cpu):11.2f} {share.updates:7.2f} {share.learned_from:12.1f} "
             f"{f'{completing} of {runs * len(rounds)}':>9}"
@@ -334,9 +360,9 @@ def table(rounds: list[list[list[Share]]], steps: int) -> None:
     )
 
 
-def rates(way: Way, shares: list[Share], steps: int) -> tuple[float, float]:
-    """Return a way's environment steps a second, and a second of a processor."""
-    total = sum(way.groups) * steps
+def rates(setting: Setting, shares: list[Share], steps: int) -> tuple[float, float]:
+    """Return a setting's environment steps a second, and a second of a processor."""
+    total = sum(setting.groups) * steps
     return total / max(share.wall_s for share in shares), total / sum(one.cpu_s for one in shares)
 
 

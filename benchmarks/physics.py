@@ -29,20 +29,20 @@ SWEPT = Setup(collision=("swept",))
 STEPS_PER_S = 240
 ROUNDS = 3
 STIFFNESSES_PER_S2 = (150.0, 400.0, 1000.0, 2500.0, 6000.0)
-# Its arm is bare of payload on the way down and meets nothing.
+# Its arm has no payload on the approach and meets nothing.
 MOVE = "pick(switch_1)"
 
-Question = tuple[Skill, State]
+Query = tuple[Skill, State]
 
 
-def questions_of(task: Task) -> list[Question]:
+def queries_of(task: Task) -> list[Query]:
     """Return the skills of the best plan, each with the state in which it is executed."""
-    state, asked = task.initial, []
+    state, queries = task.initial, []
     for step in solve(task, "exact").steps:
         skill = task.skill(step.skill)
-        asked.append((skill, state))
+        queries.append((skill, state))
         state = skill.prediction.apply(state)
-    return asked
+    return queries
 
 
 def back_ends_of(task: Task, setup: Setup) -> list[Any]:
@@ -52,30 +52,30 @@ def back_ends_of(task: Task, setup: Setup) -> list[Any]:
     return made
 
 
-def asking_s(task: Task, setup: Setup, asked: list[Question]) -> tuple[float, int]:
+def checking_s(task: Task, setup: Setup, queries: list[Query]) -> tuple[float, int]:
     """Return the CPU time that fresh back ends take to answer [s], and simulation steps."""
     made = back_ends_of(task, setup)
     begin_s = time.process_time()
-    verdicts = [back_end.check(*question) for question in asked for back_end in made]
+    verdicts = [back_end.check(*query) for query in queries for back_end in made]
     took_s = time.process_time() - begin_s
     assert all(verdict.is_feasible for verdict in verdicts)
     return took_s, sum(verdict.evidence.get("steps", 0) for verdict in verdicts)
 
 
-def print_checks(task: Task, asked: list[Question]) -> None:
+def print_checks(task: Task, queries: list[Query]) -> None:
     """Print the speed of the simulator and of a check, beside swept hulls."""
-    asking_s(task, PHYSICS, asked[:2])
-    asking_s(task, SWEPT, asked[:2])
-    simulated = [asking_s(task, PHYSICS, asked) for _ in range(ROUNDS)]
-    swept_s = statistics.median(asking_s(task, SWEPT, asked)[0] for _ in range(ROUNDS))
+    checking_s(task, PHYSICS, queries[:2])
+    checking_s(task, SWEPT, queries[:2])
+    simulated = [checking_s(task, PHYSICS, queries) for _ in range(ROUNDS)]
+    swept_s = statistics.median(checking_s(task, SWEPT, queries)[0] for _ in range(ROUNDS))
     physics_s = statistics.median(took_s for took_s, _ in simulated)
     (steps,) = {steps for _, steps in simulated}
     engine = back_ends_of(task, PHYSICS)[0]
     begin_s = time.process_time()
-    performance = engine.perform([skill for skill, _ in asked])
+    performance = engine.perform([skill for skill, _ in queries])
     performing_s = time.process_time() - begin_s
     whole = round(performance.simulated_s * STEPS_PER_S)
-    print(f"{len(asked)} skills of the best plan, CPU seconds, median of {ROUNDS} rounds\n")
+    print(f"{len(queries)} skills of the best plan, CPU seconds, median of {ROUNDS} rounds\n")
     print(f"{'simulation with logging':40}{'steps':>8}{'s':>9}{'steps/s':>9}")
     for label, count, took_s in (
         ("checks, each in a world of its own", steps, physics_s),
@@ -84,7 +84,7 @@ def print_checks(task: Task, asked: list[Question]) -> None:
         print(f"{label:40}{count:8,}{took_s:9.3f}{count / took_s:9,.0f}")
     print(f"\n{'checks':40}{'s each':>8}{'per s':>9}{'ratio':>9}")
     for label, took_s in (("pybullet and contact-pairs", physics_s), ("swept, cold", swept_s)):
-        each_s = took_s / len(asked)
+        each_s = took_s / len(queries)
         print(f"{label:40}{each_s:8.4f}{1 / each_s:9.1f}{physics_s / took_s:9.1f}")
 
 
@@ -120,7 +120,7 @@ def print_search(task: Task) -> None:
 
 
 def print_accuracy(task: Task) -> None:
-    """Print how far the tip is from where it is to be at the end of its way down."""
+    """Print how far the tip is from where it is to be at the end of its approach."""
     plugin: Any = registry.load("physics", "pybullet")
     skill = task.skill(MOVE)
     print(f"\n{'end of a move down, ' + MOVE:40} error [mm]")
@@ -139,10 +139,10 @@ def print_accuracy(task: Task) -> None:
 def main() -> None:
     """Print all tables."""
     loaded = load_problem(BOARD).task
-    asked = questions_of(loaded)
+    queries = queries_of(loaded)
     # Without the hand-made chart, so that feasibility comes from back ends alone.
     task = loaded.replace(chart=(), collision=())
-    print_checks(task, asked)
+    print_checks(task, queries)
     print_whole_board(task)
     print_search(task)
     print_accuracy(task)

@@ -13,19 +13,16 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import statistics
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
-from fresh_process import Answer, Question, last_core
+from fresh_process import Outcome, Trial, last_core
 from record_file import RecordFile
+from scaling_results import Showing, Size
 
-from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.pipeline import registry
-from skillplan.solvers.stop import relative_gap
 from skillplan.views.tables.rendering import render
 from skillplan.views.tables.table import Column, Table
 
@@ -35,76 +32,7 @@ TOOLS = (1, 3)
 SOLVERS = ("exhaustive", "exact", "auto", "cp-sat")
 
 
-@dataclass(frozen=True)
-class Size:
-    """Of which size boards are; there is one for every seed."""
-
-    parts: int
-    density: float
-    tools: int
-
-    def board(self, seed: int) -> BoardGenerator:
-        """Return the board of a seed."""
-        name = f"board-{self.parts}-parts-{100 * self.density:.0f}-of-100-{self.tools}-tools-{seed}"
-        return BoardGenerator(self.parts, self.density, self.tools, seed, name)
-
-
-@dataclass(frozen=True)
-class Showing:
-    """What a solver made of the boards of a size, one for every seed.
-
-    Parameters
-    ----------
-    answers
-        At least one.
-    """
-
-    answers: tuple[Answer, ...]
-
-    @property
-    def taken_s(self) -> float | None:
-        """Median time to proof [s]; None unless most of the boards were proved."""
-        proved_s = sorted(found.taken_s for found in self.answers if found.status == "optimal")
-        middle = (len(self.answers) + 1) // 2
-        return proved_s[middle - 1] if len(proved_s) >= middle else None
-
-    @property
-    def gap(self) -> float | None:
-        """Median gap, a proof's 0; None where most of the boards have no plan or no bound."""
-        gaps = [relative_gap(found.cost, found.bound) for found in self.answers]
-        worst = sorted(2.0 if gap is None else gap for gap in gaps)
-        median = statistics.median_low(worst)
-        return None if median > 1 else median
-
-    @property
-    def proofs(self) -> int:
-        """How many boards were proved."""
-        return sum(found.status == "optimal" for found in self.answers)
-
-    def cell(self) -> str:
-        """Return the time to proof, or the gap, or a dash; of several boards the medians."""
-        if self.taken_s is not None:
-            text = f"{_short(self.taken_s)} s"
-        else:
-            text = "-" if self.gap is None else f"{_short(100 * self.gap)} %"
-        several = len(self.answers) > 1
-        return f"{text} ({self.proofs}/{len(self.answers)})" if several else text
-
-    def faults(self) -> Iterator[str]:
-        """Yield what no solver should come to."""
-        for found in self.answers:
-            if found.status not in ("optimal", "solved", "unsolved"):
-                yield f"{found.status}: {found.reason}"
-
-
-def _short(value: float) -> str:
-    """Return a figure with two digits, or all those before the point; or that it is next to 0."""
-    if value < 0.001:
-        return "<0.001"
-    return f"{value:.0f}" if value >= 9.95 else f"{value:.2g}"
-
-
-def contradictions(boards: Sequence[tuple[str, Answer]]) -> Iterator[str]:
+def contradictions(boards: Sequence[tuple[str, Outcome]]) -> Iterator[str]:
     """Yield which solver's bound is above which other's cost, on one board."""
     for (one, low), (other, high) in itertools.permutations(boards, 2):
         if low.bound is not None and high.cost is not None and low.bound > high.cost * (1 + 1e-9):
@@ -123,7 +51,7 @@ def table(
         for solver, showing in showings.items():
             notes += [f"{where}: {solver} {fault}" for fault in showing.faults()]
         for seed in range(seeds):
-            board = [(name, showing.answers[seed]) for name, showing in showings.items()]
+            board = [(name, showing.outcomes[seed]) for name, showing in showings.items()]
             notes += [f"{where}: {fault}" for fault in contradictions(board)]
     columns = [Column(name, right=True) for name in ("parts", "density", "tools", *solvers)]
     words = "seconds are to proof; a percentage is the gap at the limit; - means no plan"
@@ -159,9 +87,9 @@ def main() -> int:
     if args.plot and Path(args.plot).suffix not in (".png", ".svg"):
         print(f"--plot {args.plot}: a picture is a .png or a .svg.", file=sys.stderr)
         return 2
-    asked = args.solvers.split()
-    solvers = [name for name in asked if name.partition(":")[0] in registry.names("solver")]
-    for name in sorted(set(asked) - set(solvers)):
+    wanted = args.solvers.split()
+    solvers = [name for name in wanted if name.partition(":")[0] in registry.names("solver")]
+    for name in sorted(set(wanted) - set(solvers)):
         print(f"{name} is left out: no such solver is installed.", file=sys.stderr)
     sizes = [
         Size(int(parts), float(density), int(tools))
@@ -175,19 +103,19 @@ def main() -> int:
         for size in sizes:
             boards = [size.board(seed) for seed in range(1, args.seeds + 1)]
             for solver in solvers:
-                answers = []
+                outcomes = []
                 for board in boards:
                     path = Path(folder) / f"{board.task_name}.yaml"
                     path.write_text(board.text(), "utf-8")
-                    question = Question(str(path), solver, args.seconds, args.by_cpu, 0, args.core)
+                    trial = Trial(str(path), solver, args.seconds, args.by_cpu, 0, args.core)
                     if args.plot:
-                        answer = records.known(board.task_name, question)
+                        outcome = records.known(board.task_name, trial)
                     else:
-                        answer = records.answer(board.task_name, question)
-                    if answer is not None:
-                        answers.append(answer)
-                if len(answers) == len(boards):
-                    found.setdefault(size, {})[solver] = showing = Showing(tuple(answers))
+                        outcome = records.outcome(board.task_name, trial)
+                    if outcome is not None:
+                        outcomes.append(outcome)
+                if len(outcomes) == len(boards):
+                    found.setdefault(size, {})[solver] = showing = Showing(tuple(outcomes))
                     if not args.plot:
                         line = (size.parts, size.density, size.tools, solver, showing.cell())
                         print(*line, file=sys.stderr, flush=True)

@@ -10,12 +10,13 @@ import io
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from PIL import Image
+from scaling_results import Showing, Size
 
 from skillplan.views.figures.figure_file import figure_bytes
 from skillplan.views.figures.figure_style import (
@@ -33,9 +34,6 @@ from skillplan.views.figures.figure_style import (
     sheet,
     text_colour,
 )
-
-if TYPE_CHECKING:
-    from scaling import Showing, Size
 
 # Name, colour and marker of a solver: told apart without colour, too.
 LOOKS = {
@@ -237,7 +235,15 @@ def save(
     by_cpu: bool,
     path: Path,
 ) -> None:
-    """Draw to a PNG or SVG file, a PNG with few colours, as it is kept with the source."""
+    """Draw to a PNG or SVG file, a PNG with few colours, as it is kept with the source.
+
+    Parameters
+    ----------
+    found, solvers, limit_s, seeds, by_cpu
+        As for `scaling_figure`.
+    path
+        Of the file.
+    """
     content = figure_bytes(scaling_figure(found, solvers, limit_s, seeds, by_cpu), path.suffix, DPI)
     if path.suffix == ".png":
         packed = io.BytesIO()

@@ -1,7 +1,7 @@
 """TSPLIB instances of sequential ordering: the portfolio against CP-SAT, at the same seconds.
 
 Every solver has a process of its own on one core, in turns: A, B, A, B, so that a drifting machine
-does not decide. Costs and bounds are held against the best known costs: a bound above, or a cost
+does not decide. Costs and bounds are compared with the best known costs: a bound above, or a cost
 below, is an error of the solver, and the exit code is 1.
 
 Run from the repository: ``python benchmarks/sequencing.py [--seconds 60] [--out FILE]``.
@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fresh_process import ROOT, Answer, Question, last_core
+from fresh_process import ROOT, Outcome, Trial, last_core
 from record_file import RecordFile
 
 from skillplan.pipeline import registry
@@ -41,31 +41,31 @@ class Row:
     solver: str
     n: int | None
     best: float | None
-    answer: Answer
+    outcome: Outcome
 
     @property
     def proved(self) -> bool:
         """Whether the referee grants a proof."""
-        return self.answer.status == "optimal"
+        return self.outcome.status == "optimal"
 
     @property
     def deviation(self) -> float | None:
         """How far the cost is above the best known, as a fraction of that."""
-        if self.answer.cost is None or self.best is None:
+        if self.outcome.cost is None or self.best is None:
             return None
-        return (self.answer.cost - self.best) / max(1.0, self.best)
+        return (self.outcome.cost - self.best) / max(1.0, self.best)
 
     @property
     def gap(self) -> float | None:
         """(cost - bound) / cost, or None."""
-        return relative_gap(self.answer.cost, self.answer.bound)
+        return relative_gap(self.outcome.cost, self.outcome.bound)
 
     @property
     def fault(self) -> str:
         """What cannot be, in words; empty where all is well."""
-        cost, bound, best = self.answer.cost, self.answer.bound, self.best
-        if self.answer.status in ("wrong", "failed", "refused", "infeasible"):
-            return f"{self.answer.status}: {self.answer.reason}"
+        cost, bound, best = self.outcome.cost, self.outcome.bound, self.best
+        if self.outcome.status in ("wrong", "failed", "refused", "infeasible"):
+            return f"{self.outcome.status}: {self.outcome.reason}"
         if best is not None and bound is not None and bound > best + ROUNDING:
             return f"bound {bound:g} above the best known cost {best:g}"
         if best is not None and cost is not None and cost < best - ROUNDING:
@@ -74,19 +74,19 @@ class Row:
 
     def cells(self) -> list[str]:
         """Return what the table shows."""
-        answer = self.answer
+        outcome = self.outcome
         return [
             self.name,
             "-" if self.n is None else str(self.n),
             "-" if self.best is None else f"{self.best:g}",
             self.solver,
-            "-" if answer.cost is None else f"{answer.cost:.0f}",
+            "-" if outcome.cost is None else f"{outcome.cost:.0f}",
             "-" if self.deviation is None else f"{100 * self.deviation:.2f} %",
-            "-" if answer.bound is None else f"{answer.bound:.0f}",
+            "-" if outcome.bound is None else f"{outcome.bound:.0f}",
             "proved" if self.proved else "-" if self.gap is None else f"{100 * self.gap:.2f} %",
-            f"{answer.taken_s:.2f}",
-            f"{answer.peak_mib:.0f}",
-            answer.method,
+            f"{outcome.taken_s:.2f}",
+            f"{outcome.peak_mib:.0f}",
+            outcome.method,
         ]
 
 
@@ -134,9 +134,9 @@ def totals_table(rows: Sequence[Row], solvers: Sequence[str], title: str, limit_
         cells.append([solver, *map(str, counts)])
     notes = [comparison(rows, solvers[0], other) for other in solvers[1:]]
     notes += [
-        f"late: {row.name} {row.solver} took {row.answer.taken_s:.2f} s"
+        f"late: {row.name} {row.solver} took {row.outcome.taken_s:.2f} s"
         for row in rows
-        if row.answer.taken_s > (1 + LATE) * limit_s
+        if row.outcome.taken_s > (1 + LATE) * limit_s
     ]
     notes += [f"FAULT {row.name} {row.solver}: {row.fault}" for row in rows if row.fault]
     return Table(title, columns, cells, notes)
@@ -156,7 +156,7 @@ def comparison(rows: Sequence[Row], one: str, other: str) -> str:
 
 
 def _cost(row: Row) -> float:
-    return float("inf") if row.answer.cost is None else row.answer.cost
+    return float("inf") if row.outcome.cost is None else row.outcome.cost
 
 
 def best_known(path: Path) -> dict[str, dict[str, str]]:
@@ -201,9 +201,9 @@ def main() -> int:
         if missing:
             print(f"{args.folder} has no {', '.join(missing)}.", file=sys.stderr)
             return 2
-    asked = args.solvers.split()
-    solvers = [name for name in asked if name.partition(":")[0] in registry.names("solver")]
-    for name in sorted(set(asked) - set(solvers)):
+    wanted = args.solvers.split()
+    solvers = [name for name in wanted if name.partition(":")[0] in registry.names("solver")]
+    for name in sorted(set(wanted) - set(solvers)):
         print(f"{name} is left out: no such solver is installed.", file=sys.stderr)
     if not solvers or not paths:
         print("There is nothing to measure.", file=sys.stderr)
@@ -211,7 +211,7 @@ def main() -> int:
     rows = []
     for path in paths:
         for solver in solvers:
-            question = Question(
+            trial = Trial(
                 str(path.resolve()), solver, args.seconds, args.by_cpu, args.seed, args.core
             )
             line = best.get(path.stem, {})
@@ -221,7 +221,7 @@ def main() -> int:
                 solver,
                 int(line["n"]) if line.get("n") else None,
                 float(known) if known else None,
-                records.answer(path.stem, question),
+                records.outcome(path.stem, trial),
             )
             rows.append(row)
             print(" ".join(row.cells()), row.fault, file=sys.stderr, flush=True)

@@ -1,6 +1,6 @@
 """Swept convex hulls against axis-aligned boxes: seconds a check, a chart and a search take.
 
-Every back end is asked about every applicable skill in every state that boxes lead to, at once
+Every back end is queried about every applicable skill in every state that boxes lead to, at once
 with a cold detector and again with a warm one; the model's own reuse of verdicts is left out.
 """
 
@@ -22,7 +22,7 @@ from skillplan.testing import reachable_states
 
 BOARD = "configs/inverter_board.yaml"
 DETECTORS = ("aabb", "swept")
-# The imports and the first hull of a process are paid before.
+# The imports and the first hull of a process are not timed.
 ROUNDS = 5
 
 

@@ -17,12 +17,12 @@ BOARD = Path(__file__).parents[1] / "configs" / "inverter_board.yaml"
 
 
 class ShadowDetector(Detector):
-    """Rule out placing the clock in the shadow of the transformer, where no camera sees it."""
+    """Forbid placing the clock in the shadow of the transformer, where no camera sees it."""
 
     name = "shadow"
 
     def check(self, skill: Skill, state: State) -> Verdict:
-        """Rule on one skill; see :meth:`skillplan.BackEnd.check`."""
+        """Return the verdict on one skill; see :meth:`skillplan.BackEnd.check`."""
         none, transformer = self.task.facts.none, self.task.facts.of("placed(transformer)")
         if skill.name != "place(clock)":
             return Verdict.feasible(none, none)

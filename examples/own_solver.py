@@ -39,7 +39,7 @@ class NearestFirst(Solver):
 
 
 def main() -> None:
-    """Hold the walk against the proved optimum."""
+    """Compare the walk with the proved optimum."""
     task = load_problem(BOARD).task
     for solver in (NearestFirst(), "exact"):
         result = solve(task, solver)

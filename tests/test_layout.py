@@ -163,6 +163,14 @@ def test_a_function_has_sixty_lines_at_most_or_a_reason() -> None:
     assert set(LONG_FUNCTIONS) == long
 
 
+@pytest.mark.slow(reason="collects all tests")
+def test_the_list_of_slow_tests_is_current() -> None:
+    """As ``python tests/support/list_slow.py`` prints it."""
+    words = [sys.executable, str(ROOT / "tests" / "support" / "list_slow.py")]
+    printed = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    assert (ROOT / "tests" / "SLOW.md").read_text("utf-8") == printed
+
+
 def public_definitions(path: Path) -> Iterator[tuple[str, ast.AST]]:
     """Yield every public class, function and method of a module, and the module."""
     tree = ast.parse(path.read_text("utf-8"))

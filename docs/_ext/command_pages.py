@@ -74,8 +74,6 @@ def _usage(words: str, command: Any, context: Any) -> str:
 
 def _record(parameter: Any, context: Any) -> tuple[str, str]:
     """Return how a parameter is written, and what it means with default and range."""
-    if parameter.param_type_name == "argument":
-        return parameter.make_metavar(ctx=context), getattr(parameter, "help", None) or ""
     record = parameter.get_help_record(context)
     return record if record else ("", "")
 

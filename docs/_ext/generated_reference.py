@@ -2,13 +2,15 @@
 
 A line ``<!-- generated: NAME ARGUMENT -->`` in a page is replaced by Markdown: ``commands``,
 ``keys KIND`` (of task files), ``options KIND`` (of plugins), ``documents`` (JSON, from the schemas
-in ``reference/documents``) and ``exit-codes``.
+in ``reference/documents``), ``exit-codes``, ``floors``, ``public-names`` and ``errors``.
 """
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -47,6 +49,20 @@ def exit_codes() -> str:
     return "\n".join(lines)
 
 
+def floors() -> str:
+    """Return the packages from top to bottom, as import-linter knows them, and what each is."""
+    project = tomllib.loads((DOCS.parent / "pyproject.toml").read_text("utf-8"))
+    contracts = project["tool"]["importlinter"]["contracts"]
+    layers = next(one["layers"] for one in contracts if one["type"] == "layers")
+    lines = ["| floor | holds |", "|---|---|"]
+    for layer in layers:
+        for name in layer.split("|"):
+            module = importlib.import_module(name.strip(" ()"))
+            words = " ".join((module.__doc__ or "").split()).replace("``", "`")
+            lines.append(f"| `{module.__name__.removeprefix('skillplan.')}` | {words} |")
+    return "\n".join(lines)
+
+
 def task_keys(kind: str) -> str:
     """Return a table for every mapping of a kind of task file."""
     from skillplan.pipeline import registry
@@ -63,12 +79,13 @@ def task_keys(kind: str) -> str:
 
 def plugin_options(kind: str) -> str:
     """Return a section for every installed plugin of a kind, with its options."""
+    depth = "##" if kind == "solver" else "###"  # solvers have a page of their own
     from skillplan.pipeline import registry
 
     pieces = []
     for info in registry.describe(kind):
         source = f"*From {info.distribution} {info.version}.*"
-        pieces.append(f"### `{info.name}`\n\n{info.summary}\n\n{source}")
+        pieces.append(f"{depth} `{info.name}`\n\n{info.summary}\n\n{source}")
         if info.problem:
             pieces.append(f"Not usable here: {info.problem}")
             continue
@@ -106,10 +123,12 @@ def documents() -> str:
 GENERATORS: dict[str, Callable[..., str]] = {
     "commands": command_pages.page,
     "exit-codes": exit_codes,
+    "floors": floors,
     "keys": task_keys,
     "options": plugin_options,
     "documents": documents,
     "public-names": public_names.page,
+    "errors": public_names.errors_page,
 }
 
 

@@ -11,6 +11,7 @@ import inspect
 from typing import Any
 
 import skillplan
+from skillplan import errors
 
 
 def page() -> str:
@@ -20,8 +21,21 @@ def page() -> str:
         is_class = inspect.isclass(getattr(skillplan, name))
         pieces += [f"### {name}", "", "```{eval-rst}"]
         pieces.append(f".. {'autoclass' if is_class else 'autofunction'}:: skillplan.{name}")
-        pieces += ["   :members:"] * is_class + ["```", ""]
+        pieces += ["   :members:", "   :exclude-members: Options"] * is_class + ["```", ""]
     return "\n".join(pieces)
+
+
+def errors_page() -> str:
+    """Return an autodoc directive for every error that is no public name."""
+    found = [
+        name
+        for name, value in vars(errors).items()
+        if inspect.isclass(value)
+        and issubclass(value, errors.SkillplanError)
+        and name not in skillplan.__all__
+    ]
+    lines = [f".. autoexception:: skillplan.errors.{name}" for name in found]
+    return "\n".join(["```{eval-rst}", *lines, "```"])
 
 
 def homes() -> dict[str, str]:
@@ -45,6 +59,8 @@ def setup(app: Any) -> dict[str, Any]:
         public = known.get(target)
         if public is None and target in skillplan.__all__:
             public = f"skillplan.{target}"
+        if public is None and hasattr(errors, target):
+            public = f"skillplan.errors.{target}"
         if public is not None:
             domain = env.get_domain("py")
             found = domain.resolve_xref(

@@ -68,12 +68,20 @@ def mappings(schema: Schema) -> Iterator[Mapping]:
                     below,
                     type_text(own, schema),
                     _default(own, required=name in required),
-                    own.get("description", "") or resolved(own, schema).get("description", ""),
+                    _meaning(own, schema),
                 )
             )
             nested += list(_inner(below, own, schema))
         yield Mapping(path, current.get("description", ""), tuple(keys))
         waiting = nested + waiting
+
+
+def _meaning(own: Schema, root: Schema) -> str:
+    """Return what a value is: its own description, or that of what it refers to or holds."""
+    for one in (own, resolved(own, root), resolved(_values(own) or {}, root)):
+        if one.get("description"):
+            return str(one["description"])
+    return ""
 
 
 def resolved(own: Schema, root: Schema) -> Schema:
@@ -111,7 +119,7 @@ def _plain(kind: str | None, own: Schema, root: Schema) -> str:
     if kind == "array":
         return _list_text(own, root)
     if kind == "object":
-        return "mapping by name" if "additionalProperties" in own and _values(own) else "mapping"
+        return "mapping by name" if _values(own) else "mapping"
     words = {"string": "text", "boolean": "true or false", "null": "null", None: "any value"}
     return words[kind]
 
@@ -149,8 +157,11 @@ def _default(own: Schema, *, required: bool) -> str:
 
 
 def _values(own: Schema) -> Schema | None:
-    values = own.get("additionalProperties")
-    return values if isinstance(values, dict) and values else None
+    """Return the schema of the values of a mapping whose keys are free names."""
+    for values in (own.get("additionalProperties"), *own.get("patternProperties", {}).values()):
+        if isinstance(values, dict) and values:
+            return values
+    return None
 
 
 def _inner(path: str, own: Schema, root: Schema) -> Iterator[tuple[str, Schema]]:

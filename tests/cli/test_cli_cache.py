@@ -344,7 +344,8 @@ class TestOtherCommands:
             ("search-optimal", "TASK"),
             ("chart", "TASK"),
             pytest.param(
-                ("compare", "TASK", "--solvers", "exact,exhaustive"), marks=pytest.mark.slow
+                ("compare", "TASK", "--solvers", "exact,exhaustive"),
+                marks=pytest.mark.slow(reason="ten processes; three other commands in every run"),
             ),
             ("evaluate", "TASK", "--sequence", "0,1,2,3"),
         ],

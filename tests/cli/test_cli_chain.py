@@ -226,14 +226,24 @@ class TestParts:
         assert (0, 4.0) == (outcome.code, outcome.document["cost"])
 
     @pytest.mark.parametrize(
-        ("sequence", "code"), [("B2,B2", 0), ("2,2", 0), ("B2", 1), ("B4,B4", 1)]
+        ("sequence", "code", "found"),
+        [
+            ("B2,B2", 0, (True, True, None)),
+            ("2,2", 0, (True, True, None)),
+            ("B2", 1, (True, False, "goal")),
+            ("B4,B4", 1, (False, False, "precondition")),
+        ],
     )
     def test_a_sequence_of_a_part_is_replayed(
-        self, cli: Any, goals: str, sequence: str, code: int
+        self, cli: Any, goals: str, sequence: str, code: int, found: tuple[bool, bool, str | None]
     ) -> None:
         """Complete, incomplete, and off the bench."""
-        words = ("--sequence", sequence, "--part", "base-1")
-        assert code == cli("evaluate", goals, *words).code
+        words = ("--sequence", sequence, "--part", "base-1", "--format", "json")
+        outcome = cli("evaluate", goals, *words)
+        said = outcome.document
+        stages = [violation["stage"] for violation in said["violations"]]
+        assert code == outcome.code
+        assert found == (said["feasible"], said["complete"], stages[0] if stages else None)
 
     def test_a_swing_is_explained(self, cli: Any, goals: str) -> None:
         """B4 would leave the bench at C66; B2 does not."""

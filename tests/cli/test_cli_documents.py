@@ -166,6 +166,16 @@ CHECK = record(
             back_ends=many(TEXT),
         )
     ),
+    precedence=many(
+        record(
+            task=TEXT,
+            back_ends=many(TEXT),
+            pairs=COUNT,
+            cycle=many(TEXT),
+            never_feasible={"type": "object"},
+        )
+    ),
+    warnings=many(TEXT),
 )
 PLUGINS = record(
     schema=one_of("skillplan.plugins/1"),

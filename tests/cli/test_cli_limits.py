@@ -152,7 +152,10 @@ class TestStall:
     @pytest.mark.parametrize("value", ["0", "-1", "nan", "soon"])
     def test_it_is_a_time(self, cli: Any, board: str, value: str) -> None:
         """Above 0."""
-        assert 2 == cli("search-optimal", board, f"--stall={value}").code
+        outcome = cli("search-optimal", board, f"--stall={value}")
+        assert (2, "") == (outcome.code, outcome.out)
+        assert "'--stall'" in outcome.err
+        assert value in outcome.err
 
 
 class TestStart:

@@ -167,7 +167,9 @@ class TestFaults:
 
     def test_a_study_in_which_nothing_arrives_ends_with_1(self, cli: Any) -> None:
         words = ("--set", "step_limit=1", "-O", "episodes=10", "--runs", "1")
-        assert 1 == cli("sweep", CASES, *words).code
+        outcome = cli("sweep", CASES, *words, "--format", "json")
+        assert 1 == outcome.code
+        assert [0] == [one["arrived"] for one in outcome.document["settings"]]
 
     def test_ctrl_c_prints_what_is_done(self, environment: dict[str, str], tmp_path: Path) -> None:
         """To the whole group, as a terminal sends it: one document, no noise, exit code 130."""

@@ -90,7 +90,11 @@ class TestEvaluate:
 
     def test_where_the_task_file_is_gone_the_copy_serves(self, cli: Any, runs: Path) -> None:
         (runs.parent / "learned.yaml").unlink()
-        assert 0 == cli("evaluate", str(runs)).code
+        outcome = cli("evaluate", str(runs), "--format", "json")
+        assert 0 == outcome.code
+        assert [OPTIMAL, SWITCHED] == [
+            ",".join(map(str, run["actions"])) for run in outcome.document["runs"][:2]
+        ]
 
     def test_back_ends_are_those_of_the_training_unless_named(self, cli: Any, runs: Path) -> None:
         words = ("evaluate", str(runs), "--format", "json")

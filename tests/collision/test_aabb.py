@@ -57,6 +57,7 @@ def test_what_is_placed_needs_something_beneath_it():
 
 def test_supports_are_not_looked_for_if_not_wanted():
     """An option."""
+    assert verdict_of(shelf(), "place(top)", "held(top)").is_infeasible
     assert verdict_of(shelf(), "place(top)", "held(top)", check_support=False).is_feasible
 
 
@@ -143,6 +144,8 @@ def test_a_tower_above_the_safe_height_is_passed_with_a_higher_one():
     content["parts"]["tower"] = TOWER
     facts = ("held(base)", "at_start(tower)")
     assert verdict_of(content, "place(base)", *facts, place="tower.start").is_feasible
+    content["robot"]["safe_height_m"] = 0.15
+    assert verdict_of(content, "place(base)", *facts, place="tower.start").is_infeasible
 
 
 def test_the_envelope_of_the_tool_runs_into_neighbours():
@@ -165,6 +168,8 @@ def test_an_envelope_ends_at_the_tip():
     content["parts"]["post"] = block([0.7, 0.2], [0.54, 0.0], [0.02, 0.02, 0.02], goal_on="base")
     facts = ("held(top)", "placed(base)", "placed(post)")
     assert verdict_of(content, "place(top)", *facts).is_feasible
+    content["parts"]["post"]["size_m"] = [0.02, 0.02, 0.06]
+    assert verdict_of(content, "place(top)", *facts).is_infeasible
 
 
 def test_a_part_in_a_feeder_is_no_obstacle():

@@ -13,10 +13,10 @@ from skillplan.files import atomic_file
 from skillplan.files.atomic_file import (
     is_unfinished,
     replacing,
-    sync_folder,
     write_whole,
     written_beside,
 )
+from skillplan.files.folder import make_folder, sync_folder
 
 
 def test_what_was_there_is_replaced(tmp_path: Path) -> None:
@@ -155,6 +155,19 @@ def test_nothing_is_written_through_a_link_out_of_the_folder(tmp_path: Path) -> 
     with pytest.raises(OSError, match="a link leads out of the folder"):
         write_whole(folder / "runs" / "policy.json", "{}", within=folder)
     assert [] == list(outside.iterdir())
+
+
+def test_no_folder_is_made_through_such_a_link(tmp_path: Path) -> None:
+    """Within the folder it is."""
+    folder, outside = tmp_path / "folder", tmp_path / "outside"
+    folder.mkdir()
+    outside.mkdir()
+    (folder / "runs").symlink_to(outside, target_is_directory=True)
+    with pytest.raises(OSError, match="a link leads out of the folder"):
+        make_folder(folder / "runs" / "00", within=folder)
+    assert [] == list(outside.iterdir())
+    make_folder(folder / "groups" / "0", within=folder)
+    assert (folder / "groups" / "0").is_dir()
 
 
 def test_the_mode_of_a_new_file_is_the_users_choice(tmp_path: Path) -> None:

@@ -31,6 +31,9 @@ def test_reach_is_measured_from_the_base():
     content["robot"] |= {"reach_m": 0.5, "base_m": [0.4, 0.0, 0.0]}
     task = assembly(content)
     assert KinematicEngine(task).check(task.skill("pick(brace)"), task.initial).is_feasible
+    content["robot"] |= {"base_m": [-0.4, 0.0, 0.0]}
+    task = assembly(content)
+    assert KinematicEngine(task).check(task.skill("pick(brace)"), task.initial).is_infeasible
 
 
 def test_a_holder_beyond_reach_matters_only_on_the_way_that_visits_it():

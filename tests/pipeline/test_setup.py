@@ -151,7 +151,9 @@ def test_a_back_end_that_is_not_asked_is_not_made(made, path):
 
 def test_a_fault_that_two_tell_stands_once(made, path):
     """However often it is asked for."""
-    assert 1 == len(faults_of(path, physics=["narrow", "narrow"]))
+    once = faults_of(path, physics=["narrow"])
+    assert 1 == len(once)
+    assert once == faults_of(path, physics=["narrow", "narrow"])
 
 
 def test_a_refusal_on_the_command_line_is_told_when_it_is_made(made, path):

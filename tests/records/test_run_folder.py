@@ -148,3 +148,24 @@ def test_what_is_no_folder_of_runs_is_named(tmp_path: Path) -> None:
         RunFolder(tmp_path)
     with pytest.raises(OptionError, match="there is no such folder"):
         RunFolder(tmp_path / "\0")
+
+
+@pytest.mark.parametrize(
+    "name", ["runs/02/metrics.jsonl", "runs/02/policy.json", "runs/02/policy.safetensors"]
+)
+def test_a_link_that_leads_out_of_the_folder_is_not_followed(run_dir: Path, name: str) -> None:
+    """The run is told as failed, in words that name the file; the others are read."""
+    outside = run_dir.parent / "outside"
+    (run_dir / name).rename(outside)
+    (run_dir / name).symlink_to(outside)
+    run = RunFolder(run_dir).runs()[2]
+    assert f"{run_dir / name}: cannot be read: a link leads out of the folder" in run.failure
+
+
+def test_nor_is_that_of_the_manifest(run_dir: Path) -> None:
+    """Though it is what makes the folder one of runs."""
+    outside = run_dir.parent / "outside"
+    (run_dir / "manifest.json").rename(outside)
+    (run_dir / "manifest.json").symlink_to(outside)
+    with pytest.raises(OptionError, match="cannot be read: a link leads out of the folder"):
+        RunFolder(run_dir)

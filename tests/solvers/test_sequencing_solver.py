@@ -64,8 +64,18 @@ def make_solver(name, stop=None):
     return made_solver(name, {}, stop)
 
 
-@pytest.mark.parametrize("detector", ["precedence", "aabb"])
-@pytest.mark.parametrize("config", ASSEMBLIES)
+@pytest.mark.parametrize(
+    ("config", "detector"),
+    [
+        *((config, "precedence") for config in ASSEMBLIES),
+        *((config, "aabb") for config in ASSEMBLIES if config != "motor_drive"),
+        pytest.param(
+            "motor_drive",
+            "aabb",
+            marks=pytest.mark.slow(reason="the largest; by chart in every run"),
+        ),
+    ],
+)
 def test_it_proves_what_exact_search_proves(config, detector):
     """On every board that is a sequencing problem; on others it says why not, and names exact."""
     task = load_problem(f"configs/{config}.yaml").task
@@ -167,7 +177,7 @@ def test_the_dynamic_program_proves_what_is_published(name):
     assert "dynamic programming" in result.bound_method or "relaxation" in result.bound_method
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="up to a minute an instance; smaller ones are proved in every run")
 @pytest.mark.parametrize(
     "name", ["ESC47", "ft53.4", "ft70.1", "p43.1", "prob.42", "ft53.1", "rbg253a"]
 )
@@ -177,7 +187,7 @@ def test_the_portfolio_proves_what_is_published(name):
     assert (result.status, result.cost) == (Status.OPTIMAL, float(BEST_KNOWN[name]["best_known"]))
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="ten seconds an instance, 22 of them")
 @pytest.mark.parametrize("name", sorted(path.stem for path in FOLDER.glob("*.sop")))
 def test_no_bound_is_above_and_no_cost_below_what_is_published(name):
     """Within ten seconds each, whether proved or not."""
@@ -218,7 +228,12 @@ def searched(folder, n, limit_mib, time_limit_s):
 @pytest.mark.skipif(sys.platform != "linux", reason="sizes are told in KiB on Linux")
 @pytest.mark.parametrize(
     ("n", "limit_mib", "time_limit_s"),
-    [(60, 400, 4), pytest.param(380, 600, 25, marks=pytest.mark.slow)],
+    [
+        (60, 400, 4),
+        pytest.param(
+            380, 600, 25, marks=pytest.mark.slow(reason="380 nodes for 25 s; 60 in every run")
+        ),
+    ],
 )
 def test_a_memory_limit_is_kept_and_leaves_a_plan_and_a_bound(tmp_path, n, limit_mib, time_limit_s):
     """To within a tenth, as the largest size that the process ever had."""

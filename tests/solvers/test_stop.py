@@ -180,6 +180,8 @@ class TestStall:
         stop.incumbent(Plan(("b",), 11.0))
         stop.bound(2.0)
         stop.bound(3.0 + 1e-12)
+        clock.now = 4.9
+        assert not stop()
         clock.now = 5.0
         assert stop()
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from example_count import examples
 from situations import assembly, config_content, crowded_assemblies
 from skillplan.collision.boxes import sweep_hits, world_boxes
-from skillplan.physics.linear_motions import grasp_of, strokes
+from skillplan.physics.linear_motions import grasp_of, linear_motions
 from skillplan.robots.panda import FINGER_PROFILE_M, HAND_HALF_LENGTH_M, HAND_UNDERSIDE_M, TIP_M
 from skillplan.task.motion import Event
 from skillplan.task.scene import Body, Box, GraspKind, Pose
@@ -42,7 +42,7 @@ def after(task, *names):
     return state
 
 
-def swept_by_hand(stroke, grasp):
+def swept_by_hand(motion, grasp):
     """Return boxes that fingers and palm surely pass through on the way down, in their frame."""
     half_width_m, _, thick_m = FINGER_PROFILE_M[0][1:]
     gap_m = grasp.width_m / 2 + 0.004
@@ -52,23 +52,23 @@ def swept_by_hand(stroke, grasp):
     palm_m = TIP_M - HAND_UNDERSIDE_M
     boxes.append(Box((2 * HAND_HALF_LENGTH_M, 0.0634, 0.050), (0.0, 0.0, palm_m + 0.025)))
     hand = Body("hand", tuple(boxes), (), 1.0)
-    return world_boxes(hand, Pose.upright(stroke.tip, stroke.closing_yaw_rad))
+    return world_boxes(hand, Pose.upright(motion.tip, motion.closing_yaw_rad))
 
 
 def hits(trial, task):
     """Whether a block in the scene is hit by hand or part, coming down to where it acts."""
-    (stroke,) = strokes(task, trial.skill, trial.state)
-    body = task.scene.body(stroke.visit.subject)
+    (motion,) = linear_motions(task, trial.skill, trial.state)
+    body = task.scene.body(motion.visit.subject)
     block = trial.task.scene.body(INTRUDER)
     obstacles = world_boxes(block, block.placement(trial.state).pose)
     moving = []
     grasp = grasp_of(body)
     if grasp.kind is GraspKind.JAWS:
-        moving += swept_by_hand(stroke, grasp)
-    if stroke.visit.event is Event.RELEASE:
-        pose = Pose.upright(stroke.visit.position, stroke.visit.yaw_rad)
+        moving += swept_by_hand(motion, grasp)
+    if motion.visit.event is Event.RELEASE:
+        pose = Pose.upright(motion.visit.position, motion.visit.yaw_rad)
         moving += world_boxes(body, pose)
-    by = (0.0, 0.0, stroke.above[2] - stroke.tip[2])
+    by = (0.0, 0.0, motion.above[2] - motion.tip[2])
     return any(sweep_hits(one, by, other, 0.0) for one in moving for other in obstacles)
 
 

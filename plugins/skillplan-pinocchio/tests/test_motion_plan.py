@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skillplan.physics.linear_motions import Stroke
+from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.motion import Event, Visit
 from skillplan.task.shape import Box
 from skillplan_pinocchio.arm_clearance import LinkSweep
@@ -16,9 +16,9 @@ ARM = ArmModel()
 TIP, ABOVE = (0.5, 0.0, 0.02), (0.5, 0.0, 0.17)
 
 
-def stroke(tip=TIP, above=ABOVE):
-    """Return a stroke that takes a part."""
-    return Stroke(Visit(tip, Event.GRASP, "part"), tip, above, 0.0, None, None, "part")
+def linear_motion(tip=TIP, above=ABOVE):
+    """Return a motion that takes a part."""
+    return LinearMotion(Visit(tip, Event.GRASP, "part"), tip, above, 0.0, None, None, "part")
 
 
 def box(name, size, centre, fact=""):
@@ -34,7 +34,7 @@ def planner(*obstacles, **changes):
 
 def first_path():
     """Return the way of the joints that is nearest to the ready pose."""
-    return planner().plan(stroke()).elbows[0].path
+    return planner().plan(linear_motion()).elbows[0].path
 
 
 MAST = box("mast", (0.02, 0.02, 0.8), (0.25, 0.0, 0.4), "placed(mast)")
@@ -43,7 +43,7 @@ WALL = box("wall", (0.04, 1.2, 0.8), (0.25, 0.0, 0.4), "placed(wall)")
 
 def test_where_nothing_is_met_one_elbow_is_enough():
     """The one nearest to the ready pose, over a table."""
-    planned = planner(Obstacle(TABLE, None, (table(),))).plan(stroke())
+    planned = planner(Obstacle(TABLE, None, (table(),))).plan(linear_motion())
     assert len(planned.elbows) == 1
     assert planned.elbows[0].meets == ()
     assert np.array_equal(planned.elbows[0].path.nodes, first_path().nodes)
@@ -54,7 +54,7 @@ def test_an_elbow_that_is_free_is_preferred_to_the_nearest():
     touch = LinkSweep(ARM, first_path()).touch(MAST, 2e-4, 40)
     assert touch is not None
     assert touch.link in range(2, 8)
-    (elbow,) = planner(MAST).plan(stroke()).elbows
+    (elbow,) = planner(MAST).plan(linear_motion()).elbows
     assert elbow.meets == ()
     assert not np.allclose(elbow.path.nodes, first_path().nodes)
     assert LinkSweep(ARM, elbow.path).touch(MAST, 2e-4, 40) is None
@@ -62,7 +62,7 @@ def test_an_elbow_that_is_free_is_preferred_to_the_nearest():
 
 def test_where_every_elbow_meets_something_all_are_kept():
     """Those that meet the least first: it depends on the state which of them is free."""
-    planned = planner(WALL, MAST).plan(stroke())
+    planned = planner(WALL, MAST).plan(linear_motion())
     counts = [len(elbow.meets) for elbow in planned.elbows]
     assert len(counts) > 3
     assert counts == sorted(counts)
@@ -72,7 +72,7 @@ def test_where_every_elbow_meets_something_all_are_kept():
 
 def test_what_is_always_there_comes_last():
     """An elbow that runs into the table helps in no state."""
-    planned = planner(WALL, box("rock", (0.02, 0.02, 0.8), (0.25, 0.0, 0.4))).plan(stroke())
+    planned = planner(WALL, box("rock", (0.02, 0.02, 0.8), (0.25, 0.0, 0.4))).plan(linear_motion())
     blocked = [elbow.blocked for elbow in planned.elbows]
     assert blocked == sorted(blocked)
     assert blocked[-1]
@@ -92,20 +92,20 @@ def test_touches_come_in_the_order_of_the_motion():
 
 def test_links_are_not_looked_at_if_not_wanted():
     """Then any elbow will do."""
-    planned = planner(WALL, check_arm=False).plan(stroke())
+    planned = planner(WALL, check_arm=False).plan(linear_motion())
     assert len(planned.elbows) == 1
     assert planned.elbows[0].meets == ()
 
 
 def test_what_is_out_of_reach_has_no_elbow():
     """And says where the nearest one ends."""
-    planned = planner().plan(stroke((0.9, 0.0, 0.0), (0.9, 0.0, 0.15)))
+    planned = planner().plan(linear_motion((0.9, 0.0, 0.0), (0.9, 0.0, 0.15)))
     assert planned.elbows == ()
     assert planned.unreachable is not None
     assert planned.unreachable.distance_m == pytest.approx(0.1, abs=0.02)
 
 
-def test_a_stroke_is_planned_once():
+def test_a_linear_motion_is_planned_once():
     """The same ways the second time."""
     here = planner()
-    assert here.plan(stroke()).elbows is here.plan(stroke()).elbows
+    assert here.plan(linear_motion()).elbows is here.plan(linear_motion()).elbows

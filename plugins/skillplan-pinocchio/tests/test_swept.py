@@ -80,6 +80,8 @@ class TestReach:
         content["parts"]["base"]["goal_m"] = [0.83, 0.0]
         content["parts"]["top"]["goal_m"] = [0.83, 0.0]
         assert verdict_of(content, "place(base)", "held(base)").is_feasible
+        content["robot"]["base_m"] = [0.0, 0.0, 0.0]
+        assert verdict_of(content, "place(base)", "held(base)").is_infeasible
 
 
 class TestHand:
@@ -244,6 +246,7 @@ class TestSupport:
 
     def test_supports_are_not_looked_for_if_not_wanted(self):
         """An option."""
+        assert verdict_of(shelf(), "place(top)", "held(top)").is_infeasible
         assert verdict_of(shelf(), "place(top)", "held(top)", check_support=False).is_feasible
 
     @pytest.mark.parametrize(("overhang_m", "tips"), [(0.029, False), (0.031, True)])

@@ -6,7 +6,7 @@ import pytest
 
 from skillplan.testing import DetectorSuite
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(reason="the conformance suite of detectors on simulated executions")
 
 
 class TestContactPairs(DetectorSuite):

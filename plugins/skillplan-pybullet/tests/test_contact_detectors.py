@@ -236,5 +236,8 @@ class TestContactForce:
 
     def test_only_parts_of_the_product_are_watched(self, task) -> None:
         """Not the tools, nor the robot."""
-        record = a_record(task, forces_n={"screwdriver": np.full((30, 3), 50.0)})
+        force = np.full((30, 3), 50.0)
+        record = a_record(task, forces_n={"screwdriver": force})
         assert ContactForceDetector(task).verdict_on(record).is_feasible
+        record = a_record(task, forces_n={"switch_2": force})
+        assert ContactForceDetector(task).verdict_on(record).is_infeasible

@@ -11,7 +11,7 @@ import pytest
 
 from board_situations import imagined
 from situations import assembly, config_content
-from skillplan.physics.linear_motions import strokes
+from skillplan.physics.linear_motions import linear_motions
 from skillplan.task.scene import Body, Box
 from skillplan.task.shape import Cylinder, Mesh
 from skillplan.task.verdict import VerdictStatus
@@ -117,14 +117,14 @@ class TestScrews:
 
     def test_a_driven_screw_is_solid_for_the_robot_again(self, board) -> None:
         skill, state = imagined(board, "fasten(screw_1)")
-        (stroke,) = strokes(board, skill, state)
+        (motion,) = linear_motions(board, skill, state)
         settings = ExecutionSettings()
         with World(settings.friction) as world:
             arm = SimulatedArm(world, board.scene.robots[0].base, settings)
-            arm.stand(stroke.above, stroke.closing_yaw_rad, 0.04)
-            runner = SkillRunner(world, arm, board.scene, settings, stroke.tool)
+            arm.stand(motion.above, motion.closing_yaw_rad, 0.04)
+            runner = SkillRunner(world, arm, board.scene, settings, motion.tool)
             runner.watch({"screw_1"})
-            runner.run(stroke, stroke.closing_yaw_rad)
+            runner.run(motion, motion.closing_yaw_rad)
             world.put("screw_1", runner.tools.upright_tip())
             world.step()
             numbers = world.numbers["screwdriver"], world.numbers["screw_1"]

@@ -13,7 +13,7 @@ CONFIGS = Path(__file__).parents[3] / "configs"
 PHYSICS = Setup(physics="pybullet", collision=("contact-pairs",))
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="216 executions; the boards by swept hulls in every run")
 @pytest.mark.parametrize("name", ["battery_module", "relay_rail"])
 def test_physics_proves_the_optimum_of_the_chart(name: str) -> None:
     """Asked about what comes up on the way to the proof: 49 and 167 executions."""
@@ -24,7 +24,7 @@ def test_physics_proves_the_optimum_of_the_chart(name: str) -> None:
     assert [s.action for s in simulated.steps] == [s.action for s in drawn.steps]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="executions of a board with uncertain grasps")
 def test_physics_gives_the_expected_cost_of_the_chart() -> None:
     """By the outcome in which the grasp holds; no proof is audited where asking is dear."""
     task = load_problem(CONFIGS / "inverter_grasps.yaml").task

@@ -11,7 +11,7 @@ from board_situations import BOARD
 from skillplan.checks.single_check import introduce
 from skillplan.collision.boxes import world_boxes
 from skillplan.model.skill_model import SkillModel
-from skillplan.physics.linear_motions import Stroke
+from skillplan.physics.linear_motions import LinearMotion
 from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.task.motion import Point
@@ -32,7 +32,7 @@ SAMPLE = 20
 def everything(
     self: Surroundings,
     skill: Skill,
-    way: Sequence[Stroke],
+    way: Sequence[LinearMotion],
     state: State,
     here: Point | None = None,
 ) -> Neighbourhood:
@@ -76,7 +76,7 @@ def verdicts(task: Task, asked: Sequence[tuple[Skill, State]]) -> list[tuple[Ver
     return [(engine.check(*one), pairs.check(*one)) for one in asked]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="the sample executed twice, in whole worlds, too")
 @pytest.mark.parametrize("product", PRODUCTS)
 def test_a_world_with_everything_gives_the_same_answer(product, monkeypatch):
     pytest.importorskip("pinocchio", reason="the sample is drawn by swept hulls")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Collection, Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -127,7 +128,9 @@ class Reading:
             found[key] = value
         return found
 
-    def problem(self, path: str, back_ends: BackEnds | None = None) -> Problem:
+    def problem(
+        self, path: str, back_ends: BackEnds | None = None, *, warn: bool = True
+    ) -> Problem:
         """Return what a task file describes.
 
         Parameters
@@ -136,6 +139,8 @@ class Reading:
             Of the file.
         back_ends
             Those that are checked with the file, where the command line may choose them.
+        warn
+            Whether stderr is told what in the file is valid, but hardly meant.
 
         Raises
         ------
@@ -147,7 +152,10 @@ class Reading:
         from skillplan.pipeline import setup
 
         named = None if back_ends is None else back_ends.named()
-        return setup.load_problem(path, named, self.settings())
+        problem = setup.load_problem(path, named, self.settings())
+        for warning in problem.warnings if warn else ():
+            print(f"skillplan: warning: {warning}", file=sys.stderr)
+        return problem
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Engines that can show what they do, and whose fault it is where they cannot."""
+"""Back ends that can show what they check, and whose fault it is where they cannot."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from skillplan.collision.hulls import HullDetector, HullRole, HullScene
 from skillplan.errors import BackEndError, OptionError, SkillplanError
 from skillplan.files.output_path import output_path
 from skillplan.physics.engine import Engine
-from skillplan.physics.performance import Performer
+from skillplan.physics.performance import Image, Performer
 from skillplan.pipeline import registry
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
@@ -46,6 +47,28 @@ def performer(back_ends: Sequence[BackEnd], to: str) -> Any:
     raise OptionError(f"physics {engine.name!r} has no bodies to {to}; {instead}.")
 
 
+def illustrator(back_ends: Sequence[BackEnd], paths: Mapping[str, Path]) -> Any:
+    """Return who draws a check: the engine, if it moves bodies, else a detector that has hulls.
+
+    Parameters
+    ----------
+    back_ends
+        With one engine.
+    paths
+        What is to be drawn, as `drawing_paths` has it; hulls are drawn, but not filmed.
+
+    Raises
+    ------
+    OptionError
+        If nobody can; the message names an engine that could.
+    """
+    shows = next((one for one in back_ends if isinstance(one, HullDetector)), None)
+    moves = any(isinstance(one, Performer) for one in back_ends)
+    if shows is not None and not moves and ANIMATE not in paths:
+        return shows
+    return performer(back_ends, "draw")
+
+
 def drawing_paths(picture: str | None, animation: str | None) -> dict[str, Path]:
     """Return where what is drawn of a check goes, by option.
 
@@ -62,13 +85,13 @@ def drawing_paths(picture: str | None, animation: str | None) -> dict[str, Path]
     return paths
 
 
-def draw(engine: Any, skill: Skill, state: State, paths: Mapping[str, Path]) -> dict[str, str]:
+def draw(drawer: Any, skill: Skill, state: State, paths: Mapping[str, Path]) -> dict[str, str]:
     """Draw a check into files, and return them by what they show.
 
     Parameters
     ----------
-    engine
-        One that moves bodies.
+    drawer
+        As `illustrator` has it.
     skill, state
         What is executed where; nothing is drawn of a skill that cannot begin there, nor of one
         of which there is nothing to be seen.
@@ -80,15 +103,15 @@ def draw(engine: Any, skill: Skill, state: State, paths: Mapping[str, Path]) -> 
     OptionError
         If a file cannot be written.
     BackEndError
-        If the engine fails.
+        If the engine or detector fails.
     """
     drawn = {option.removeprefix("--"): NOTHING for option in paths}
     if not skill.applicable(state) or skill.motion is None:
         return drawn
-    with blamed(engine):
+    with blamed(drawer):
         if PICTURE in paths:
             try:
-                image = engine.picture(skill, state)
+                image = _picture(drawer, skill, state)
             except ValueError as error:
                 drawn["picture"] = f"{NOTHING}: {error}"
             else:
@@ -96,10 +119,25 @@ def draw(engine: Any, skill: Skill, state: State, paths: Mapping[str, Path]) -> 
                 drawn["picture"] = str(paths[PICTURE])
         if ANIMATE in paths:
             with video_file(paths[ANIMATE], _FRAMES_PER_S, ANIMATE) as video:
-                for image in engine.footage(skill, state, _FRAMES_PER_S):
+                for image in drawer.footage(skill, state, _FRAMES_PER_S):
                     video.add(image)
                     drawn["animate"] = str(paths[ANIMATE])
     return drawn
+
+
+def _picture(drawer: Any, skill: Skill, state: State) -> Image:
+    """Return the picture of an engine, or that of a detector's hulls."""
+    if isinstance(drawer, Performer):
+        picture: Image = drawer.picture(skill, state)
+        return picture
+    from skillplan.views.figures.figure_style import Heading
+    from skillplan.views.figures.hulls_figure import figure_image, hulls_figure
+
+    scene: HullScene = drawer.hulls(skill, state)
+    words = f"{drawer.name}: {skill.name}"
+    details = ", ".join(sorted({one.name for one in scene.hulls if one.role is HullRole.MET}))
+    heading = Heading(words, f"runs into {details}" if details else "runs into nothing")
+    return figure_image(hulls_figure(scene, heading))
 
 
 @contextmanager

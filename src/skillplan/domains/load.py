@@ -48,6 +48,8 @@ class Problem:
         One, or a chain of several that are solved in turn.
     domain
         What grounded them.
+    document
+        The file's content as it was read, and where everything stands in it.
     spare_back_ends
         Back ends that loading constructed to see whether they serve the tasks. Whoever uses one
         takes it out, so that none serves two solvers.
@@ -60,6 +62,7 @@ class Problem:
     config: BaseModel
     tasks: tuple[Task, ...]
     domain: Domain
+    document: Document = field(repr=False)
     spare_back_ends: list[BackEnd] = field(default_factory=list, compare=False, repr=False)
 
     @property
@@ -77,6 +80,20 @@ class Problem:
     def is_chain(self) -> bool:
         """Whether its tasks are stages of a hierarchy, to be solved in turn."""
         return len(self.tasks) > 1 or bool(self.tasks[0].stage)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is valid, but hardly meant: ``file:line:column: key: what, and what instead``."""
+        return self._told(self.domain.warnings(self.config))
+
+    @property
+    def hints(self) -> tuple[str, ...]:
+        """What may be meant, but is found out late, in the same form."""
+        return self._told(self.domain.hints(self.config))
+
+    def _told(self, issues: Iterable[Issue]) -> tuple[str, ...]:
+        located = [self.document.locate(issue) for issue in issues]
+        return tuple(TaskError(self.source, located).lines())
 
     def part(self, name: str | None) -> Task:
         """Return a task by name; None for the only one.
@@ -202,7 +219,7 @@ def load_task(
         # Of tasks in a chain, what is wrong with one is often wrong with all.
         raise document.error(dict.fromkeys(issues))
     name = getattr(config, "name", None) or Path(source).stem
-    return Problem(name, kind, source, sha256, config, tuple(tasks), domain)
+    return Problem(name, kind, source, sha256, config, tuple(tasks), domain, document)
 
 
 def _read(source: str, domains: Mapping[str, Domain]) -> Document:

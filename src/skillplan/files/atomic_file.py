@@ -6,7 +6,6 @@ one step; then the folder is forced to disk, too.
 
 from __future__ import annotations
 
-import errno
 import os
 import re
 from collections.abc import Iterator
@@ -14,13 +13,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
+from skillplan.files.folder import sync_folder
 from skillplan.files.regular_file import real_path_within
 
 # A name has 255 bytes at most, of which the temporary file needs some.
 _KEPT_NAME_BYTES = 160
 _UNFINISHED = re.compile(r"\..+\.[0-9a-f]+\.tmp", re.DOTALL)
-# File systems that cannot force a folder to disk say so by these.
-_NOT_FOR_FOLDERS = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)
 
 
 def write_whole(
@@ -66,7 +64,7 @@ def replacing(path: Path, *, within: str | os.PathLike[str] | None = None) -> It
     if within is not None:
         path = real_path_within(path.parent, within) / path.name
     temporary = _temporary_name(path)
-    file = _begun(temporary)
+    file = temporary.open("xb")
     try:
         with file:
             yield file
@@ -87,7 +85,7 @@ def written_beside(path: Path) -> Iterator[Path]:
         If it cannot; where anything is raised nothing is left behind, and what was there stays.
     """
     temporary = _temporary_name(path)
-    _begun(temporary).close()
+    temporary.open("xb").close()
     try:
         yield temporary
         with temporary.open("rb+") as file:
@@ -111,36 +109,10 @@ def is_unfinished(name: str, of: str | None = None) -> bool:
     return known.fullmatch(name) is not None
 
 
-def sync_folder(folder: Path) -> None:
-    """Force to disk which files a folder has.
-
-    Raises
-    ------
-    OSError
-        If the disk fails.
-    """
-    try:
-        descriptor = os.open(folder, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
-    except OSError:
-        # Not every system opens folders, nor may every folder be read that may be written to.
-        return
-    try:
-        os.fsync(descriptor)
-    except OSError as error:
-        if error.errno not in _NOT_FOR_FOLDERS:
-            raise
-    finally:
-        os.close(descriptor)
-
-
 def _temporary_name(path: Path) -> Path:
     kept = os.fsdecode(os.fsencode(path.name)[:_KEPT_NAME_BYTES])
     # By chance, so that nobody can have put anything there.
     return path.with_name(f".{kept}.{os.urandom(8).hex()}.tmp")
-
-
-def _begun(temporary: Path) -> IO[bytes]:
-    return temporary.open("xb")
 
 
 def _put_in_place(temporary: Path, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Where an output goes, checked before anything dear is done."""
+"""Where an output goes, checked before anything expensive is done."""
 
 from __future__ import annotations
 

@@ -131,14 +131,18 @@ def continued(sentence: str) -> str:
 
 
 def _meaning(model: type[BaseModel], path: Sequence[str | int]) -> str:
-    """Return the description of the key at a path, or of the list that it is an entry of."""
+    """Return what the key at a path means, or the list that it is an entry of.
+
+    That is its description up to a semicolon; what follows is about its default.
+    """
     while path and isinstance(path[-1], int):
         path = path[:-1]
     if not path:
         return ""
     fields = _model_at(model, path[:-1])
     info = None if fields is None else fields.model_fields.get(str(path[-1]))
-    return (info.description if info is not None else None) or ""
+    description = (info.description if info is not None else None) or ""
+    return description.partition(";")[0]
 
 
 def fields_at(model: type[BaseModel], path: Iterable[str | int]) -> list[str]:

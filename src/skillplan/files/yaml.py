@@ -136,7 +136,7 @@ def parse(text: str, source: str) -> Document:
     """Return the document in `text`.
 
     Duplicate keys, keys that are not strings, tags and numbers that are not finite are kept as
-    the document's issues, so that they can be told along with what else is wrong.
+    the document's issues, so that they are reported along with what else is wrong.
 
     Raises
     ------

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from skillplan.physics.linear_motions import grasp_of
-from skillplan.robots import panda
+from skillplan.robots.hand import DEFAULT_HAND
 from skillplan.task.motion import Event, Visit
 from skillplan.task.scene import Grasp, GraspKind, Robot, Scene, Tool
 from skillplan.task.skill import Skill
@@ -17,8 +17,8 @@ _ROUNDING_M = 1e-6
 def widest_m(tool: Tool | None) -> float:
     """Return how far the jaws of a tool open at most [m]; those of the hand itself for None."""
     if tool is None or tool.opening_m is None:
-        return panda.OPENING_M
-    return min(tool.opening_m, panda.OPENING_M)
+        return DEFAULT_HAND.opening_m
+    return min(tool.opening_m, DEFAULT_HAND.opening_m)
 
 
 def jaw_opening_m(grasp: Grasp, clearance_m: float, tool: Tool | None) -> float:

@@ -1,8 +1,8 @@
-"""From a skill's visits to strokes of the hand: the via points of Moller et al., section 4.4.
+"""From a skill's visits to linear motions of the hand: the via points of Moller et al., sec. 4.4.
 
-Every visit is a stroke: the tip of the hand comes down from above a target, acts there, and
-goes up again. Engines and detectors that model a hand share this planner, so that they rule on
-one and the same motion.
+Every visit is an approach, an act and a retreat: the tip of the hand comes down from above a
+target, acts there, and goes up again. Between two of them it is transferred at safe height. Engines
+and detectors that model a hand share this planner, so that they check one and the same motion.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _NATURAL_YAW_RAD = math.pi / 2
 
 
 @dataclass(frozen=True, slots=True)
-class Stroke:
+class LinearMotion:
     """One approach, act and retreat of the hand.
 
     Parameters
@@ -102,8 +102,10 @@ def jaws_about(
     return Grasp(GraspKind.JAWS, (x_m, y_m, top_m - depth_m), "xy"[axis], widths[axis])
 
 
-def strokes(task: Task, skill: Skill, state: State, drop_height_m: float = 0.0) -> list[Stroke]:
-    """Return the strokes of a skill in a state in which it is applicable.
+def linear_motions(
+    task: Task, skill: Skill, state: State, drop_height_m: float = 0.0
+) -> list[LinearMotion]:
+    """Return the linear motions of a skill in a state in which it is applicable.
 
     Parameters
     ----------
@@ -128,9 +130,9 @@ def strokes(task: Task, skill: Skill, state: State, drop_height_m: float = 0.0) 
     carries = skill.motion.carries
     found = []
     for visit in skill.motion.visits(state):
-        stroke = _stroke(task, robot, visit, carries, tool, drop_height_m)
-        found.append(stroke)
-        carries = stroke.leaves_with
+        motion = _linear_motion(task, robot, visit, carries, tool, drop_height_m)
+        found.append(motion)
+        carries = motion.leaves_with
         tool = tool_after(robot, visit, tool)
     return found
 
@@ -144,14 +146,14 @@ def tool_after(robot: Robot, visit: Visit, tool: Tool | None) -> Tool | None:
     return tool
 
 
-def _stroke(
+def _linear_motion(
     task: Task,
     robot: Robot,
     visit: Visit,
     carries: str | None,
     tool: Tool | None,
     drop_height_m: float,
-) -> Stroke:
+) -> LinearMotion:
     x_m, y_m, z_m = visit.position
     safe_m = max(robot.safe_height_m, z_m)
     yaw_rad = visit.yaw_rad + _NATURAL_YAW_RAD
@@ -174,7 +176,7 @@ def _stroke(
         # The screw is at the bit, its head on what it fastens once it is driven.
         lift_m = task.scene.body(visit.subject).height_m
         carries, leaves_with = visit.subject, None
-    return Stroke(
+    return LinearMotion(
         visit,
         (x_m, y_m, z_m + lift_m + drop_m),
         (x_m, y_m, safe_m + lift_m),

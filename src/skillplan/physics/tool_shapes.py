@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from skillplan.robots import panda
+from skillplan.robots.hand import DEFAULT_HAND
 from skillplan.task.scene import Tool, ToolKind
 from skillplan.task.shape import Cylinder, Shape
 
@@ -31,7 +31,7 @@ def tool_shapes(tool: Tool) -> tuple[Shape, ...]:
         if tool.kind is ToolKind.SCREWDRIVER
         else (_PAD_DIAMETER_M, _PAD_HEIGHT_M)
     )
-    shank_m = panda.TIP_M - height_m
+    shank_m = DEFAULT_HAND.tip_m - height_m
     return (
         Cylinder(diameter_m, height_m, (0.0, 0.0, height_m / 2)),
         Cylinder(_SHANK_DIAMETER_M, shank_m, (0.0, 0.0, height_m + shank_m / 2)),

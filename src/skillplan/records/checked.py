@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from skillplan.domains.domain import Listing
 from skillplan.domains.load import Problem
 from skillplan.records import schemas
+from skillplan.records.preview import Preview
 
 
 @dataclass(frozen=True)
@@ -20,14 +21,17 @@ class Checked:
     problem
         What was loaded.
     back_ends
-        Names of the back ends that each of its tasks will ask.
+        Names of the back ends that each of its tasks will query.
     errata
-        What the published source prints wrongly, where that was asked for.
+        What the published source prints wrongly, where that was wanted.
+    preview
+        What is known of it before anything is solved.
     """
 
     problem: Problem
     back_ends: Sequence[Sequence[str]]
     errata: Listing | None = None
+    preview: Preview = field(default_factory=Preview)
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.check/1``."""
@@ -53,5 +57,6 @@ class Checked:
                 }
                 for task, names in zip(problem.tasks, self.back_ends, strict=True)
             ],
+            **self.preview.document(),
             **found,
         }

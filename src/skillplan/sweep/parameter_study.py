@@ -68,10 +68,10 @@ def plan_study(
     PluginError
         If a plugin is unknown or broken.
     """
-    asked = read_values(solver, list(values))
+    wanted = read_values(solver, list(values))
     fixed: dict[str, dict[str, Any]] = {key: dict(kv) for key, kv in setup.options.items()}
-    if asked.fixed:
-        fixed[solver] = {**fixed.get(solver, {}), **asked.fixed}
+    if wanted.fixed:
+        fixed[solver] = {**fixed.get(solver, {}), **wanted.fixed}
     job = StudyJob(
         from_starts(task, list(starts)),
         solver,
@@ -79,7 +79,7 @@ def plan_study(
         warm,
     )
     first = next(iter(job.tasks.values()))
-    _check_size(asked.axes, design, runs)
+    _check_size(wanted.axes, design, runs)
     refusal = make_solver(solver, fixed.get(solver, {})).refuses(make_model(first, job.setup))
     if refusal is not None:
         raise OptionError(f"The solver {solver!r} cannot serve {task.name!r}: {refusal}")
@@ -94,8 +94,8 @@ def plan_study(
         physics=setup.physics_choice(task).name,
         collision=",".join(choice.name for choice in setup.collision_choices(task)),
         design=design,
-        axes=asked.axes,
-        centre=asked.centre,
+        axes=wanted.axes,
+        centre=wanted.centre,
         fixed=fixed,
         starts=tuple(Start(name, job.optimum(name)) for name in job.tasks),
         seeds=tuple(range(seed, seed + runs)),
@@ -103,7 +103,7 @@ def plan_study(
     )
     plugin = registry.load("solver", solver)
     for setting in plan.settings:
-        # Options that do not go together are told before anything has run.
+        # Options that do not go together are refused before anything has run.
         registry.make_options("solver", solver, plugin, {**fixed.get(solver, {}), **setting})
     return plan, job
 

@@ -20,7 +20,7 @@ _MOST_VALUES = 1_000
 
 @dataclass(frozen=True, slots=True)
 class SolverValues:
-    """What is asked of a solver's options.
+    """Which values of a solver's options are to be tried.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def _values(
     """Return the values that a text lists, or None where it is a single one."""
     options: type[BaseModel] = plugin.Options
     if name not in options.model_fields:
-        registry.make_options("solver", solver, plugin, {name: text})  # says what is known
+        registry.make_options("solver", solver, plugin, {name: text})  # names what is known
     kinds = _kinds(options.model_fields[name].annotation)
     numeric = bool(kinds & {int, float})
     if str in kinds and not numeric:

@@ -1,4 +1,4 @@
-"""The folder of a study: what was asked, and every finished run, whatever ends the program.
+"""The folder of a study: what is studied, and every finished run, whatever ends the program.
 
 ``manifest.json`` is there whole or not at all. ``runs.jsonl`` grows by a line for every finished
 run and is forced to disk; a line that was being written when the program ended is dropped.
@@ -136,15 +136,15 @@ class StudyFolder:
         self._lines = GrowingFile(self.path / RUNS, self.path)
         for piece in pieces:
             piece.unlink(missing_ok=True)
-        asked = _identity(plan)
+        wanted = _identity(plan)
         if MANIFEST in found:
-            self._compare(asked)
+            self._compare(wanted)
             self._read(plan)
         else:
             self._lines.cut(0)
             content = {
                 "schema": schemas.SWEEP_MANIFEST,
-                **asked,
+                **wanted,
                 "command": list(command),
                 "python": sys.version.split()[0],
                 "runs": len(plan.settings) * len(plan.seeds),
@@ -152,15 +152,15 @@ class StudyFolder:
             text = json.dumps(content, indent=2, allow_nan=False)
             write_whole(self.path / MANIFEST, text, within=self.path)
 
-    def _compare(self, asked: dict[str, Any]) -> None:
+    def _compare(self, wanted: dict[str, Any]) -> None:
         content = parse_json(read_bytes(self.path / MANIFEST, _MOST_BYTES, within=self.path))
         if not isinstance(content, dict) or content.get("schema") != schemas.SWEEP_MANIFEST:
             raise OptionError(
                 f"--out {self.path}: {MANIFEST} is no document {schemas.SWEEP_MANIFEST}."
             )
         for key, words in _WORDS.items():
-            if not same(content.get(key), asked[key]):
-                was, now = _differing(content.get(key), asked[key])
+            if not same(content.get(key), wanted[key]):
+                was, now = _differing(content.get(key), wanted[key])
                 raise OptionError(
                     f"--resume: the study in {self.path} is another one, in {words}: {was} there, "
                     f"{now} now. Ask for the same, or name a new folder."

@@ -104,7 +104,7 @@ def from_starts(task: Task, starts: list[str]) -> dict[str, Task]:
 def do_run(
     job: StudyJob, setting: int, options: Mapping[str, Any], seed: int, stop: Stop | None = None
 ) -> SweepRecord:
-    """Return what became of a run; whatever goes wrong in it is said in its record.
+    """Return what became of a run; whatever goes wrong in it stands in its record.
 
     Parameters
     ----------
@@ -155,10 +155,10 @@ def _run(
 
 
 def _outcome(start: str, result: Result) -> StartOutcome:
-    # What a solver says it learned for leaves out enumerating and compiling.
-    said = result.trace.get("learning_s")
-    sound = isinstance(said, int | float) and not isinstance(said, bool) and said >= 0
-    learning_s = float(said) if sound and said is not None else result.wall_s
+    # The time that a solver reports for learning leaves out enumerating and compiling.
+    known = result.trace.get("learning_s")
+    sound = isinstance(known, int | float) and not isinstance(known, bool) and known >= 0
+    learning_s = float(known) if sound and known is not None else result.wall_s
     return StartOutcome(
         start, result.status, result.cost, result.makespan, result.reason, learning_s
     )

@@ -69,19 +69,19 @@ def do_all(
             give(None, order)
         while at and not stopped():
             for worker in executor.first_ready(at):
-                said = worker.answer()
-                if said is None:
+                answer = worker.answer()
+                if answer is None:
                     continue
                 order = at[worker]
-                if isinstance(said, Answer):
-                    record = said.content
-                elif not said.started:
+                if isinstance(answer, Answer):
+                    record = answer.content
+                elif not answer.started:
                     raise worker.not_started()
                 else:
-                    error = f"its process ended by {said.how}"
+                    error = f"its process ended by {answer.how}"
                     record = SweepRecord(order.setting, order.seed, error=error)
                 following = next(todo, None)
-                goes_on = following is not None and isinstance(said, Answer)
+                goes_on = following is not None and isinstance(answer, Answer)
                 if not goes_on:
                     del at[worker]
                     worker.end()

@@ -78,8 +78,8 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint, *, within: Path | None 
         "lengths": dict(checkpoint.lengths),
         "notes": dict(checkpoint.snapshot.notes),
     }
-    said = json.dumps(content, allow_nan=False, separators=(",", ":"), sort_keys=True)
-    header = {"content": said, "sha256": _digest(said, arrays)}
+    text = json.dumps(content, allow_nan=False, separators=(",", ":"), sort_keys=True)
+    header = {"content": text, "sha256": _digest(text, arrays)}
     # One key only: the order of several would be left to chance.
     write_whole(path, save(arrays, {_KEY: json.dumps(header, sort_keys=True)}), within=within)
 
@@ -112,10 +112,10 @@ def read_checkpoint(path: Path, *, within: Path | None = None) -> Checkpoint | N
         arrays = {name: np.array(array) for name, array in load(data).items()}
         size = int.from_bytes(data[:8], "little")
         header = parse_json(parse_json(data[8 : 8 + size])["__metadata__"][_KEY])
-        said = header["content"]
-        if _digest(said, arrays) != header["sha256"]:
+        text = header["content"]
+        if _digest(text, arrays) != header["sha256"]:
             raise ValueError("its hash is another one")
-        content = parse_json(said)
+        content = parse_json(text)
     except (SafetensorError, ValueError, KeyError, TypeError, AttributeError) as error:
         reason = f"{type(error).__name__}: {error}" if isinstance(error, KeyError) else str(error)
         raise OptionError(f"{path}: is damaged: {reason.rstrip('.')}. {_REMEDY}.") from None
@@ -127,8 +127,8 @@ def read_checkpoint(path: Path, *, within: Path | None = None) -> Checkpoint | N
     return Checkpoint(content["steps"], content["lengths"], Snapshot(arrays, content["notes"]))
 
 
-def _digest(said: str, arrays: Mapping[str, NDArray[Any]]) -> str:
-    digest = hashlib.sha256(said.encode())
+def _digest(text: str, arrays: Mapping[str, NDArray[Any]]) -> str:
+    digest = hashlib.sha256(text.encode())
     for name in sorted(arrays):
         array = arrays[name]
         digest.update(f"{name} {array.dtype.str} {array.shape};".encode())

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skillplan.files.atomic_file import write_whole
+from skillplan.files.folder import make_folder
 from skillplan.files.json_file import json_text
 from skillplan.records import schemas
 from skillplan.records.training.outcome import GreedyRollOut
@@ -63,7 +64,7 @@ class GroupReport:
     best_cost
         The least that an episode has cost; None where none succeeded.
     executions
-        Questions that dear back ends had to work for in this group so far.
+        Checks that expensive back ends have made in this group so far.
     """
 
     group: int
@@ -96,7 +97,7 @@ def write_progress(folder: Path, group: int, progress: GroupProgress) -> None:
         If it cannot be written.
     """
     with writing(folder, f"groups/{group}/{PROGRESS}"):
-        group_path(folder, group).mkdir(parents=True, exist_ok=True)
+        make_folder(group_path(folder, group), within=folder)
         text = json_text(schemas.RUN_GROUP, progress)
         write_whole(group_path(folder, group) / PROGRESS, text, within=folder)
 

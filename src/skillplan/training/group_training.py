@@ -12,6 +12,7 @@ from collections.abc import Callable
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.errors import OptionError, SkillplanError
+from skillplan.files.folder import make_folder
 from skillplan.files.folder_lock import FolderLock
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.run import make_model, warm_cache
@@ -42,7 +43,7 @@ class GroupTraining:
     job
         What to drive; goes on from its checkpoint where there is one.
     cache
-        Where verdicts are kept; by default what the plan says.
+        Where verdicts are kept; by default as the plan has it.
     overdue
         Returns True once the training should have stopped long ago.
 
@@ -66,7 +67,7 @@ class GroupTraining:
         self._logs: list[RunLog] = []
         self._path = group_path(job.folder, job.group)
         with writing(job.folder, f"groups/{job.group}"):
-            self._path.mkdir(parents=True, exist_ok=True)
+            make_folder(self._path, within=job.folder)
         self._lock = FolderLock(self._path, "training", _PATIENCE_S)
         try:
             checkpoint = read_checkpoint(self._path / CHECKPOINT, within=job.folder)
@@ -77,8 +78,8 @@ class GroupTraining:
             self._judge = self._models[0]
             if plan.task is not plan.layouts[0]:
                 self._judge = make_model(plan.task, plan.setup, cache, overdue)
-            self._dear = any(one.dear for one in self._judge.feasibility.back_ends)
-            self._before = self._told = progress or NO_PROGRESS
+            self._expensive = any(one.dear for one in self._judge.feasibility.back_ends)
+            self._before = self._reported = progress or NO_PROGRESS
             lengths = {} if checkpoint is None else checkpoint.lengths
             for run in self._runs:
                 self._logs.append(RunLog(job.folder, run, lengths))
@@ -106,7 +107,7 @@ class GroupTraining:
                 sum(len(log.recent) for log in self._logs),
             ),
             min(costs, default=None),
-            self._progress().executions if self._dear else 0,
+            self._progress().executions if self._expensive else 0,
         )
 
     def advance(self) -> None:
@@ -117,7 +118,7 @@ class GroupTraining:
         OptionError
             If something cannot be written; the checkpoint before stays.
         SkillplanError
-            If the learner does not do what it is told, or a back end fails.
+            If the learner does not do the steps it should, or a back end fails.
         """
         plan, training = self._job.plan, self._training
         before = training.steps
@@ -126,7 +127,7 @@ class GroupTraining:
         figures = training.figures()
         if training.steps != until or len(figures) != len(self._runs):
             raise SkillplanError(
-                f"The solver {plan.solver!r} was told to go on to step {until} with "
+                f"The solver {plan.solver!r} was to go on to step {until} with "
                 f"{len(self._runs)} runs, but is at step {training.steps} with {len(figures)}."
             )
         for index, log in enumerate(self._logs):
@@ -149,8 +150,8 @@ class GroupTraining:
         if self._kept_steps != self._training.steps:
             self._keep()
         now = self._progress()
-        if (now.steps, now.failures) != (self._told.steps, self._told.failures):
-            # A program was ended before it said so, or what had failed once goes on now.
+        if (now.steps, now.failures) != (self._reported.steps, self._reported.failures):
+            # A program was ended before it wrote this, or what had failed once goes on now.
             self._write_progress()
         training, found = self._training, {}
         for index, run in enumerate(self._runs):
@@ -202,7 +203,7 @@ class GroupTraining:
         return training
 
     def _keep(self) -> None:
-        """Force what was noted to disk, then replace the checkpoint, then say so."""
+        """Force what was noted to disk, then replace the checkpoint, then the progress."""
         lengths = {name: n for log in self._logs for name, n in log.sync().items()}
         checkpoint = Checkpoint(self._training.steps, lengths, self._training.snapshot())
         with writing(self._job.folder, f"groups/{self._job.group}/{CHECKPOINT}"):
@@ -214,23 +215,23 @@ class GroupTraining:
         models: list[SkillModel] = list(self._models)
         if self._judge not in models:
             models.append(self._judge)
-        asked = [model.feasibility for model in models]
+        checkers = [model.feasibility for model in models]
         before, here_s = self._before, time.monotonic() - self._begun_s
-        names = dict.fromkeys([*before.asked, *(name for one in asked for name in one.asked)])
+        names = dict.fromkeys([*before.asked, *(name for one in checkers for name in one.asked)])
         return GroupProgress(
             steps=max(self._kept_steps, 0),
             failures={self._runs[at]: why for at, why in sorted(self._training.failed.items())},
             wall_s=before.wall_s + here_s,
             elapsed_s=self._job.elapsed_s + here_s,
-            checks=before.checks + sum(one.checks for one in asked),
-            hits=before.hits + sum(one.hits for one in asked),
-            executions=before.executions + sum(one.executions for one in asked),
+            checks=before.checks + sum(one.checks for one in checkers),
+            hits=before.hits + sum(one.hits for one in checkers),
+            executions=before.executions + sum(one.executions for one in checkers),
             asked={
-                name: before.asked.get(name, 0) + sum(one.asked[name] for one in asked)
+                name: before.asked.get(name, 0) + sum(one.asked[name] for one in checkers)
                 for name in names
             },
         )
 
     def _write_progress(self) -> None:
-        self._told = self._progress()
-        write_progress(self._job.folder, self._job.group, self._told)
+        self._reported = self._progress()
+        write_progress(self._job.folder, self._job.group, self._reported)

@@ -51,7 +51,7 @@ class GroupFailure:
     back_end
         Whether a back end has failed.
     stopped
-        Whether it was merely told to stop, and lost what it was at.
+        Whether it was merely stopped, and lost what it had under way.
     """
 
     group: int
@@ -61,7 +61,7 @@ class GroupFailure:
     stopped: bool = False
 
 
-Told = GroupReport | GroupOutcome | GroupFailure
+GroupAnswer = GroupReport | GroupOutcome | GroupFailure
 Ending = tuple[int, GroupOutcome | GroupFailure]
 
 
@@ -69,10 +69,10 @@ def serve(
     job: GroupJob,
     cache: VerdictCache | None = None,
     overdue: Callable[[], bool] | None = None,
-) -> Callable[[Order], Told]:
+) -> Callable[[Order], GroupAnswer]:
     """Return what does strides of a group, and in the end hands over what was learned.
 
-    Nothing that goes wrong in the group is raised: it is told. Files are opened by the first
+    Nothing that goes wrong in the group is raised: it is returned. Files are opened by the first
     order and closed by the last.
 
     Parameters
@@ -82,7 +82,7 @@ def serve(
     """
     training: GroupTraining | None = None
 
-    def obey(order: Order) -> Told:
+    def work(order: Order) -> GroupAnswer:
         nonlocal training
         try:
             if training is None:
@@ -101,7 +101,7 @@ def serve(
                 return _failure(job, error)
             raise
 
-    return obey
+    return work
 
 
 def drive(
@@ -162,43 +162,43 @@ def _here(
     for job in jobs:
         if stopped() and not _begun(job):
             continue
-        obey = serve(job, cache, overdue)
-        told: Told | None = None
-        while not stopped() and not _over(told, job):
-            told = obey("advance")
-            if isinstance(told, GroupReport):
-                on_report(told)
-        if not isinstance(told, GroupFailure):
-            told = overdue.spared(obey)
-        elif told.stopped and _begun(job):
-            told = overdue.spared(serve(job, cache))
-        elif told.stopped:
+        work = serve(job, cache, overdue)
+        outcome: GroupAnswer | None = None
+        while not stopped() and not _over(outcome, job):
+            outcome = work("advance")
+            if isinstance(outcome, GroupReport):
+                on_report(outcome)
+        if not isinstance(outcome, GroupFailure):
+            outcome = overdue.spared(work)
+        elif outcome.stopped and _begun(job):
+            outcome = overdue.spared(serve(job, cache))
+        elif outcome.stopped:
             continue
-        assert not isinstance(told, GroupReport)
-        yield job.group, told
+        assert not isinstance(outcome, GroupReport)
+        yield job.group, outcome
 
 
 class _Overdue:
-    """Whether a stop was asked for long ago, but for what is spared."""
+    """Whether a stop was requested long ago, but for what is spared."""
 
     def __init__(self, stopped: Callable[[], bool]) -> None:
         self._stopped = stopped
-        self._told_s: float | None = None
+        self._requested_s: float | None = None
         self._spared = False
 
     def __call__(self) -> bool:
         if self._spared or not self._stopped():
             return False
         now_s = time.monotonic()
-        if self._told_s is None:
-            self._told_s = now_s
-        return now_s > self._told_s + GRACE_S
+        if self._requested_s is None:
+            self._requested_s = now_s
+        return now_s > self._requested_s + GRACE_S
 
-    def spared(self, obey: Callable[[Order], Told]) -> Told:
+    def spared(self, work: Callable[[Order], GroupAnswer]) -> GroupAnswer:
         """Have a group conclude, however late it is."""
         self._spared = True
         try:
-            return obey("conclude")
+            return work("conclude")
         finally:
             self._spared = False
 
@@ -264,30 +264,30 @@ class _Elsewhere:
         worker.take(order)
 
     def _attend(self, worker: Worker) -> Ending | None:
-        """Take what a worker says, and give it its next order; return what ended its group."""
-        said = worker.answer()
-        if said is None:
+        """Take a worker's answer, and give it its next order; return what ended its group."""
+        answer = worker.answer()
+        if answer is None:
             return None
         assigned = self._busy[worker]
-        told = said.content if isinstance(said, Answer) else None
-        if isinstance(told, GroupReport):
-            self._on_report(told)
-            over = self._stop_s is not None or _over(told, assigned.job)
+        outcome = answer.content if isinstance(answer, Answer) else None
+        if isinstance(outcome, GroupReport):
+            self._on_report(outcome)
+            over = self._stop_s is not None or _over(outcome, assigned.job)
             assigned.order = "conclude" if over else "advance"
             worker.take(assigned.order)
             return None
         del self._busy[worker]
         worker.end()
         group = assigned.job.group
-        if isinstance(said, Ended):
-            if not said.started:
+        if isinstance(answer, Ended):
+            if not answer.started:
                 raise worker.not_started()
             if assigned.starts < _STARTS:
                 self._start(assigned.job, assigned.order, assigned.starts + 1)
                 return None
-            told = GroupFailure(group, f"its process was ended twice, by {said.how}")
-        assert isinstance(told, GroupOutcome | GroupFailure)
-        return group, told
+            outcome = GroupFailure(group, f"its process was ended twice, by {answer.how}")
+        assert isinstance(outcome, GroupOutcome | GroupFailure)
+        return group, outcome
 
     def _give_up_strides(self) -> None:
         """End what takes too long after a stop: its checkpoint is as good."""
@@ -299,10 +299,10 @@ class _Elsewhere:
                 self._start(assigned.job, "conclude", _STARTS)
 
 
-def _over(told: Told | None, job: GroupJob) -> bool:
-    if isinstance(told, GroupReport):
-        return told.steps >= job.plan.steps
-    return told is not None
+def _over(outcome: GroupAnswer | None, job: GroupJob) -> bool:
+    if isinstance(outcome, GroupReport):
+        return outcome.steps >= job.plan.steps
+    return outcome is not None
 
 
 def _begun(job: GroupJob) -> bool:

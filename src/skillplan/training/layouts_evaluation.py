@@ -62,7 +62,7 @@ def layout_outcomes(
     make_stop
         Returns when to give up proving the optimum of a layout.
     jobs
-        In how many processes dear back ends are asked.
+        In how many processes expensive back ends check.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def layout_outcomes(
         optimum = prove_optimum(task, setup, VerdictCache(), make_stop(), jobs=jobs)
         answers, times_s = [], []
         for policy in evaluation.policies():
-            # Each policy starts as exact search does: with a model that nobody has asked yet.
+            # Each policy starts as exact search does: with a model that has checked nothing yet.
             begin_s = time.perf_counter()
             model = make_model(task, setup, VerdictCache(), jobs=jobs)
             with closing(model.feasibility):

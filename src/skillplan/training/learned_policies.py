@@ -32,7 +32,7 @@ class _Kept:
 def store_policies(
     plan: TrainingPlan, folder: Path, run: int, learned: Learned, steps: int, model: SkillModel
 ) -> tuple[GreedyRollOut | None, GreedyRollOut]:
-    """Write the policies of a run: what it stands for, and the last; return what they do.
+    """Write the reported policy of a run and the last one; return what they do.
 
     Parameters
     ----------

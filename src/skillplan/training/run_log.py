@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from skillplan.errors import OptionError
+from skillplan.files.folder import make_folder
 from skillplan.files.growing_file import GrowingFile
 from skillplan.records.training.metrics_file import (
     METRICS,
@@ -33,7 +34,7 @@ _EVENTS = "events.out.tfevents.skillplan"
 
 @contextmanager
 def writing(folder: Path, name: str) -> Iterator[None]:
-    """Turn a failure to write into the one message that says what is safe.
+    """Turn a failure to write into the one message that names what is safe.
 
     Raises
     ------
@@ -163,7 +164,7 @@ class RunLog:
     def _open(self, name: str, length: int) -> None:
         path = self._folder / name
         with writing(self._folder, name):
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(path.parent, within=self._folder)
             file = self._files[name] = GrowingFile(path, self._folder)
             if file.length < length:
                 raise OptionError(

@@ -138,7 +138,7 @@ class RunsEvaluation:
         return tuple(notes)
 
     def policies(self) -> list[StoredNetwork]:
-        """Return what the runs stand for, those left out that cannot act or be read."""
+        """Return the reported policies of the runs, those left out that cannot act or be read."""
         return [
             one.policy for one in self._stored if one.policy is not None and not self._fault(one)
         ]
@@ -168,7 +168,7 @@ class RunsEvaluation:
                 return f"its policy was learned on another task, {there.name}"
             for key in ("observation", "mask", "objective"):
                 if getattr(said, key) != getattr(manifest, key):
-                    return f"its policy was learned with another {key} than manifest.json says"
+                    return f"its policy was learned with another {key} than manifest.json has"
             misfit = policy.misfit(self.task, self._observation)
             if misfit is not None:
                 return misfit

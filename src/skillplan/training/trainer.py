@@ -66,7 +66,7 @@ class Trainer:
         self._cache = warm_cache() if plan.warm else VerdictCache()
 
     def interrupt(self) -> None:
-        """Ask for what there is: runs are kept where they stand, and nothing more is proved."""
+        """Stop with what there is: runs are kept where they stand, and nothing more is proved."""
         self.interrupted = True
         if self._proof is not None:
             self._proof.interrupt()
@@ -75,7 +75,7 @@ class Trainer:
         """Do what is left to do, keep the result in the folder, and return it.
 
         The optimum is proved first, so that people who wait see the gap; where back ends are
-        dear it is proved last, so that what the runs ask of them is their own.
+        expensive it is proved last, so that the runs count the checks they need themselves.
 
         Raises
         ------
@@ -89,9 +89,9 @@ class Trainer:
         stored = RunFolder(path)
         before = [stored.progress(group) for group in range(len(plan.groups))]
         elapsed_s = max((one.elapsed_s for one in before if one is not None), default=0.0)
-        dear = any(back_end.dear for back_end in plan.setup.back_ends(plan.task))
-        # Proved first, it must not spare the runs what they have to ask themselves.
-        optimum = None if dear else self._prove(VerdictCache())
+        expensive = any(back_end.dear for back_end in plan.setup.back_ends(plan.task))
+        # Proved first, it must not spare the runs the checks they have to make themselves.
+        optimum = None if expensive else self._prove(VerdictCache())
         jobs = [GroupJob(plan, path, group, elapsed_s) for group in range(len(plan.groups))]
         endings: dict[int, Ending] = {}
         for ending in drive(jobs, self._jobs, lambda: self.interrupted, self._report, self._cache):

@@ -1,6 +1,6 @@
 """The folder of training runs as it is written: begun, or taken up again; one writer a time.
 
-The manifest comes last of what says what is trained: where it is, all of that is.
+The manifest is the last file that describes what is trained: where it is, the others are, too.
 """
 
 from __future__ import annotations
@@ -99,11 +99,11 @@ class TrainingFolder:
     ) -> None:
         self.path = Path(path)
         self._lock: FolderLock | None = None
-        asked = _manifest(plan, problem, part, changes or {}, command)
+        wanted = _manifest(plan, problem, part, changes or {}, command)
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             self._lock = FolderLock(self.path, "training")
-            self.manifest = self._opened(asked, problem, resume)
+            self.manifest = self._opened(wanted, problem, resume)
         except BaseException as error:
             self.close()
             if not isinstance(error, OSError | ValueError):
@@ -147,7 +147,7 @@ class TrainingFolder:
             text = json.dumps(dict(result), indent=2, allow_nan=False)
             write_whole(self.path / RESULT, text, within=self.path)
 
-    def _opened(self, asked: RunManifest, problem: Problem, resume: bool) -> RunManifest:
+    def _opened(self, wanted: RunManifest, problem: Problem, resume: bool) -> RunManifest:
         there = {one.name for one in self.path.iterdir()}
         copy = copy_name(problem.source)
         # A program that was ended before it wrote the manifest has done nothing yet.
@@ -158,7 +158,7 @@ class TrainingFolder:
             )
         if MANIFEST in there:
             stored = RunFolder(self.path)
-            self._compare(stored, asked, problem)
+            self._compare(stored, wanted, problem)
             for piece in self.path.rglob(".*.tmp"):
                 if is_unfinished(piece.name):
                     piece.unlink(missing_ok=True)
@@ -170,21 +170,21 @@ class TrainingFolder:
         write_whole(
             self.path / TASK_CONFIG, json_text(schemas.RESOLVED_TASK, resolved_config(problem))
         )
-        write_whole(self.path / MANIFEST, json_text(schemas.RUN, asked))
-        return asked
+        write_whole(self.path / MANIFEST, json_text(schemas.RUN, wanted))
+        return wanted
 
-    def _compare(self, stored: RunFolder, asked: RunManifest, problem: Problem) -> None:
+    def _compare(self, stored: RunFolder, wanted: RunManifest, problem: Problem) -> None:
         was = stored.manifest
-        if (was.task.sha256, was.task.part) != (asked.task.sha256, asked.task.part):
+        if (was.task.sha256, was.task.part) != (wanted.task.sha256, wanted.task.part):
             changed = what_changed(stored.config, resolved_config(problem))
-            if was.task.sha256 == asked.task.sha256:
-                changed = f"the part: {was.task.part} there, {asked.task.part} now"
+            if was.task.sha256 == wanted.task.sha256:
+                changed = f"the part: {was.task.part} there, {wanted.task.part} now"
             self._refuse("the task", changed)
-        if was.seeds != asked.seeds:
-            there, now = (f"{len(one.seeds)} from seed {one.seed}" for one in (was, asked))
+        if was.seeds != wanted.seeds:
+            there, now = (f"{len(one.seeds)} from seed {one.seed}" for one in (was, wanted))
             self._refuse("the runs", f"{there} there, {now} now")
         for key, words in _WORDS.items():
-            one, other = (manifest.model_dump(mode="json")[key] for manifest in (was, asked))
+            one, other = (manifest.model_dump(mode="json")[key] for manifest in (was, wanted))
             if one != other:
                 found = differences(one, other)
                 changed = "; ".join(str(difference) for difference in found[:_MOST_NAMED])

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_boxes
-from skillplan.physics.linear_motions import Stroke, grasp_of, strokes
+from skillplan.physics.linear_motions import LinearMotion, grasp_of, linear_motions
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import WORLD, Body, Box, GraspKind, Placement, Pose
 from skillplan.task.skill import Skill
@@ -42,12 +42,12 @@ def staged_collisions(task: Task, skill: Skill, state: State) -> Iterator[Trial]
     if skill.motion is None:
         return
     standing = standing_boxes(task, state)
-    for stroke in strokes(task, skill, state):
-        for block in blocks_in_the_way(task, stroke):
-            scene = _with_block(task, skill, state, stroke, block, standing)
+    for motion in linear_motions(task, skill, state):
+        for block in blocks_in_the_way(task, motion):
+            scene = _with_block(task, skill, state, motion, block, standing)
             if scene is not None:
                 yield Trial(scene, skill, state, Truth.COLLISION, block.kind, block.words)
-        for kind, words, scene in _changed(task, skill, state, stroke, standing):
+        for kind, words, scene in _changed(task, skill, state, motion, standing):
             yield Trial(scene, skill, state, Truth.COLLISION, kind, words)
 
 
@@ -56,9 +56,9 @@ def near_misses(task: Task, skill: Skill, state: State) -> Iterator[Trial]:
     if skill.motion is None:
         return
     standing = standing_boxes(task, state)
-    for stroke in strokes(task, skill, state):
-        for block in blocks_close_by(task, stroke):
-            scene = _with_block(task, skill, state, stroke, block, standing)
+    for motion in linear_motions(task, skill, state):
+        for block in blocks_close_by(task, motion):
+            scene = _with_block(task, skill, state, motion, block, standing)
             if scene is not None:
                 yield Trial(scene, skill, state, Truth.LEGITIMATE, block.kind, block.words)
 
@@ -93,7 +93,7 @@ def _with_block(
     task: Task,
     skill: Skill,
     state: State,
-    stroke: Stroke,
+    motion: LinearMotion,
     block: Block,
     standing: dict[str, tuple[WorldBox, ...]],
 ) -> Task | None:
@@ -106,7 +106,7 @@ def _with_block(
     if floor_m is None or block.top_m - floor_m < LEAST_HIT_M:
         return None
     # What reaches the safe height would be hit on the way there, or before it begins.
-    if block.top_m > stroke.above[2] - (stroke.tip[2] - stroke.visit.position[2]) - 0.02:
+    if block.top_m > motion.above[2] - (motion.tip[2] - motion.visit.position[2]) - 0.02:
         return None
     height_m = block.top_m - floor_m
     pose = Pose.upright((block.x_m, block.y_m, floor_m), block.yaw_rad)
@@ -166,11 +166,11 @@ def _changed(
     task: Task,
     skill: Skill,
     state: State,
-    stroke: Stroke,
+    motion: LinearMotion,
     standing: dict[str, tuple[WorldBox, ...]],
 ) -> Iterator[tuple[str, str, Task]]:
     """Yield tasks in which a part stands in the wrong place, or a grasp is too deep."""
-    visit = stroke.visit
+    visit = motion.visit
     if visit.event not in (Event.GRASP, Event.RELEASE):
         return
     body = task.scene.body(visit.subject)

@@ -1,4 +1,4 @@
-"""Blocks put in the way of a stroke of the hand, or close to it."""
+"""Blocks put in the way of a linear motion of the hand, or close to it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from skillplan.physics.linear_motions import Stroke, grasp_of
+from skillplan.physics.linear_motions import LinearMotion, grasp_of
 from skillplan.robots.panda import FINGER_PROFILE_M, HAND_UNDERSIDE_M, TIP_M
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Body, Grasp, GraspKind
@@ -53,43 +53,43 @@ class Block:
     mass_kg: float
 
 
-def blocks_in_the_way(task: Task, stroke: Stroke) -> Iterator[Block]:
-    """Yield blocks in the way of one stroke."""
-    event = stroke.visit.event
+def blocks_in_the_way(task: Task, motion: LinearMotion) -> Iterator[Block]:
+    """Yield blocks in the way of one motion."""
+    event = motion.visit.event
     if event in (Event.GRASP, Event.RELEASE):
-        body = task.scene.body(stroke.visit.subject)
+        body = task.scene.body(motion.visit.subject)
         grasp = grasp_of(body)
         if grasp.kind is GraspKind.JAWS:
-            yield from _beside_jaws(stroke, grasp)
+            yield from _beside_jaws(motion, grasp)
         elif event is Event.GRASP:
-            yield _on_axis(stroke, "on top", f"on {body.name}, under the cup", 0.010, 0.010)
+            yield _on_axis(motion, "on top", f"on {body.name}, under the cup", 0.010, 0.010)
         if event is Event.RELEASE:
-            yield from _under_part(stroke, body)
+            yield from _under_part(motion, body)
     elif event is Event.DRIVE:
-        name = stroke.visit.subject
+        name = motion.visit.subject
         for height_m in (0.004, 0.008):
-            yield _on_axis(stroke, "under the screw", f"where {name} goes", 0.008, height_m)
+            yield _on_axis(motion, "under the screw", f"where {name} goes", 0.008, height_m)
     elif event in (Event.LOAD, Event.OFFLOAD):
-        x_m, y_m, z_m = stroke.tip
-        words = f"in the holder of {stroke.visit.subject}"
+        x_m, y_m, z_m = motion.tip
+        words = f"in the holder of {motion.visit.subject}"
         # As wide as the hand opens: its jaws do not straddle it.
         size_xy = (0.100, 0.030)
-        yaw_rad = stroke.closing_yaw_rad
+        yaw_rad = motion.closing_yaw_rad
         yield Block("in the holder", words, x_m, y_m, yaw_rad, size_xy, z_m + 0.015, _HEAVY_KG)
 
 
-def blocks_close_by(task: Task, stroke: Stroke) -> Iterator[Block]:
-    """Yield low blocks that stroke and hand pass by."""
-    if stroke.visit.event not in (Event.GRASP, Event.RELEASE):
+def blocks_close_by(task: Task, motion: LinearMotion) -> Iterator[Block]:
+    """Yield low blocks that motion and hand pass by."""
+    if motion.visit.event not in (Event.GRASP, Event.RELEASE):
         return
-    body = task.scene.body(stroke.visit.subject)
+    body = task.scene.body(motion.visit.subject)
     grasp = grasp_of(body)
     jaws = grasp.kind is GraspKind.JAWS
     beneath_m = grasp.width_m / 2 + _BEHIND_JAW_M + _BLOCK_M / 2
     for side in (1, -1):
         if jaws:
             words = f"{1000 * _CLEAR_BENEATH_M:.0f} mm beneath a finger"
-            yield _passed(stroke, side * beneath_m, 0.0, -_CLEAR_BENEATH_M, words)
+            yield _passed(motion, side * beneath_m, 0.0, -_CLEAR_BENEATH_M, words)
         for axis in (0, 1):
             along = ("x", "y")[axis] == grasp.closing_axis
             if along and jaws:
@@ -104,7 +104,7 @@ def blocks_close_by(task: Task, stroke: Stroke) -> Iterator[Block]:
             # Turned by the yaw of a closing axis y, the body's x axis points backwards.
             sign = -1 if grasp.closing_axis == "y" else 1
             offset = (clear_m, 0.0) if along else (0.0, sign * clear_m)
-            yield _passed(stroke, *offset, above_m, words)
+            yield _passed(motion, *offset, above_m, words)
 
 
 def _reach_m(body: Body, grasp: Grasp, axis: int, side: int) -> float:
@@ -113,48 +113,50 @@ def _reach_m(body: Body, grasp: Grasp, axis: int, side: int) -> float:
     return max(side * (edge - grasp.tip[axis]) for edge in edges)
 
 
-def _passed(stroke: Stroke, along_m: float, across_m: float, above_m: float, words: str) -> Block:
-    """Return a light block beside a stroke whose top is so far above the tip of the hand."""
-    yaw_rad = stroke.closing_yaw_rad
-    x_m, y_m = _offset(stroke.tip, yaw_rad, along_m, across_m)
+def _passed(
+    motion: LinearMotion, along_m: float, across_m: float, above_m: float, words: str
+) -> Block:
+    """Return a light block beside a motion whose top is so far above the tip of the hand."""
+    yaw_rad = motion.closing_yaw_rad
+    x_m, y_m = _offset(motion.tip, yaw_rad, along_m, across_m)
     towards = _towards(
         yaw_rad,
         round(math.copysign(1, along_m)) if along_m else 0,
         round(math.copysign(1, across_m)) if across_m else 0,
     )
-    where = f"{towards} of {stroke.visit.subject}, {words}"
+    where = f"{towards} of {motion.visit.subject}, {words}"
     size_xy = (_BLOCK_M, _BLOCK_M)
-    top_m = stroke.tip[2] + above_m
+    top_m = motion.tip[2] + above_m
     return Block(_NEAR_MISS, where, x_m, y_m, yaw_rad, size_xy, top_m, _LIGHT_KG)
 
 
-def _beside_jaws(stroke: Stroke, grasp: Grasp) -> Iterator[Block]:
+def _beside_jaws(motion: LinearMotion, grasp: Grasp) -> Iterator[Block]:
     """Yield blocks that a finger or the palm comes down on."""
-    name, yaw_rad = stroke.visit.subject, stroke.closing_yaw_rad
+    name, yaw_rad = motion.visit.subject, motion.closing_yaw_rad
     for side in (1, -1):
         towards = _towards(yaw_rad, along=side)
         for depth_m, mass_kg in ((0.004, _HEAVY_KG), (0.010, _HEAVY_KG), (0.006, _LIGHT_KG)):
             light = mass_kg == _LIGHT_KG
             # A light one is hit near its edge, so that it may tip and be swept aside.
             along_m = _BEHIND_JAW_M + _BLOCK_M / 2 + (0.0025 if light else 0.0)
-            x_m, y_m = _offset(stroke.tip, yaw_rad, side * (grasp.width_m / 2 + along_m), 0.0)
+            x_m, y_m = _offset(motion.tip, yaw_rad, side * (grasp.width_m / 2 + along_m), 0.0)
             words = f"{towards} of {name}, {1000 * depth_m:.0f} mm into a finger's way"
             words += ", light" if light else ""
             kind = "light, beside" if light else "beside"
-            top_m = stroke.tip[2] + depth_m
+            top_m = motion.tip[2] + depth_m
             yield Block(kind, words, x_m, y_m, yaw_rad, (_BLOCK_M, _BLOCK_M), top_m, mass_kg)
         # The palm is rounded: well within its outline, and deeper than a finger's.
-        top_m = stroke.tip[2] + TIP_M - HAND_UNDERSIDE_M + 0.008
+        top_m = motion.tip[2] + TIP_M - HAND_UNDERSIDE_M + 0.008
         along_m = grasp.width_m / 2 + _BEHIND_JAW_M
-        x_m, y_m = _offset(stroke.tip, yaw_rad, along_m, side * 0.018)
+        x_m, y_m = _offset(motion.tip, yaw_rad, along_m, side * 0.018)
         words = f"{_towards(yaw_rad, across=side)} of {name}, 8 mm into the palm's way"
         yield Block("tall", words, x_m, y_m, yaw_rad, (_BLOCK_M, _BLOCK_M), top_m, _HEAVY_KG)
 
 
-def _under_part(stroke: Stroke, body: Body) -> Iterator[Block]:
+def _under_part(motion: LinearMotion, body: Body) -> Iterator[Block]:
     """Yield blocks that stand 5 mm under the edge of where a part is put down."""
-    x_m, y_m, z_m = stroke.visit.position
-    yaw_rad = stroke.visit.yaw_rad
+    x_m, y_m, z_m = motion.visit.position
+    yaw_rad = motion.visit.yaw_rad
     feet = [box for box in body.boxes if box.centre[2] - box.size[2] / 2 < 1e-6]
     foot = feet[0]
     for axis, side, height_m, mass_kg in (
@@ -175,11 +177,11 @@ def _under_part(stroke: Stroke, body: Body) -> Iterator[Block]:
         yield Block(kind, words, at_x, at_y, yaw_rad, size_xy, z_m + height_m, mass_kg)
 
 
-def _on_axis(stroke: Stroke, kind: str, where: str, side_m: float, height_m: float) -> Block:
-    """Return a block on the axis of a stroke, on what the stroke ends at."""
-    x_m, y_m, z_m = stroke.tip if stroke.visit.event is Event.GRASP else stroke.visit.position
+def _on_axis(motion: LinearMotion, kind: str, where: str, side_m: float, height_m: float) -> Block:
+    """Return a block on the axis of a motion, on what the motion ends at."""
+    x_m, y_m, z_m = motion.tip if motion.visit.event is Event.GRASP else motion.visit.position
     words = f"{where}, {1000 * height_m:.0f} mm high"
-    yaw_rad = stroke.closing_yaw_rad
+    yaw_rad = motion.closing_yaw_rad
     return Block(kind, words, x_m, y_m, yaw_rad, (side_m, side_m), z_m + height_m, _HEAVY_KG)
 
 

@@ -148,7 +148,7 @@ class Executor(ABC):
 
     @abstractmethod
     def first_ready(self, workers: Iterable[Worker], patience_s: float = POLL_S) -> list[Worker]:
-        """Return the workers that have something to say.
+        """Return the workers whose next answer is there.
 
         Parameters
         ----------

@@ -47,12 +47,12 @@ class FedProgram:
         Raises
         ------
         OSError
-            If it failed, with the last line of what it said.
+            If it failed, with the last line of what it printed to stderr.
         """
-        _, said = self._process.communicate()
+        _, printed = self._process.communicate()
         if self._process.returncode:
-            lines = said.decode("utf-8", "replace").strip().splitlines()
-            raise OSError(lines[-1] if lines else "the program failed and said nothing")
+            lines = printed.decode("utf-8", "replace").strip().splitlines()
+            raise OSError(lines[-1] if lines else "the program failed and printed nothing")
 
 
 def output_of(words: Sequence[str]) -> str | None:

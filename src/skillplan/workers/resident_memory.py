@@ -12,7 +12,7 @@ _MEMINFO = Path("/proc/meminfo")
 
 
 def resident_bytes() -> int | None:
-    """Return the resident size of this process [B], or None where the system does not tell.
+    """Return the resident size of this process [B], or None where that is unknown.
 
     Read from the process file system; where there is none, the largest size so far, which the
     system keeps count of, stands for it.
@@ -23,7 +23,7 @@ def resident_bytes() -> int | None:
 
 
 def resident_bytes_of(process: int | None) -> int | None:
-    """Return the resident size of another process [B], or None where the system does not tell."""
+    """Return the resident size of another process [B], or None where that is unknown."""
     with suppress(OSError, ValueError, IndexError):
         held = Path(f"/proc/{process}/statm").read_bytes().split()[1]
         return int(held) * os.sysconf("SC_PAGE_SIZE")
@@ -41,7 +41,7 @@ def _largest_bytes() -> int | None:
 
 
 def available_bytes() -> int | None:
-    """Return how much memory the system could still give [B], or None where it does not tell."""
+    """Return how much memory the system could still give [B], or None where that is unknown."""
     with suppress(OSError, ValueError):
         for line in _MEMINFO.read_text().splitlines():
             if line.startswith("MemAvailable:"):

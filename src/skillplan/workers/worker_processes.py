@@ -52,7 +52,7 @@ class LocalProcesses(Executor):
         return worker
 
     def first_ready(self, workers: Iterable[Worker], patience_s: float = POLL_S) -> list[Worker]:
-        """Return the processes that have something to say, within `patience_s` [s]."""
+        """Return the processes whose next answer is there, within `patience_s` [s]."""
         by_line = {worker.line: worker for worker in workers if isinstance(worker, WorkerProcess)}
         ready = wait(list(by_line), timeout=patience_s) if by_line else []
         return [worker for line, worker in by_line.items() if line in ready]

@@ -168,6 +168,7 @@ def test_a_goal_may_be_less_than_everything():
     task = assembly(content)
     model = make_model(task, Setup(collision=("precedence",)))
     assert replay(model, task.parse_sequence("0,1,6,7")).complete
+    assert not replay(model, task.parse_sequence("0,1,6")).complete
 
 
 def test_the_arm_stands_at_one_place_with_one_tool_and_one_hand(motor_drive_task):

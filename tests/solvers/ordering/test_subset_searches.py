@@ -81,6 +81,7 @@ def test_a_beam_in_which_all_ways_are_alike_still_leads_somewhere():
     instance = instance_of(9, 4, kind="zero", density=0.2)
     found = beam(instance, duals_of(instance, 1), np.inf, 1, never)
     assert instance.feasible(found.order)
+    assert instance.cost(found.order) == 0
 
 
 def test_a_beam_that_is_stopped_says_nothing():

@@ -42,7 +42,7 @@ class CpSatSolver(JobOrderSolver):
         interleave: bool = Field(
             default=True,
             description="have one worker take the strategies of many in turn: tighter bounds, "
-            "often dearer plans [-]",
+            "often more expensive plans [-]",
         )
         start: bool = Field(
             default=True,
@@ -77,7 +77,7 @@ class _OrderSearch:
         """Search without regard to the step limit first; that is a relaxation.
 
         Only where the cheapest order takes too many skills, the limit becomes a constraint. What
-        it proves then holds for the cheapest ways between jobs only, so that the bound stays.
+        it proves then holds for the cheapest paths between jobs only, so that the bound stays.
         """
         self._begin()
         outcome = self._search(None)

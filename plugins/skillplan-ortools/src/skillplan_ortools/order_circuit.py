@@ -58,7 +58,7 @@ class OrderCircuit:
             self.model.add_hint(last, job == order[-1])
 
     def order(self, value: Callable[[cp_model.IntVar], int]) -> tuple[int, ...]:
-        """Return the order that the values of a solution stand for."""
+        """Return the order that the values of a solution describe."""
         places = [value(place) for place in self._places]
         return tuple(sorted(range(self.network.n), key=places.__getitem__))
 

@@ -48,7 +48,7 @@ class WatchedSearch:
     """Runs CP-SAT in a thread of its own, while the calling thread watches over it.
 
     So a signal reaches the caller at once, all that is told of the search is told from the
-    caller's thread, and the run is asked to stop as often as it takes: one that has not begun to
+    caller's thread, and the run is told to stop as often as it takes: one that has not begun to
     search yet does not heed it. A run that was stopped may call itself optimal; of such a
     run counts only what it had proved before.
 

@@ -16,7 +16,7 @@ from skillplan.solvers.ordering.instance import closed_relation
 _MOST_BITS = 52
 # A proof holds to this, as a fraction of the cost or of 1; rounding may take a tenth of it.
 _TOLERANCE = 1e-9
-# The way from the initial state is an arc from here.
+# The path from the initial state is an arc from here.
 START = -1
 
 
@@ -87,12 +87,12 @@ class WholeCosts:
         left = set(range(self.n))
         while left:
             here = order[-1] if order else START
-            ways = [
+            choices = [
                 (self.arcs[here, j], j) for j in left if not waits_for[j] and (here, j) in self.arcs
             ]
-            if not ways:
+            if not choices:
                 return None
-            _, job = min(ways)
+            _, job = min(choices)
             order.append(job)
             left.remove(job)
             waits_for = waits_for - self.before[job]

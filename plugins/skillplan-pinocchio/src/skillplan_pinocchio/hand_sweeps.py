@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.linear_motions import Stroke, grasp_of, tool_after
+from skillplan.physics.linear_motions import LinearMotion, grasp_of, tool_after
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Pose, Robot, Scene
 from skillplan_pinocchio.hulls import HandPart, hand_parts
@@ -36,7 +36,7 @@ class HandSweeps:
         self.robot = robot
         self.clearance_m = clearance_m
 
-    def transfer(self, motion: Stroke, start: Point) -> Iterator[Sweep]:
+    def transfer(self, motion: LinearMotion, start: Point) -> Iterator[Sweep]:
         """Yield the sweeps from above one target to above the next.
 
         Parameters
@@ -56,7 +56,7 @@ class HandSweeps:
         for part in self._hand(motion, before=True):
             yield Sweep(label, part.name, part.at(tip, motion.closing_yaw_rad), by, spares)
 
-    def approach(self, motion: Stroke) -> Iterator[Sweep]:
+    def approach(self, motion: LinearMotion) -> Iterator[Sweep]:
         """Yield the sweeps down to the target."""
         fall_m = self._safe_m(motion) - motion.visit.position[2]
         label = "the approach"
@@ -68,7 +68,7 @@ class HandSweeps:
             pieces = part.at(motion.above, motion.closing_yaw_rad)
             yield Sweep(label, part.name, pieces, by, spares)
 
-    def retreat(self, motion: Stroke) -> Iterator[Sweep]:
+    def retreat(self, motion: LinearMotion) -> Iterator[Sweep]:
         """Yield the sweeps up again."""
         label = "the retreat"
         spares = spared(motion)
@@ -82,7 +82,7 @@ class HandSweeps:
             pieces = part.at(motion.tip, motion.closing_yaw_rad)
             yield Sweep(label, part.name, pieces, by, spares)
 
-    def clash(self, motion: Stroke, tolerance_m: float) -> tuple[str, Touch] | None:
+    def clash(self, motion: LinearMotion, tolerance_m: float) -> tuple[str, Touch] | None:
         """Return which part of the hand runs into the very body it handles, and where, or None.
 
         Parameters
@@ -107,12 +107,12 @@ class HandSweeps:
                 return part.name, touch
         return None
 
-    def _safe_m(self, motion: Stroke) -> float:
+    def _safe_m(self, motion: LinearMotion) -> float:
         """Return the height at which the lowest point of the load is transferred [m]."""
         return max(self.robot.safe_height_m, motion.visit.position[2])
 
     def _load(
-        self, motion: Stroke, carried: str | None, offset: Point
+        self, motion: LinearMotion, carried: str | None, offset: Point
     ) -> Iterator[tuple[ConvexPiece, ...]]:
         """Yield the pieces of what is carried, displaced from where it is put or taken."""
         if carried is None or carried != motion.visit.subject:
@@ -120,7 +120,7 @@ class HandSweeps:
         x, y, z = (a + b for a, b in zip(motion.visit.position, offset, strict=True))
         yield pieces_of(self.scene.body(carried), Pose.upright((x, y, z), motion.visit.yaw_rad))
 
-    def _hand(self, motion: Stroke, *, before: bool) -> tuple[HandPart, ...]:
+    def _hand(self, motion: LinearMotion, *, before: bool) -> tuple[HandPart, ...]:
         """Return what is at the end of the arm before, or after, it acts."""
         tool = motion.tool if before else tool_after(self.robot, motion.visit, motion.tool)
         opening_m = 0.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from skillplan.physics.linear_motions import Stroke
+from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.motion import Point
 from skillplan_pinocchio.arm_clearance import LinkSweep, LinkTouch
 from skillplan_pinocchio.arm_model import ArmModel
@@ -66,7 +66,7 @@ class ArmMotion:
         See :class:`DescentPaths`.
     """
 
-    motion: Stroke
+    motion: LinearMotion
     elbows: tuple[Elbow, ...]
     unreachable: Unreachable | None = None
 
@@ -108,7 +108,7 @@ class MotionPlanner:
         self.check_arm = check_arm
         self._known: dict[tuple[Point, Point, float, frozenset[str]], DescentPaths] = {}
 
-    def plan(self, motion: Stroke) -> ArmMotion:
+    def plan(self, motion: LinearMotion) -> ArmMotion:
         """Return how the arm makes a motion."""
         spares = spared(motion)
         paths = self.descents(motion.tip, motion.above, motion.closing_yaw_rad, spares)
@@ -177,7 +177,7 @@ class MotionPlanner:
         )
 
 
-def spared(motion: Stroke) -> frozenset[str]:
+def spared(motion: LinearMotion) -> frozenset[str]:
     """Return the bodies that a motion may touch: its target and what is carried."""
     carried = {motion.carries} if motion.carries is not None else set()
     return frozenset({motion.visit.subject} | carried)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from skillplan.physics.linear_motions import Stroke, strokes
+from skillplan.physics.linear_motions import LinearMotion, linear_motions
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Robot
 from skillplan.task.task import Task
@@ -67,7 +67,7 @@ class SkillTimes:
         self.drop_height_m = drop_height_m
         self._stands: dict[str, Stand] = {}
         self._transfers: dict[tuple[bytes, bytes], JointPath] = {}
-        self._motions_s: dict[Stroke, float] = {}
+        self._motions_s: dict[LinearMotion, float] = {}
         self._last = self._last_motions()
 
     def duration_s(self, planned: tuple[ArmMotion, ...], stand: Stand) -> float | None:
@@ -125,9 +125,9 @@ class SkillTimes:
             elbows = self.planner.descents(position, position, 0.0, frozenset()).elbows
         return Stand(position, elbows[0].path.nodes[0] if elbows else None)
 
-    def _last_motions(self) -> dict[str, Stroke]:
+    def _last_motions(self) -> dict[str, LinearMotion]:
         """Return the last motion of the first skill that ends at every place."""
-        found: dict[str, Stroke] = {}
+        found: dict[str, LinearMotion] = {}
         for skill in self.task.skills:
             if skill.motion is None or skill.motion.robot != self.robot.name:
                 continue
@@ -135,5 +135,5 @@ class SkillTimes:
                 if fact in self.robot.places and fact not in found:
                     # A state in which the first route is the one that fits.
                     state = skill.motion.routes[0].when | skill.precondition.requires
-                    found[fact] = strokes(self.task, skill, state, self.drop_height_m)[-1]
+                    found[fact] = linear_motions(self.task, skill, state, self.drop_height_m)[-1]
         return found

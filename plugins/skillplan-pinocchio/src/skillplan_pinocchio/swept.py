@@ -14,8 +14,9 @@ from functools import cached_property
 from pydantic import Field
 
 from skillplan.collision.detector import Detector
+from skillplan.collision.hulls import HullScene
 from skillplan.physics.jaws import jaw_faults, too_wide
-from skillplan.physics.linear_motions import strokes
+from skillplan.physics.linear_motions import linear_motions
 from skillplan.task import back_end
 from skillplan.task.motion import Event
 from skillplan.task.scene import Robot
@@ -27,6 +28,7 @@ from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.hand_sweeps import HandSweeps
 from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
 from skillplan_pinocchio.obstacles import obstacles_of
+from skillplan_pinocchio.picture import hull_scene
 from skillplan_pinocchio.skill_times import SkillTimes
 from skillplan_pinocchio.swept_motion import Collision, SweptMotion, SweptMotionBuilder, Transfers
 from skillplan_pinocchio.timing import JointLimits, JointPath
@@ -138,6 +140,19 @@ class SweptDetector(Detector):
             self._durations_s[key] = self._times.duration_s(self._plan(skill, state), stand)
         return self._durations_s[key]
 
+    def hulls(self, skill: Skill, state: State) -> HullScene:
+        """Return what `skill` sweeps, to be looked at; see :meth:`HullDetector.hulls`."""
+        words = too_wide(self.task.scene, self._robot, skill)
+        if words is not None:
+            raise ValueError(words)
+        verdict = self.check(skill, state)
+        sweeps = HandSweeps(self.task.scene, self._robot, self.options.clearance_m)
+        planned = self._plan(skill, state)
+        start = None
+        if self._transfer_matters:
+            start = self._times.stand(*self._robot.place(state)).above
+        return hull_scene(planned, sweeps, self._planner, state, verdict, start)
+
     @cached_property
     def _robot(self) -> Robot:
         return self.task.scene.robots[0]
@@ -201,7 +216,7 @@ class SweptDetector(Detector):
 
     def _plan(self, skill: Skill, state: State) -> tuple[ArmMotion, ...]:
         """Return the motions as the arm makes them; they do not depend on where it stands."""
-        planned = strokes(self.task, skill, state, self.options.drop_height_m)
+        planned = linear_motions(self.task, skill, state, self.options.drop_height_m)
         return tuple(self._planner.plan(motion) for motion in planned)
 
     def _swept_motion(self, skill: Skill, state: State) -> SweptMotion:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from skillplan.physics.linear_motions import Stroke
+from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Pose, Scene
 from skillplan_pinocchio.arm_clearance import LinkTouch
@@ -161,7 +161,7 @@ class SweptMotionBuilder:
                     )
         return [collision for _, collision in sorted(found, key=lambda pair: pair[0])]
 
-    def _clash(self, motion: Stroke) -> Iterator[Collision]:
+    def _clash(self, motion: LinearMotion) -> Iterator[Collision]:
         clash = self.sweeps.clash(motion, self.planner.tolerance_m)
         if clash is not None:
             mover, touch = clash
@@ -173,14 +173,16 @@ class SweptMotionBuilder:
         if all(paths):
             yield ElbowChoice(paths)
 
-    def _transfer_links(self, motion: Stroke, path: JointPath | None) -> Iterator[ElbowChoice]:
+    def _transfer_links(
+        self, motion: LinearMotion, path: JointPath | None
+    ) -> Iterator[ElbowChoice]:
         if path is None:
             return
         collisions = _link_collisions(self.planner.met(path, spared(motion)), "the travel")
         if collisions:
             yield ElbowChoice((collisions,))
 
-    def _supports(self, motion: Stroke) -> Supports:
+    def _supports(self, motion: LinearMotion) -> Supports:
         visit = motion.visit
         body = self.scene.body(visit.subject)
         pieces = pieces_of(body, Pose.upright(visit.position, visit.yaw_rad))

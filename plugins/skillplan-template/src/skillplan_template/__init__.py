@@ -1,1 +1,1 @@
-"""A solver plugin to copy."""
+"""A solver plugin to copy: one solver, which uses nothing but the public names of skillplan."""

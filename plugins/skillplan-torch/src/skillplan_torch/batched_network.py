@@ -90,7 +90,7 @@ class BatchedNetwork:
         return layer[:, 0]
 
     def copy(self) -> BatchedNetwork:
-        """Return a network of the same figures that goes its own way."""
+        """Return an independent network of the same figures."""
         twin = BatchedNetwork.__new__(BatchedNetwork)
         twin.parameters = [parameter.detach().clone() for parameter in self.parameters]
         twin._arrays = [parameter.numpy() for parameter in twin.parameters]
@@ -98,7 +98,7 @@ class BatchedNetwork:
 
     @torch.no_grad()
     def approach(self, other: BatchedNetwork, share: float) -> None:
-        """Move all parameters by a share of the way towards another network's."""
+        """Move all parameters by a share of the difference towards another network's."""
         torch._foreach_lerp_(self.parameters, [p.detach() for p in other.parameters], share)
 
     def is_sane(self) -> NDArray[np.bool_]:

@@ -6,12 +6,14 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.options import OUTPUT, Reading, Style, TaskFile
+from skillplan.cli.options import OUTPUT, BackEnds, Caching, Reading, Style, TaskFile
 
 
 def command(
     task: TaskFile,
+    back_ends: BackEnds,
     reading: Reading,
+    caching: Caching,
     explain_errata: Annotated[
         bool,
         typer.Option(
@@ -23,18 +25,32 @@ def command(
     ] = False,
     style: Style = "table",
 ) -> int:
-    """Validate TASK: faults of YAML, keys, references, order and geometry."""
+    """Validate TASK: faults of YAML, keys, references, order and geometry.
+
+    Warns of what is valid, but found out late: parts too wide for jaws, feeders that are blocked
+    at the start, drawings in a doubtful unit, and cycles of the precedence relation. That one is
+    derived by kinematic and aabb, which are instant, whatever the file chooses; --physics and
+    --collision name others, which are also asked what they find wrong with the file's parts.
+    """
     from skillplan.cli.output import emit
     from skillplan.errors import OptionError
-    from skillplan.pipeline.setup import Setup
+    from skillplan.pipeline.preview import preview
     from skillplan.records.checked import Checked
     from skillplan.views.tables.checked import checked_tables
 
-    problem = reading.problem(task)
-    names = [[made.name for made in Setup().back_ends(one)] for one in problem.tasks]
+    problem = reading.problem(task, back_ends, warn=False)
+    setups = [back_ends.setup(one) for one in problem.tasks]
+    names = [
+        [made.name for made in setup.back_ends(one)]
+        for setup, one in zip(setups, problem.tasks, strict=True)
+    ]
     errata = problem.domain.errata(problem.config) if explain_errata else None
     if explain_errata and errata is None:
         raise OptionError(f"No errata are known of the paper behind {problem.kind!r} tasks.")
-    checked = Checked(problem, names, errata)
+    first = setups[0]
+    # Verdicts of what is instant are not worth a file each.
+    cache = caching.cache() if back_ends.named() else None
+    found = preview(problem, first.physics, first.collision, first.options, cache)
+    checked = Checked(problem, names, errata, found)
     emit(style, checked.document(), checked_tables(checked))
     return 0

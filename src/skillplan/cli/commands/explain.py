@@ -75,7 +75,8 @@ def command(
             "--picture",
             metavar="FILE",
             help="Draw the moment at which it fails, or its end, as .png, if the physics moves "
-            "bodies. What was there is replaced.",
+            "bodies; else the hulls that a detector such as swept compares. What was there is "
+            "replaced.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
@@ -95,7 +96,7 @@ def command(
     Shows the verdict of every stage with the facts it rests on and what was measured.
     """
     from skillplan.cli.output import emit
-    from skillplan.cli.showing import draw, drawing_paths, performer
+    from skillplan.cli.showing import draw, drawing_paths, illustrator
     from skillplan.errors import EXIT_NO_PLAN, EXIT_SOLVED
     from skillplan.pipeline.run import make_model
     from skillplan.records.explanation import explain
@@ -117,10 +118,10 @@ def command(
     paths = drawing_paths(picture, animate)
     cache = caching.cache()
     model = make_model(loaded, setup, cache)
-    engine = performer(model.feasibility.back_ends, "draw") if paths else None
+    drawer = illustrator(model.feasibility.back_ends, paths) if paths else None
     explanation = explain(model, chosen, before)
-    if engine is not None:
-        explanation = explanation.drawn(draw(engine, chosen, explanation.state, paths))
+    if drawer is not None:
+        explanation = explanation.drawn(draw(drawer, chosen, explanation.state, paths))
     failed = not explanation.feasible
     emit(style, explanation.document(), explanation_tables(explanation), failed=failed)
     return EXIT_SOLVED if explanation.feasible else EXIT_NO_PLAN

@@ -3,12 +3,12 @@
 The five skills of Table I of Moller et al.: pick, place, load, offload, fasten. An action's
 cost is the planar distance from where the action before it ended to its own goal (section 4.2).
 A grasp may fail, which leaves the part where it lies; where the arm then goes to look for it
-anew, the skill after counts that way, too.
+anew, the skill after counts that path, too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 
 from skillplan.domains.assembly import vocabulary
 from skillplan.domains.assembly.layout import (
@@ -19,9 +19,12 @@ from skillplan.domains.assembly.layout import (
     look_of,
     start_of,
 )
+from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.scenery import scene_of
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.domains.assembly.skill_draft import SkillDraft
 from skillplan.domains.assembly.step_limit import step_limit_of
+from skillplan.domains.assembly.tool_changes import tool_changes
 from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, HAND_FREE, HOME, NO_TOOL, at
 from skillplan.task.condition import Condition
 from skillplan.task.cost import TravelCost, planar_distance
@@ -56,11 +59,7 @@ class _Grounding:
     def task(self, sha256: str) -> Task:
         """Return the whole task."""
         config, facts = self.config, self.facts
-        skills = {
-            **self._part_skills(),
-            **self._tool_skills(),
-            **{f"fasten({name})": self._fasten(name) for name in config.screws},
-        }
+        skills = {draft.name: self._skill(draft) for draft in self._drafts()}
         order = config.actions or vocabulary.action_names(config)
         operations = {
             **{name: f"placed({name})" for name in config.parts},
@@ -120,167 +119,92 @@ class _Grounding:
             at(HOME),
         )
 
-    def _skill(
-        self,
-        kind: str,
-        subject: str,
-        *,
-        requires: list[str],
-        add: list[str],
-        delete: list[str],
-        ends_at: str,
-        routes: dict[str | None, list[Visit]],
-        parameters: dict[str, str],
-        forbids: list[str] | None = None,
-        carries: str | None = None,
-        failure: float = 0.0,
-        failed_at: str = "",
-    ) -> Skill:
-        """Return a skill that ends at a place; `routes` by the fact that selects them.
-
-        With the probability `failure` nothing comes of it but that the arm stands at `failed_at`.
-        """
+    def _skill(self, draft: SkillDraft) -> Skill:
+        """Return a skill that ends at a place and costs the path to it."""
         config, facts = self.config, self.facts
         motion = Motion(
             config.robot.name,
             tuple(
                 Route(facts.none if fact is None else facts.of(fact), tuple(visits))
-                for fact, visits in routes.items()
+                for fact, visits in draft.routes.items()
             ),
-            carries,
+            draft.carries,
         )
-        added = facts.of(*add, at(ends_at))
-        deleted = (facts.of(*delete, CHANGED_TOOL) | self.stands) - added
-        outcomes = [Outcome(1.0 - failure, added, deleted)]
-        if failure:
-            there = facts.of(at(failed_at))
+        added = facts.of(*draft.add, at(draft.ends_at))
+        deleted = (facts.of(*draft.delete, CHANGED_TOOL) | self.stands) - added
+        outcomes = [Outcome(1.0 - draft.failure, added, deleted)]
+        if draft.failure:
+            there = facts.of(at(draft.failed_at))
             left = (facts.of(CHANGED_TOOL) | self.stands) - there
-            outcomes.append(Outcome(failure, there, left))
+            outcomes.append(Outcome(draft.failure, there, left))
         return Skill(
-            name=f"{kind}({subject})",
-            kind=kind,
+            name=draft.name,
+            kind=draft.kind,
             agents=(config.robot.name,),
-            precondition=Condition(facts.of(*requires), facts.of(*(forbids or ()))),
+            precondition=Condition(facts.of(*draft.requires), facts.of(*draft.forbids)),
             outcomes=tuple(outcomes),
             cost=TravelCost(self.places, motion, behind_m=self.behind_m),
             duration_s=TravelCost(
                 self.places,
                 motion,
                 per_m=1 / config.robot.travel_speed_m_per_s,
-                fixed=getattr(config.durations_s, kind),
+                fixed=getattr(config.durations_s, draft.kind),
                 behind_m=self.behind_m,
             ),
             motion=motion,
-            parameters=parameters,
+            parameters=draft.parameters,
         )
 
-    def _part_skills(self) -> dict[str, Skill]:
-        skills = {}
+    def _drafts(self) -> Iterator[SkillDraft]:
+        """Yield all skills of the assembly."""
         for name, part in self.config.parts.items():
-            parameters = {"part": name, "tool": part.tool}
-            above = [n for n, other in self.config.parts.items() if other.start_on == name]
-            looks = name in vocabulary.missed_parts(self.config)
-            start = vocabulary.start_place(self.config, name)
-            pick = self._skill(
-                "pick",
-                name,
-                requires=[f"at_start({name})", HAND_FREE, f"tool({part.tool})"],
-                forbids=[f"at_start({other})" for other in above],
-                add=[f"held({name})"],
-                delete=[f"at_start({name})", HAND_FREE],
-                ends_at=start,
-                routes={
-                    None: [
-                        Visit(start_of(self.config, name), Event.GRASP, name, part.start_yaw_rad)
-                    ]
-                },
-                parameters=parameters,
-                failure=part.grasp_failure,
-                failed_at=vocabulary.missed_place(name) if looks else start,
-            )
-            place = self._skill(
-                "place",
-                name,
-                requires=[f"held({name})", f"tool({part.tool})"],
-                add=[f"placed({name})", HAND_FREE],
-                delete=[f"held({name})"],
-                ends_at=vocabulary.goal_place(name),
-                routes={
-                    None: [
-                        Visit(goal_of(self.config, name), Event.RELEASE, name, part.goal_yaw_rad)
-                    ]
-                },
-                parameters=parameters,
-                carries=name,
-            )
-            skills[pick.name], skills[place.name] = pick, place
-        return skills
+            yield self._pick(name, part)
+            yield self._place(name, part)
+        yield from tool_changes(self.config)
+        for name in self.config.screws:
+            yield self._fasten(name)
 
-    def _tool_skills(self) -> dict[str, Skill]:
-        make: Callable[[str], list[Skill]]
-        make = self._separate if self.config.tool_change.style == "separate" else self._swap
-        return {skill.name: skill for tool in self.config.tools for skill in make(tool)}
-
-    def _swap(self, tool: str) -> list[Skill]:
-        """Return the action that offloads whatever is attached and loads `tool`."""
-        config = self.config
-        load = Visit(holder_of(config, tool), Event.LOAD, tool)
-        routes: dict[str | None, list[Visit]] = {}
-        for other in config.tools:
-            if other != tool or config.tool_change.reload:
-                offload = Visit(holder_of(config, other), Event.OFFLOAD, other)
-                routes[f"tool({other})"] = [offload, load]
-        if vocabulary.bare_hand(config):
-            routes[NO_TOOL] = [load]
-        others = [f"tool({other})" for other in config.tools if other != tool]
-        return [
-            self._skill(
-                "load",
-                tool,
-                requires=[HAND_FREE],
-                forbids=[] if config.tool_change.reload else [f"tool({tool})"],
-                add=[f"tool({tool})", CHANGED_TOOL],
-                delete=others + ([NO_TOOL] if vocabulary.bare_hand(config) else []),
-                ends_at=vocabulary.holder_place(tool),
-                routes=routes or {None: [load]},
-                parameters={"tool": tool},
-            )
-        ]
-
-    def _separate(self, tool: str) -> list[Skill]:
-        """Return the two actions that return and attach `tool`."""
-        holder = holder_of(self.config, tool)
-        place = vocabulary.holder_place(tool)
-        offload = self._skill(
-            "offload",
-            tool,
-            requires=[HAND_FREE, f"tool({tool})"],
-            add=[NO_TOOL],
-            delete=[f"tool({tool})"],
-            ends_at=place,
-            routes={None: [Visit(holder, Event.OFFLOAD, tool)]},
-            parameters={"tool": tool},
+    def _pick(self, name: str, part: PartConfig) -> SkillDraft:
+        start = vocabulary.start_place(self.config, name)
+        looks = name in vocabulary.missed_parts(self.config)
+        above = [n for n, other in self.config.parts.items() if other.start_on == name]
+        visit = Visit(start_of(self.config, name), Event.GRASP, name, part.start_yaw_rad)
+        return SkillDraft(
+            kind="pick",
+            subject=name,
+            requires=[f"at_start({name})", HAND_FREE, f"tool({part.tool})"],
+            forbids=[f"at_start({other})" for other in above],
+            add=[f"held({name})"],
+            delete=[f"at_start({name})", HAND_FREE],
+            ends_at=start,
+            routes={None: [visit]},
+            parameters={"part": name, "tool": part.tool},
+            failure=part.grasp_failure,
+            failed_at=vocabulary.missed_place(name) if looks else start,
         )
-        load = self._skill(
-            "load",
-            tool,
-            requires=[HAND_FREE, NO_TOOL],
-            add=[f"tool({tool})", CHANGED_TOOL],
-            delete=[NO_TOOL],
-            ends_at=place,
-            routes={None: [Visit(holder, Event.LOAD, tool)]},
-            parameters={"tool": tool},
-        )
-        return [offload, load]
 
-    def _fasten(self, name: str) -> Skill:
+    def _place(self, name: str, part: PartConfig) -> SkillDraft:
+        visit = Visit(goal_of(self.config, name), Event.RELEASE, name, part.goal_yaw_rad)
+        return SkillDraft(
+            kind="place",
+            subject=name,
+            requires=[f"held({name})", f"tool({part.tool})"],
+            add=[f"placed({name})", HAND_FREE],
+            delete=[f"held({name})"],
+            ends_at=vocabulary.goal_place(name),
+            routes={None: [visit]},
+            parameters={"part": name, "tool": part.tool},
+            carries=name,
+        )
+
+    def _fasten(self, name: str) -> SkillDraft:
         screw = self.config.screws[name]
         visits = [Visit(hole_of(self.config, screw), Event.DRIVE, name)]
         if screw.feeder is not None:
             visits.insert(0, Visit(feeder_of(self.config, screw.feeder), Event.FETCH, name))
-        return self._skill(
-            "fasten",
-            name,
+        return SkillDraft(
+            kind="fasten",
+            subject=name,
             requires=[HAND_FREE, f"tool({screw.tool})"],
             forbids=[f"fastened({name})"],
             add=[f"fastened({name})"],

@@ -1,21 +1,51 @@
-"""What is valid in an assembly file, but found out late: feeders under what lies at its start."""
+"""What is valid in an assembly file, but found out late: wide grasps, and blocked feeders."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from skillplan.collision.boxes import WorldBox, sweep_hits, world_box
+from skillplan.domains.assembly.gripping import grasp_of_part
 from skillplan.domains.assembly.layout import boxes_of, feeder_of, start_of
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
+from skillplan.physics.linear_motions import jaws_about
+from skillplan.robots.panda import OPENING_M
 from skillplan.task.motion import Point
+from skillplan.task.scene import GraspKind
 
 _TOUCH_M = 2e-4
+_ROUNDING_M = 1e-6
 
 
 def hints(config: AssemblyConfig) -> Iterator[Issue]:
-    """Yield the parts that block a feeder from the start on, each with the path of its start."""
+    """Yield parts that a real hand cannot grasp, and those that block a feeder at the start."""
+    yield from _wide_grasps(config)
+    yield from _blocked_feeders(config)
+
+
+def _wide_grasps(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield the parts that are wider along their closing axis than the jaws of an engine open."""
+    for name, part in config.parts.items():
+        grasp = grasp_of_part(config, name)
+        if grasp.kind is GraspKind.SUCTION or grasp.width_m <= OPENING_M + _ROUNDING_M:
+            continue
+        axis = grasp.closing_axis
+        # The other axis, at the same depth, is the way out where it is narrow enough.
+        other = "yx"["xy".index(axis)]
+        narrower = jaws_about(boxes_of(part), other, part.grasp.depth_m).width_m <= OPENING_M
+        turned = f"{{closing_axis: {other}}} or " if narrower else ""
+        message = (
+            f"{grasp.width_m:.3f} m wide along {axis}, where jaws of {part.tool!r} close; those of "
+            f"a Panda, which engines simulate, open {OPENING_M:.3f} m. Give grasp: "
+            f"{turned}{{type: suction}}."
+        )
+        key = "grasp" if "closing_axis" in part.grasp.model_fields_set else part.shape_key
+        yield Issue(message, ("parts", name, key))
+
+
+def _blocked_feeders(config: AssemblyConfig) -> Iterator[Issue]:
     lying = {
         name: _boxes_at(part, start_of(config, name), part.start_yaw_rad)
         for name, part in config.parts.items()

@@ -53,7 +53,7 @@ class MeshConfig(Strict):
         description="an OBJ, STL or PLY file in the task file's folder, or in a folder of it"
     )
     scale: Annotated[float, Field(ge=1e-9, le=1e9)] = Field(
-        1.0, description="what the file's lengths are multiplied by to be metres; 0.001 for mm"
+        1.0, description="what the file's lengths are multiplied by to be metres, 0.001 for mm"
     )
     centre_m: Spatial | None = Field(
         None,
@@ -119,7 +119,8 @@ class GraspConfig(Strict):
     )
     at_m: Planar | None = Field(
         None,
-        description="where the tip of the hand is, x y from the centre of the part's bottom [m]",
+        description="where the tip of the hand is, x y from the centre of the part's bottom [m]; "
+        "left out: over that centre for suction, in the middle of what jaws hold",
     )
 
 
@@ -128,23 +129,29 @@ class PartConfig(Strict):
 
     tool: Name = Field(description="the tool that grasps it")
     mass_kg: Mass = Field(0.1, description="mass [kg]")
-    size_m: Extents | None = Field(None, description="extents of a simple box, x y z [m]")
+    size_m: Extents | None = Field(
+        None, description="extents of a simple box, x y z [m]; or one of boxes, cylinder and meshes"
+    )
     boxes: Annotated[list[BoxConfig], Field(min_length=1, max_length=64)] | None = Field(
-        None, description="the boxes of a compound part, instead of size_m"
+        None, description="the boxes of a compound part; instead of size_m"
     )
     cylinder: CylinderConfig | None = Field(
-        None, description="an upright cylinder, instead of size_m"
+        None, description="an upright cylinder; instead of size_m"
     )
     meshes: Annotated[list[MeshConfig], Field(min_length=1, max_length=16)] | None = Field(
-        None, description="convex polyhedra from files, instead of size_m"
+        None, description="convex polyhedra from files; instead of size_m"
     )
     grasp: GraspConfig = Field(default_factory=GraspConfig, description="how it is held")
     grasp_failure: FailureProbability = Field(
         0.0, description="probability that a pick leaves it where it lies, below 1 [-]"
     )
-    start_m: Planar | None = Field(None, description="where it lies at the start, x y [m]")
-    start_on: Name | None = Field(None, description="the part it lies on at the start (a stack)")
-    feeder: Name | None = Field(None, description="the feeder it comes from, instead of start_m")
+    start_m: Planar | None = Field(
+        None, description="where it lies at the start, x y [m]; or one of start_on and feeder"
+    )
+    start_on: Name | None = Field(
+        None, description="the part it lies on at the start (a stack); instead of start_m"
+    )
+    feeder: Name | None = Field(None, description="the feeder it comes from; instead of start_m")
     start_yaw_rad: Angle = Field(0.0, description="how it is turned at the start [rad]")
     goal_m: Planar = Field(description="where it belongs, x y [m]")
     goal_on: Name | None = Field(None, description="the part it stands on; left out: the table")
@@ -171,7 +178,10 @@ class ScrewConfig(Strict):
     tool: Name = Field(description="the tool that drives it")
     hole_m: Planar = Field(description="its hole, x y [m]")
     through: Name = Field(description="the part whose top its head rests on")
-    feeder: Name | None = Field(None, description="where the tool fetches it on the way, if so")
+    feeder: Name | None = Field(
+        None,
+        description="the feeder where the tool fetches it; left out: the tool brings it along",
+    )
     head_diameter_m: Extent = Field(0.006, description="diameter of the head [m]")
     head_height_m: Extent = Field(0.002, description="height of the head [m]")
     mass_kg: Mass = Field(0.001, description="mass [kg]")

@@ -32,7 +32,7 @@ class RobotConfig(Strict):
     home_m: Planar = Field(description="where the tip stands at the start, x y [m]")
     reach_m: Length = Field(0.855, description="greatest distance from base to tip [m]")
     safe_height_m: Length = Field(
-        0.15, description="height of the lowest carried point while travelling [m]"
+        0.15, description="height of the lowest carried point between two places [m]"
     )
     travel_speed_m_per_s: Annotated[float, Field(ge=1e-3, le=100)] = Field(
         0.25, description="planar speed between skills [m/s]"
@@ -45,7 +45,7 @@ class RobotConfig(Strict):
 
 
 class DurationsConfig(Strict):
-    """What each skill takes at its place, the travel to it not counted."""
+    """What each skill takes at its place, the path to it not counted."""
 
     pick: Duration = Field(3.0, description="grasp a part [s]")
     place: Duration = Field(3.0, description="set a part down [s]")
@@ -112,7 +112,9 @@ class RewardConfig(Strict):
     per_cost: Reward = Field(-0.1, description="factor on the cost of any other step [1/m]")
     out_of_time: Reward = Field(-10.0, description="the step that exhausts the step limit")
     repeated_tool_change: Reward | None = Field(
-        None, description="a tool change right after another, instead of the cost term"
+        None,
+        description="a tool change right after another, instead of the cost term; left out: no "
+        "other than the cost",
     )
 
 
@@ -144,46 +146,70 @@ class FamilyConfig(Strict):
 class CostExpectation(Strict):
     """A sequence and what it costs."""
 
-    actions: Annotated[list[int], Field(min_length=1)]
-    cost: float = Field(ge=0)
+    actions: Annotated[list[int], Field(min_length=1)] = Field(
+        description="numbers of the actions, from 0"
+    )
+    cost: float = Field(ge=0, description="what they cost together, in the task's unit")
 
 
 class ExpectConfig(Strict):
     """Figures that the project's tests verify; no command reads them."""
 
-    optimal_cost: float | None = Field(None, ge=0)
-    optimal_expected_cost: float | None = Field(None, ge=0)
-    optimal_actions: list[int] | None = None
-    states: int | None = Field(None, ge=1)
-    observations: int | None = Field(None, ge=1)
-    sequences: dict[str, int] | None = None
-    costs: list[CostExpectation] | None = None
-    tool_changes: int | None = Field(None, ge=0)
+    optimal_cost: float | None = Field(None, ge=0, description="cost of the optimum [m]")
+    optimal_expected_cost: float | None = Field(
+        None, ge=0, description="expected cost of the optimum, where grasps may fail [m]"
+    )
+    optimal_actions: list[int] | None = Field(
+        None, description="the actions of the optimum, by number from 0"
+    )
+    states: int | None = Field(None, ge=1, description="how many states can be reached")
+    observations: int | None = Field(
+        None, ge=1, description="how many observations a learner can make"
+    )
+    sequences: dict[str, int] | None = Field(
+        None, description="how many feasible sequences there are, by their number of skills"
+    )
+    costs: list[CostExpectation] | None = Field(None, description="sequences and what they cost")
+    tool_changes: int | None = Field(
+        None, ge=0, description="how many tool changes the optimum has"
+    )
 
 
 class AssemblyConfig(Strict):
     """An assembly task."""
 
-    kind: Literal["assembly"]
+    kind: Literal["assembly"] = Field(description="the kind of task file")
     name: Name = Field(description="the task's name")
     description: str = Field("", description="for people")
-    robot: RobotConfig
-    durations_s: DurationsConfig = Field(default_factory=DurationsConfig)
-    tools: Annotated[dict[Name, ToolConfig], Field(min_length=1, max_length=32)]
-    initial_tool: Name | None = Field(None, description="the tool attached at the start")
-    tool_change: ToolChangeConfig = Field(default_factory=ToolChangeConfig)
-    feeders: Annotated[dict[Name, FeederConfig], Field(max_length=64)] = Field(
-        {}, description="feeders by name"
+    robot: RobotConfig = Field(description="the arm")
+    durations_s: DurationsConfig = Field(
+        default_factory=DurationsConfig, description="how long each skill takes at its place [s]"
     )
-    parts: Annotated[dict[Name, PartConfig], Field(min_length=1, max_length=256)]
+    tools: Annotated[dict[Name, ToolConfig], Field(min_length=1, max_length=32)] = Field(
+        description="tools of the changer by name"
+    )
+    initial_tool: Name | None = Field(
+        None, description="the tool attached at the start; left out: none"
+    )
+    tool_change: ToolChangeConfig = Field(
+        default_factory=ToolChangeConfig, description="how tools are changed"
+    )
+    feeders: Annotated[dict[Name, FeederConfig], Field(max_length=64)] = Field(
+        {}, description="feeders by name; left out: none"
+    )
+    parts: Annotated[dict[Name, PartConfig], Field(min_length=1, max_length=256)] = Field(
+        description="parts by name"
+    )
     screws: Annotated[dict[Name, ScrewConfig], Field(max_length=256)] = Field(
-        {}, description="screws by name"
+        {}, description="screws by name; left out: none"
     )
     goal: Annotated[list[Fact], Field(min_length=1, max_length=4096)] | None = Field(
         None, description="facts to bring about; left out: every part placed, every screw fastened"
     )
     chart: Annotated[list[ChartLine], Field(max_length=4096)] = Field(
-        [], description="the hand-made precedence relation, as [{before: a, after: [b, c]}]"
+        [],
+        description="the hand-made precedence relation, as [{before: a, after: [b, c]}]; left out: "
+        "none",
     )
     actions: Annotated[list[Fact], Field(min_length=1, max_length=1024)] | None = Field(
         None, description="the actions in the order of their numbers; left out: all, in file order"
@@ -191,14 +217,16 @@ class AssemblyConfig(Strict):
     observation: Annotated[list[Fact], Field(min_length=1, max_length=4096)] | None = Field(
         None, description="the bits a learner sees: facts, or 'not FACT'; left out: all facts"
     )
-    reward: RewardConfig | None = Field(None, description="the reward scheme")
+    reward: RewardConfig | None = Field(
+        None, description="the reward scheme; left out: less cost is more reward"
+    )
     step_limit: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
         None,
         description="the most skills a sequence may have [-]; left out: enough for every order, "
         "with a tool change before each part and screw",
     )
     physics: Annotated[dict[Name, dict[str, Any] | None], Field(max_length=1)] = Field(
-        {}, description="the physics engine and its options, as {kinematic: {}}"
+        {}, description="the physics engine and its options, as {kinematic: {}}; left out: that"
     )
     collision: Annotated[dict[Name, dict[str, Any] | None], Field(max_length=16)] = Field(
         {},
@@ -206,6 +234,10 @@ class AssemblyConfig(Strict):
         "or else aabb",
     )
     family: FamilyConfig | None = Field(
-        None, description="layouts like this one, to learn on some and be tested on others"
+        None,
+        description="layouts like this one, to learn on some and be tested on others; left out: "
+        "there is none",
     )
-    expect: ExpectConfig | None = Field(None, description="figures that tests verify")
+    expect: ExpectConfig | None = Field(
+        None, description="figures that tests verify; left out: none"
+    )

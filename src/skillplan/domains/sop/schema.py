@@ -33,7 +33,7 @@ Entry = Annotated[int, Field(ge=BEFORE, le=MOST_COST)]
 class SopConfig(Strict):
     """A sequential ordering problem, as TSPLIB defines it."""
 
-    kind: Literal["sop"]
+    kind: Literal["sop"] = Field(description="the kind of task file")
     name: Annotated[str, AfterValidator(_named)] = Field(
         description="the task's name", json_schema_extra={"pattern": _NAME}
     )

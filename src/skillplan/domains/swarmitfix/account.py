@@ -35,9 +35,9 @@ def account(job: Job) -> Account:
     listings: list[Listing] = []
     bound = given = None
     if config.trajectory is not None:
-        rulings, heads = _rulings(job), _heads(job)
-        document |= _supports(job, rulings, heads)
-        listings.append(_goals_listing(job, rulings, heads))
+        verdicts, heads = _leg_verdicts(job), _heads(job)
+        document |= _supports(job, verdicts, heads)
+        listings.append(_goals_listing(job, verdicts, heads))
         given = float(job.least_steps)
         # Heads that are planned might have been planned otherwise.
         bound = given if config.heads.subdivisions is not None and job.parts == 1 else None
@@ -61,7 +61,7 @@ def account(job: Job) -> Account:
 
 
 def _supports(
-    job: Job, rulings: Sequence[Verdict], heads: Sequence[Mapping[str, Any]]
+    job: Job, verdicts: Sequence[Verdict], heads: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any]:
     workpiece = job.workpiece
     return {
@@ -102,11 +102,11 @@ def _supports(
                 },
             }
             for number, (goal_set, goal, verdict) in enumerate(
-                zip(job.goal_sets, job.goals, rulings, strict=True), start=1
+                zip(job.goal_sets, job.goals, verdicts, strict=True), start=1
             )
         ],
         "goal_choice": job.config.base.goal_choice,
-        "supports_beyond_leg_limits": sum(verdict.is_infeasible for verdict in rulings),
+        "supports_beyond_leg_limits": sum(verdict.is_infeasible for verdict in verdicts),
     }
 
 
@@ -153,23 +153,23 @@ def _heads(job: Job) -> list[dict[str, Any]]:
     return entries
 
 
-def _rulings(job: Job) -> list[Verdict]:
+def _leg_verdicts(job: Job) -> list[Verdict]:
     """Return whether the parallel kinematic machine reaches each support from its goal."""
     geometry, limits, mount = PkmGeometry(), limits_of(job.config), mount_of(job.config)
-    rulings = []
+    verdicts = []
     for goal_set, goal in zip(job.goal_sets, job.goals, strict=True):
         x_m, y_m = job.bench.centroids_m[goal].tolist()
-        rulings.append(rule(geometry, limits, mount, (x_m, y_m), goal_set.e1))
-    return rulings
+        verdicts.append(rule(geometry, limits, mount, (x_m, y_m), goal_set.e1))
+    return verdicts
 
 
 def _goals_listing(
-    job: Job, rulings: Sequence[Verdict], heads: Sequence[Mapping[str, Any]]
+    job: Job, verdicts: Sequence[Verdict], heads: Sequence[Mapping[str, Any]]
 ) -> Listing:
     """Return the supports, who can hold them, and who does."""
     rows, notes = [], []
     for number, (goal_set, goal, verdict) in enumerate(
-        zip(job.goal_sets, job.goals, rulings, strict=True), start=1
+        zip(job.goal_sets, job.goals, verdicts, strict=True), start=1
     ):
         names = [job.bench.name(position) for position in goal_set.positions]
         shown = names if len(names) <= 6 else [*names[:5], f"and {len(names) - 5} more"]
@@ -203,7 +203,7 @@ def _goals_listing(
             f"           {close} of them nearer to the next than a head's side of "
             f"{job.head_rules.side_m:g} m"
         )
-    beyond = sum(verdict.is_infeasible for verdict in rulings)
+    beyond = sum(verdict.is_infeasible for verdict in verdicts)
     if beyond:
         above.append(f"PKM        {beyond} of {len(rows)} supports are beyond its legs' limits")
     if notes:
@@ -221,7 +221,7 @@ def _goals_listing(
 
 
 def _phases(job: Job) -> tuple[Phase, ...] | None:
-    """Return the five steps of every sequence, or None while ways of the base are missing."""
+    """Return the five steps of every sequence, or None while paths of the base are missing."""
     paths: list[BasePath] = []
     here = job.home
     for number, goal in enumerate(job.goals, start=1):

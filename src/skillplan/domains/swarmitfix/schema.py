@@ -52,7 +52,7 @@ class BenchConfig(Strict):
 
 
 class HeadsConfig(Strict):
-    """The triangular heads that bear the sheet along the trajectory."""
+    """The triangular heads that support the sheet along the trajectory."""
 
     side_m: Length = Field(0.10, description="side of the equilateral head [m]")
     max_gap_m: Length = Field(0.20, description="longest stretch of the trajectory left bare [m]")
@@ -70,7 +70,7 @@ class HeadsConfig(Strict):
         | None
     ) = Field(
         None,
-        description="equal parts of every segment, instead of planning the heads between vertices",
+        description="equal parts of every segment; instead of planning the heads between vertices",
     )
 
     @model_validator(mode="after")
@@ -88,7 +88,7 @@ class BaseConfig(Strict):
 
     home: Position = Field("C66", description="position at the start, such as C66")
     goals: Annotated[list[Position], Field(min_length=1, max_length=1_000)] | None = Field(
-        None, description="goal positions in order, instead of a trajectory"
+        None, description="goal positions in order; instead of a trajectory"
     )
     arm_length_m: Length = Field(0.472, description="l_arm of Eqs 1 and 2 [m]")
     safe_distance_m: Annotated[float, Field(ge=0, le=1000)] = Field(
@@ -107,7 +107,7 @@ class BaseConfig(Strict):
     prefer_reachable: bool = Field(
         True,
         description="whether positions from which the legs of the PKM cannot hold the support are "
-        "left out where others remain; Eqs 1-4 do not ask",
+        "left out where others remain; Eqs 1-4 do not check that",
     )
     goal_choice: GoalRule = Field(
         "whole-trajectory",
@@ -136,9 +136,15 @@ LegLimits = Annotated[list[Annotated[float, Field(gt=0, le=2)]], Field(min_lengt
 class LegLimitsConfig(Strict):
     """Shortest and longest leg of the parallel kinematic machine."""
 
-    A: LegLimits | None = None
-    B: LegLimits | None = None
-    C: LegLimits | None = None
+    A: LegLimits | None = Field(
+        None, description="shortest and longest leg A [m]; left out: the calibrated ones"
+    )
+    B: LegLimits | None = Field(
+        None, description="shortest and longest leg B [m]; left out: the calibrated ones"
+    )
+    C: LegLimits | None = Field(
+        None, description="shortest and longest leg C [m]; left out: the calibrated ones"
+    )
 
     @model_validator(mode="after")
     def _in_order(self) -> LegLimitsConfig:
@@ -166,12 +172,21 @@ class TimingsConfig(Strict):
     """How long the five steps take."""
 
     swing_s: dict[Literal["60", "120", "180", "240", "300"], Swing] | None = Field(
-        None, description="time of a swing by its angle in degrees [s]"
+        None,
+        description="time of a swing by its angle in degrees [s]; left out: the real machine's",
     )
-    retract_s: Duration | None = Field(None, description="head off the sheet [s]")
-    park_s: Duration | None = Field(None, description="head to its parking position [s]")
-    approach_s: Duration | None = Field(None, description="head below the next support [s]")
-    support_s: Duration | None = Field(None, description="head onto the sheet [s]")
+    retract_s: Duration | None = Field(
+        None, description="head off the sheet [s]; left out: the real machine's"
+    )
+    park_s: Duration | None = Field(
+        None, description="head to its parking position [s]; left out: the real machine's"
+    )
+    approach_s: Duration | None = Field(
+        None, description="head below the next support [s]; left out: the real machine's"
+    )
+    support_s: Duration | None = Field(
+        None, description="head onto the sheet [s]; left out: the real machine's"
+    )
 
 
 class BaseRobotConfig(Strict):
@@ -184,42 +199,60 @@ class BaseRobotConfig(Strict):
 class BenchExpectConfig(Strict):
     """Figures that the project's tests verify; no command reads them."""
 
-    goals: list[str] | None = None
-    makespans: list[int] | None = None
-    supports: int | None = None
-    steps: int | None = None
-    relaxed: int | None = None
-    split: int | None = None
-    csp: Literal["solved", "unsolved"] | None = None
-    swings: int | None = None
-    parallel_makespan: int | None = None
+    goals: list[str] | None = Field(None, description="positions of the base, in order")
+    makespans: list[int] | None = Field(None, description="swings to each of them")
+    supports: int | None = Field(None, description="how many heads there are")
+    steps: int | None = Field(None, description="how many swings there are in all")
+    relaxed: int | None = Field(None, description="supports that need the relaxed rule")
+    split: int | None = Field(None, description="supports that need a split stretch")
+    csp: Literal["solved", "unsolved"] | None = Field(
+        None, description="what the solver csp comes to"
+    )
+    swings: int | None = Field(None, description="swings of a fleet's plan")
+    parallel_makespan: int | None = Field(
+        None, description="steps of a fleet's plan where bases move at once"
+    )
 
 
 class SwarmitfixConfig(Strict):
     """A walking fixture that supports sheet metal along a tool's trajectory."""
 
-    kind: Literal["swarmitfix"]
+    kind: Literal["swarmitfix"] = Field(description="the kind of task file")
     name: Name = Field(description="the task's name")
     description: str = Field("", description="for people")
-    bench: BenchConfig = Field(default_factory=BenchConfig)
-    trajectory: TrajectoryConfig | None = Field(None, description="the way of the tool")
-    heads: HeadsConfig = Field(default_factory=HeadsConfig)
-    base: BaseConfig = Field(default_factory=BaseConfig)
-    pkm: PkmConfig = Field(default_factory=PkmConfig)
-    timings: TimingsConfig = Field(default_factory=TimingsConfig)
+    bench: BenchConfig = Field(
+        default_factory=BenchConfig, description="the triangular lattice of pins"
+    )
+    trajectory: TrajectoryConfig | None = Field(
+        None, description="the path of the tool; left out: base.goals or robots is given"
+    )
+    heads: HeadsConfig = Field(
+        default_factory=HeadsConfig, description="the heads that support the sheet"
+    )
+    base: BaseConfig = Field(
+        default_factory=BaseConfig, description="where the base starts and may stand"
+    )
+    pkm: PkmConfig = Field(
+        default_factory=PkmConfig, description="the machine between base and head"
+    )
+    timings: TimingsConfig = Field(
+        default_factory=TimingsConfig, description="how long the five steps take [s]"
+    )
     robots: Annotated[dict[Name, BaseRobotConfig], Field(min_length=2, max_length=8)] | None = (
-        Field(None, description="several bases on one bench, instead of a trajectory")
+        Field(None, description="several bases on one bench; instead of a trajectory")
     )
     step_limit: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
         None, description="the most skills of a sequence; left out: enough for every pair"
     )
     physics: Annotated[dict[Name, dict[str, Any] | None], Field(max_length=1)] = Field(
-        {}, description="the physics engine and its options, as {kinematic: {}}"
+        {}, description="the physics engine and its options, as {kinematic: {}}; left out: that"
     )
     collision: Annotated[dict[Name, dict[str, Any] | None], Field(max_length=16)] = Field(
         {}, description="collision detectors and options; left out: none"
     )
-    expect: BenchExpectConfig | None = Field(None, description="figures that tests verify")
+    expect: BenchExpectConfig | None = Field(
+        None, description="figures that tests verify; left out: none"
+    )
 
     @model_validator(mode="after")
     def _one_job(self) -> SwarmitfixConfig:

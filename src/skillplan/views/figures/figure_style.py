@@ -6,6 +6,7 @@ common colour vision deficiencies tell apart; nothing is told by colour alone.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,10 +15,12 @@ from typing import Any, ParamSpec, TypeVar
 
 import matplotlib
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
+from matplotlib.ticker import FuncFormatter
 
 INK = "#1a1a1a"
 MUTED = "#5f6368"
@@ -171,11 +174,38 @@ def _line(figure: Figure, left: float, down: float, text: str, **style: Any) -> 
 def axes_in(
     figure: Figure, left_in: float, bottom_in: float, width_in: float, height_in: float
 ) -> Axes:
-    """Return axes at a place of a figure, from its lower left corner [in]."""
+    """Return axes at a place of a figure.
+
+    Parameters
+    ----------
+    figure
+        Of a known size.
+    left_in, bottom_in
+        Where the lower left corner of the axes is, from that of the figure [in].
+    width_in, height_in
+        How large they are, > 0 [in].
+    """
     whole_w, whole_h = figure.get_size_inches()
     return figure.add_axes(
         (left_in / whole_w, bottom_in / whole_h, width_in / whole_w, height_in / whole_h)
     )
+
+
+def label_log_axis(axis: Axis) -> None:
+    """Label a logarithmic axis with plain numbers, also between powers of ten where few show.
+
+    Matplotlib's own labels are formulas, and formulas are not read in the house style.
+    """
+
+    def between(value: float, _: int | None) -> str:
+        low, high = sorted(axis.get_view_interval())
+        digit = round(value / 10 ** math.floor(math.log10(value) + 1e-9))
+        decades = math.log10(high / low)
+        shown = decades < 1 or (decades < 2 and digit in (2, 5))
+        return f"{value:,.10g}" if shown else ""
+
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
+    axis.set_minor_formatter(FuncFormatter(between))
 
 
 def legend_columns(labels: list[str], width_in: float) -> tuple[int, float]:

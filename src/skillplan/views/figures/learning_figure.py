@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from skillplan.records.result import Result
@@ -26,6 +25,7 @@ from skillplan.views.figures.figure_style import (
     Heading,
     axes_in,
     in_house_style,
+    label_log_axis,
     legend_columns,
     sheet,
 )
@@ -102,7 +102,7 @@ class LearningPanel:
     Parameters
     ----------
     title
-        What is learnt.
+        What is learned.
     curves
         At most one for each set of parameters.
     fewest
@@ -193,7 +193,7 @@ def _draw_panel(axes: Axes, panel: LearningPanel) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
+        label_log_axis(axis)
     axes.grid(which="major")
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlabel("episode [-]")
@@ -222,7 +222,7 @@ def runs(request: FigureRequest) -> Sequence[Run]:
 
 
 def _tasks(request: FigureRequest) -> list[Task]:
-    """Return the task named, or the first two with a way to go, or the only one."""
+    """Return the task named, or the first two that lead elsewhere, or the only one."""
     if request.part is not None:
         return [request.problem.part(request.part)]
     return request.walks()[:_PANELS] or [request.problem.task]

@@ -5,6 +5,7 @@ Veeramani and Muthuswamy 2022, Fig. 10.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,6 +13,7 @@ from typing import Literal
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
 
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
@@ -32,11 +34,13 @@ from skillplan.views.figures.figure_style import (
 
 SOLVER = "auto"
 _RIGHT_IN, _STEP_IN, _MOST_IN = 0.3, 0.42, 14.0
+# Bars that are smaller than the largest by more than this cannot be seen beside it.
+_MOST_RATIO = 100.0
 
 
 @dataclass(frozen=True, slots=True)
-class PaidStep:
-    """A step and what it was paid.
+class RewardStep:
+    """A step and its reward.
 
     Parameters
     ----------
@@ -45,9 +49,9 @@ class PaidStep:
     action
         Name of the skill.
     place
-        Where it ends; empty where it does not walk.
+        Where it ends; empty where the robot does not walk.
     reward
-        What is paid.
+        Its reward.
     """
 
     sequence: str
@@ -57,7 +61,7 @@ class PaidStep:
 
 
 @in_house_style
-def rewards_figure(steps: Sequence[PaidStep], actions: Sequence[str], heading: Heading) -> Figure:
+def rewards_figure(steps: Sequence[RewardStep], actions: Sequence[str], heading: Heading) -> Figure:
     """Draw actions above and rewards below, for every step.
 
     Parameters
@@ -99,7 +103,7 @@ def rewards_figure(steps: Sequence[PaidStep], actions: Sequence[str], heading: H
     return figure
 
 
-def _draw_actions(axes: Axes, steps: Sequence[PaidStep], actions: Sequence[str]) -> None:
+def _draw_actions(axes: Axes, steps: Sequence[RewardStep], actions: Sequence[str]) -> None:
     rows = [actions.index(step.action) for step in steps]
     axes.vlines(range(1, len(steps) + 1), -0.6, rows, color="#b9c7d3", linewidth=1.0, zorder=2)
     axes.plot(range(1, len(steps) + 1), rows, "o", color=BLUE, markersize=6, zorder=3)[0].set_gid(
@@ -111,7 +115,7 @@ def _draw_actions(axes: Axes, steps: Sequence[PaidStep], actions: Sequence[str])
     axes.tick_params(axis="x", length=0, labelbottom=False)
 
 
-def _draw_rewards(axes: Axes, steps: Sequence[PaidStep], wide_in: float) -> None:
+def _draw_rewards(axes: Axes, steps: Sequence[RewardStep], wide_in: float) -> None:
     rewards = [step.reward for step in steps]
     numbers = range(1, len(steps) + 1)
     bars = axes.bar(
@@ -124,10 +128,7 @@ def _draw_rewards(axes: Axes, steps: Sequence[PaidStep], wide_in: float) -> None
         zorder=3,
     )
     axes.axhline(0.0, color=INK, linewidth=0.8, zorder=4)
-    low, high = min(0.0, *rewards), max(0.0, *rewards)
-    room = 0.16 * ((high - low) or 1.0)
-    axes.set_ylim(low - (room if low < 0 else 0.0), high + room)
-    axes.set_ylabel("reward [-]")
+    _scale_rewards(axes, rewards)
     step_in = wide_in / (len(steps) + 0.2)
     texts = [_reward_text(reward) for reward in rewards]
     if max(text_width_in(text, 6.5) for text in texts) + 0.05 <= step_in:
@@ -139,17 +140,39 @@ def _draw_rewards(axes: Axes, steps: Sequence[PaidStep], wide_in: float) -> None
     axes.set_xlabel("step, and the position where it ends" if places else "step")
 
 
+def _scale_rewards(axes: Axes, rewards: Sequence[float]) -> None:
+    """Set the axis of rewards, with room for figures; logarithmic where small bars would vanish."""
+    low, high = min(0.0, *rewards), max(0.0, *rewards)
+    sizes = [abs(reward) for reward in rewards if reward]
+    if not sizes or max(sizes) <= _MOST_RATIO * min(sizes):
+        room = 0.16 * ((high - low) or 1.0)
+        axes.set_ylim(low - (room if low < 0 else 0.0), high + room)
+        axes.set_ylabel("reward [-]")
+        return
+    # From zero to the smallest bar the axis is linear, beyond it logarithmic on both sides.
+    least = 10.0 ** math.floor(math.log10(min(sizes)))
+    axes.set_yscale("symlog", linthresh=least, linscale=0.5)
+    axes.set_ylim(8 * low if low < 0 else 0.0, 8 * high if high > 0 else 0.0)
+    decades = math.floor(math.log10(max(sizes))) - round(math.log10(least))
+    powers = [least * 10.0**power for power in range(0, decades + 1, -(-decades // 3))]
+    ticks = [-power for power in powers if -power >= low] + [0.0]
+    ticks += [power for power in powers if power <= high]
+    axes.set_yticks(ticks, [f"{tick:g}".replace("-", "\N{MINUS SIGN}") for tick in ticks])
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.set_ylabel("reward [-], log scale")
+
+
 def _reward_text(reward: float) -> str:
     """Return a reward with two decimals, or two digits where that were 0."""
     text = f"{reward:.2g}" if 0 < abs(reward) < 0.095 else f"{reward:.2f}"
     return text.replace("-", "\N{MINUS SIGN}")
 
 
-def _tick(number: int, step: PaidStep) -> str:
+def _tick(number: int, step: RewardStep) -> str:
     return f"{number}\n{step.place}" if step.place else str(number)
 
 
-def _mark_sequences(upper: Axes, lower: Axes, steps: Sequence[PaidStep], wide_in: float) -> None:
+def _mark_sequences(upper: Axes, lower: Axes, steps: Sequence[RewardStep], wide_in: float) -> None:
     """Part the steps of one task from those of the next, and name the tasks above."""
     begins = [i for i, step in enumerate(steps) if i == 0 or step.sequence != steps[i - 1].sequence]
     if len(begins) == 1:
@@ -216,7 +239,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         [part.result for part in answer.main] if isinstance(answer, ChainResult) else [answer]
     )
     steps = [
-        PaidStep(result.task, step.skill, step.place or "", step.reward or 0.0)
+        RewardStep(result.task, step.skill, step.place or "", step.reward or 0.0)
         for result in results
         for step in result.steps
     ]

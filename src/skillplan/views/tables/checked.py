@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from skillplan.records.checked import Checked
+from skillplan.records.preview import Preview
 from skillplan.views.tables.listing import listing_table
 from skillplan.views.tables.table import Column, Table
 
@@ -28,4 +29,19 @@ def _tasks(checked: Checked) -> Table:
         for task in checked.document()["tasks"]
     ]
     notes = [f"kind       {checked.problem.kind}", f"sha256     {checked.problem.sha256}"]
-    return Table(f"{checked.problem.name}: valid", columns, rows, notes)
+    return Table(
+        f"{checked.problem.name}: valid", columns, rows, [*notes, *_preview_notes(checked.preview)]
+    )
+
+
+def _preview_notes(preview: Preview) -> list[str]:
+    """Return what is known before anything is solved: what there is to see, orders, warnings."""
+    notes = list(preview.overview.lines)
+    for order in preview.orders:
+        if not order.back_ends:
+            notes.append("order      not derived of so many components; give --collision for it")
+            continue
+        by = f"by {', '.join(order.back_ends)}"
+        pairs = f"{order.pairs} pair{'' if order.pairs == 1 else 's'} of components {by}"
+        notes.append(f"order      {f'none {by}' if order.lines else pairs}")
+    return [*notes, *(f"warning    {warning}" for warning in preview.warnings)]

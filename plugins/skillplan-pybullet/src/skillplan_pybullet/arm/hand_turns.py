@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillplan.physics.linear_motions import Stroke, strokes
+from skillplan.physics.linear_motions import LinearMotion, linear_motions
 from skillplan.robots import panda
 from skillplan.task.scene import Robot
 from skillplan.task.state import State
@@ -46,12 +46,12 @@ class HandTurns:
 
     def __init__(self, task: Task, drop_height_m: float) -> None:
         self.robot: Robot = task.scene.robots[0]
-        self._motions: dict[str, list[Stroke]] = {}
+        self._motions: dict[str, list[LinearMotion]] = {}
         self._heights: dict[str, float] = {}
         for skill in task.skills:
             for route in skill.motion.routes if skill.motion is not None else ():
                 state: State = skill.precondition.requires | route.when
-                motions = strokes(task, skill, state, drop_height_m)
+                motions = linear_motions(task, skill, state, drop_height_m)
                 for motion in motions:
                     self._motions.setdefault(motion.visit.subject, []).append(motion)
                 for fact in skill.prediction.add:
@@ -60,14 +60,14 @@ class HandTurns:
                         self._heights[fact] = height_m
         self._turns: dict[str, float] = {}
 
-    def yaw_rad(self, motion: Stroke) -> float:
+    def yaw_rad(self, motion: LinearMotion) -> float:
         """Return how the hand is turned in a motion [rad]."""
         subject = motion.visit.subject
         if subject not in self._turns:
             self._turns[subject] = min((0.0, math.pi), key=lambda turn: self._effort(subject, turn))
         return motion.closing_yaw_rad + self._turns[subject]
 
-    def towards(self, motion: Stroke, now: Posture | None = None) -> Posture:
+    def towards(self, motion: LinearMotion, now: Posture | None = None) -> Posture:
         """Return the posture above a motion's target, its turn counted as the wrist can get there.
 
         Parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from skillplan.physics.linear_motions import strokes
+from skillplan.physics.linear_motions import linear_motions
 from skillplan.physics.performance import Image
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -113,6 +113,6 @@ def footage(workcell: Workcell, skill: Skill, state: State, frames_per_s: float)
 
 
 def _camera(workcell: Workcell, skill: Skill, state: State) -> Camera:
-    motions = strokes(workcell.task, skill, state, workcell.settings.drop_height_m)
+    motions = linear_motions(workcell.task, skill, state, workcell.settings.drop_height_m)
     x_m, y_m, z_m = motions[-1].tip
     return Camera((x_m, y_m, z_m + 0.05))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillplan.physics.linear_motions import Stroke, strokes
+from skillplan.physics.linear_motions import LinearMotion, linear_motions
 from skillplan.physics.performance import (
     Arrival,
     Image,
@@ -157,7 +157,7 @@ class _PlanExecution:
             )
         if skill.motion is None:
             return Verdict.feasible(facts.none, facts.none)
-        motions = strokes(self.task, skill, state, self.workcell.settings.drop_height_m)
+        motions = linear_motions(self.task, skill, state, self.workcell.settings.drop_height_m)
         runner = self.runner
         runner.watch({motion.visit.subject for motion in motions})
         try:
@@ -175,7 +175,7 @@ class _PlanExecution:
             runner.sensed["stuck_on"] = runner.log.phase_now
         return self._sensed(skill, state, motions)
 
-    def _sensed(self, skill: Skill, state: State, motions: Sequence[Stroke]) -> Verdict:
+    def _sensed(self, skill: Skill, state: State, motions: Sequence[LinearMotion]) -> Verdict:
         record = self.workcell.record_of(skill, state, motions, self.runner)
         verdict = postcondition_verdict(skill, record, self.tolerances)
         if not verdict.is_feasible:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.linear_motions import Stroke, grasp_of
+from skillplan.physics.linear_motions import LinearMotion, grasp_of
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Body, GraspKind, Pose, Scene, Tool
 from skillplan.task.state import State
@@ -77,7 +77,7 @@ class SkillRunner(ControlledRobot):
         self.wait(self._jaws_s + _GRIP_S)
         self.world.release(helping)
 
-    def run(self, motion: Stroke, yaw_rad: float) -> None:
+    def run(self, motion: LinearMotion, yaw_rad: float) -> None:
         """Execute an approach-act-retreat motion from above its target, the hand turned so [rad].
 
         Raises
@@ -106,7 +106,7 @@ class SkillRunner(ControlledRobot):
         if event in (Event.RELEASE, Event.DRIVE):
             self.world.join(subject, self.tools.robot_parts)
 
-    def _act(self, motion: Stroke) -> None:
+    def _act(self, motion: LinearMotion) -> None:
         subject, event = motion.visit.subject, motion.visit.event
         if event is Event.GRASP:
             self.log.phase(f"the grasp of {subject}")

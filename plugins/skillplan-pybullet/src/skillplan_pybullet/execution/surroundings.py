@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_box, world_boxes
 from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.linear_motions import Stroke, grasp_of
+from skillplan.physics.linear_motions import LinearMotion, grasp_of
 from skillplan.physics.tool_shapes import tool_shapes
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import WORLD, Body, Grasp, Placement, Pose
@@ -86,7 +86,9 @@ class Surroundings:
         self._supports = {
             (one.body.name, one.placement.fact): tuple(self._beneath(one)) for one in self._located
         }
-        self._near: dict[tuple[str, tuple[Stroke, ...], Point | None], tuple[Located, ...]] = {}
+        self._near: dict[
+            tuple[str, tuple[LinearMotion, ...], Point | None], tuple[Located, ...]
+        ] = {}
         lowest_m = min(robot.safe_height_m for robot in task.scene.robots) - MARGIN_M
         # Nothing that the arm moves hangs below the safe height between two places.
         self.transfer_matters = any(
@@ -94,7 +96,7 @@ class Surroundings:
         )
 
     def around(
-        self, skill: Skill, motions: Sequence[Stroke], state: State, here: Point | None = None
+        self, skill: Skill, motions: Sequence[LinearMotion], state: State, here: Point | None = None
     ) -> Neighbourhood:
         """Return what may matter to a skill in a state.
 
@@ -154,7 +156,7 @@ class Surroundings:
             ):
                 yield other
 
-    def _close_to(self, motions: Sequence[Stroke], here: Point | None) -> list[Located]:
+    def _close_to(self, motions: Sequence[LinearMotion], here: Point | None) -> list[Located]:
         near: list[Located] = []
         moving = [item for motion in motions for item in self._moving(motion)]
         if here is not None:
@@ -188,7 +190,7 @@ class Surroundings:
             ]
         return near
 
-    def _moving(self, motion: Stroke) -> Iterator[tuple[WorldBox, Point]]:
+    def _moving(self, motion: LinearMotion) -> Iterator[tuple[WorldBox, Point]]:
         """Yield what moves in a motion, at its lowest, and the displacement up from there."""
         low_m = motion.tip[2]
         by: Point = (0.0, 0.0, motion.above[2] - low_m)
@@ -222,7 +224,7 @@ class Surroundings:
             for box in screw.boxes:
                 yield world_box(box, deepest), (0.0, 0.0, by[2] + self.press_travel_m)
 
-    def _transferred(self, begin: Point, motion: Stroke) -> Iterator[tuple[WorldBox, Point]]:
+    def _transferred(self, begin: Point, motion: LinearMotion) -> Iterator[tuple[WorldBox, Point]]:
         """Yield what the transfer motion to a motion moves, however turned, and how far."""
         x, y, z = motion.tip
         by: Point = (motion.above[0] - begin[0], motion.above[1] - begin[1], 0.0)
@@ -238,7 +240,7 @@ class Surroundings:
             high = (begin[0] + radius_m, begin[1] + radius_m, box.high[2] + lift_m + rise_m)
             yield WorldBox(low, high), by
 
-    def _hand(self, motion: Stroke, grasp: Grasp) -> Iterator[WorldBox]:
+    def _hand(self, motion: LinearMotion, grasp: Grasp) -> Iterator[WorldBox]:
         """Yield what takes or leaves a part: the hand, or the tool that is there instead."""
         if motion.tool is not None and tool_shapes(motion.tool):
             for box in tool_boxes(motion.tool):

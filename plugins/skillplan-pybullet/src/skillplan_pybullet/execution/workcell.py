@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.linear_motions import Stroke, grasp_of, strokes
+from skillplan.physics.linear_motions import LinearMotion, grasp_of, linear_motions
 from skillplan.robots import panda
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import GraspKind, Pose, Robot
@@ -64,7 +64,7 @@ class Workcell:
         watch
             Called after every simulation step with the robot at work.
         """
-        motions = strokes(self.task, skill, state, self.settings.drop_height_m)
+        motions = linear_motions(self.task, skill, state, self.settings.drop_height_m)
         route, here = self._route_facts(skill, state), self._here(motions[0], state)
         around = self.around(skill, state)
         with World(self.settings.friction) as world:
@@ -90,7 +90,7 @@ class Workcell:
 
     def around(self, skill: Skill, state: State) -> Neighbourhood:
         """Return what an execution has in its world, and the facts that all of it rests on."""
-        motions = strokes(self.task, skill, state, self.settings.drop_height_m)
+        motions = linear_motions(self.task, skill, state, self.settings.drop_height_m)
         found = self.surroundings.around(skill, motions, state, self._here(motions[0], state))
         return found.resting_on(self._route_facts(skill, state))
 
@@ -104,7 +104,7 @@ class Workcell:
             facts |= self.task.facts.of(self.robot.place(state)[0])
         return facts
 
-    def _here(self, first: Stroke, state: State) -> Point | None:
+    def _here(self, first: LinearMotion, state: State) -> Point | None:
         """Return where a transfer motion begins, if anything can block one."""
         if not self.surroundings.transfer_matters:
             return None
@@ -116,7 +116,7 @@ class Workcell:
         self,
         skill: Skill,
         state: State,
-        motions: Sequence[tuple[Stroke, float]],
+        motions: Sequence[tuple[LinearMotion, float]],
         arm: SimulatedArm,
         around: Neighbourhood,
         watch: Callable[[SkillRunner], None] | None,
@@ -165,7 +165,7 @@ class Workcell:
         return self._record(skill, state, plain, (around.present, around.absent), runner)
 
     def _yaws(
-        self, arm: SimulatedArm, motions: Sequence[Stroke], here: Point | None
+        self, arm: SimulatedArm, motions: Sequence[LinearMotion], here: Point | None
     ) -> list[float]:
         """Put the arm where it begins; return how its hand is turned in every motion [rad].
 
@@ -181,13 +181,13 @@ class Workcell:
         arm.stand(here or first.above, begins[0].yaw_rad, self._first_opening(first))
         return [posture.yaw_rad for posture in begins]
 
-    def _first_opening(self, motion: Stroke) -> float:
+    def _first_opening(self, motion: LinearMotion) -> float:
         if motion.visit.event not in (Event.GRASP, Event.RELEASE):
             return panda.OPENING_M / 2
         grasp = grasp_of(self.task.scene.body(motion.visit.subject))
         return jaw_opening_m(grasp, self.settings.clearance_m, motion.tool)
 
-    def _sense(self, runner: SkillRunner, last: Stroke, stopped: str | None) -> None:
+    def _sense(self, runner: SkillRunner, last: LinearMotion, stopped: str | None) -> None:
         sensed = runner.sensed
         if stopped is not None:
             sensed["stuck_on"] = stopped
@@ -198,7 +198,7 @@ class Workcell:
                 sensed["jaw_width_m"] = runner.arm.jaw_width_m()
 
     def record_of(
-        self, skill: Skill, state: State, motions: Sequence[Stroke], runner: SkillRunner
+        self, skill: Skill, state: State, motions: Sequence[LinearMotion], runner: SkillRunner
     ) -> Record:
         """Return the record of a skill that a robot has just executed in a larger world."""
         self._sense(runner, motions[-1], None)
@@ -209,7 +209,7 @@ class Workcell:
         self,
         skill: Skill,
         state: State,
-        motions: Sequence[Stroke],
+        motions: Sequence[LinearMotion],
         basis: tuple[State, State],
         runner: SkillRunner,
     ) -> Record:
@@ -231,7 +231,7 @@ class Workcell:
         )
 
     def _expected(
-        self, skill: Skill, state: State, last: Stroke, names: Sequence[str]
+        self, skill: Skill, state: State, last: LinearMotion, names: Sequence[str]
     ) -> dict[str, Pose]:
         """Return where the prediction has bodies; what is held, above where it was picked up."""
         after = skill.prediction_in(state).apply(state)

@@ -1,4 +1,4 @@
-"""Which positions serve the way between two supports: Eqs 1 to 4, and the arm's true reach.
+"""Which positions serve the path between two supports: Eqs 1 to 4, and the arm's true reach.
 
 Veeramani and Muthuswamy 2022, section 4.1.2, Fig. 4.
 """

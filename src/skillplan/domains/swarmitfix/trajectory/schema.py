@@ -27,11 +27,19 @@ Through = Annotated[list[Planar], Field(min_length=1, max_length=10_000)]
 class PathElementConfig(Strict):
     """One element of a trajectory: a line, an arc through a point, or a spline through points."""
 
-    line_to_m: Planar | None = Field(None, description="end of a straight line, x y [m]")
-    arc_to_m: Planar | None = Field(None, description="end of a circular arc, x y [m]")
-    through_m: Planar | None = Field(None, description="a point that the arc passes, x y [m]")
+    line_to_m: Planar | None = Field(
+        None, description="end of a straight line, x y [m]; or one of arc_to_m and spline_through_m"
+    )
+    arc_to_m: Planar | None = Field(
+        None, description="end of a circular arc, x y [m]; instead of line_to_m"
+    )
+    through_m: Planar | None = Field(
+        None, description="a point that the arc passes, x y [m]; left out: no arc"
+    )
     spline_through_m: Through | None = Field(
-        None, description="points that a smooth curve passes, the last is its end [[x, y], ...] [m]"
+        None,
+        description="points that a smooth curve passes, the last is its end [[x, y], ...] [m]; "
+        "instead of line_to_m",
     )
 
     @model_validator(mode="after")
@@ -75,14 +83,19 @@ class TrajectoryConfig(DrawingConfig):
 
     closed: bool = Field(False, description="whether the tool returns to its start")
     vertices_m: Annotated[list[Planar], Field(min_length=2, max_length=10_000)] | None = Field(
-        None, description="corners of a polygonal trajectory, [[x, y], ...] [m]"
+        None,
+        description="corners of a polygonal trajectory, [[x, y], ...] [m]; or one of path and file",
     )
-    start_m: Planar | None = Field(None, description="where path begins, x y [m]")
+    start_m: Planar | None = Field(
+        None, description="where path begins, x y [m]; left out: there is no path"
+    )
     path: Annotated[list[PathElementConfig], Field(min_length=1, max_length=10_000)] | None = Field(
-        None, description="elements from start_m on: lines, arcs and splines"
+        None, description="lines, arcs and splines from start_m on; instead of vertices_m"
     )
     file: Annotated[str, Field(min_length=1, max_length=4096)] | None = Field(
-        None, description="a DXF, CSV or G-code file instead, relative to the task file"
+        None,
+        description="a DXF, CSV or G-code file, relative to the task file; instead of the other "
+        "forms",
     )
     chord_tolerance_m: Annotated[float, Field(ge=1e-6, le=1)] = Field(
         0.001, description="how far a curve may lie from its chords [m]"

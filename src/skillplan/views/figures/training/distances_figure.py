@@ -82,7 +82,7 @@ def distances_figure(
         handles.append(Line2D([], [], color=colour, linestyle=dashes, label=label))
         places, costs, smooth = curve.successes(against)
         x, y = _thinned(places, costs, furthest, high - low)
-        axes.plot(x, y, ".", color=colour, markersize=2.6, markeredgewidth=0, alpha=0.4, zorder=2)
+        axes.plot(x, y, ".", color=colour, markersize=4.5, markeredgewidth=0, alpha=0.6, zorder=2)
         line = axes.plot(places, smooth, color=colour, linestyle=dashes, linewidth=1.2, zorder=3)
         line[0].set_gid(f"smoothed {label}")
     label_axis(axes, against, furthest)

@@ -73,7 +73,7 @@ def success_figure(
     rates, mean, spread = over_runs(curves, at, against)
     if several:
         low, high = np.clip(mean - spread, 0, 1), np.clip(mean + spread, 0, 1)
-        axes.plot(at, 100 * rates.T, color=BLUE, alpha=0.25, linewidth=0.5, zorder=2)
+        axes.plot(at, 100 * rates.T, color=BLUE, alpha=0.4, linewidth=0.7, zorder=2)
         axes.fill_between(
             at, 100 * low, 100 * high, color=BLUE, alpha=0.18, linewidth=0, label=labels[1]
         )

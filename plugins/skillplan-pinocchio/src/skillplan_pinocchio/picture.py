@@ -1,0 +1,132 @@
+"""The hulls that ``swept`` compares, for whoever draws them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from skillplan.collision.hulls import Hull, HullRole, HullScene
+from skillplan.task.motion import Point
+from skillplan.task.state import State
+from skillplan.task.verdict import Verdict
+from skillplan_pinocchio.arm_model import CAPSULES, ArmModel, Vector
+from skillplan_pinocchio.hand_sweeps import HandSweeps
+from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
+from skillplan_pinocchio.obstacles import TABLE
+from skillplan_pinocchio.shapes import Array, ConvexPiece
+
+# So many corners has each half of a capsule's ends about its axis.
+_RING = 12
+
+
+def hull_scene(
+    motions: Sequence[ArmMotion],
+    sweeps: HandSweeps,
+    planner: MotionPlanner,
+    state: State,
+    verdict: Verdict,
+    start: Point | None = None,
+) -> HullScene:
+    """Return what a skill sweeps with hand and load, and the bodies that stand there.
+
+    Parameters
+    ----------
+    motions
+        As the arm makes them.
+    sweeps
+        Of what the arm holds.
+    planner
+        Knows the arm, and all obstacles that there may be; the table is left out.
+    state
+        Which of them are there.
+    verdict
+        The detector's on the skill in that state: it says what is met, and where.
+    start
+        Where the tip comes from [m]; None where transfer motions meet nothing.
+
+    Raises
+    ------
+    ValueError
+        If nothing is swept.
+    """
+    met = set(verdict.evidence.get("bodies", ()))
+    hulls = [*_moving(motions, sweeps, start), *_links(motions, planner.arm, verdict)]
+    if not hulls:
+        raise ValueError("nothing is swept")
+    moved = {hull.name for hull in hulls}
+    for obstacle in planner.obstacles:
+        there = obstacle.fact is None or obstacle.fact in state
+        if there and obstacle.body != TABLE and obstacle.body not in moved:
+            role = HullRole.MET if obstacle.body in met else HullRole.STANDING
+            hulls += [_hull(obstacle.body, role, piece) for piece in obstacle.pieces]
+    return HullScene(hulls, list(_touches(verdict)))
+
+
+def _moving(
+    motions: Sequence[ArmMotion], sweeps: HandSweeps, start: Point | None
+) -> Iterator[Hull]:
+    for one in motions:
+        found = [*sweeps.approach(one.motion), *sweeps.retreat(one.motion)]
+        if start is not None:
+            found += sweeps.transfer(one.motion, start)
+            start = one.motion.above
+        for sweep in found:
+            for piece in sweep.pieces:
+                yield _hull(sweep.mover, HullRole.MOVING, piece.swept(sweep.by))
+
+
+def _links(motions: Sequence[ArmMotion], arm: ArmModel, verdict: Verdict) -> Iterator[Hull]:
+    """Yield the arm where one of its links first runs into something; nothing otherwise."""
+    evidence = verdict.evidence
+    if not str(evidence.get("moving", "")).startswith("link"):
+        return
+    met = set(evidence["bodies"])
+    for one in motions:
+        for elbow in one.elbows[:1]:
+            if met & {obstacle.body for obstacle, _ in elbow.meets}:
+                joints_rad, *_ = elbow.path.at(float(evidence["fraction"]))
+                for capsule, ends in zip(CAPSULES, arm.segments(joints_rad), strict=True):
+                    piece = ConvexPiece(_capsule_corners(*ends, capsule.radius_m))
+                    yield _hull(f"link {capsule.link} of the arm", HullRole.MOVING, piece)
+                return
+
+
+def _capsule_corners(start: Vector, end: Vector, radius_m: float) -> Array:
+    """Return corners on the surface of a capsule, shape (corners, 3) [m]."""
+    along = (end - start) / np.linalg.norm(end - start)
+    aside = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
+    aside /= np.linalg.norm(aside)
+    other = np.cross(along, aside)
+    corners = []
+    for centre, outward in ((start, -along), (end, along)):
+        for lift in (0.0, math.pi / 4):
+            for number in range(_RING):
+                turn = 2 * math.pi * number / _RING
+                flat = math.cos(turn) * aside + math.sin(turn) * other
+                corners.append(
+                    centre + radius_m * (math.cos(lift) * flat + math.sin(lift) * outward)
+                )
+        corners.append(centre + radius_m * outward)
+    return np.array(corners)
+
+
+def _touches(verdict: Verdict) -> Iterator[Point]:
+    position = verdict.evidence.get("position_m")
+    if position is not None and "bodies" in verdict.evidence:
+        x, y, z = position
+        yield (x, y, z)
+
+
+def _hull(name: str, role: HullRole, piece: ConvexPiece) -> Hull:
+    """Return a piece with its surface in triangles, as coal has worked it out."""
+    found = piece.hull
+    corners = np.asarray(found.points())
+    faces = [found.polygons(number) for number in range(found.num_polygons)]
+    return Hull(
+        name,
+        role,
+        [(float(x), float(y), float(z)) for x, y, z in corners],
+        [(int(face[0]), int(face[1]), int(face[2])) for face in faces],
+    )

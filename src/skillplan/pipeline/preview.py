@@ -1,0 +1,95 @@
+"""What is found out late, found out before anything is solved: cycles, blocked feeders, units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import closing
+from typing import Any
+
+from skillplan.chart.conflict import conflict_lines
+from skillplan.chart.precedence_chart import DerivedChart, derive_chart
+from skillplan.checks.verdict_cache import VerdictCache
+from skillplan.domains.load import Problem
+from skillplan.pipeline.run import make_feasibility
+from skillplan.pipeline.setup import DEFAULT_PHYSICS, Setup
+from skillplan.records.preview import DerivedOrder, Preview
+from skillplan.task.task import Task
+
+DEFAULT_COLLISION = ("aabb",)
+"""The detector of which a relation is derived where none is named: no other is as fast."""
+
+MOST_COMPONENTS = 100
+"""A relation of more components is derived only where a back end is named."""
+
+
+def preview(
+    problem: Problem,
+    physics: str | None = None,
+    collision: tuple[str, ...] = (),
+    options: Mapping[str, Mapping[str, Any]] | None = None,
+    cache: VerdictCache | None = None,
+) -> Preview:
+    """Return what is known of a valid file: warnings, derived orders, what its kind shows.
+
+    Parameters
+    ----------
+    problem
+        The loaded file.
+    physics
+        The engine that is queried; None for ``kinematic``, whatever the file chooses: a preview
+        is instant.
+    collision
+        Detectors that are queried; empty for ``aabb``.
+    options
+        Plugin name to option values.
+    cache
+        Where verdicts are kept; None for a fresh one in memory.
+
+    Raises
+    ------
+    OptionError
+        If a named back end refuses a task, or an option is wrong.
+    PluginError
+        If a named back end is unknown or broken.
+    BackEndError
+        If a back end fails.
+    """
+    setup = Setup(physics or DEFAULT_PHYSICS, collision or DEFAULT_COLLISION, options or {})
+    named = physics is not None or bool(collision)
+    orders = tuple(
+        _order(task, setup, cache, named=named)
+        for task in problem.tasks
+        if task.operations and task.scene.bodies
+    )
+    warnings = [*problem.warnings, *problem.hints]
+    for order in orders:
+        warnings += [f"{problem.source}: {line}" for line in order.lines]
+    return Preview(tuple(warnings), orders, problem.domain.overview(problem.config))
+
+
+def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool) -> DerivedOrder:
+    if not named and len(task.operations) > MOST_COMPONENTS:
+        return DerivedOrder(task.name, ())
+    feasibility = make_feasibility(task, setup, cache)
+    with closing(feasibility):
+        chart = derive_chart(feasibility)
+    names = tuple(back_end.name for back_end in feasibility.back_ends)
+    return DerivedOrder(
+        task.name,
+        names,
+        len(chart.relations),
+        chart.circle,
+        chart.impossible,
+        tuple(_obstacles(chart, task, names)),
+    )
+
+
+def _obstacles(chart: DerivedChart, task: Task, names: tuple[str, ...]) -> Iterator[str]:
+    """Yield why no order can exist, in words."""
+    by = f"by {', '.join(names)}"
+    for skill, why in chart.impossible.items():
+        yield f"{by} {skill} is never feasible: {why}."
+    first, *rest = conflict_lines(task, chart.relations) or ("",)
+    if first:
+        yield f"{by} no order exists: {first}."
+        yield from (f"{line}." for line in rest)

@@ -1,0 +1,176 @@
+"""The hulls that a collision detector compares, in three dimensions."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from numpy.typing import NDArray
+from PIL import Image as PillowImage
+
+from skillplan.collision.hulls import Hull, HullRole, HullScene
+from skillplan.physics.performance import Image
+from skillplan.task.motion import Point
+from skillplan.views.figures.figure_file import figure_bytes
+from skillplan.views.figures.figure_style import (
+    BLUE,
+    GREY,
+    INK,
+    RED,
+    SMALL_PT,
+    Heading,
+    in_house_style,
+    sheet,
+)
+
+_WIDE_IN, _TALL_IN, _LEGEND_IN = 7.6, 5.8, 0.7
+# From the front, from above, and a little from the right.
+_ELEVATION_DEG, _AZIMUTH_DEG = 26.0, -62.0
+_LOOKS = {
+    HullRole.MOVING: (BLUE, 0.16, "swept by hand, load and arm"),
+    HullRole.STANDING: (GREY, 0.45, "stands there"),
+    HullRole.MET: (RED, 0.75, "is run into"),
+}
+# Faces that look away from the light are darker by this share.
+_SHADE = 0.45
+_LIGHT = np.array([0.3, -0.5, 0.8])
+_MARGIN_M = 0.02
+# What stands no farther from the motion is shown too [m].
+_BESIDE_M = 0.1
+_MOST_TICKS = 6
+
+
+@in_house_style
+def hulls_figure(scene: HullScene, heading: Heading) -> Figure:
+    """Draw the hulls of a swept motion and of what stands about, met bodies in another colour.
+
+    Parameters
+    ----------
+    scene
+        With at least one hull.
+    heading
+        What stands above.
+
+    Raises
+    ------
+    ValueError
+        If there is no hull.
+    """
+    if not scene.hulls:
+        raise ValueError("There is no hull to draw.")
+    head_in = heading.height_in(_WIDE_IN - 0.4)
+    height_in = head_in + _TALL_IN + _LEGEND_IN
+    figure = sheet(_WIDE_IN, height_in, heading)
+    place = (0.02, _LEGEND_IN / height_in, 0.96, _TALL_IN / height_in)
+    axes = figure.add_axes(place, projection="3d")
+    assert isinstance(axes, Axes3D)
+    for hull in scene.hulls:
+        _draw(axes, hull)
+    if scene.touches:
+        x, y, z = zip(*scene.touches, strict=True)
+        axes.plot(
+            x,
+            y,
+            z,
+            "*",
+            color=INK,
+            markerfacecolor="#ffffff",
+            markersize=13,
+            gid="touches",
+            zorder=10,
+        )
+    for body, (x_m, y_m, z_m) in _named(scene.hulls):
+        axes.text(x_m, y_m, z_m, body, size=SMALL_PT, ha="center", va="bottom", zorder=11)
+    _lay_out(axes, scene)
+    used = [role for role in HullRole if any(hull.role is role for hull in scene.hulls)]
+    figure.legend(
+        [Patch(facecolor=_LOOKS[role][0], alpha=max(0.4, _LOOKS[role][1])) for role in used],
+        [_LOOKS[role][2] for role in used],
+        loc="lower left",
+        bbox_to_anchor=(0.03, 0.05 / height_in),
+        ncols=len(used),
+        borderaxespad=0.0,
+    )
+    return figure
+
+
+def figure_image(figure: Figure, dpi: int = 150) -> Image:
+    """Return a figure as a picture.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    dpi
+        Dots per inch, > 0.
+    """
+    with PillowImage.open(io.BytesIO(figure_bytes(figure, ".png", dpi))) as opened:
+        picture = opened.convert("RGB")
+    return Image(*picture.size, picture.tobytes())
+
+
+def _draw(axes: Axes3D, hull: Hull) -> None:
+    colour, opacity, _ = _LOOKS[hull.role]
+    corners = np.array(hull.vertices)
+    faces = corners[np.array(hull.triangles, dtype=int).reshape(-1, 3)]
+    shades = 1.0 - _SHADE * (1.0 - _facing(faces, corners.mean(axis=0))) / 2
+    colours = [(*(shade * np.array(to_rgb(colour))), opacity) for shade in shades]
+    collection = Poly3DCollection(faces, facecolors=colours, edgecolors="none", linewidths=0)
+    collection.set_gid(f"{hull.role} {hull.name}")
+    axes.add_collection3d(collection)
+
+
+def _facing(faces: NDArray[np.float64], middle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the cosine between each face's outward normal and the light, shape (faces,)."""
+    normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    outward = np.sign(np.einsum("ij,ij->i", normals, faces.mean(axis=1) - middle))
+    lengths = np.maximum(np.linalg.norm(normals, axis=1), 1e-15)
+    light = _LIGHT / np.linalg.norm(_LIGHT)
+    return np.asarray(outward * (normals @ light) / lengths)
+
+
+def _named(hulls: Sequence[Hull]) -> Iterator[tuple[str, Point]]:
+    """Yield what stands there, each once, and where its name goes: above its highest corner."""
+    bodies: dict[str, list[Point]] = {}
+    for hull in hulls:
+        if hull.role is not HullRole.MOVING:
+            bodies.setdefault(hull.name, []).extend(hull.vertices)
+    for name, corners in bodies.items():
+        middle = np.mean(corners, axis=0)
+        yield name, (float(middle[0]), float(middle[1]), max(corner[2] for corner in corners))
+
+
+def _lay_out(axes: Axes3D, scene: HullScene) -> None:
+    """Show, to scale, all that moves or is met, and what stands beside it."""
+    looked_at = [hull for hull in scene.hulls if hull.role is not HullRole.STANDING]
+    low, high = _corners_about(looked_at or scene.hulls)
+    beside = [
+        hull
+        for hull in scene.hulls
+        if all(low[i] - _BESIDE_M < x < high[i] + _BESIDE_M for i, x in enumerate(_middle(hull)))
+    ]
+    low, high = _corners_about(beside or scene.hulls)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set_box_aspect(high - low)
+    axes.view_init(_ELEVATION_DEG, _AZIMUTH_DEG)
+    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    axes.tick_params(labelsize=SMALL_PT - 1)
+    for axis, extent_m in zip((axes.xaxis, axes.yaxis, axes.zaxis), high - low, strict=True):
+        axis.set_major_locator(MaxNLocator(max(1, round(_MOST_TICKS * extent_m / max(high - low)))))
+
+
+def _middle(hull: Hull) -> NDArray[np.float64]:
+    return np.asarray(np.mean(hull.vertices, axis=0))
+
+
+def _corners_about(hulls: Sequence[Hull]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the lower and upper corner of the box about some hulls, with a margin [m]."""
+    corners = np.concatenate([np.array(one.vertices) for one in hulls])
+    return corners.min(axis=0) - _MARGIN_M, corners.max(axis=0) + _MARGIN_M

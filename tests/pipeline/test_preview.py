@@ -1,0 +1,129 @@
+"""What is found out late is told early: cycles, what is never feasible, grasps, feeders."""
+
+from pathlib import Path
+
+import pytest
+
+from skillplan.domains.load import Problem
+from skillplan.errors import OptionError, PluginError
+from skillplan.pipeline import preview as stage
+from skillplan.pipeline.preview import preview
+from skillplan.pipeline.setup import load_problem
+from skillplan.records.preview import DerivedOrder
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+BOARD = load_problem(CONFIGS / "inverter_board.yaml")
+
+# What lies on the mainboard at the start belongs on it.
+CIRCULAR = """kind: assembly
+name: computer
+robot: {home_m: [0.3, 0.0]}
+tools: {gripper: {holder_m: [0.6, 0.3], opening_m: 0.08}}
+initial_tool: gripper
+parts:
+  mainboard: {tool: gripper, size_m: [0.10, 0.06, 0.01], start_m: [0.4, 0.2], goal_m: [0.4, -0.2]}
+  cpu:
+    {tool: gripper, size_m: [0.02, 0.02, 0.01], start_on: mainboard, goal_m: [0.4, -0.2],
+     goal_on: mainboard}
+"""
+WIDE = """kind: assembly
+name: wide
+robot: {home_m: [0.3, 0.0]}
+tools: {gripper: {holder_m: [0.6, 0.3]}}
+initial_tool: gripper
+parts:
+  tray:
+    tool: gripper
+    size_m: [0.12, 0.05, 0.02]
+    grasp: {closing_axis: x}
+    start_m: [0.4, 0.2]
+    goal_m: [0.4, -0.2]
+  plate:
+    tool: gripper
+    size_m: [0.12, 0.10, 0.02]
+    start_m: [0.2, 0.2]
+    goal_m: [0.2, -0.2]
+"""
+
+
+def loaded(folder: Path, text: str) -> Problem:
+    path = folder / "task.yaml"
+    path.write_text(text, "utf-8")
+    return load_problem(path)
+
+
+class TestTheDerivedOrder:
+    def test_of_the_board_has_no_cycle(self) -> None:
+        """By boxes, and without a warning."""
+        found = preview(BOARD)
+        (order,) = found.orders
+        assert ("inverter-board", ("kinematic", "aabb"), ()) == (
+            order.task,
+            order.back_ends,
+            order.cycle,
+        )
+        assert order.pairs > 0
+        assert found.warnings == ()
+
+    def test_names_a_cycle_with_the_file(self, tmp_path: Path) -> None:
+        """Nothing else in the file is wrong."""
+        problem = loaded(tmp_path, CIRCULAR)
+        found = preview(problem)
+        assert set(found.orders[0].cycle) == {"mainboard", "cpu"}
+        assert found.warnings == (
+            f"{problem.source}: by kinematic, aabb no order exists: mainboard before cpu before "
+            "mainboard: cpu lies on mainboard at the start and belongs on it.",
+            f"{problem.source}: with another start for cpu, both components would have an order.",
+        )
+        assert found.document()["precedence"][0]["cycle"] == list(found.orders[0].cycle)
+
+    def test_is_that_of_the_detectors_named(self) -> None:
+        """The chart's own, instead of boxes."""
+        (order,) = preview(BOARD, collision=("precedence",)).orders
+        assert order.back_ends == ("kinematic", "precedence")
+
+    def test_of_a_large_task_waits_to_be_asked_for(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """A preview is instant; with a detector named it takes its time."""
+        monkeypatch.setattr(stage, "MOST_COMPONENTS", 3)
+        assert preview(BOARD).orders == (DerivedOrder("inverter-board", ()),)
+        assert preview(BOARD).document()["precedence"] == []
+        assert preview(BOARD, collision=("aabb",)).orders[0].pairs > 0
+
+    @pytest.mark.parametrize("name", ["ESC12.sop", "swarmitfix_triangular.yaml"])
+    def test_is_none_where_nothing_has_a_shape(self, name: str) -> None:
+        """A matrix and a bench have no bodies to collide."""
+        assert preview(load_problem(CONFIGS / name)).orders == ()
+
+    def test_of_an_unknown_detector_is_refused(self) -> None:
+        """With its name, as everywhere."""
+        with pytest.raises(PluginError, match="'aab'"):
+            preview(BOARD, collision=("aab",))
+
+    def test_takes_the_options_of_back_ends(self) -> None:
+        """And refuses those that they do not have."""
+        with pytest.raises(OptionError, match="'aabb' has no option"):
+            preview(BOARD, options={"aabb": {"colour": 1}})
+
+
+class TestGrasps:
+    def test_wider_than_a_real_hand_opens_are_told_of_at_the_key_to_change(
+        self, tmp_path: Path
+    ) -> None:
+        """Along the chosen axis, with the axis that fits; or suction where none does."""
+        problem = loaded(tmp_path, WIDE)
+        assert problem.hints == (
+            f"{problem.source}:10:12: parts.tray.grasp: 0.120 m wide along x, where jaws of "
+            "'gripper' close; those of a Panda, which engines simulate, open 0.080 m. Give grasp: "
+            "{closing_axis: y} or {type: suction}.",
+            f"{problem.source}:15:13: parts.plate.size_m: 0.100 m wide along y, where jaws of "
+            "'gripper' close; those of a Panda, which engines simulate, open 0.080 m. Give grasp: "
+            "{type: suction}.",
+        )
+        assert preview(problem).warnings == problem.hints
+        assert problem.warnings == ()
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_the_shipped_files_have_nothing_to_warn_of(path: Path) -> None:
+    """Whatever geometry says of them, it says nothing against them."""
+    assert preview(load_problem(path)).warnings == ()

@@ -1,0 +1,81 @@
+"""Hulls in three dimensions: each in the colour of its role, and nothing but what there is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pytest
+from matplotlib.figure import Figure
+
+from skillplan.collision.hulls import Hull, HullRole, HullScene
+from skillplan.task.motion import Point
+from skillplan.views.figures.figure_style import Heading
+from skillplan.views.figures.hulls_figure import figure_image, hulls_figure
+
+HEADING = Heading("swept: place(lid)", "runs into box")
+FACES = ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))
+
+
+def tetrahedron(name: str, role: HullRole, x_m: float = 0.0) -> Hull:
+    """Return a small hull."""
+    corners: Sequence[Point] = (
+        (x_m, 0.0, 0.0),
+        (x_m + 0.1, 0.0, 0.0),
+        (x_m, 0.1, 0.0),
+        (x_m, 0.0, 0.1),
+    )
+    return Hull(name, role, corners, FACES)
+
+
+@pytest.fixture
+def figure() -> Figure:
+    """Something swept that runs into a box, beside a post."""
+    scene = HullScene(
+        [
+            tetrahedron("the hand", HullRole.MOVING),
+            tetrahedron("box", HullRole.MET, 0.05),
+            tetrahedron("post", HullRole.STANDING, 0.2),
+        ],
+        [(0.06, 0.01, 0.01)],
+    )
+    return hulls_figure(scene, HEADING)
+
+
+def gids(figure: Figure) -> set[str]:
+    return {one.get_gid() or "" for one in figure.axes[0].get_children()}
+
+
+def test_every_hull_is_drawn_and_where_it_is_touched(figure: Figure) -> None:
+    assert {"moving the hand", "met box", "standing post", "touches"} <= gids(figure)
+
+
+def test_bodies_are_named_and_what_moves_is_not(figure: Figure) -> None:
+    """The hand is told by its colour."""
+    texts = {text.get_text() for text in figure.axes[0].texts}
+    assert {"box", "post"} <= texts
+    assert "the hand" not in texts
+
+
+def test_the_legend_holds_only_what_there_is() -> None:
+    scene = HullScene([tetrahedron("the hand", HullRole.MOVING)])
+    (legend,) = hulls_figure(scene, HEADING).legends
+    assert ["swept by hand, load and arm"] == [text.get_text() for text in legend.get_texts()]
+
+
+def test_no_hull_is_no_figure() -> None:
+    with pytest.raises(ValueError, match="no hull"):
+        hulls_figure(HullScene([]), HEADING)
+
+
+def test_a_triangle_needs_its_corners() -> None:
+    with pytest.raises(ValueError, match="'box' has a corner without a place"):
+        Hull("box", HullRole.MET, ((0.0, 0.0, 0.0),), ((0, 1, 2),))
+
+
+def test_a_figure_becomes_a_picture_of_its_size(figure: Figure) -> None:
+    """In pixels, as the dots per inch have it."""
+    wide_in, tall_in = figure.get_size_inches()
+    image = figure_image(figure, dpi=50)
+    assert image.width == pytest.approx(50 * wide_in, abs=1)
+    assert image.height == pytest.approx(50 * tall_in, abs=1)
+    assert 2 < len(set(image.rgb))

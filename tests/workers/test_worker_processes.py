@@ -1,0 +1,172 @@
+"""Processes that do jobs: each is given a built-in function, and calls it on its jobs."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import pytest
+
+from skillplan.errors import SkillplanError
+from skillplan.workers.executor import Answer, Ended, Worker, packed
+from skillplan.workers.program import FedProgram, output_of
+from skillplan.workers.worker_processes import LocalProcesses
+
+
+@pytest.fixture
+def executor() -> Iterator[LocalProcesses]:
+    """Of two slots; what is left of its processes is ended."""
+    made = LocalProcesses(2)
+    yield made
+    made.close()
+
+
+def started(executor: LocalProcesses, function: Callable[..., Any]) -> Worker:
+    """Return a process that calls a function on its jobs."""
+    return executor.start(partial, packed(function, "tests"), "tests")
+
+
+def heard(executor: LocalProcesses, worker: Worker) -> Answer | Ended:
+    """Return the next thing that a process answers, once it is ready."""
+    while True:
+        for ready in executor.first_ready([worker], 30.0):
+            answer = ready.answer()
+            if answer is not None:
+                return answer
+
+
+class TestJobs:
+    def test_a_job_is_done_elsewhere(self, executor: LocalProcesses) -> None:
+        """One after another, in a process that has another number."""
+        worker = started(executor, eval)
+        worker.take("__import__('os').getpid()")
+        answer = heard(executor, worker)
+        assert isinstance(answer, Answer)
+        assert worker.number == answer.content != os.getpid()
+        worker.take("6 * 7")
+        assert Answer(42) == heard(executor, worker)
+
+    def test_only_those_are_ready_that_have_answered(self, executor: LocalProcesses) -> None:
+        """The other is still at its job."""
+        slow, quick = started(executor, time.sleep), started(executor, len)
+        slow.take(600)
+        quick.take("four")
+        assert Answer(4) == heard(executor, quick)
+        quick.take("again")
+        answers: list[Answer | Ended] = []
+        while not answers:
+            for worker in executor.first_ready([slow, quick]):
+                answer = worker.answer()
+                if answer is not None:
+                    assert worker is quick
+                    answers.append(answer)
+        assert [Answer(5)] == answers
+
+    def test_nothing_is_ready_among_none(self, executor: LocalProcesses) -> None:
+        """And nobody waits."""
+        assert [] == executor.first_ready([], 600.0)
+
+
+class TestEnds:
+    def test_one_that_exits_says_so_by_its_code(self, executor: LocalProcesses) -> None:
+        """It had been ready."""
+        worker = started(executor, os._exit)
+        worker.take(7)
+        ended = heard(executor, worker)
+        assert Ended(7, started=True) == ended
+        assert ("exit code 7", False) == (ended.how, ended.killed)
+
+    def test_one_that_is_killed_says_so_by_the_signal(self, executor: LocalProcesses) -> None:
+        """As where memory runs out."""
+        worker = started(executor, time.sleep)
+        worker.take(600)
+        assert worker.number is not None
+        os.kill(worker.number, signal.SIGKILL)
+        ended = heard(executor, worker)
+        assert isinstance(ended, Ended)
+        assert ("signal 9", True) == (ended.how, ended.killed)
+        assert not worker.alive
+
+    def test_what_cannot_make_itself_ready_is_an_error_in_words(
+        self, executor: LocalProcesses
+    ) -> None:
+        """`partial` refuses what cannot be called."""
+        worker = executor.start(partial, packed("no function", "tests"), "tests")
+        with pytest.raises(SkillplanError, match="could not make itself ready: TypeError"):
+            heard(executor, worker)
+
+    def test_closing_ends_all_whatever_they_are_at(self) -> None:
+        """At once, and more can be started afterwards."""
+        executor = LocalProcesses(2)
+        workers = [started(executor, time.sleep) for _ in range(2)]
+        for worker in workers:
+            worker.take(600)
+        executor.close()
+        assert [False, False] == [worker.alive for worker in workers]
+        again = started(executor, len)
+        again.take("once more")
+        assert Answer(9) == heard(executor, again)
+        executor.close()
+
+    def test_to_end_one_twice_does_nothing(self, executor: LocalProcesses) -> None:
+        """So that whoever cleans up need not know what was ended before."""
+        worker = started(executor, len)
+        worker.end(gently=False)
+        worker.end()
+        assert not worker.alive
+
+
+class TestRefusals:
+    def test_there_is_a_slot_at_least(self) -> None:
+        """Otherwise nothing would ever be done."""
+        with pytest.raises(ValueError, match="at least one process, not 0"):
+            LocalProcesses(0)
+
+    def test_a_process_for_jobs_starts_no_others(self, executor: LocalProcesses) -> None:
+        """It says why; this one may."""
+        assert "" == executor.refusal
+        worker = started(executor, eval)
+        module = "__import__('skillplan.workers.worker_processes', fromlist=['_'])"
+        worker.take(f"{module}.LocalProcesses(1).refusal")
+        assert Answer("a process for jobs may not start others") == heard(executor, worker)
+
+    def test_what_cannot_be_sent_is_an_error_in_words(self) -> None:
+        """Before anything is started."""
+        with pytest.raises(SkillplanError, match="processes for tests start from cannot be sent"):
+            packed(lambda: None, "tests")
+
+
+class TestPrograms:
+    def test_what_is_fed_arrives(self, tmp_path: Any) -> None:
+        """Once it has finished, all is there."""
+        path = tmp_path / "copy"
+        words = "import sys; open(sys.argv[1], 'wb').write(sys.stdin.buffer.read())"
+        program = FedProgram([sys.executable, "-c", words, str(path)])
+        program.feed(b"one ")
+        program.feed(b"two")
+        program.finish()
+        assert b"one two" == path.read_bytes()
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            ("import sys; sys.exit('line one\\nno such codec')", "no such codec"),
+            ("import sys; sys.exit(3)", "the program failed and printed nothing"),
+        ],
+    )
+    def test_one_that_fails_is_an_error_in_its_words(self, words: str, message: str) -> None:
+        """By the last line that it printed."""
+        program = FedProgram([sys.executable, "-c", words])
+        with pytest.raises(OSError, match=message):
+            program.finish()
+
+    def test_the_output_of_a_program(self) -> None:
+        """None where it fails or is not there."""
+        assert "here\n" == output_of([sys.executable, "-c", "print('here')"])
+        assert output_of([sys.executable, "-c", "raise SystemExit(1)"]) is None
+        assert output_of(["no-such-program-anywhere"]) is None
