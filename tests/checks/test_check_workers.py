@@ -326,7 +326,9 @@ def test_a_process_in_which_a_back_end_does_not_start_is_one_clear_error():
     with pytest.raises(
         BackEndError, match=r"'startless-engine' failed to start in a process of its"
     ):
-        Feasibility(TASK, one_engine(plugin=StartlessEngine), jobs=2).verdict(*all_questions(TASK)[0])
+        Feasibility(TASK, one_engine(plugin=StartlessEngine), jobs=2).verdict(
+            *all_questions(TASK)[0]
+        )
 
 
 def test_what_a_process_prints_never_reaches_stdout(capfd):
