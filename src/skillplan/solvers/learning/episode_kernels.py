@@ -37,7 +37,7 @@ class Environment(NamedTuple):
     rows, outcomes, successors, probabilities
         Those of a `TabularMDP`.
     rewards
-        Paid for every outcome, shape (k,).
+        Given for every outcome, shape (k,).
     ends
         Whether an episode ends in a state, shape (n,).
     final
@@ -213,7 +213,7 @@ def monte_carlo_episodes(
     q: Floats,
     seen: Integers,
     taken: Integers,
-    paid: Floats,
+    received: Floats,
     stream: Stream,
     lengths: Integers,
 ) -> None:
@@ -228,7 +228,7 @@ def monte_carlo_episodes(
         As in `td_episodes`.
     seen
         Scratch, shape (m,): the step at which a row was first taken in this episode, -1 outside.
-    taken, paid
+    taken, received
         Scratch for the rows and rewards of an episode, shape (max_steps,).
     """
     rows, outcomes, successors, probabilities, rewards, ends, final, starts = env
@@ -243,7 +243,7 @@ def monte_carlo_episodes(
         value = 0.0
         while True:
             outcome = _outcome(outcomes, probabilities, row, stream)
-            taken[steps], paid[steps] = row, rewards[outcome]
+            taken[steps], received[steps] = row, rewards[outcome]
             if seen[row] < 0:
                 seen[row] = steps
             steps += 1
@@ -256,7 +256,7 @@ def monte_carlo_episodes(
             best = _greedy(q, rows[state], rows[state + 1])
             row = _explore(rows, state, best, epsilon, stream)
         for step in range(steps - 1, -1, -1):
-            value = paid[step] + gamma * value
+            value = received[step] + gamma * value
             row = taken[step]
             if seen[row] == step:
                 q[row] += alpha * (value - q[row])

@@ -207,7 +207,23 @@ def tight_rows(
     values: Floats,
     margin: float,
 ) -> Booleans:
-    """Return which allowed rows are as good as the values of their states, within a margin."""
+    """Return which allowed rows are as good as the values of their states, within a margin.
+
+    Parameters
+    ----------
+    choices
+        Rows by state and outcomes by row.
+    allowed
+        Whether a row may be taken, shape (m,).
+    weights
+        Cost of every outcome times its probability.
+    gamma
+        Discount, in [0, 1].
+    values
+        Least cost to go of every state, shape (n,).
+    margin
+        How much worse a row may be, >= 0.
+    """
     rows, out, to, p = choices
     tight = np.zeros(len(allowed), dtype=np.bool_)
     for state in range(len(values)):

@@ -107,7 +107,7 @@ def policy_of(model: SkillModel, mdp: TabularMDP, chosen: NDArray[np.int64]) -> 
 
 @dataclass(frozen=True, slots=True)
 class LearnerRewards:
-    """What a learner is paid.
+    """The rewards of a learner.
 
     Parameters
     ----------

@@ -273,8 +273,22 @@ def improve(
 ) -> float:
     """Improve the order `start` in place, keep the best of all in `best`, return its cost.
 
-    `near` are the nearest nodes of each, `follow` those right after it by precedence, filled up
-    with -1.
+    Parameters
+    ----------
+    start, best
+        Orders of n nodes; changed.
+    costs, before
+        Of arcs, and whether a node comes before another, shape (n, n) each.
+    near, follow
+        The nearest nodes of each, and those right after it by precedence, filled up with -1.
+    iterations
+        How many moves.
+    hot, cold
+        Temperature at first and at last, > 0.
+    exchanges, moves
+        Share of moves that exchange arcs, and of the others that shift a string.
+    random
+        State of the generator, shape (1,); changed.
     """
     n = len(start)
     now, least = _cost(start, costs), _cost(best, costs)

@@ -18,7 +18,21 @@ def tighten(
     *,
     enough: float = 1e-4,
 ) -> Duals:
-    """Add cuts until nothing is gained, the bound reaches the cutoff or `stop` says so."""
+    """Add cuts until nothing is gained, the bound reaches the cutoff or `stop` says so.
+
+    Parameters
+    ----------
+    relaxation
+        The linear program; cuts are added to it.
+    cutoff
+        Orders that cost as much are not looked for.
+    stop
+        Polled in every round.
+    on_bound
+        Told of every better bound.
+    enough
+        A round that gains less than this share of the gap gains nothing, >= 0.
+    """
     best: Duals | None = None
     stalled = 0
     while True:

@@ -1,4 +1,4 @@
-"""What at least must still be spent to complete a way: bounds for the search over subsets."""
+"""What at least must still be spent to complete a path: bounds for the search over subsets."""
 
 from __future__ import annotations
 

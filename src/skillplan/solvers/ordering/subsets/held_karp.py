@@ -2,9 +2,9 @@
 
 Held and Karp (1962), Escudero (1988): of all ways to visit a set of nodes and end at one of them
 only the cheapest matters. With precedence, only sets count that hold with a node all that comes
-before it. A way that cannot be completed below a given cost is left out (Morin and Marsten, 1976):
+before it. A path that cannot be completed below a given cost is left out (Morin and Marsten, 1976):
 what it has spent in reduced costs, and still must spend, says so. Cost and what is spent differ by
-more than a constant, as an order may cross a cut more than once. So the cheapest way is kept, and
+more than a constant, as an order may cross a cut more than once. So the cheapest path is kept, and
 of equally cheap ones that which has spent least.
 """
 
@@ -25,20 +25,20 @@ S = TypeVar("S", bound=np.generic)
 
 
 class Layer(NamedTuple):
-    """Ways over as many nodes each; s of them.
+    """Paths over as many nodes each; s of them.
 
     Parameters
     ----------
     sets
         The nodes visited, one bit each, shape (s, words).
     lasts
-        Where the ways end, shape (s,).
+        Where the paths end, shape (s,).
     costs, spent
         What they cost, and what they have spent in reduced costs, shape (s,) each.
     ends
         The least to be spent to the end, that what is spent included, shape (s,).
     parents
-        The way of the layer before that each came from, shape (s,).
+        The path of the layer before that each came from, shape (s,).
     """
 
     sets: Words
@@ -88,7 +88,7 @@ class Ahead(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Which ways are left out.
+    """Which paths are left out.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class Limits(NamedTuple):
 
 
 def first_layer(words: int) -> Layer:
-    """Return the one way that has visited node 0 alone, its set in so many words."""
+    """Return the one path that has visited node 0 alone, its set in so many words."""
     sets = np.zeros((1, words), dtype=np.uint64)
     sets[0, 0] = 1
     nothing = np.zeros(1)
@@ -121,7 +121,7 @@ def first_layer(words: int) -> Layer:
 
 @compiled
 def _sort_out(layer: Layer, count: int, width: int) -> tuple[int, float, float]:
-    """Move to the front those of the first `count` ways that spend least to the end.
+    """Move to the front those of the first `count` paths that spend least to the end.
 
     Return how many, the most that one of them spends, and the least that one left out spends.
     """
@@ -143,7 +143,7 @@ def _sort_out(layer: Layer, count: int, width: int) -> tuple[int, float, float]:
 
 @compiled
 def _empty(capacity: int, words: int) -> Layer:
-    """Return a layer with room for so many ways."""
+    """Return a layer with room for so many paths."""
     return Layer(
         np.empty((capacity, words), dtype=np.uint64),
         np.empty(capacity, dtype=np.int16),
@@ -169,7 +169,7 @@ def _grown(layer: Layer, capacity: int) -> Layer:
 
 @compiled
 def _front(layer: Layer, count: int) -> Layer:
-    """Return the first ways of a layer."""
+    """Return the first paths of a layer."""
     return Layer(
         layer.sets[:count].copy(),
         layer.lasts[:count].copy(),
@@ -191,7 +191,7 @@ def _open(visited: Words, preds: Words, node: int) -> bool:
 
 @compiled
 def _charged(visited: Words, last: int, node: int, charges: Charges) -> float:
-    """Return what a way is charged for its next node."""
+    """Return what a path is charged for its next node."""
     one = np.uint64(1)
     total = 0.0
     for c in range(charges.first[node], charges.first[node + 1]):
@@ -217,7 +217,7 @@ def _mixed(visited: Words, last: int) -> int:
 def _place(
     table: NDArray[np.int32], sets: Words, lasts: NDArray[np.int16], visited: Words, last: int
 ) -> int:
-    """Return where in the table a way over a set to a node stands, or is to stand."""
+    """Return where in the table a path over a set to a node stands, or is to stand."""
     at = _mixed(visited, last) & (len(table) - 1)
     while table[at] >= 0:
         found = table[at]
@@ -232,7 +232,7 @@ def _place(
 
 @compiled
 def _table(layer: Layer, count: int, capacity: int) -> NDArray[np.int32]:
-    """Return a fresh table of where the first ways of a layer are found, for so many of them."""
+    """Return a fresh table of where the first paths of a layer are found, for so many of them."""
     size = 2
     while size < 2 * capacity:
         size *= 2
@@ -260,12 +260,12 @@ def _left(visited: Words, near: Integers, j: int) -> int:
 def expand(
     layer: Layer, arcs: Arcs, ahead: Ahead, charges: Charges, limits: Limits
 ) -> tuple[Layer, float, int]:
-    """Return the ways that are one node longer.
+    """Return the paths that are one node longer.
 
     Parameters
     ----------
     layer
-        The ways.
+        The paths.
     arcs
         How they may go on.
     ahead
@@ -273,13 +273,13 @@ def expand(
     charges
         What is spent beside arcs.
     limits
-        Which ways are left out.
+        Which paths are left out.
 
     Returns
     -------
     tuple
-        The longer ways, the least to be spent to the end by what was left out for the width (inf
-        where nothing was), and how many ways were looked at.
+        The longer paths, the least to be spent to the end by what was left out for the width (inf
+        where nothing was), and how many paths were looked at.
     """
     # What the inner loop reads is taken out of its tuple first: numba counts references to all
     # arrays of a tuple wherever it is passed on or read from, which made this four times as slow.
@@ -359,23 +359,23 @@ def expand(
 def meet(
     layer: Layer, arcs: Arcs, most: float, behind: Layer, room: float
 ) -> tuple[float, int, int]:
-    """Return the cheapest order below `room` that ways from both ends make up, by one arc.
+    """Return the cheapest order below `room` that paths from both ends make up, by one arc.
 
     Parameters
     ----------
     layer, arcs
-        Ways from the start, and how they may go on.
+        Paths from the start, and how they may go on.
     most
-        Ways that may be longer by a node without spending so much are left to the next layer.
+        Paths that may be longer by a node without spending so much are left to the next layer.
     behind
-        Ways from the end. They name nodes backwards: n - 1 - i for node i.
+        Paths from the end. They name nodes backwards: n - 1 - i for node i.
     room
         What the order has to cost less than.
 
     Returns
     -------
     tuple
-        Its cost, and the numbers of the two ways; -1 where there is none.
+        Its cost, and the numbers of the two paths; -1 where there is none.
     """
     sets, lasts, costs, spent, _, _ = layer
     first, heads, arc_costs, reduced, preds = arcs

@@ -79,7 +79,7 @@ def backward(
     slot: Integers,
     memories: int,
 ) -> Floats:
-    """Return the cheapest ways to the end by position, node and memory.
+    """Return the cheapest paths to the end by position, node and memory.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def backward(
     Returns
     -------
     ndarray
-        Shape (rows, memories); inf where there is no way.
+        Shape (rows, memories); inf where there is no path.
     """
     n = len(slot)
     value = np.full((slot.max() + 1, memories), np.inf)

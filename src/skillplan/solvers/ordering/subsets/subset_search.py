@@ -33,7 +33,7 @@ class Beam:
     whole
         Whether nothing was left out for the width.
     made
-        Ways looked at.
+        Paths looked at.
     """
 
     order: Integers | None
@@ -61,11 +61,11 @@ def beam(
     cutoff
         Orders that cost as much are not looked for.
     width
-        At most so many ways are kept in a layer, >= 1.
+        At most so many paths are kept in a layer, >= 1.
     stop
         Whether to give up; polled once a layer.
     on_layer
-        Told of the number of a layer and of its ways.
+        Told of the number of a layer and of its paths.
     """
     n = instance.n
     bounds = CompletionBounds(instance, duals, _BITS)
@@ -80,21 +80,21 @@ def beam(
     )
     charges = charges_of(duals)
     limits = Limits(room, False, room, width, False)
-    ways = first_layer(arcs.preds.shape[1])
+    paths = first_layer(arcs.preds.shape[1])
     history = []
     least, made = np.inf, 0
     for layer in range(1, n):
         ahead = Ahead(bounds.near, bounds.slot[layer], bounds.ahead)
-        ways, dropped, tried = expand(ways, arcs, ahead, charges, limits)
+        paths, dropped, tried = expand(paths, arcs, ahead, charges, limits)
         least = min(least, dropped)
         made += tried
-        on_layer(layer, len(ways.lasts))
+        on_layer(layer, len(paths.lasts))
         if stop():
             return None
-        if not len(ways.lasts):
+        if not len(paths.lasts):
             return Beam(None, min(cutoff, least + duals.bound), np.isinf(least), made)
-        history.append((ways.lasts, ways.parents))
-    at = int(np.argmin(ways.costs))
+        history.append((paths.lasts, paths.parents))
+    at = int(np.argmin(paths.costs))
     order = [n - 1]
     for lasts, parents in reversed(history):
         at_last = int(lasts[at])
@@ -104,7 +104,7 @@ def beam(
     order.append(0)
     return Beam(
         np.array(order[::-1], dtype=np.int64),
-        min(cutoff, least + duals.bound, float(ways.costs.min())),
+        min(cutoff, least + duals.bound, float(paths.costs.min())),
         np.isinf(least),
         made,
     )

@@ -1,9 +1,9 @@
 """Dynamic programming over feasible subsets from both ends, to proof.
 
 An order below the cutoff has less than a certain sum of reduced costs. So either its first part
-or its last part has little of it wherever it is cut, and it is enough to know all cheap ways from
-the start and all cheap ways from the end, which are far fewer than all ways through. What either
-end spends is raised where there are fewer ways (after Dantzig, 1960, and Pohl, "Bi-directional
+or its last part has little of it wherever it is cut, and it is enough to know all cheap paths from
+the start and all cheap paths from the end, which are far fewer than all paths through. What either
+end spends is raised where there are fewer paths (after Dantzig, 1960, and Pohl, "Bi-directional
 search", 1971).
 """
 
@@ -42,10 +42,10 @@ _SOUNDING = 2
 
 
 class _End:
-    """The ways from one end that spend less than so much.
+    """The paths from one end that spend less than so much.
 
     A triple is charged with its middle node, by either end. So one of them is not strict: it does
-    not count the charges of the last node. Then the longest way of an order that it keeps spends,
+    not count the charges of the last node. Then the longest path of an order that it keeps spends,
     with the arc that follows, all that is left to it; and what comes after that arc spends less
     than is left to the other, all charges included.
     """
@@ -72,11 +72,11 @@ class _End:
         self.spent = 0.0
         self.count = 0
         self.known: list[tuple[float, int]] = []
-        # What was too much to spend, and about how many ways that would have made.
+        # What was too much to spend, and about how many paths that would have made.
         self.beyond: tuple[float, int] | None = None
 
     def expected(self, most: float) -> float:
-        """Return about how many ways spend less, from the last two numbers that are known.
+        """Return about how many paths spend less, from the last two numbers that are known.
 
         They grow with a power of what is spent while there is little of it, later more slowly.
         """
@@ -193,7 +193,7 @@ class TwoEndedSearch:
     def _sound(
         self, end: _End, states: int, stop: Callable[[], bool], count: Callable[[int], None]
     ) -> None:
-        """Find out how many ways there are that spend little, beginning with next to nothing."""
+        """Find out how many paths there are that spend little, beginning with next to nothing."""
         most = self.room * 1e-6 if not end.known else max(2 * end.known[-1][0], self.room / 64)
         while not stop() and most < self.room and end.count < states // _SOUNDING:
             if not end.spend(most, states if end.known else states // 4, stop, count):
@@ -208,7 +208,7 @@ class TwoEndedSearch:
             opposite = n - 2 - layer
             if opposite >= len(behind.layers):
                 continue
-            # The end itself is reached by whatever way is left.
+            # The end itself is reached by whatever path is left.
             most = ahead.spent if opposite else -np.inf
             other = behind.layers[opposite]
             cost, first, second = meet(one, ahead.arcs, most, other, least)
