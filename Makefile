@@ -9,6 +9,8 @@ OPTIMUM := 0,1,2,3,4,5,8,9,10,11,6,7,13,14,15
 HAS_PYBULLET = $(BIN)/python -c 'import sys; sys.exit(sys.version_info >= (3, 12))'
 PHYSICS := --physics pybullet --collision contact-pairs
 SOURCES := src tests benchmarks examples plugins docs .ci
+# Each process takes a run of neighbours, which share what they set up.
+PYTEST := $(BIN)/pytest -n auto --dist worksteal -q
 # Without bytecode every process of a test, and every command, would compile all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 # Bytecode is made when a module is first imported: most of what is installed never is.
@@ -34,10 +36,10 @@ demo: .venv/.demo  ## the board to its proven optimum, also by physics and by le
 	  $(SKILLPLAN) train $(BOARD) --solver dqn --runs 2 --steps 20000 --out "$$out/runs"
 
 test: .venv/.test  ## the suite, without what takes minutes
-	$(BIN)/pytest -n auto -q tests plugins
+	$(PYTEST) tests plugins
 
 test-all: .venv/.test  ## the whole suite
-	$(BIN)/pytest -n auto -q -m "slow or not slow" --hypothesis-profile=thorough tests plugins
+	$(PYTEST) -m "slow or not slow" --hypothesis-profile=thorough tests plugins
 
 check: .venv/.test .venv/.check  ## format, lint, types, import floors
 	$(BIN)/ruff format --check $(SOURCES)

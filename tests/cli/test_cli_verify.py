@@ -339,7 +339,7 @@ class TestWrongInput:
             ({"cost": "cheap"}, "is damaged: cost: "),
             ({"status": "splendid"}, "is damaged: status: "),
             ({"steps": [{}]}, "is damaged: steps[0].index: "),
-            ({"cost": float("nan")}, "is damaged: cost: "),
+            ({"cost": float("nan")}, "is damaged: a number must be finite, not NaN"),
             ({"status": "wrong"}, "claims nothing, its status is wrong"),
             ({"origin": None}, "does not say which file its task is from. Name it by --task."),
         ],

@@ -158,6 +158,15 @@ def test_evaluate_of_runs_fits(
     fits(printed, outcome.out, monkeypatch)
 
 
+def test_several_trainings_side_by_side_fit(
+    cli: Any, runs: str, tmp_path: Path, printed: list[Table], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However long the names of their folders are."""
+    other = write_runs(tmp_path / ("o" * 90), BOARD, [SWITCHED], copy=True)
+    outcome = cli("evaluate", runs, str(other), "--episodes", "5")
+    fits(printed, outcome.out, monkeypatch)
+
+
 class TestVerifyInShort:
     def test_a_valid_result_takes_five_lines(self, cli: Any, result: Callable[[str], str]) -> None:
         """What was replayed, what was calculated, what was proved again, and the verdict."""

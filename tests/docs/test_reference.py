@@ -131,7 +131,7 @@ def test_every_floor_is_in_the_architecture():
     """The packages of the source tree are those of the page."""
     page = generated_reference.filled((DOCS / "explanation/architecture.md").read_text("utf-8"))
     folders = {path.parent.name for path in (ROOT / "src/skillplan").glob("*/__init__.py")}
-    assert [] == sorted(name for name in folders if f"| `{name}` |" not in page)
+    assert [] == sorted(name for name in folders if f"`{name}`" not in page)
 
 
 def test_every_public_name_is_in_the_reference():
@@ -176,7 +176,7 @@ PRINTED = [
     "plugins",
     "plugins solver exact",
     *(
-        pytest.param(command, marks=pytest.mark.slow)
+        pytest.param(command, marks=pytest.mark.slow(reason="chains; single tasks in every run"))
         for command in (
             "search-optimal configs/swarmitfix_triangular.yaml",
             "search-optimal configs/swarmitfix_fleet.yaml",
@@ -214,7 +214,7 @@ def test_the_documents_of_results_and_studies_have_those_keys(tmp_path, monkeypa
         validate(json.loads(Path(path).read_text("utf-8")))
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="a training with torch")
 def test_the_documents_of_trainings_have_those_keys(tmp_path, monkeypatch):
     """Manifest, result and policies of a training validate, and what ``evaluate`` makes of it."""
     pytest.importorskip("torch")
@@ -226,7 +226,7 @@ def test_the_documents_of_trainings_have_those_keys(tmp_path, monkeypatch):
         validate(json.loads(Path("board", path).read_text("utf-8")))
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="a simulation and detectors on trial")
 def test_the_documents_of_simulations_have_those_keys(monkeypatch):
     """A simulated plan, and detectors on trial, validate."""
     pytest.importorskip("pybullet")

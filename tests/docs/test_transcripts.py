@@ -52,7 +52,7 @@ def test_a_page_shows_what_is_printed(page, request):
     follow(page, request, with_slow=False)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(reason="physics, training and studies of the pages")
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("page", [p for p in PAGES if takes_part(p, slow=True)], ids=named)
 def test_a_page_shows_what_is_printed_where_that_takes_long(page, request):

@@ -64,8 +64,18 @@ def make_solver(name, stop=None):
     return made_solver(name, {}, stop)
 
 
-@pytest.mark.parametrize("detector", ["precedence", "aabb"])
-@pytest.mark.parametrize("config", ASSEMBLIES)
+@pytest.mark.parametrize(
+    ("config", "detector"),
+    [
+        *((config, "precedence") for config in ASSEMBLIES),
+        *((config, "aabb") for config in ASSEMBLIES if config != "motor_drive"),
+        pytest.param(
+            "motor_drive",
+            "aabb",
+            marks=pytest.mark.slow(reason="the largest; by chart in every run"),
+        ),
+    ],
+)
 def test_it_proves_what_exact_search_proves(config, detector):
     """On every board that is a sequencing problem; on others it says why not, and names exact."""
     task = load_problem(f"configs/{config}.yaml").task

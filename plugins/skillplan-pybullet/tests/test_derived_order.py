@@ -26,6 +26,11 @@ SETUPS = {
     "physics": Setup(physics="pybullet", collision=("contact-pairs",)),
 }
 ALL = list(SETUPS)
+# An execution takes half a second: most changed products are executed in the whole suite only.
+SLOW_BY_PHYSICS = [
+    "swept",
+    pytest.param("physics", marks=pytest.mark.slow(reason="by swept hulls in every run")),
+]
 
 
 @dataclass(frozen=True)
@@ -116,18 +121,7 @@ class TestThePapersBoard:
 
 
 class TestTheSensorStack:
-    @pytest.mark.parametrize(
-        "back_end",
-        [
-            "swept",
-            pytest.param(
-                "physics",
-                marks=pytest.mark.slow(
-                    reason="a product of its own by physics; by swept hulls in every run"
-                ),
-            ),
-        ],
-    )
+    @pytest.mark.parametrize("back_end", SLOW_BY_PHYSICS)
     def test_a_product_of_another_order_has_another_relation(self, back_end):
         task = load_problem(BOARD.parent / "sensor_stack.yaml").task
         found = answer(task, back_end)
@@ -136,7 +130,7 @@ class TestTheSensorStack:
         assert found.optimum.cost == pytest.approx(2.82515, abs=5e-6)
 
 
-@pytest.mark.parametrize("back_end", ALL)
+@pytest.mark.parametrize("back_end", SLOW_BY_PHYSICS)
 class TestAPartTakenAway:
     def test_its_relations_go_with_it_and_the_rest_stays(self, tmp_path, back_end):
         content = config_content("inverter_board")
@@ -158,7 +152,7 @@ class TestAPartTakenAway:
         assert found.optimum.cost == pytest.approx(1.494696, abs=1e-6)
 
 
-@pytest.mark.parametrize("back_end", ALL)
+@pytest.mark.parametrize("back_end", SLOW_BY_PHYSICS)
 class TestAStackSwapped:
     """A column of the sensor stack: spacer and sensor on a base, under a cover."""
 
@@ -182,7 +176,6 @@ class TestAStackSwapped:
         assert found.optimum.cost == pytest.approx(cost, abs=1e-6)
 
 
-@pytest.mark.parametrize("back_end", ALL)
 class TestAPartNextToAFinger:
     def beside_a_switch(self, folder, back_end, height_m):
         """Put the clock 37 mm beside a switch, on the side where a finger goes down."""
@@ -193,12 +186,14 @@ class TestAPartNextToAFinger:
         assert_settled(found)
         return found
 
+    @pytest.mark.parametrize("back_end", SLOW_BY_PHYSICS)
     def test_a_low_one_may_come_before_or_after(self, tmp_path, back_end):
         found = self.beside_a_switch(tmp_path, back_end, 0.015)
         assert found.pairs == {("pcb", "switch_2"), ("pcb", "clock")}
         assert found.order == ["pcb", "clock", "switch_2"]
         assert found.optimum.cost == pytest.approx(0.755367, abs=1e-6)
 
+    @pytest.mark.parametrize("back_end", ALL)
     def test_a_tall_one_has_to_come_after_at_a_cost(self, tmp_path, back_end):
         found = self.beside_a_switch(tmp_path, back_end, 0.060)
         assert found.pairs == {("pcb", "switch_2"), ("pcb", "clock"), ("switch_2", "clock")}
@@ -209,7 +204,7 @@ class TestAPartNextToAFinger:
         assert found.optimum.cost == pytest.approx(0.800953, abs=1e-6)
 
 
-@pytest.mark.parametrize("back_end", ALL)
+@pytest.mark.parametrize("back_end", SLOW_BY_PHYSICS)
 class TestFingersOnOtherSides:
     def gripped(self, folder, back_end, closing_axis):
         content = config_content("inverter_board")

@@ -36,9 +36,9 @@ def engine(task) -> PybulletEngine:
 class TestConformance(EngineSuite):
     engine = "pybullet"
 
-    def questions(self, task: Task) -> Iterator[tuple[Skill, State]]:
+    def queries(self, task: Task) -> Iterator[tuple[Skill, State]]:
         """A sample: every question is a simulation."""
-        yield from random.Random(4).sample(list(super().questions(task)), 12)
+        yield from random.Random(4).sample(list(super().queries(task)), 12)
 
 
 class TestThePapersBoard:

@@ -47,7 +47,7 @@ class PrecedenceDetector(Detector):
         return None
 
     def check(self, skill: Skill, state: State) -> Verdict:
-        """Rule on the operation that `skill` performs; see :meth:`BackEnd.check`."""
+        """Check the operation that `skill` performs; see :meth:`BackEnd.check`."""
         facts = self.task.facts
         element = self._elements[skill.name]
         needed, blocked = facts.none, facts.none

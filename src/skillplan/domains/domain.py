@@ -61,7 +61,7 @@ class Account:
     appendix
         Tables that are saved but not shown, by the name of the file.
     lower_bound
-        No way through the file's main tasks costs less in all, however the stages before are
+        No path through the file's main tasks costs less in all, however the stages before are
         planned; None where nothing is proved.
     bound_given
         The same, but given the plans of the stages before.
@@ -201,7 +201,7 @@ class Domain(ABC):
         plans
             Names of skills by the name of the task that they solve.
         refinement
-            How often the upper levels were asked for a finer plan since a solver that does not
+            How often the upper levels made a finer plan since a solver that does not
             search them failed below; empty is returned where there is none finer.
 
         Raises

@@ -93,7 +93,7 @@ class StoredResult(StoredClaims):
     task, origin
         What was solved, and from which file; no origin where it was from none.
     physics, collision
-        Names of the back ends that were asked, the latter with commas.
+        Names of the back ends that were queried, the latter with commas.
     replans
         Of a chain, how often the upper levels were planned anew.
     sequences, stages

@@ -33,7 +33,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
         return cast(Callable[P, R], njit(function))
 
 
-class _Teller(event.Listener):  # type: ignore[misc]
+class _Teller(event.Listener):
     """Tells of every kernel of this project that numba compiles."""
 
     def on_start(self, event: event.Event) -> None:
@@ -46,4 +46,4 @@ class _Teller(event.Listener):  # type: ignore[misc]
         """Say nothing more."""
 
 
-event.register("numba:compile", _Teller())
+event.register("numba:compile", _Teller())  # type: ignore[no-untyped-call]

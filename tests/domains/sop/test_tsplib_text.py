@@ -264,7 +264,7 @@ CASES = {
     ),
     "a circle": (
         spoilt("-1  0  4 5\n-1  6  0 7", "-1  0 -1 5\n-1 -1  0 7"),
-        "11:4: costs[2][1]: the order goes round in a circle: node 1 before 2 before 1. Write a "
+        "11:4: costs[2][1]: the order has a cycle: node 1 before 2 before 1. Write a "
         "cost for one of these -1.",
     ),
     "something before the start": (

@@ -218,8 +218,8 @@ def command(
         refuse_given(ctx, ("part",), "is for a task file, not for a folder of runs")
         wanted = Wanted(roll_outs, reading, back_ends, checking, seed, time_limit_s)
         return evaluate_run_folders([one for one in folders if one is not None], wanted, style)
-    refuse_given(ctx, _RUN_ONLY, "is for a folder of runs")
     if is_result(inputs[0]):
+        refuse_given(ctx, _RUN_ONLY, "is for a folder of runs, not for a result")
         refuse_given(ctx, _REPLAYED, "is for a task file; a result holds its own plan")
         loaded = load(
             inputs[0],
@@ -232,6 +232,7 @@ def command(
         task, plan = loaded.planned()
         skills = task.parse_sequence(",".join(plan))
         return _evaluate(task, loaded.setup, skills, checking, time_limit_s, style)
+    refuse_given(ctx, _RUN_ONLY, "is for a folder of runs, not for a task file")
     refuse_given(ctx, _RECORDED, "is for a result or a folder of runs, not for a task file")
     task = reading.task(inputs[0], back_ends)
     setup = back_ends.setup(task, (DEFAULT_SOLVER,))

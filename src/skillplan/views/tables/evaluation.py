@@ -28,7 +28,7 @@ def evaluation_table(evaluation: Evaluation) -> Table:
             notes += _bound_notes(evaluation)
         else:
             notes.append(
-                "deviation  none: under chance a sequence is one way that a policy may go, "
+                "deviation  none: under chance a sequence is one run that a policy may take, "
                 "here with every nominal outcome"
             )
     if walked.total_reward is not None:

@@ -19,7 +19,7 @@ _BOUNDS = {
 
 
 def plugin_tables(infos: Sequence[PluginInfo], options: type[BaseModel] | None) -> list[Table]:
-    """Return the plugins and, where one was asked for, its options."""
+    """Return the plugins and, where there is one only, its options."""
     headings = ("kind", "name", "distribution", "version", "what it does")
     rows = [
         (

@@ -1,4 +1,4 @@
-"""Tables in the format that was asked for."""
+"""Tables as text, CSV or Markdown."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def render(tables: Sequence[Table], style: str, out: IO[str]) -> str:
         return as_csv(tables[-1])
     if style == "md":
         return "\n".join(as_markdown(table) for table in tables)
-    # Here and not above: CSV and Markdown must not pay for importing rich.
+    # Here and not above: CSV and Markdown must not wait for rich.
     from skillplan.views.tables.terminal import as_terminal_text
 
     return as_terminal_text(tables, out)

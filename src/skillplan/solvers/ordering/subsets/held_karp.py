@@ -10,7 +10,7 @@ of equally cheap ones that which has spent least.
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,43 +24,160 @@ Words = NDArray[np.uint64]
 S = TypeVar("S", bound=np.generic)
 
 
+class Layer(NamedTuple):
+    """Ways over as many nodes each; s of them.
+
+    Parameters
+    ----------
+    sets
+        The nodes visited, one bit each, shape (s, words).
+    lasts
+        Where the ways end, shape (s,).
+    costs, spent
+        What they cost, and what they have spent in reduced costs, shape (s,) each.
+    ends
+        The least to be spent to the end, that what is spent included, shape (s,).
+    parents
+        The way of the layer before that each came from, shape (s,).
+    """
+
+    sets: Words
+    lasts: NDArray[np.int16]
+    costs: Floats
+    spent: Floats
+    ends: Floats
+    parents: NDArray[np.int32]
+
+
+class Arcs(NamedTuple):
+    """The arcs by their tails, and what comes before a node.
+
+    Parameters
+    ----------
+    first
+        Where the arcs of a node begin, shape (n + 1,).
+    heads, costs, reduced
+        Where an arc leads, its cost and its reduced cost, shape (arcs,) each.
+    preds
+        What comes before a node, shape (n, words).
+    """
+
+    first: Integers
+    heads: Integers
+    costs: Floats
+    reduced: Floats
+    preds: Words
+
+
+class Ahead(NamedTuple):
+    """The least spending to the end.
+
+    Parameters
+    ----------
+    near
+        Neighbours of a node that are remembered, -1 for none, shape (n, bits).
+    slot
+        The row of a node in this layer or -1, shape (n,).
+    least
+        By row and the neighbours that are left, shape (rows, 2 ** bits).
+    """
+
+    near: Integers
+    slot: Integers
+    least: Floats
+
+
+class Limits(NamedTuple):
+    """Which ways are left out.
+
+    Parameters
+    ----------
+    most, strict
+        Those that spend `most` with their last arc, or where it is strict with the charges of
+        their last node.
+    room
+        Those that spend so much to the end.
+    width
+        At most so many are kept, those that spend least to the end.
+    whole
+        Whether to give up, with nothing kept, where there are more.
+    """
+
+    most: float
+    strict: bool
+    room: float
+    width: int
+    whole: bool
+
+
+def first_layer(words: int) -> Layer:
+    """Return the one way that has visited node 0 alone, its set in so many words."""
+    sets = np.zeros((1, words), dtype=np.uint64)
+    sets[0, 0] = 1
+    nothing = np.zeros(1)
+    parents = np.zeros(1, dtype=np.int32)
+    return Layer(sets, np.zeros(1, dtype=np.int16), nothing, nothing, nothing, parents)
+
+
 @compiled
-def _sort_out(
-    sets: Words,
-    lasts: NDArray[np.int16],
-    costs: Floats,
-    spent: Floats,
-    ends: Floats,
-    parents: NDArray[np.int32],
-    count: int,
-    width: int,
-) -> tuple[int, float, float]:
+def _sort_out(layer: Layer, count: int, width: int) -> tuple[int, float, float]:
     """Move to the front those of the first `count` ways that spend least to the end.
 
     Return how many, the most that one of them spends, and the least that one left out spends.
     """
-    limit = np.partition(ends[:count], width - 1)[width - 1]
+    limit = np.partition(layer.ends[:count], width - 1)[width - 1]
     kept, left_out = 0, np.inf
     for r in range(count):
-        if ends[r] > limit or kept == width:
-            left_out = min(left_out, ends[r])
+        if layer.ends[r] > limit or kept == width:
+            left_out = min(left_out, layer.ends[r])
             continue
-        sets[kept] = sets[r]
-        lasts[kept] = lasts[r]
-        costs[kept] = costs[r]
-        spent[kept] = spent[r]
-        ends[kept] = ends[r]
-        parents[kept] = parents[r]
+        layer.sets[kept] = layer.sets[r]
+        layer.lasts[kept] = layer.lasts[r]
+        layer.costs[kept] = layer.costs[r]
+        layer.spent[kept] = layer.spent[r]
+        layer.ends[kept] = layer.ends[r]
+        layer.parents[kept] = layer.parents[r]
         kept += 1
     return kept, limit, left_out
 
 
 @compiled
-def _grown(array: NDArray[S], capacity: int) -> NDArray[S]:
-    """Return a longer array that begins with another."""
-    longer = np.empty((capacity, *array.shape[1:]), dtype=array.dtype)
-    longer[: len(array)] = array
+def _empty(capacity: int, words: int) -> Layer:
+    """Return a layer with room for so many ways."""
+    return Layer(
+        np.empty((capacity, words), dtype=np.uint64),
+        np.empty(capacity, dtype=np.int16),
+        np.empty(capacity),
+        np.empty(capacity),
+        np.empty(capacity),
+        np.empty(capacity, dtype=np.int32),
+    )
+
+
+@compiled
+def _grown(layer: Layer, capacity: int) -> Layer:
+    """Return a layer with more room that begins with another."""
+    longer, n = _empty(capacity, layer.sets.shape[1]), len(layer.lasts)
+    longer.sets[:n] = layer.sets
+    longer.lasts[:n] = layer.lasts
+    longer.costs[:n] = layer.costs
+    longer.spent[:n] = layer.spent
+    longer.ends[:n] = layer.ends
+    longer.parents[:n] = layer.parents
     return longer
+
+
+@compiled
+def _front(layer: Layer, count: int) -> Layer:
+    """Return the first ways of a layer."""
+    return Layer(
+        layer.sets[:count].copy(),
+        layer.lasts[:count].copy(),
+        layer.costs[:count].copy(),
+        layer.spent[:count].copy(),
+        layer.ends[:count].copy(),
+        layer.parents[:count].copy(),
+    )
 
 
 @compiled
@@ -98,11 +215,7 @@ def _mixed(visited: Words, last: int) -> int:
 
 @compiled
 def _place(
-    table: NDArray[np.int32],
-    sets: Words,
-    lasts: NDArray[np.int16],
-    visited: Words,
-    last: int,
+    table: NDArray[np.int32], sets: Words, lasts: NDArray[np.int16], visited: Words, last: int
 ) -> int:
     """Return where in the table a way over a set to a node stands, or is to stand."""
     at = _mixed(visited, last) & (len(table) - 1)
@@ -118,232 +231,171 @@ def _place(
 
 
 @compiled
+def _table(layer: Layer, count: int, capacity: int) -> NDArray[np.int32]:
+    """Return a fresh table of where the first ways of a layer are found, for so many of them."""
+    size = 2
+    while size < 2 * capacity:
+        size *= 2
+    table = np.full(size, -1, dtype=np.int32)
+    for r in range(count):
+        at = _mixed(layer.sets[r], layer.lasts[r]) & (size - 1)
+        while table[at] >= 0:
+            at = (at + 1) & (size - 1)
+        table[at] = r
+    return table
+
+
+@compiled
+def _left(visited: Words, near: Integers, j: int) -> int:
+    """Return which of a node's neighbours are left to visit, one bit each."""
+    left = 0
+    for b in range(near.shape[1]):
+        node = near[j, b]
+        if node >= 0 and not (visited[node >> 6] >> np.uint64(node & 63)) & np.uint64(1):
+            left |= 1 << b
+    return left
+
+
+@compiled
 def expand(
-    sets: Words,
-    lasts: NDArray[np.int16],
-    costs: Floats,
-    spent: Floats,
-    out_first: Integers,
-    heads: Integers,
-    arc_costs: Floats,
-    arc_reduced: Floats,
-    preds: Words,
-    near: Integers,
-    slot: Integers,
-    ahead: Floats,
-    charges: Charges,
-    most: float,
-    strict: bool,
-    room: float,
-    width: int,
-    whole: bool,
-) -> tuple[Words, NDArray[np.int16], Floats, Floats, Floats, NDArray[np.int32], float, int]:
+    layer: Layer, arcs: Arcs, ahead: Ahead, charges: Charges, limits: Limits
+) -> tuple[Layer, float, int]:
     """Return the ways that are one node longer.
 
     Parameters
     ----------
-    sets, lasts, costs, spent
-        Sets visited, shape (s, words), where the ways end, what they cost and what they have
-        spent in reduced costs, shape (s,) each.
-    out_first, heads, arc_costs, arc_reduced
-        The arcs by their tails.
-    preds
-        What comes before a node, shape (n, words).
-    near, slot, ahead
-        Least spending to the end: neighbours remembered, shape (n, bits); the row of a node in this
-        layer or -1, shape (n,); by row and the neighbours that are left, shape (rows, 2 **
-        bits).
+    layer
+        The ways.
+    arcs
+        How they may go on.
+    ahead
+        The least spending to the end.
     charges
         What is spent beside arcs.
-    most, strict, room
-        Ways are left out that spend `most` with their last arc, or where it is strict with the
-        charges of their last node; or `room` to the end.
-    width
-        At most so many are kept, those that spend least to the end.
-    whole
-        Whether to give up, with nothing kept, where there are more.
+    limits
+        Which ways are left out.
 
     Returns
     -------
     tuple
-        Sets, lasts, costs, what was spent, the least to be spent to the end, where each came
-        from, the least to be spent to the end by what was left out for the width (inf where
-        nothing was), and how many ways were looked at.
+        The longer ways, the least to be spent to the end by what was left out for the width (inf
+        where nothing was), and how many ways were looked at.
     """
-    words = sets.shape[1]
-    bits = near.shape[1]
+    # What the inner loop reads is taken out of its tuple first: numba counts references to all
+    # arrays of a tuple wherever it is passed on or read from, which made this four times as slow.
+    # For the same reason what is decided there stands here and not in functions of tuples.
+    sets, lasts, costs, spent, _, _ = layer
+    first, heads, arc_costs, reduced, preds = arcs
+    near, slot, least = ahead
+    most, strict, room, width, whole = limits
     # A beam sorts out now and then what it does not keep.
     most_held = width if whole else 2 * width
-    capacity = min(most_held, max(1024, 2 * len(sets)))
-    size = 1
-    while size < 2 * capacity:
-        size *= 2
-    table = np.full(size, -1, dtype=np.int32)
-    new_sets = np.empty((capacity, words), dtype=np.uint64)
-    new_lasts = np.empty(capacity, dtype=np.int16)
-    new_costs = np.empty(capacity)
-    new_spent = np.empty(capacity)
-    new_ends = np.empty(capacity)
-    parents = np.empty(capacity, dtype=np.int32)
-    count = 0
-    made = 0
-    dropped = np.inf
-    limit = room
-    trial = np.empty(words, dtype=np.uint64)
-    one = np.uint64(1)
-    full = False
-    for s in range(len(sets)):
-        if full:
-            break
-        last = lasts[s]
-        for a in range(out_first[last], out_first[last + 1]):
+    capacity = min(most_held, max(1024, 2 * len(lasts)))
+    longer = _empty(capacity, sets.shape[1])
+    new_sets, new_lasts, new_costs, new_spent, new_ends, parents = longer
+    table = _table(longer, 0, capacity)
+    trial = np.empty(sets.shape[1], dtype=np.uint64)
+    count = made = 0
+    dropped, limit = np.inf, room
+    for s in range(len(lasts)):
+        visited = sets[s]
+        for a in range(first[lasts[s]], first[lasts[s] + 1]):
             j = heads[a]
             row = slot[j]
-            if row < 0:
+            if row < 0 or not _open(visited, preds[j], j):
                 continue
-            if not _open(sets[s], preds[j], j):
+            to_go = least[row, _left(visited, near, j)]
+            spends = spent[s] + reduced[a]
+            if spends >= most or spends + to_go >= room:
                 continue
-            left = 0
-            for b in range(bits):
-                node = near[j, b]
-                if node >= 0 and not (sets[s, node >> 6] >> np.uint64(node & 63)) & one:
-                    left |= 1 << b
-            cost = costs[s] + arc_costs[a]
-            spends = spent[s] + arc_reduced[a]
-            if spends >= most or spends + ahead[row, left] >= room:
-                continue
-            spends += _charged(sets[s], last, j, charges)
+            spends += _charged(visited, lasts[s], j, charges)
             if strict and spends >= most:
                 continue
-            end = spends + ahead[row, left]
             made += 1
+            cost, end = costs[s] + arc_costs[a], spends + to_go
             if end >= limit:
                 if end < room and end < dropped:
                     dropped = end
                 continue
-            trial[:] = sets[s]
-            trial[j >> 6] |= one << np.uint64(j & 63)
+            trial[:] = visited
+            trial[j >> 6] |= np.uint64(1) << np.uint64(j & 63)
             at = _place(table, new_sets, new_lasts, trial, j)
             found = table[at]
             if found >= 0:
                 dearer = cost > new_costs[found]
-                if not dearer and (cost < new_costs[found] or spends < new_spent[found]):
-                    new_costs[found] = cost
-                    new_spent[found] = spends
-                    new_ends[found] = end
-                    parents[found] = s
-                continue
-            if count == capacity and capacity < most_held:
-                capacity = min(most_held, 2 * capacity)
-                new_sets = _grown(new_sets, capacity)
-                new_lasts = _grown(new_lasts, capacity)
-                new_costs = _grown(new_costs, capacity)
-                new_spent = _grown(new_spent, capacity)
-                new_ends = _grown(new_ends, capacity)
-                parents = _grown(parents, capacity)
-                while size < 2 * capacity:
-                    size *= 2
-                table = _table(new_sets, new_lasts, count, size)
-                at = _place(table, new_sets, new_lasts, trial, j)
-            elif count == capacity and whole:
-                count, dropped, full = 0, 0.0, True
-                break
+                if dearer or (cost == new_costs[found] and spends >= new_spent[found]):
+                    continue
             elif count == capacity:
-                count, limit, left_out = _sort_out(
-                    new_sets, new_lasts, new_costs, new_spent, new_ends, parents, count, width
-                )
-                dropped = min(dropped, left_out)
-                table = _table(new_sets, new_lasts, count, size)
+                if capacity < most_held:
+                    capacity = min(most_held, 2 * capacity)
+                    longer = _grown(longer, capacity)
+                    new_sets, new_lasts, new_costs, new_spent, new_ends, parents = longer
+                elif whole:
+                    return _front(longer, 0), 0.0, made
+                else:
+                    count, limit, left_out = _sort_out(longer, count, width)
+                    dropped = min(dropped, left_out)
+                table = _table(longer, count, capacity)
                 at = _place(table, new_sets, new_lasts, trial, j)
                 if end >= limit:
                     dropped = min(dropped, end)
                     continue
-            table[at] = count
-            new_sets[count] = trial
-            new_lasts[count] = j
-            new_costs[count] = cost
-            new_spent[count] = spends
-            new_ends[count] = end
-            parents[count] = s
-            count += 1
+            if found < 0:
+                found = table[at] = count
+                new_sets[found] = trial
+                new_lasts[found] = j
+                count += 1
+            new_costs[found] = cost
+            new_spent[found] = spends
+            new_ends[found] = end
+            parents[found] = s
     if count > width:
-        count, limit, left_out = _sort_out(
-            new_sets, new_lasts, new_costs, new_spent, new_ends, parents, count, width
-        )
+        count, limit, left_out = _sort_out(longer, count, width)
         dropped = min(dropped, left_out)
-    return (
-        new_sets[:count].copy(),
-        new_lasts[:count].copy(),
-        new_costs[:count].copy(),
-        new_spent[:count].copy(),
-        new_ends[:count].copy(),
-        parents[:count].copy(),
-        dropped,
-        made,
-    )
+    return _front(longer, count), dropped, made
 
 
 @compiled
 def meet(
-    sets: Words,
-    lasts: NDArray[np.int16],
-    costs: Floats,
-    spent: Floats,
-    out_first: Integers,
-    heads: Integers,
-    arc_costs: Floats,
-    arc_reduced: Floats,
-    preds: Words,
-    most: float,
-    behind_sets: Words,
-    behind_lasts: NDArray[np.int16],
-    behind_costs: Floats,
-    n: int,
-    room: float,
+    layer: Layer, arcs: Arcs, most: float, behind: Layer, room: float
 ) -> tuple[float, int, int]:
     """Return the cheapest order below `room` that ways from both ends make up, by one arc.
 
-    The ways from the end name nodes backwards: n - 1 - i for node i. Ways from the start that may
-    be longer by a node without spending `most` are left to the next layer.
+    Parameters
+    ----------
+    layer, arcs
+        Ways from the start, and how they may go on.
+    most
+        Ways that may be longer by a node without spending so much are left to the next layer.
+    behind
+        Ways from the end. They name nodes backwards: n - 1 - i for node i.
+    room
+        What the order has to cost less than.
 
     Returns
     -------
     tuple
         Its cost, and the numbers of the two ways; -1 where there is none.
     """
-    size = 2
-    while size < 2 * len(behind_sets):
-        size *= 2
-    table = _table(behind_sets, behind_lasts, len(behind_sets), size)
+    sets, lasts, costs, spent, _, _ = layer
+    first, heads, arc_costs, reduced, preds = arcs
+    n = len(preds)
+    table = _table(behind, len(behind.lasts), len(behind.lasts))
     least, one, other = room, -1, -1
     rest = np.empty(sets.shape[1], dtype=np.uint64)
-    for s in range(len(sets)):
+    for s in range(len(lasts)):
         rest[:] = np.uint64(0)
         for i in range(n):
             if not (sets[s, i >> 6] >> np.uint64(i & 63)) & np.uint64(1):
                 mirror = n - 1 - i
                 rest[mirror >> 6] |= np.uint64(1) << np.uint64(mirror & 63)
-        last = lasts[s]
-        for a in range(out_first[last], out_first[last + 1]):
-            cost = costs[s] + arc_costs[a]
-            if cost >= least or not _open(sets[s], preds[heads[a]], heads[a]):
+        for a in range(first[lasts[s]], first[lasts[s] + 1]):
+            cost, head = costs[s] + arc_costs[a], heads[a]
+            if cost >= least or not _open(sets[s], preds[head], head):
                 continue
-            if spent[s] + arc_reduced[a] < most:
+            if spent[s] + reduced[a] < most:
                 continue
-            j = n - 1 - heads[a]
-            found = table[_place(table, behind_sets, behind_lasts, rest, j)]
-            if found >= 0 and cost + behind_costs[found] < least:
-                least, one, other = cost + behind_costs[found], s, found
+            found = table[_place(table, behind.sets, behind.lasts, rest, n - 1 - head)]
+            if found >= 0 and cost + behind.costs[found] < least:
+                least, one, other = cost + behind.costs[found], s, found
     return least, one, other
-
-
-@compiled
-def _table(sets: Words, lasts: NDArray[np.int16], count: int, size: int) -> NDArray[np.int32]:
-    """Return a fresh table of where ways are found."""
-    table = np.full(size, -1, dtype=np.int32)
-    for r in range(count):
-        at = _mixed(sets[r], lasts[r]) & (size - 1)
-        while table[at] >= 0:
-            at = (at + 1) & (size - 1)
-        table[at] = r
-    return table

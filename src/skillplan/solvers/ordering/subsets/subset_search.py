@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillplan.solvers.ordering.instance import Floats, Integers, OrderingInstance
+from skillplan.solvers.ordering.instance import Integers, OrderingInstance
 from skillplan.solvers.ordering.relaxation.reduced_costs import Duals, charges_of
 from skillplan.solvers.ordering.subsets.bit_sets import words_of
 from skillplan.solvers.ordering.subsets.completion_bounds import CompletionBounds
-from skillplan.solvers.ordering.subsets.held_karp import expand
+from skillplan.solvers.ordering.subsets.held_karp import Ahead, Arcs, Limits, expand, first_layer
 
 _BITS = 8
 
@@ -50,53 +50,51 @@ def beam(
     stop: Callable[[], bool],
     on_layer: Callable[[int, int], None] = lambda layer, states: None,
 ) -> Beam | None:
-    """Search with a beam of some width; None where it was stopped."""
+    """Search with a beam; return None where it was stopped.
+
+    Parameters
+    ----------
+    instance
+        The ordering.
+    duals
+        A bound and reduced costs; inf where no order below the cutoff takes an arc.
+    cutoff
+        Orders that cost as much are not looked for.
+    width
+        At most so many ways are kept in a layer, >= 1.
+    stop
+        Whether to give up; polled once a layer.
+    on_layer
+        Told of the number of a layer and of its ways.
+    """
     n = instance.n
     bounds = CompletionBounds(instance, duals, _BITS)
     room = cutoff - duals.bound
     tails, heads = np.nonzero(np.isfinite(duals.reduced))
-    out_first = np.searchsorted(tails, np.arange(n + 1))
-    arc_reduced = duals.reduced[tails, heads]
-    arc_costs = instance.costs[tails, heads]
-    preds = words_of(instance.before)
+    arcs = Arcs(
+        np.searchsorted(tails, np.arange(n + 1)),
+        heads,
+        instance.costs[tails, heads],
+        duals.reduced[tails, heads],
+        words_of(instance.before),
+    )
     charges = charges_of(duals)
-    sets = np.zeros((1, preds.shape[1]), dtype=np.uint64)
-    sets[0, 0] = 1
-    lasts = np.zeros(1, dtype=np.int16)
-    costs: Floats = np.zeros(1)
-    spent: Floats = np.zeros(1)
+    limits = Limits(room, False, room, width, False)
+    ways = first_layer(arcs.preds.shape[1])
     history = []
     least, made = np.inf, 0
     for layer in range(1, n):
-        sets, lasts, costs, spent, _, parents, dropped, tried = expand(
-            sets,
-            lasts,
-            costs,
-            spent,
-            out_first,
-            heads,
-            arc_costs,
-            arc_reduced,
-            preds,
-            bounds.near,
-            bounds.slot[layer],
-            bounds.ahead,
-            charges,
-            room,
-            False,
-            room,
-            width,
-            False,
-        )
+        ahead = Ahead(bounds.near, bounds.slot[layer], bounds.ahead)
+        ways, dropped, tried = expand(ways, arcs, ahead, charges, limits)
         least = min(least, dropped)
         made += tried
-        on_layer(layer, len(lasts))
+        on_layer(layer, len(ways.lasts))
         if stop():
             return None
-        if not len(lasts):
+        if not len(ways.lasts):
             return Beam(None, min(cutoff, least + duals.bound), np.isinf(least), made)
-        history.append((lasts, parents))
-    at = int(np.argmin(costs))
+        history.append((ways.lasts, ways.parents))
+    at = int(np.argmin(ways.costs))
     order = [n - 1]
     for lasts, parents in reversed(history):
         at_last = int(lasts[at])
@@ -106,7 +104,7 @@ def beam(
     order.append(0)
     return Beam(
         np.array(order[::-1], dtype=np.int64),
-        min(cutoff, least + duals.bound, float(costs.min())),
+        min(cutoff, least + duals.bound, float(ways.costs.min())),
         np.isinf(least),
         made,
     )

@@ -13,13 +13,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skillplan.solvers.ordering.instance import NO_ARC, Floats, Integers, OrderingInstance
+from skillplan.solvers.ordering.instance import NO_ARC, Integers, OrderingInstance
 from skillplan.solvers.ordering.relaxation.reduced_costs import Duals, charges_of
 from skillplan.solvers.ordering.subsets.bit_sets import words_of
 from skillplan.solvers.ordering.subsets.completion_bounds import CompletionBounds
-from skillplan.solvers.ordering.subsets.held_karp import Words, expand, meet
+from skillplan.solvers.ordering.subsets.held_karp import (
+    Ahead,
+    Arcs,
+    Layer,
+    Limits,
+    expand,
+    first_layer,
+    meet,
+)
 
 _BITS = 6
 # Of the growth where it is not known yet.
@@ -32,15 +39,6 @@ _DARING = 1.5
 _MORE = 2
 # Such a share of the states is enough to tell from how many there will be.
 _SOUNDING = 2
-
-
-@dataclass
-class _Layer:
-    sets: Words
-    lasts: NDArray[np.int16]
-    costs: Floats
-    spent: Floats
-    parents: NDArray[np.int32]
 
 
 class _End:
@@ -59,16 +57,16 @@ class _End:
         self.instance = instance
         self.room = cutoff - duals.bound
         self.bounds = CompletionBounds(instance, duals, _BITS)
-        tails, self.heads = np.nonzero(np.isfinite(duals.reduced))
-        self.out_first = np.searchsorted(tails, np.arange(instance.n + 1))
-        self.arc_costs = np.ascontiguousarray(instance.costs[tails, self.heads])
-        self.arc_reduced = np.ascontiguousarray(duals.reduced[tails, self.heads])
-        self.preds = words_of(instance.before)
+        tails, heads = np.nonzero(np.isfinite(duals.reduced))
+        self.arcs = Arcs(
+            np.searchsorted(tails, np.arange(instance.n + 1)),
+            heads,
+            np.ascontiguousarray(instance.costs[tails, heads]),
+            np.ascontiguousarray(duals.reduced[tails, heads]),
+            words_of(instance.before),
+        )
         self.charges = charges_of(duals)
-        sets = np.zeros((1, self.preds.shape[1]), dtype=np.uint64)
-        sets[0, 0] = 1
-        nothing = np.zeros(1, dtype=np.int32)
-        start = _Layer(sets, np.zeros(1, dtype=np.int16), np.zeros(1), np.zeros(1), nothing)
+        start = first_layer(self.arcs.preds.shape[1])
         # Where an end has not been searched, the other has to come all the way to meet it.
         self.layers = [start]
         self.spent = 0.0
@@ -99,38 +97,20 @@ class _End:
         layers = self.layers[:1]
         left = states
         for layer in range(1, self.instance.n):
-            last = layers[-1]
-            found = expand(
-                last.sets,
-                last.lasts,
-                last.costs,
-                last.spent,
-                self.out_first,
-                self.heads,
-                self.arc_costs,
-                self.arc_reduced,
-                self.preds,
-                self.bounds.near,
-                self.bounds.slot[layer],
-                self.bounds.ahead,
-                self.charges,
-                most,
-                self.strict,
-                self.room,
-                max(1, left),
-                True,
-            )
-            sets, lasts, costs, spent, _, parents, dropped, tried = found
+            ahead = Ahead(self.bounds.near, self.bounds.slot[layer], self.bounds.ahead)
+            limits = Limits(float(most), self.strict, self.room, max(1, left), True)
+            found, dropped, tried = expand(layers[-1], self.arcs, ahead, self.charges, limits)
             made(tried)
-            left -= len(lasts)
+            left -= len(found.lasts)
             if np.isfinite(dropped) or left <= 0:
                 self.beyond = most, max(_MORE * states, self.count + 1)
                 return False
             if stop():
                 return False
-            if not len(lasts):
+            if not len(found.lasts):
                 break
-            layers.append(_Layer(sets, lasts, costs, spent, parents))
+            # What is still to be spent is not looked at again; it need not be held.
+            layers.append(found._replace(ends=found.ends[:0]))
         self.layers, self.spent, self.count = layers, most, states - left
         self.beyond = None
         self.known.append((most, self.count))
@@ -228,25 +208,10 @@ class TwoEndedSearch:
             opposite = n - 2 - layer
             if opposite >= len(behind.layers):
                 continue
+            # The end itself is reached by whatever way is left.
+            most = ahead.spent if opposite else -np.inf
             other = behind.layers[opposite]
-            cost, first, second = meet(
-                one.sets,
-                one.lasts,
-                one.costs,
-                one.spent,
-                ahead.out_first,
-                ahead.heads,
-                ahead.arc_costs,
-                ahead.arc_reduced,
-                ahead.preds,
-                # The end itself is reached by whatever way is left.
-                ahead.spent if opposite else -np.inf,
-                other.sets,
-                other.lasts,
-                other.costs,
-                n,
-                least,
-            )
+            cost, first, second = meet(one, ahead.arcs, most, other, least)
             if first >= 0:
                 least, at = cost, (layer, first, second)
         if at[0] < 0:
@@ -268,7 +233,7 @@ def _beyond(instance: OrderingInstance) -> float:
     return 1.0 + 1.001 * float(used.max(axis=1).sum())
 
 
-def _walk_back(layers: list[_Layer], layer: int, at: int) -> list[int]:
+def _walk_back(layers: list[Layer], layer: int, at: int) -> list[int]:
     nodes = []
     for here in range(layer, -1, -1):
         nodes.append(int(layers[here].lasts[at]))

@@ -11,7 +11,7 @@ from skillplan.pipeline.preview import preview
 from skillplan.pipeline.setup import load_problem
 from skillplan.records.preview import DerivedOrder
 
-CONFIGS = Path(__file__).parents[1] / "configs"
+CONFIGS = Path(__file__).parents[2] / "configs"
 BOARD = load_problem(CONFIGS / "inverter_board.yaml")
 
 # What lies on the mainboard at the start belongs on it.
