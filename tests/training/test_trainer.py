@@ -110,7 +110,16 @@ class TestWhatHappens:
         train(tmp_path / "rare", checkpoint_steps=10_000)
         assert learned_bytes(whole) == learned_bytes(tmp_path / "rare")
 
-    @pytest.mark.parametrize(("jobs", "reports"), [(1, 1), (1, 3), (1, 8), (1, 11), (2, 9)])
+    @pytest.mark.parametrize(
+        ("jobs", "reports"),
+        [
+            (1, 1),
+            (1, 3),
+            (1, 8),
+            (1, 11),
+            pytest.param(2, 9, marks=pytest.mark.slow(reason="two processes; one in every run")),
+        ],
+    )
     def test_a_stop_between_two_strides_changes_nothing(
         self, whole: Path, tmp_path: Path, jobs: int, reports: int
     ) -> None:
@@ -283,7 +292,7 @@ class TestFolders:
         TrainingFolder(str(whole), plan, problem, resume=True).close()
 
     def test_a_folder_with_anything_in_it_is_not_begun_in(self, tmp_path: Path) -> None:
-        (tmp_path / "letter.txt").write_text("dear")
+        (tmp_path / "letter.txt").write_text("expensive")
         with pytest.raises(OptionError, match=r"is not empty. Name a new folder, or go on"):
             train(tmp_path)
         with pytest.raises(OptionError, match=r"holds no manifest.json, so nothing to resume"):

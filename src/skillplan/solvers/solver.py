@@ -68,7 +68,7 @@ class Solver(ABC):
         Parameters
         ----------
         model
-            What may be done where; asks back ends only for what is looked at.
+            What may be done where; queries back ends only for what is looked at.
         seed
             Governs all randomness: the same seed gives the same solution.
 

@@ -34,8 +34,8 @@ class Progress:
         The best bound so far, or None.
     nodes
         Nodes expanded or visited.
-    asked
-        What has been asked of dear back ends; None where there is none.
+    queried
+        What has been queried of expensive back ends; None where there is none.
     nodes_per_s
         How many nodes come in a second at the moment [1/s]; None until that is measured.
     decimals
@@ -78,7 +78,7 @@ class Stop:
         [s], > 0; None for no such limit.
     memory_limit_bytes
         Stop before this process holds more memory [B], > 0; None for no limit. A solver that
-        reserves much at once asks `memory_left_bytes` before.
+        reserves much at once queries `memory_left_bytes` before.
     on_progress
         Called with the figures now and then.
 
@@ -167,7 +167,7 @@ class Stop:
         )
 
     def interrupt(self) -> None:
-        """Ask the search to stop and hand over the best it has."""
+        """Query the search to stop and hand over the best it has."""
         self.interrupted = True
 
     def end(self, reason: str) -> None:
@@ -245,7 +245,7 @@ class Stop:
         self._report()
 
     def checked(self, asked: CheckCount) -> None:
-        """Take note of how far the asking of dear back ends has come, and show it."""
+        """Take note of how far the querying of expensive back ends has come, and show it."""
         self._asked = asked
         self._report()
 
@@ -256,7 +256,7 @@ class Stop:
         return gap is not None and gap <= self._gap
 
     def _memory_short(self, now_s: float) -> bool:
-        """Whether little of the memory is left; asked once in a while only."""
+        """Whether little of the memory is left; queried once in a while only."""
         if self._memory_limit_bytes is None or now_s < self._memory_due_s:
             return False
         self._memory_due_s = now_s + _MEMORY_EVERY_S

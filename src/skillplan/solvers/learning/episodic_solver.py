@@ -13,7 +13,12 @@ from pydantic import Field
 from skillplan.model.skill_model import SkillModel
 from skillplan.model.tabular_mdp import TabularMDP
 from skillplan.solvers.learning.episode_kernels import Environment, Schedule
-from skillplan.solvers.mdp.tabular_solver import TabularOptions, TabularSolver, payments, policy_of
+from skillplan.solvers.mdp.tabular_solver import (
+    TabularOptions,
+    TabularSolver,
+    learner_rewards,
+    policy_of,
+)
 from skillplan.solvers.solution import Policy, Solution
 
 # Whoever waits for a stop waits for a chunk: about a millisecond on a small task.
@@ -130,7 +135,7 @@ class EpisodicSolver(TabularSolver):
 
     def _environment(self, model: SkillModel, mdp: TabularMDP) -> Environment:
         choices = np.diff(mdp.rows)
-        paid = payments(model, mdp, self.options.objective)
+        paid = learner_rewards(model, mdp, self.options.objective)
         return Environment(
             mdp.rows,
             mdp.outcomes,

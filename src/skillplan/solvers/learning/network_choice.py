@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.env.action_mask import allowed_actions
+from skillplan.env.env_options import MaskKind, checked_name
 from skillplan.env.observation import Observation
-from skillplan.env.presentation import MaskKind, checked_name
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.solvers.solution import Policy
@@ -28,7 +28,7 @@ class NetworkChoice:
     network
         Of as many inputs as are observed, and as many actions as there are skills.
     model
-        Asked where the mask needs it.
+        Queried where the mask needs it.
     observation
         What is observed; ``paper``, ``markov`` or ``layout``.
     mask
@@ -58,7 +58,7 @@ class NetworkChoice:
         mask = np.zeros(len(skills), dtype=np.bool_)
 
         def feasible(action: int) -> bool:
-            # Asked about all at once, and kept by the model.
+            # Queried about all at once, and kept by the model.
             return any(arrow.skill is skills[action] for arrow in model.transitions(state))
 
         mask[list(allowed_actions(model, state, self._mask, feasible))] = True

@@ -15,7 +15,12 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.model.tabular_mdp import TabularMDP
 from skillplan.solvers.mdp.bellman_backup import Choices, proper_policy, sweep, tight_rows
 from skillplan.solvers.mdp.finite_horizon import plan_within
-from skillplan.solvers.mdp.tabular_solver import TabularOptions, TabularSolver, payments, policy_of
+from skillplan.solvers.mdp.tabular_solver import (
+    TabularOptions,
+    TabularSolver,
+    learner_rewards,
+    policy_of,
+)
 from skillplan.solvers.solution import Plan, Solution
 
 # Values that differ by less, as a fraction of the largest, are taken as equal.
@@ -160,7 +165,7 @@ class BellmanSolver(TabularSolver):
 
     def _most_reward(self, model: SkillModel, mdp: TabularMDP) -> Optimum:
         choices, gamma = Choices.of(mdp), self.options.gamma
-        paid = payments(model, mdp, "reward")
+        paid = learner_rewards(model, mdp, "reward")
         weights = -mdp.probabilities * paid.rewards
         if len(weights):
             weights = np.add.reduceat(weights, mdp.outcomes[:-1])

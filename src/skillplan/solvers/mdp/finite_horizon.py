@@ -28,7 +28,7 @@ def plan_within(
     steps
         The most that the plan may have, >= 0.
     stop
-        Asked before every step whether to give up.
+        Queried before every step whether to give up.
 
     Returns
     -------

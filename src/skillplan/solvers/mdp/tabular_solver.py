@@ -106,7 +106,7 @@ def policy_of(model: SkillModel, mdp: TabularMDP, chosen: NDArray[np.int64]) -> 
 
 
 @dataclass(frozen=True, slots=True)
-class Payments:
+class LearnerRewards:
     """What a learner is paid.
 
     Parameters
@@ -121,18 +121,18 @@ class Payments:
     stuck: float
 
 
-def payments(model: SkillModel, mdp: TabularMDP, objective: str) -> Payments:
+def learner_rewards(model: SkillModel, mdp: TabularMDP, objective: str) -> LearnerRewards:
     """Return the rewards of the task's scheme, or what stands for its costs.
 
     In a state in which nothing can be done a robot can only try what fails, for which a scheme
     has a figure. Without a scheme, or for the objective ``cost``, minus the cost is paid and, at
-    the goal, a bonus as large as the dearest plan that the step limit allows: else it would be
+    the goal, a bonus as large as the costliest plan that the step limit allows: else it would be
     best to go round for ever in a circle that costs nothing. Being stuck costs the same.
     """
     reward = model.task.reward
     if objective == "reward" and reward is not None:
-        return Payments(mdp.rewards, reward.infeasible)
-    dearest = float(mdp.costs.max(initial=0.0)) or 1.0
-    bonus = dearest * model.step_limit
+        return LearnerRewards(mdp.rewards, reward.infeasible)
+    costliest = float(mdp.costs.max(initial=0.0)) or 1.0
+    bonus = costliest * model.step_limit
     costs = np.repeat(mdp.costs, np.diff(mdp.outcomes))
-    return Payments(np.where(mdp.goal[mdp.successors], bonus, 0.0) - costs, -bonus)
+    return LearnerRewards(np.where(mdp.goal[mdp.successors], bonus, 0.0) - costs, -bonus)

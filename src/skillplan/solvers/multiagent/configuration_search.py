@@ -256,7 +256,7 @@ class _Asking:
         agent
             Not decided yet; it is afterwards.
         avoid
-            Bits of places that another agent wants it to leave; 0 where nobody asks.
+            Bits of places that another agent wants it to leave; 0 where nobody queries.
         """
         self.asked += 1
         decided, bits = self.decided, self.node.bits
@@ -285,7 +285,7 @@ class _Asking:
         return False
 
     def _clear(self, blocking: int, forbidden: int) -> bool:
-        """Ask all agents in the way to leave; return whether they do."""
+        """Query all agents in the way to leave; return whether they do."""
         for agent, bit in enumerate(self.place_bits):
             if not bit & blocking:
                 continue

@@ -82,9 +82,9 @@ class FleetSolver(Solver):
         return None
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Search, ask back ends about the moves found, and search anew without those rejected.
+        """Search, query back ends about the moves found, and search anew without those rejected.
 
-        Moves that back ends reject are few or none as a rule, and asking about all of them
+        Moves that back ends reject are few or none as a rule, and querying all of them
         beforehand would cost more than the search.
         """
         return _Run(self, model, self._recognise(model), seed).solution()
@@ -178,7 +178,7 @@ class _Run:
         return _Found(best, False, self.bound_sum)
 
     def _improved(self, found: _Found) -> ParallelSchedule:
-        """Return a schedule that is no worse; it may need moves that nobody was asked about."""
+        """Return a schedule that is no worse; it may need moves that nobody was queried on."""
         assert found.schedule is not None
         if found.complete or any(move.rejected for move in self.problem.all_moves()):
             return found.schedule

@@ -28,7 +28,7 @@ class Effort:
 
 
 @dataclass(frozen=True)
-class News:
+class SharedIncumbent:
     """What became known elsewhere.
 
     Parameters

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from skillplan.errors import SkillplanError
-from skillplan.solvers.ordering.incumbents import News
+from skillplan.solvers.ordering.incumbents import SharedIncumbent
 from skillplan.solvers.ordering.instance import Integers
 from skillplan.solvers.ordering.portfolio import METHODS, Method, OrderingSearch
 from skillplan.solvers.ordering.search_worker import Finding, Share, Word, prepare
@@ -107,7 +107,7 @@ class ParallelSearch:
         self._proved = (0.0, "")
         self._memory_bytes = search.memory_bytes
         self._on_bound = search.on_bound
-        search.news = self._news
+        search.shared = self._shared
         search.memory_bytes = self._own_memory_bytes
         search.on_bound = self._tell_bound
 
@@ -136,7 +136,7 @@ class ParallelSearch:
                 other.process.end(gently=False)
             self._others = []
 
-    def _news(self) -> News | None:
+    def _shared(self) -> SharedIncumbent | None:
         """Hear and tell what is new, once in a while."""
         now_s = time.monotonic()
         if now_s < self._due_s:
@@ -154,7 +154,7 @@ class ParallelSearch:
         cost, order = self._best
         bound, method = self._proved
         if cost < self.search.cost or bound > self.search.bound:
-            return News(order if cost < self.search.cost else None, bound, method)
+            return SharedIncumbent(order if cost < self.search.cost else None, bound, method)
         return None
 
     def _start(self) -> None:

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from skillplan.solvers.ordering.incumbents import Effort, News
+from skillplan.solvers.ordering.incumbents import Effort, SharedIncumbent
 from skillplan.solvers.ordering.instance import NO_ARC, Integers, OrderingInstance
 from skillplan.solvers.ordering.local_search.annealing import Annealing, cheapest_first
 from skillplan.solvers.ordering.relaxation.branch_and_cut import BranchAndCut
@@ -72,8 +72,8 @@ class OrderingSearch:
         An order that is known already.
     rounds
         The most rounds; None for as many as it takes.
-    news
-        Returns what became known elsewhere since it was last asked, or None; asked as often as
+    shared
+        Returns what became known elsewhere since it was last queried, or None; queried as often as
         `stop`.
 
     Attributes
@@ -98,14 +98,14 @@ class OrderingSearch:
         memory_bytes: Callable[[], int | None] = lambda: None,
         start: Integers | None = None,
         rounds: int | None = None,
-        news: Callable[[], News | None] = lambda: None,
+        shared: Callable[[], SharedIncumbent | None] = lambda: None,
     ) -> None:
         self.instance = instance
         self.methods = methods
         self.stop = stop
         self.on_order, self.on_bound = on_order, on_bound
         self.memory_bytes = memory_bytes
-        self.news = news
+        self.shared = shared
         self.effort = Effort()
         self.order: Integers | None = None
         self.cost = np.inf
@@ -177,7 +177,7 @@ class OrderingSearch:
 
     def _over(self) -> bool:
         """Whether to go no further; what became known elsewhere is taken over first."""
-        told = self.news()
+        told = self.shared()
         if told is not None:
             if told.order is not None:
                 self._keep(told.order)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from skillplan.workers.resident_memory import resident_bytes
 
 if TYPE_CHECKING:
-    from skillplan.solvers.ordering.incumbents import Effort, News
+    from skillplan.solvers.ordering.incumbents import Effort, SharedIncumbent
     from skillplan.solvers.ordering.instance import Integers, OrderingInstance
     from skillplan.solvers.ordering.portfolio import Method, OrderingSearch
 
@@ -183,7 +183,7 @@ class ShareSearch:
                 memory_bytes=self._left_bytes,
                 start=share.start,
                 rounds=share.rounds,
-                news=self._news,
+                shared=self._shared,
             )
             search.run()
             ended = "proof" if search.proved else search.ended or _MEMORY_LIMIT
@@ -204,18 +204,18 @@ class ShareSearch:
             self._bound = (bound, self._search.effort.bound_method)
             self._changed.set()
 
-    def _news(self) -> News | None:
+    def _shared(self) -> SharedIncumbent | None:
         """Return all that was heard since it was last asked for."""
-        from skillplan.solvers.ordering.incumbents import News
+        from skillplan.solvers.ordering.incumbents import SharedIncumbent
 
-        news = None
+        shared = None
         while self._heard:
             word = self._heard.popleft()
             order = word.order
-            if order is None and news is not None:
-                order = news.order
-            news = News(order, word.bound, word.bound_method)
-        return news
+            if order is None and shared is not None:
+                order = shared.order
+            shared = SharedIncumbent(order, word.bound, word.bound_method)
+        return shared
 
     def _allow(self, more_bytes: int | None) -> None:
         held = resident_bytes()

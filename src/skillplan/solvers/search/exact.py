@@ -2,7 +2,7 @@
 
 A* (Hart, Nilsson and Raphael, 1968) under the landmark bound, ordered by cost, then by number of
 skills, then by time. Edges are lazy (Dellin and Srinivasa, "A unifying formalism for shortest path
-problems with expensive edge evaluations", 2016): a back end is asked about a skill only when
+problems with expensive edge evaluations", 2016): a back end is queried on a skill only when
 its arrow comes up for expansion, so that most arrows never cost a check.
 """
 

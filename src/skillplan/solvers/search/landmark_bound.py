@@ -3,7 +3,7 @@
 A *landmark* is a skill that every plan from here must contain (Hoffmann, Porteous and
 Sebastia, "Ordered landmarks in planning", 2004): the only one to bring about a goal fact that
 is missing, and so on through its own preconditions. Each landmark costs at least the cheapest
-way to come to it from a skill that can directly precede it. No back end is asked.
+way to come to it from a skill that can directly precede it. No back end is queried.
 """
 
 from __future__ import annotations

@@ -186,7 +186,15 @@ def unreachable(
     closed: bool,
     path: PathBetween | None = None,
 ) -> tuple[UnreachableSupport, ...]:
-    """Return what is wrong with every pair that `goal_sets` cannot serve."""
+    """Return what is wrong with every pair that `goal_sets` cannot serve.
+
+    Parameters
+    ----------
+    bench, supports, rules, closed
+        As in `goal_sets`.
+    path
+        As its `path`.
+    """
     found = []
     for index, e1, e2 in _pairs(supports, closed):
         try:

@@ -1,6 +1,6 @@
 """A linear relaxation that also knows how much one node comes before another.
 
-Tighter than `cut_relaxation` where much is ordered, and dearer: to every arc there is a variable,
+Tighter than `cut_relaxation` where much is ordered, and costlier: to every arc there is a variable,
 and to every pair of nodes that may come in either order one more. Cuts by maximum flow hold
 between any two nodes then, as far as one comes before the other (after Gouveia and Pesneau, "On
 extended formulations for the precedence constrained asymmetric traveling salesman problem", 2006).

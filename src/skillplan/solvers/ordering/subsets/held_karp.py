@@ -322,8 +322,8 @@ def expand(
             at = _place(table, new_sets, new_lasts, trial, j)
             found = table[at]
             if found >= 0:
-                dearer = cost > new_costs[found]
-                if dearer or (cost == new_costs[found] and spends >= new_spent[found]):
+                costlier = cost > new_costs[found]
+                if costlier or (cost == new_costs[found] and spends >= new_spent[found]):
                     continue
             elif count == capacity:
                 if capacity < most_held:
