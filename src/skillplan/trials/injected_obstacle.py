@@ -12,10 +12,10 @@ from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Body, Grasp, GraspKind
 from skillplan.task.task import Task
 
-# Jaws open a little wider than what they grasp: so far from it a finger is sure to come [m].
+# Jaws open a little wider than what they grasp: a finger is sure to pass at this distance [m].
 _BEHIND_JAW_M = 0.008
 _BLOCK_M = 0.010
-# So far beside the part in the hand, and beneath the ends of the jaws, nothing touches [m].
+# At this distance beside the part in the hand, or beneath the jaws, nothing touches [m].
 _CLEAR_OF_PART_M = 0.002
 _CLEAR_BENEATH_M = 0.002
 _NEAR_MISS = "near miss"

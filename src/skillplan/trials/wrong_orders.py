@@ -14,7 +14,7 @@ from skillplan.task.task import Task
 from skillplan.trials.detector_trial import Trial, Truth
 from skillplan.trials.fault_injection import LEAST_HIT_M, is_possible, standing_boxes
 
-# What has a gap this wide beneath it, and that much room around it, touches nothing [m].
+# What has this gap beneath it, and this room around it, touches nothing [m].
 _GAP_M = 0.001
 _ROOM_M = 0.005
 
