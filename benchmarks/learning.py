@@ -207,7 +207,7 @@ def work(
     seed: int,
     folder: Path,
 ) -> None:
-    """Train groups one after another, once every process is warm; tell what they came to.
+    """Train groups one after another, once every process is warm; print their results.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ def arguments() -> argparse.Namespace:
 
 
 def main() -> int:
-    """Print a row for every size of boards, and draw them if asked to."""
+    """Print a row for every size of boards, and draw them with --plot."""
     args = arguments()
     if args.plot and not args.out:
         print("--plot draws what --out FILE holds: name it.", file=sys.stderr)

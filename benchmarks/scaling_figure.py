@@ -35,7 +35,7 @@ from skillplan.views.figures.figure_style import (
     text_colour,
 )
 
-# Name, colour and marker of a solver: told apart without colour, too.
+# Name, colour and marker of a solver: distinct without colour, too.
 LOOKS = {
     "exhaustive": ("brute force", GREY, "s"),
     "exact": ("exact", ORANGE, "^"),

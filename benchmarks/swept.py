@@ -26,7 +26,7 @@ DETECTORS = ("aabb", "swept")
 ROUNDS = 5
 
 
-def questions_of(task: Task) -> list[tuple[Skill, State]]:
+def checks_of(task: Task) -> list[tuple[Skill, State]]:
     """Return every applicable skill in every state that boxes lead to."""
     boxes: Any = registry.load("collision", "aabb")
     model = SkillModel(Feasibility(task, [boxes(task)]))
@@ -35,10 +35,10 @@ def questions_of(task: Task) -> list[tuple[Skill, State]]:
     ]
 
 
-def asking_s(detector: Any, questions: Iterable[tuple[Skill, State]]) -> float:
-    """Return how long a detector takes to answer all questions [s]."""
+def checking_s(detector: Any, checks: Iterable[tuple[Skill, State]]) -> float:
+    """Return how long a detector takes for all checks [s]."""
     begin_s = time.perf_counter()
-    for skill, state in questions:
+    for skill, state in checks:
         detector.check(skill, state)
     return time.perf_counter() - begin_s
 
@@ -46,8 +46,8 @@ def asking_s(detector: Any, questions: Iterable[tuple[Skill, State]]) -> float:
 def main() -> None:
     """Print a row for every detector, and the ratio of the two."""
     task = load_problem(BOARD).task
-    questions = questions_of(task)
-    print(f"{len(questions)} questions on {task.name}, best of {ROUNDS} rounds\n")
+    checks = checks_of(task)
+    print(f"{len(checks)} checks of {task.name}, best of {ROUNDS} rounds\n")
     columns = ("first [ms]", "checks/s", "again/s", "chart [ms]", "exact [ms]", "optimum")
     print(f"{'detector':12}" + "".join(f"{column:>12}" for column in columns))
     rows = []
@@ -56,10 +56,10 @@ def main() -> None:
         rounds = []
         for _ in range(ROUNDS):
             detector = plugin(task)
-            skills = {skill.name: (skill, state) for skill, state in reversed(questions)}
-            first_s = asking_s(detector, skills.values()) / len(skills)
-            cold_s = asking_s(plugin(task), questions) / len(questions)
-            warm_s = asking_s(detector, questions) / len(questions)
+            skills = {skill.name: (skill, state) for skill, state in reversed(checks)}
+            first_s = checking_s(detector, skills.values()) / len(skills)
+            cold_s = checking_s(plugin(task), checks) / len(checks)
+            warm_s = checking_s(detector, checks) / len(checks)
             begin_s = time.perf_counter()
             derive_chart(Feasibility(task, [plugin(task)]))
             chart_s = time.perf_counter() - begin_s

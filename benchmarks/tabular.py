@@ -1,4 +1,4 @@
-"""Solvers on arrays: time against SARSA in plain Python, ways of the policies, large lattices.
+"""Solvers on arrays: time against SARSA in plain Python, paths of the policies, large lattices.
 
 Budgets of the project, once compiled: 35,000 episodes of SARSA in 20 ms and of Monte Carlo in
 30 ms, policy iteration in 1 ms, value iteration in 0.2 ms, all at the 78 positions of the bench;
@@ -80,7 +80,7 @@ def solvers(plain_s: float) -> None:
 
 
 def solved(name: str, goal: int, seed: int) -> tuple[float, float]:
-    """Return the time [s] of a solver, and from which share of starts its ways are shortest."""
+    """Return the time [s] of a solver, and from which share of starts its paths are shortest."""
     model = make_model(GROUNDING.task("", (goal + 1) % BENCH.n_positions, goal))
     solution = make_solver(name, {}).solve(model, seed=seed)
     assert solution.policy is not None

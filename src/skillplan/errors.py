@@ -179,7 +179,7 @@ class BackEndError(SkillplanError):
 
 
 class SearchStopped(SkillplanError):
-    """Raised by the model in a solver that goes on asking long after it was told to stop."""
+    """Raised by the model in a solver that goes on long after it should have stopped."""
 
     exit_code = EXIT_INTERRUPTED
 
@@ -205,7 +205,7 @@ def raised_by(plugin: type, error: Exception) -> str:
 
 
 def debugging() -> bool:
-    """Whether ``SKILLPLAN_DEBUG`` asks for tracebacks."""
+    """Whether ``SKILLPLAN_DEBUG`` demands tracebacks."""
     return bool(os.environ.get("SKILLPLAN_DEBUG"))
 
 
@@ -221,7 +221,7 @@ def traceback_text(error: SkillplanError) -> str:
 
 
 def _place_of(plugin: type, error: Exception) -> str:
-    """Return ``FILE:LINE`` of the innermost code of a plugin's package on the way to an error.
+    """Return ``FILE:LINE`` of the innermost code of a plugin's package that an error went through.
 
     Where none of it is, as for a call with a wrong number of arguments, that of the innermost.
     """

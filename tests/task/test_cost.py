@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from situations import assembly, crowded_assemblies, imagined_state
-from skillplan.task.cost import ConstantCost, Cost, TravelCost, planar_distance
+from skillplan.task.cost import ConstantCost, Cost, DistanceCost, planar_distance
 from skillplan.task.motion import Event, Motion, Route, Visit
 from skillplan.task.state import Facts
 
@@ -37,17 +37,17 @@ def test_a_cost_is_finite_and_not_negative(value):
     with pytest.raises(ValueError, match="must be finite and >= 0"):
         ConstantCost(value)
     with pytest.raises(ValueError, match="per_m must be finite and >= 0"):
-        TravelCost(PLACES, STRAIGHT, per_m=value)
+        DistanceCost(PLACES, STRAIGHT, per_m=value)
     with pytest.raises(ValueError, match="fixed must be finite and >= 0"):
-        TravelCost(PLACES, STRAIGHT, fixed=value)
+        DistanceCost(PLACES, STRAIGHT, fixed=value)
     with pytest.raises(ValueError, match="behind_m must be finite and >= 0"):
-        TravelCost(PLACES, STRAIGHT, behind_m={FACTS.bit("at(bin)"): value})
+        DistanceCost(PLACES, STRAIGHT, behind_m={FACTS.bit("at(bin)"): value})
 
 
 def test_travel_starts_somewhere():
     """A cost without places cannot say from where."""
     with pytest.raises(ValueError, match="at least one place"):
-        TravelCost({}, STRAIGHT)
+        DistanceCost({}, STRAIGHT)
 
 
 def test_a_constant_cost_is_the_same_everywhere():
@@ -55,12 +55,12 @@ def test_a_constant_cost_is_the_same_everywhere():
     cost = ConstantCost(2.5)
     assert cost.at(FACTS.none) == cost.at(FACTS.of("other")) == cost.least(0, 1) == 2.5
     assert isinstance(cost, Cost)
-    assert isinstance(TravelCost(PLACES, STRAIGHT), Cost)
+    assert isinstance(DistanceCost(PLACES, STRAIGHT), Cost)
 
 
 def test_travel_is_planar_from_where_the_arm_stands():
     """Height does not count."""
-    cost = TravelCost(PLACES, STRAIGHT)
+    cost = DistanceCost(PLACES, STRAIGHT)
     assert cost.at(FACTS.of("at(home)")) == 3.0
     assert cost.at(FACTS.of("at(bin)", "other")) == 4.0
     assert planar_distance((0, 0, 0), (3, 4, 12)) == 5.0
@@ -69,7 +69,7 @@ def test_travel_is_planar_from_where_the_arm_stands():
 def test_what_was_travelled_to_a_place_uncounted_counts_when_it_is_left():
     """There only; in a time as well, and in the least value."""
     behind_m = {FACTS.bit("at(bin)"): 0.5}
-    cost = TravelCost(PLACES, STRAIGHT, per_m=2.0, behind_m=behind_m)
+    cost = DistanceCost(PLACES, STRAIGHT, per_m=2.0, behind_m=behind_m)
     assert cost.at(FACTS.of("at(home)")) == 6.0
     assert cost.at(FACTS.of("at(bin)")) == 9.0
     assert cost.least(FACTS.bit("at(bin)"), 0) == 9.0
@@ -79,14 +79,14 @@ def test_what_was_travelled_to_a_place_uncounted_counts_when_it_is_left():
 
 def test_travel_runs_through_all_visits_of_the_route_that_fits():
     """The way beyond the first visit counts as well."""
-    cost = TravelCost(PLACES, BRANCHED)
+    cost = DistanceCost(PLACES, BRANCHED)
     assert cost.at(FACTS.of("at(home)", "tool(a)")) == 3.0 + 4.0
     assert cost.at(FACTS.of("at(home)", "tool(b)")) == 1.0
 
 
 def test_a_time_is_a_scaled_distance_and_a_fixed_part():
     """At 0.25 m/s, 3 m take 12 s, to which the work at the place is added."""
-    cost = TravelCost(PLACES, STRAIGHT, per_m=1 / 0.25, fixed=8.0)
+    cost = DistanceCost(PLACES, STRAIGHT, per_m=1 / 0.25, fixed=8.0)
     assert cost.at(FACTS.of("at(home)")) == 8.0 + 12.0
     assert cost.least(FACTS.bit("at(home)"), 0) == 20.0
 
@@ -94,14 +94,14 @@ def test_a_time_is_a_scaled_distance_and_a_fixed_part():
 def test_a_state_that_does_not_say_where_the_arm_stands_has_no_cost():
     """Nor one that no route fits."""
     with pytest.raises(ValueError, match="does not say where the arm stands"):
-        TravelCost(PLACES, STRAIGHT).at(FACTS.of("other"))
+        DistanceCost(PLACES, STRAIGHT).at(FACTS.of("other"))
     with pytest.raises(ValueError, match="No route of 'arm'"):
-        TravelCost(PLACES, BRANCHED).at(FACTS.of("at(home)"))
+        DistanceCost(PLACES, BRANCHED).at(FACTS.of("at(home)"))
 
 
 def test_the_least_cost_is_infinite_where_nothing_is_left_open():
     """No route, or no place."""
-    cost = TravelCost(PLACES, BRANCHED)
+    cost = DistanceCost(PLACES, BRANCHED)
     assert cost.least(0, FACTS.of("tool(a)", "tool(b)").bits) == math.inf
     assert cost.least(0, FACTS.of("at(home)", "at(bin)").bits) == math.inf
 

@@ -105,7 +105,7 @@ class LazyGroup(CommandGroup):
         return [*found, *super(TyperGroup, self).shell_complete(ctx, incomplete)]
 
     def invoke(self, ctx: Any) -> Any:
-        """Call the command; Ctrl-C ends it as an abort, which `main` tells."""
+        """Call the command; Ctrl-C ends it as an abort, which `main` reports."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""A line on stderr where kernels are compiled: a user who waits is told why, once."""
+"""A line on stderr where kernels are compiled: it says once why the user has to wait."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def compilation_announced() -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return
-    told: list[str] = []
+    announced: list[str] = []
 
     def announce(kernel: str) -> None:
-        if not told:
+        if not announced:
             print(NOTICE, file=sys.stderr)
-        told.append(kernel)
+        announced.append(kernel)
 
     done = on_compilation(announce)
     try:

@@ -69,7 +69,7 @@ class Count:
             self._bar.stop()
 
     def stop(self) -> None:
-        """Ask for what is done."""
+        """End the work early, with what is done."""
         self.interrupted = True
 
     def one_more(self) -> None:
@@ -82,7 +82,7 @@ class Count:
 def counting(label: str, total: int | None) -> Iterator[Count]:
     """Yield a count that shows itself on a terminal and heeds Ctrl-C and SIGTERM.
 
-    The first asks for what is done; the second ends the program.
+    The first ends the work with what is done; the second ends the program.
     """
     with Count(label, total) as count, heeding(count.stop):
         yield count

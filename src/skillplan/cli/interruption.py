@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-# A batch system asks by SIGTERM.
+# A batch system interrupts by SIGTERM.
 _REQUESTS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -20,15 +20,15 @@ def heeding(request: Callable[[], None]) -> Iterator[None]:
     Parameters
     ----------
     request
-        Asks whoever works to stop with what there is.
+        Makes whoever works stop with what there is.
     """
-    asked = False
+    interrupted = False
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        nonlocal asked
-        if asked:
+        nonlocal interrupted
+        if interrupted:
             raise KeyboardInterrupt
-        asked = True
+        interrupted = True
         request()
         if sys.stderr.isatty():
             # Not print: a handler may interrupt a print.

@@ -140,7 +140,7 @@ class Reading:
         back_ends
             Those that are checked with the file, where the command line may choose them.
         warn
-            Whether stderr is told what in the file is valid, but hardly meant.
+            Whether to print on stderr what in the file is valid, but hardly meant.
 
         Raises
         ------

@@ -116,7 +116,7 @@ class _Compared:
         return any(one.any_success for one in self._every)
 
     def say(self, text: str) -> None:
-        """Tell on stderr what is not drawn."""
+        """Print on stderr what is not drawn."""
         print(f"skillplan: {text}", file=sys.stderr)
 
     def figure(self, name: str) -> Figure:
@@ -184,7 +184,7 @@ class _Drawn:
         return any(curve.success.any() for curve in self.curves)
 
     def say(self, text: str) -> None:
-        """Tell on stderr what is not drawn."""
+        """Print on stderr what is not drawn."""
         print(f"skillplan: {self.folder.path}: {text}", file=sys.stderr)
 
     def figure(self, name: str) -> Figure:
@@ -242,12 +242,12 @@ class _Drawn:
 
         manifest = self.folder.manifest
         detectors = manifest.collision
-        asked = {"physics": [manifest.physics], "collision": list(detectors)}
+        queried = {"physics": [manifest.physics], "collision": list(detectors)}
         source = self.folder.source
-        problem = load_problem(source, asked, manifest.task.changes)
+        problem = load_problem(source, queried, manifest.task.changes)
         if problem.sha256 != manifest.task.sha256:
             source = str(self.folder.task_copy)
-            problem = load_problem(source, asked, manifest.task.changes)
+            problem = load_problem(source, queried, manifest.task.changes)
         task = problem.part(manifest.task.part)
         result = self.folder.result()
         if result is not None and isinstance(result.get("optimum"), int | float):

@@ -160,7 +160,7 @@ def _tried_layouts(
 
 
 def _loaded(folder: RunFolder, wanted: Wanted) -> tuple[Problem, Setup]:
-    """Return the problem, and the back ends: the training's, but for what is asked otherwise."""
+    """Return the problem, and the back ends: the training's, except for what the options choose."""
     from dataclasses import replace
 
     from skillplan.cli.options import Reading

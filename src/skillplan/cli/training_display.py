@@ -113,7 +113,7 @@ class TrainingDisplay:
 def displaying(plan: TrainingPlan, interrupt: Callable[[], None]) -> Iterator[TrainingDisplay]:
     """Yield a display that heeds Ctrl-C and SIGTERM.
 
-    The first asks for what there is by `interrupt`; the second ends the program.
+    The first ends the training early through `interrupt`; the second ends the program.
     """
     with TrainingDisplay(plan) as display, heeding(interrupt):
         yield display

@@ -25,13 +25,13 @@ def stoppable(
 ) -> Iterator[Stop]:
     """Yield a stop that shows progress and heeds Ctrl-C and SIGTERM.
 
-    The first asks the search for the best it has; the second ends the program. The limits are
+    The first ends the search with the best it has; the second ends the program. The limits are
     those of `Stop`.
 
     Raises
     ------
     OptionError
-        If there is a memory limit, and the system does not tell what a process holds.
+        If there is a memory limit, and the system does not say how much memory a process holds.
     """
     if memory_limit_bytes is not None and resident_bytes() is None:
         raise OptionError("--memory-limit cannot be kept: this system tells no process its size.")
@@ -54,7 +54,7 @@ def showing_checks(label: str) -> Iterator[Callable[[CheckCount], None] | None]:
         if isinstance(show, _Silent):
             yield None
         else:
-            yield lambda asked: show(Progress(None, None, 0, asked))
+            yield lambda count: show(Progress(None, None, 0, count))
 
 
 class _Silent:
@@ -85,13 +85,13 @@ def figures_text(progress: Progress) -> str:
     gap = relative_gap(progress.best_cost, progress.lower_bound)
     if gap is not None:
         parts.append(f"gap {100 * gap:.2f} %")
-    asked = progress.asked
-    if progress.nodes or asked is None:
+    count = progress.asked
+    if progress.nodes or count is None:
         parts.append(f"{progress.nodes:,} nodes")
         if progress.nodes_per_s is not None:
             parts.append(f"{progress.nodes_per_s:,.0f} nodes/s")
-    if asked is not None:
-        parts.append(f"{asked.checks:,} checks, {asked.hits:,} reused, {asked.to_go:,} to go")
+    if count is not None:
+        parts.append(f"{count.checks:,} checks, {count.hits:,} reused, {count.to_go:,} to go")
     return "  ".join(parts)
 
 
@@ -99,7 +99,7 @@ class _Bar:
     """A line with the time and the figures of a search.
 
     A search may report thousands of times a second; what it reported last is put into words
-    only when the line is drawn anew.
+    only when the line is drawn again.
     """
 
     def __init__(self, label: str) -> None:

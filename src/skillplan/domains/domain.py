@@ -151,7 +151,7 @@ class Domain(ABC):
     def warnings(self, config: Any) -> Iterable[Issue]:
         """Return what is valid, but hardly meant, each with the path of its key.
 
-        Every command tells them, on stderr.
+        Every command prints them on stderr.
 
         Parameters
         ----------
@@ -161,7 +161,7 @@ class Domain(ABC):
         return ()
 
     def hints(self, config: Any) -> Iterable[Issue]:
-        """Return what may be meant, but is found out late; only ``check`` tells it.
+        """Return what may be meant, but is found out late; only ``check`` reports it.
 
         Parameters
         ----------

@@ -223,7 +223,7 @@ def load_task(
 
 
 def _read(source: str, domains: Mapping[str, Domain]) -> Document:
-    """Return the content of a file, by way of the domain that reads its suffix if there is one."""
+    """Return the content of a file, read by the domain of its suffix if there is one."""
     path = Path(source)
     suffix = path.suffix.lower()
     if suffix and suffix not in YAML_SUFFIXES:
@@ -282,8 +282,8 @@ def _validated(
             _without(document.data, unknown), context=context
         ), faults
     except ValidationError as error:
-        # What a model says of itself as a whole, it says only where its keys are sound; if an
-        # unknown key is a slip for one that it misses, that is told already.
+        # A model is checked as a whole only where its keys are sound. If an unknown key is a slip
+        # for one that is missing, that is reported already.
         unread |= {tuple(path[:-1]) for path in unknown}
         found = schema_issues(error, domain.Config)
         return None, faults + [issue for issue in found if issue.path not in unread]

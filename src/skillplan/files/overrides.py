@@ -23,7 +23,7 @@ def overridden(document: Document, changes: Mapping[str, str]) -> Document:
         A task file's content: a mapping.
     changes
         YAML value by key path, such as ``base.goal_choice`` or ``trajectory.vertices_m.0``.
-        Mappings on the way are made where there are none.
+        Mappings that are missing on the path are made.
 
     Raises
     ------

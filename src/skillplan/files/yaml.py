@@ -203,7 +203,7 @@ def _mark(event: yaml.Event) -> Position:
 
 
 class _Reader:
-    """Turns nodes into data, collecting every issue on the way."""
+    """Turns nodes into data and collects every issue."""
 
     def __init__(self, source: str) -> None:
         self.source = source

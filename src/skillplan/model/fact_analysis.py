@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from functools import reduce
 from operator import or_
 
-from skillplan.task.cost import CaseCost, ConstantCost, Cost, TravelCost
+from skillplan.task.cost import CaseCost, ConstantCost, Cost, DistanceCost
 from skillplan.task.cost_table import TableCost
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
@@ -95,7 +95,7 @@ class CostBasis:
             return cost.places.bits
         if isinstance(cost, CaseCost):
             return sum(cost.values)
-        if isinstance(cost, TravelCost):
+        if isinstance(cost, DistanceCost):
             shared = id(cost.places)
             if shared not in self._places:
                 self._places[shared] = reduce(or_, cost.places)

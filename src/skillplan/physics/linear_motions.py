@@ -21,7 +21,7 @@ from skillplan.task.task import Task
 # Of a part's height so much is between the jaws, and never more than so much [m].
 _DEPTH_FRACTION = 0.5
 _MOST_DEPTH_M = 0.012
-# Where nothing else is asked for, the hand is turned as the wrist has most room: closing along
+# Unless something else is requested, the hand is turned as the wrist has most room: closing along
 # the y of what it handles [rad].
 _NATURAL_YAW_RAD = math.pi / 2
 
@@ -42,11 +42,11 @@ class LinearMotion:
     closing_yaw_rad
         Direction in which jaws close, from x about the vertical [rad].
     carries
-        The body in the hand on the way down, or None.
+        The body in the hand during the approach, or None.
     tool
-        The tool attached on the way down, or None.
+        The tool attached during the approach, or None.
     leaves_with
-        The body in the hand on the way up, or None.
+        The body in the hand during the retreat, or None.
     """
 
     visit: Visit

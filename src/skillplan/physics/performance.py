@@ -42,7 +42,7 @@ class Sample:
     time_s
         Since the plan began [s].
     skill
-        The skill under way.
+        The current skill.
     tip
         Where the tip of the hand is [m].
     target
@@ -179,5 +179,5 @@ class Performer(ABC):
         note
             Called with a row of the trace 60 times a simulated second.
         stopped
-            Called often; once true, the plan ends after the skill under way.
+            Called often; once true, the plan ends after the current skill.
         """

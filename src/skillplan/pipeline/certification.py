@@ -149,5 +149,5 @@ class _Check:
             words = f"those of the parts add up to {added:.10g}"
             yield Claim("lower bound", Outcome.HOLDS, words, ARITHMETIC)
         else:
-            words = "is about all plans of the stages together; only the parts are proved anew"
+            words = "is about all plans of the stages together; only the parts are proved again"
             yield Claim("lower bound", Outcome.NOT_CHECKED, words, ARITHMETIC)

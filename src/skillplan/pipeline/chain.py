@@ -1,7 +1,7 @@
 """Chains of tasks: each solved in turn, the later ones grounded from what the earlier ones gave.
 
 The hierarchical planner of Veeramani and Muthuswamy (section 4.1) is such a chain: heads along
-the trajectory, goals of the base, ways of the base.
+the trajectory, goals of the base, paths of the base.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ def solve_chain(
 
     A task whose plan the domain has by a rule of its own is not searched, unless it is of the
     one stage that the solver is for; the other stages of such a solver are left to exact
-    search, and where it fails it may ask for finer plans of the levels above, as often as its
-    ``replans`` says. A policy answers later tasks with the same goal without planning anew.
+    search, and where it fails it may request finer plans of the levels above, as often as its
+    ``replans`` says. A policy answers later tasks with the same goal without planning again.
     Beside every plan stands the optimum that exact search proves.
 
     Parameters
@@ -96,7 +96,7 @@ class Chain:
     plans
         Names of skills by the name of the task that they solve.
     replans
-        How often the upper levels were planned anew because a lower one had failed.
+        How often the upper levels were planned again because a lower one had failed.
     """
 
     def __init__(
@@ -227,7 +227,7 @@ class Chain:
         cost, bound = result.cost, result.lower_bound
         if cost is not None and optimum is not None and (bound is None or bound < optimum):
             result = replace(result, lower_bound=min(optimum, cost), bound_method=method)
-        # Where nothing was searched, or only the optimum beside it, no result tells of it.
+        # Where nothing was searched, or only the optimum beside it, no result mentions it.
         result = replace(result, interrupted=result.interrupted or self.stop.interrupted)
         return ChainPart(task, result, optimum)
 

@@ -156,6 +156,6 @@ def solve_chain_with_all(
 
 
 def _note(error: SkillplanError) -> None:
-    """Show the traceback where ``SKILLPLAN_DEBUG`` asks for it; the row says the rest."""
+    """Show the traceback where ``SKILLPLAN_DEBUG`` demands it; the row says the rest."""
     if debugging():
         _LOG.error("%s\n%s", error, traceback_text(error))

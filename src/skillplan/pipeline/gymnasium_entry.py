@@ -100,8 +100,8 @@ def _model(
     detectors = collision.split(",") if isinstance(collision, str) else collision
     detectors = tuple(dict.fromkeys(name.strip() for name in detectors if name.strip()))
     if not isinstance(task, Task):
-        asked = {"physics": [physics] if physics else [], "collision": detectors}
-        task = load_problem(task, {kind: names for kind, names in asked.items() if names}).task
+        queried = {"physics": [physics] if physics else [], "collision": detectors}
+        task = load_problem(task, {kind: names for kind, names in queried.items() if names}).task
     setup = Setup(physics, detectors, options or {})
     taking_part = [setup.physics_choice(task).name]
     taking_part += [choice.name for choice in setup.collision_choices(task)]

@@ -1,6 +1,6 @@
 """Plugins by kind and name, found through entry points and imported only when used.
 
-Built-ins register the same way as anybody's. What is broken is reported where it is queried
+Built-ins register like anybody's. What is broken is reported where it is queried
 for, and by ``skillplan plugins``; it never takes the tool down.
 """
 
@@ -132,7 +132,7 @@ def make_options(kind: str, name: str, plugin: type[Any], values: Mapping[str, A
 
 
 def choice_issues(kind: str, name: str, values: Mapping[str, Any]) -> list[Issue]:
-    """Return what is wrong with a plugin and options that a task file asks for.
+    """Return what is wrong with a plugin and options that a task file chooses.
 
     Paths begin with the plugin's name.
     """

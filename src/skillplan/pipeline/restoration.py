@@ -1,4 +1,4 @@
-"""A stored result brought back: its task as it was read, its plans, and the referee's rows anew."""
+"""A stored result brought back: its task as it was read, its plans, the referee's rows."""
 
 from __future__ import annotations
 
@@ -249,7 +249,7 @@ def load_result(
 
 
 def found_origin(path: str, stored: StoredResult, task_file: str | None) -> Origin:
-    """Return how to load a result's task; by the names of its back ends where that is all told.
+    """Return how to load a result's task; by the names of its back ends where no more is known.
 
     Parameters
     ----------

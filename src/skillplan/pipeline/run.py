@@ -81,7 +81,7 @@ def make_model(
     jobs
         How many processes may be used for expensive checks, >= 1; 1 for this one.
     on_check
-        Told of the checks of expensive back ends.
+        Called with the checks of expensive back ends.
     back_ends
         Those constructed already for this task and setup; None to construct them.
     """
@@ -192,7 +192,7 @@ class Attempt:
     solution
         What the solver claims.
     unknown_met
-        Whether a back end could not decide about a skill on the way.
+        Whether a back end could not decide about a skill during the search.
     stopped
         Why the search was stopped, or None while it was not.
     refusal

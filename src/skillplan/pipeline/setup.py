@@ -114,10 +114,10 @@ def _make_back_end(
 
 
 def _willing(kind: str, name: str, task: Task) -> BackEnd | None:
-    """Return a back end that only the command line names, if it may have faults to tell.
+    """Return a back end that only the command line names, if it can find faults in a file.
 
-    One that is unknown, broken or refuses the task is told of when it is made to be queried, with
-    the options that the command line gives it.
+    One that is unknown, broken or refuses the task is reported when it is constructed for queries,
+    with the options that the command line gives it.
     """
     try:
         plugin = registry.load(kind, name)
@@ -146,7 +146,7 @@ def _faults(kind: str, back_end: BackEnd, domain: Domain) -> Iterator[Issue]:
 
 def load_problem(
     path: str | os.PathLike[str],
-    asked: Mapping[str, Collection[str]] | None = None,
+    queried: Mapping[str, Collection[str]] | None = None,
     changes: Mapping[str, str] | None = None,
 ) -> Problem:
     """Load a task file of any installed kind.
@@ -158,7 +158,7 @@ def load_problem(
     queried
         Names of the back ends that will be queried by kind, ``physics`` or ``collision``, where
         that is not left to the file: what else it chooses of a kind need not be installed. What
-        they find wrong with the file's bodies and skills is told, too.
+        they find wrong with the file's bodies and skills is reported, too.
     changes
         Key path to YAML value, such as ``{"base.home": "C1"}``: what the file is read as if it
         held.
@@ -167,17 +167,17 @@ def load_problem(
     ------
     TaskError
         With every fault of the file, also of the back ends that it chooses, and those that the
-        back ends which will be queried find in it.
+        back ends that will be queried find in it.
     BackEndError
         If a back end fails to start.
     """
-    checks = _BackEndChecks(asked or {})
+    checks = _BackEndChecks(queried or {})
     problem = load_task(path, registry.InstalledDomains(), checks, changes)
     return replace(problem, spare_back_ends=checks.made)
 
 
 class _BackEndChecks(FileChecks):
-    """What the back ends that will be queried have to say of a file.
+    """What the back ends that will be queried find wrong with a file.
 
     Parameters
     ----------
@@ -190,8 +190,8 @@ class _BackEndChecks(FileChecks):
         The back ends that were constructed.
     """
 
-    def __init__(self, asked: Mapping[str, Collection[str]]) -> None:
-        self._asked = asked
+    def __init__(self, queried: Mapping[str, Collection[str]]) -> None:
+        self._queried = queried
         self.made: list[BackEnd] = []
 
     def content_issues(self, content: Mapping[str, Any]) -> Iterator[Issue]:
@@ -216,7 +216,7 @@ class _BackEndChecks(FileChecks):
                     self.made.append(back_end)
                     yield from _faults(kind, back_end, domain)
             declared = {one.name for one in chosen[kind]}
-            for name in dict.fromkeys(self._asked.get(kind, ())):
+            for name in dict.fromkeys(self._queried.get(kind, ())):
                 willing = None if name in declared else _willing(kind, name, task)
                 if willing is not None:
                     self.made.append(willing)
@@ -224,4 +224,4 @@ class _BackEndChecks(FileChecks):
 
     def _serves(self, kind: str, name: str) -> bool:
         """Whether a back end that the file chooses will be queried."""
-        return kind not in self._asked or name in self._asked[kind]
+        return kind not in self._queried or name in self._queried[kind]

@@ -145,7 +145,7 @@ def do_study(
     folder
         Where finished runs are kept; what is there already is not done again.
     stopped
-        Whether to stop; runs on the way are given up.
+        Whether to stop; unfinished runs are given up.
     on_run
         Called with every finished run, those of the folder first.
 

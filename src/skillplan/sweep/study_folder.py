@@ -164,7 +164,7 @@ class StudyFolder:
                 was, now = _differing(content.get(key), wanted[key])
                 raise OptionError(
                     f"--resume: the study in {self.path} is another one, in {words}: {was} there, "
-                    f"{now} now. Ask for the same, or name a new folder."
+                    f"{now} now. Give the same values, or name a new folder."
                 )
 
     def _read(self, plan: SweepPlan) -> None:
@@ -202,7 +202,7 @@ def _identity(plan: SweepPlan) -> dict[str, Any]:
     for entry in entry_points(group="skillplan.solver", name=plan.solver):
         if entry.dist is not None:
             versions[entry.dist.name] = entry.dist.version
-    # The optima are proved anew, which may take longer than they are given.
+    # The optima are proved again, which may take longer than the limit.
     starts = [start.name for start in plan.starts]
     return {**plan.document(), "starts": starts, "versions": versions}
 

@@ -33,7 +33,7 @@ def do_all(
     """Yield the records of runs as they end, in whatever order.
 
     A run whose process is ended, for want of memory for example, is recorded as failed, and the
-    others go on. Once `stopped` is true, runs on the way are given up.
+    others go on. Once `stopped` is true, unfinished runs are given up.
 
     Parameters
     ----------

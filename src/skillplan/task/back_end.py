@@ -68,7 +68,7 @@ class BackEnd(ABC):
         return {}
 
     def beside(self, others: Sequence[BackEnd]) -> None:
-        """Learn which back ends are queried beside this one; told once, before the first check."""
+        """Learn which back ends are queried besides; called once, before the first check."""
         return
 
     @property

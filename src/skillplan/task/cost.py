@@ -109,7 +109,7 @@ class CaseCost:
 
 
 @dataclass(frozen=True)
-class TravelCost:
+class DistanceCost:
     """The planar length of a motion from where the arm stands, scaled and offset.
 
     The paper's cost of an action (Moller et al., section 4.2): the 2D Cartesian distance
@@ -128,7 +128,7 @@ class TravelCost:
         Added once, >= 0.
     behind_m
         What was travelled to a place and not counted yet [m], >= 0, by its bit: whatever is done
-        next counts it, as the way that a grasp took the arm only because it failed.
+        next counts it, like the path that the arm took only because a grasp failed.
 
     Raises
     ------
@@ -151,12 +151,12 @@ class TravelCost:
         for name in ("per_m", "fixed"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
-                raise ValueError(f"TravelCost {name} must be finite and >= 0, not {value}.")
+                raise ValueError(f"DistanceCost {name} must be finite and >= 0, not {value}.")
         if not self.places:
-            raise ValueError("TravelCost needs at least one place.")
+            raise ValueError("DistanceCost needs at least one place.")
         for length_m in self.behind_m.values():
             if not (math.isfinite(length_m) and length_m >= 0):
-                raise ValueError(f"TravelCost behind_m must be finite and >= 0, not {length_m}.")
+                raise ValueError(f"DistanceCost behind_m must be finite and >= 0, not {length_m}.")
         mask = 0
         for bit in self.places:
             mask |= bit

@@ -24,7 +24,7 @@ class Event(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Visit:
-    """Travel above a target at safe height, descend to it, do something, ascend.
+    """A transfer motion above a target at safe height, then approach, act and retreat.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class Motion:
     robot
         The robot that moves.
     routes
-        At least one; the first whose facts hold counts. Several only where the way depends
+        At least one; the first whose facts hold counts. Several only where the path depends
         on the state, as when the tool to be put back first may be one of several.
     carries
         The body in the hand at the start, or None.

@@ -36,11 +36,11 @@ def unreachable_facts(task: Task) -> dict[str, str]:
 def _reached(task: Task) -> int:
     """Return the facts that may come to hold; time grows linearly with skills and cases."""
     reached = task.initial.bits
-    ways = [way for skill in task.skills for way in _ways(skill)]
-    # By a fact that they lack, the ways that are looked at again once it may hold.
+    effects = [effect for skill in task.skills for effect in _effects(skill)]
+    # By a fact that they lack, the effects that are looked at again once it may hold.
     waiting: dict[int, list[tuple[int, int]]] = {}
-    while ways:
-        needed, added = ways.pop()
+    while effects:
+        needed, added = effects.pop()
         missing = needed & ~reached
         if missing:
             waiting.setdefault(missing & -missing, []).append((needed, added))
@@ -49,12 +49,12 @@ def _reached(task: Task) -> int:
         reached |= new
         while new:
             bit = new & -new
-            ways += waiting.pop(bit, ())
+            effects += waiting.pop(bit, ())
             new ^= bit
     return reached
 
 
-def _ways(skill: Skill) -> Iterator[tuple[int, int]]:
+def _effects(skill: Skill) -> Iterator[tuple[int, int]]:
     """Yield what a skill, or each of its cases, needs and may bring about."""
     needed = skill.precondition.requires.bits
     if not skill.cases:

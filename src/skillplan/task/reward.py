@@ -97,7 +97,7 @@ class Penalty:
     name
         What it punishes, such as ``repeated_tool_change``.
     reward
-        Paid instead of the cost term.
+        Given instead of the cost term.
     skills
         Names of the skills.
     when
@@ -125,7 +125,7 @@ class RewardScheme:
     out_of_time
         The step that exhausts the step limit without reaching the goal.
     penalties
-        Paid instead of the cost term where they apply.
+        Given instead of the cost term where they apply.
 
     Raises
     ------

@@ -189,7 +189,7 @@ class Skill:
     def why_not(self, state: State) -> Condition:
         """Return what would have to hold otherwise in `state` for it to be applicable.
 
-        Required are missing facts and forbidden are those in the way; both are empty where it
+        Required are missing facts, forbidden those that hold but must not; both are empty where it
         is applicable. Where no case fits, the facts that would select one are all missing.
         """
         condition = self.condition(state)

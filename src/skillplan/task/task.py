@@ -85,7 +85,7 @@ class Precedence:
 
 @dataclass(frozen=True, slots=True)
 class BackEndChoice:
-    """A back end that the task file asks for, and its options."""
+    """A back end that the task file chooses, and its options."""
 
     name: str
     options: Mapping[str, Any] = field(default_factory=dict, hash=False)
@@ -123,7 +123,7 @@ class Task:
     chart
         The hand-made precedence relation over operations.
     physics, collision
-        The back ends the task file asks for.
+        The back ends that the task file chooses.
     sha256
         Hash of the content of the task file, in hexadecimal.
     starts

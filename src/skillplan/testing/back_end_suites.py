@@ -63,7 +63,7 @@ class _BackEndSuite:
             assert verdict.grounded(state, back_end.name).applies_in(state)
 
     def test_a_reused_verdict_equals_a_fresh_one(self) -> None:
-        """Wherever a verdict applies, checking anew gives the same verdict."""
+        """Wherever a verdict applies, checking again gives the same verdict."""
         task = self.task()
         kept: dict[str, list[Verdict]] = {}
         reused = self.make(task)

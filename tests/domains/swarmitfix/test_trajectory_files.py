@@ -417,7 +417,7 @@ class TestDxf:
             ),
             (
                 lambda space: [space.add_line((0, 0), end) for end in ((1, 0), (0, 1), (-1, 0))],
-                "LINE #2F, LINE #30, LINE #31: The path forks at (0, 0) m; leave one way on.",
+                "LINE #2F, LINE #30, LINE #31: The path forks at (0, 0) m; keep one branch.",
             ),
             (
                 lambda space: [
@@ -482,7 +482,7 @@ class TestDxf:
 
     def test_an_entity_without_its_measures(self, tmp_path: Path) -> None:
         text = (DATA / "slot.dxf").read_text("utf-8").replace(" 11\n1500.0\n 21\n300.0\n", "")
-        assert refused(tmp_path, "a.dxf", text) == "LINE #1A: It lacks its end; draw it anew."
+        assert refused(tmp_path, "a.dxf", text) == "LINE #1A: It lacks its end; draw it again."
 
     def test_a_unit_that_no_bench_has(self, tmp_path: Path) -> None:
         text = drawing(lambda space: space.add_line((0, 0), (1, 0)), 19)

@@ -52,7 +52,7 @@ class CpSatSolver(JobOrderSolver):
     options: Options
 
     def search(self, problem: SequencingProblem, seed: int) -> Solution:
-        """Search for the cheapest order; whatever is found and proved is told at once."""
+        """Search for the cheapest order; whatever is found and proved is reported at once."""
         return _OrderSearch(self, problem, seed).solution()
 
 

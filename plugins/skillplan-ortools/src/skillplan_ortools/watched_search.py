@@ -47,9 +47,9 @@ class SearchOutcome:
 class WatchedSearch:
     """Runs CP-SAT in a thread of its own, while the calling thread watches over it.
 
-    So a signal reaches the caller at once, all that is told of the search is told from the
-    caller's thread, and the run is told to stop as often as it takes: one that has not begun to
-    search yet does not heed it. A run that was stopped may call itself optimal; of such a
+    So a signal reaches the caller at once, everything about the search is reported from the
+    caller's thread, and the run is stopped as often as necessary: one that has not begun to
+    search yet ignores it. A run that was stopped may call itself optimal; of such a
     run counts only what it had proved before.
 
     Parameters
@@ -77,7 +77,7 @@ class WatchedSearch:
         parameters.cp_model_probing_level = 0
         parameters.catch_sigint_signal = False
         self._orders: deque[tuple[int, ...]] = deque()
-        self._told_bound: float | None = None
+        self._proved_bound: float | None = None
         self._failure: BaseException | None = None
         self._status = cp_model.UNKNOWN
         self._stopped = False
@@ -88,7 +88,7 @@ class WatchedSearch:
         on_order: Callable[[tuple[int, ...]], None],
         on_bound: Callable[[float], None],
     ) -> SearchOutcome:
-        """Search until the end or until told to stop.
+        """Search until the end or until it is stopped.
 
         Parameters
         ----------
@@ -115,9 +115,9 @@ class WatchedSearch:
                 while self._orders:
                     best = self._orders.popleft()
                     on_order(best)
-                told = self._told_bound
-                if not self._stopped and told is not None and (bound is None or told > bound):
-                    bound = told
+                proved = self._proved_bound
+                if not self._stopped and proved is not None and (bound is None or proved > bound):
+                    bound = proved
                     on_bound(bound)
                 if ended:
                     break
@@ -140,10 +140,10 @@ class WatchedSearch:
 
     def _take_bound(self, bound: float) -> None:
         if not self._stopped:
-            self._told_bound = bound
+            self._proved_bound = bound
 
     def _heed(self, stop: Stop) -> None:
-        """Stop the run if it is told to, or takes too much memory."""
+        """Stop the run if it should stop, or takes too much memory."""
         left, limit = stop.memory_left_bytes(), stop.memory_limit_bytes
         if left is not None and limit is not None and left < limit // _FREE_MEMORY:
             stop.end(MEMORY_LIMIT)

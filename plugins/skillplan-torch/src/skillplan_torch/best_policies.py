@@ -55,7 +55,7 @@ class BestPolicies:
     runs
         How many.
     keeps
-        Whether one episode tells what a policy costs; otherwise no policy is kept.
+        Whether one episode shows what a policy costs; otherwise no policy is kept.
     """
 
     def __init__(self, runs: int, *, keeps: bool) -> None:

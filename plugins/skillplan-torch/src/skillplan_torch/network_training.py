@@ -20,7 +20,7 @@ from skillplan_torch.reward_scaling import RewardScaling
 
 
 class NetworkTraining(Training):
-    """Runs under way that train networks, one run for every environment.
+    """Runs in progress that train networks, one run for every environment.
 
     Parameters
     ----------
@@ -46,9 +46,9 @@ class NetworkTraining(Training):
         self._scaling = RewardScaling.of(
             task, options.objective, counts_last=options.count_last_cost
         )
-        # Under chance, or with several boards, one episode does not tell what a policy costs.
-        self._one_episode_tells = len(env.models) == 1 and task.deterministic
-        self._best = BestPolicies(len(seeds), keeps=self._one_episode_tells)
+        # Under chance, or with several boards, one episode does not show what a policy costs.
+        self._one_episode_suffices = len(env.models) == 1 and task.deterministic
+        self._best = BestPolicies(len(seeds), keeps=self._one_episode_suffices)
         self._generators = [np.random.default_rng([seed, 1]) for seed in seeds]
         self._episodes = [EpisodeRecord() for _ in seeds]
 

@@ -1,8 +1,8 @@
 """Visit counts: which observations a run has met, and how often it took which action there.
 
 With the action before it an observation says more, where observations leave out what costs depend
-on. The networks never see that action; it tells observations apart when they are counted and
-remembered.
+on. The networks never see that action; it distinguishes observations when they are counted
+and remembered.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ class RewardScaling:
         What it would have given beside that for the cost of the last skill, a factor; 0 where
         it has given it.
     counts_last
-        Whether a learner is to be told so where the task is completed: Table II of Moller et al.
+        Whether this is added to the reward where the task is completed: Table II of Moller et al.
         gives nothing for the last cost, so that the path of most reward would end with a long
         motion.
     typical

@@ -68,14 +68,14 @@ def verify(
             "--sample",
             least=1,
             most=1_000_000,
-            text="How many verdicts are checked anew.",
+            text="How many verdicts are checked again.",
         ),
     ] = 10,
     seed: Seed = 0,
     jobs: Jobs = 1,
     style: Style = "table",
 ) -> int:
-    """Check anew, with fresh back ends, a random sample of the verdicts that TASK would use.
+    """Check again, with fresh back ends, a random sample of the verdicts that TASK would use.
 
     Compares status, reason, facts and evidence bit for bit. What differs is dropped, and the
     exit code is 3.
@@ -159,13 +159,13 @@ def fill(
 def clear(
     task: MaybeTaskFile = None,
     yes: Annotated[
-        bool, typer.Option("--yes", help="Do not ask for consent.", rich_help_panel=OUTPUT)
+        bool, typer.Option("--yes", help="Do not wait for consent.", rich_help_panel=OUTPUT)
     ] = False,
     style: Style = "table",
 ) -> int:
     """Remove all that is kept, or all verdicts that were made for TASK, by its name.
 
-    Asks for consent where there is a terminal. Files that are not the cache's own stay.
+    Waits for consent where there is a terminal. Files that are not the cache's own stay.
     """
     from skillplan.checks.verdict_folder import VerdictFolder
     from skillplan.cli.output import emit
@@ -179,7 +179,7 @@ def clear(
     root = warm_cache().folder
     what = "everything" if problem is None else f"what was kept for {problem.name}"
     if not yes and sys.stdin.isatty():
-        # Not Typer's own question: part of it goes to stdout, where JSON stands alone.
+        # Not Typer's own prompt: part of it goes to stdout, where JSON stands alone.
         print(f"Remove {what} in {root}? [y/N]: ", end="", file=sys.stderr, flush=True)
         if sys.stdin.readline().strip().lower() not in ("y", "yes"):
             raise typer.Abort

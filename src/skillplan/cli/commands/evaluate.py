@@ -65,7 +65,7 @@ class Replayed:
             "--policy",
             metavar="FILE",
             help="Follow the policy of a policies.json instead, or of the folder that has it, "
-            "without planning anew.",
+            "without planning again.",
             rich_help_panel=OF_TASK,
         ),
     ] = None

@@ -45,7 +45,7 @@ def command(
         typer.Option(
             "--after",
             metavar="0,1,...",
-            help="The sequence that leads to the state in question; default: the initial state.",
+            help="The sequence that leads to the state; default: the initial state.",
             rich_help_panel=TASK,
         ),
     ] = None,

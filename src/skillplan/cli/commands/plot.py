@@ -145,10 +145,10 @@ def command(
         ),
     ] = None,
 ) -> int:
-    """Draw FIGURE of TASK, solved anew, or of RESULT, or draw what a RUN has learned.
+    """Draw FIGURE of TASK, which is solved first, or of RESULT, or draw what a RUN has learned.
 
     Prints the files that are written. RESULT is drawn as it is stored where its plan is all that
-    the figure shows; what is to be seen of the search, or with another solver, is solved anew
+    the figure shows; what is to be seen of the search, or with another solver, is solved again
     with the task, the back ends and the options of the result. The curves of several RUNs stand
     in one figure.
     """
@@ -218,10 +218,10 @@ def _plot_result(
         for key, value in values.items()
     ]
     chosen = BackEnds(origin.physics, ",".join(origin.collision) or None, own)
-    anew = any(given(ctx, name) for name in ("solver", "options", "seed"))
+    again = any(given(ctx, name) for name in ("solver", "options", "seed"))
     solver = wanted.solver or stored.solver
     seed = wanted.seed if given(ctx, "seed") else stored.seed
-    kept = None if anew else loaded
+    kept = None if again else loaded
     # Of a result of one task the part is known, of that of a chain the figure chooses.
     part = reading.part or (None if stored.is_chain else origin.part)
     return _plot(

@@ -106,7 +106,7 @@ def command(
     """Execute a whole plan of TASK, or that of RESULT, in one continuous simulated world.
 
     Says how each skill went, what was sensed, and how far from its goal every body ended. The
-    plan ends at the first skill that fails; Ctrl-C ends it after the skill under way.
+    plan ends at the first skill that fails; Ctrl-C ends it after the current skill.
     """
     import time
     from contextlib import ExitStack
@@ -141,7 +141,7 @@ def command(
         under_way: list[str] = []
 
         def note(sample: Sample) -> None:
-            # While the world settles no skill is under way.
+            # While the world settles no skill is executed.
             if sample.skill and under_way[-1:] != [sample.skill]:
                 if under_way:
                     count.one_more()

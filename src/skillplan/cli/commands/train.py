@@ -26,8 +26,8 @@ from skillplan.cli.options import (
 TRAINING = "Training"
 
 EPILOG = (
-    "Everything is kept in a folder: manifest.json says what was asked, runs/NN/metrics.jsonl what "
-    "happened, runs/NN/policy.json and policy.safetensors what was learned, tensorboard/ the same "
+    "Everything is kept in a folder: manifest.json says what was requested, runs/NN/metrics.jsonl "
+    "what happened, runs/NN/policy.json and policy.safetensors what was learned, tensorboard/ the same "
     "as curves. Checkpoints are whole or not at all: after Ctrl-C, SIGKILL or a full disk the same "
     "command with --resume goes on from the last one, bit for bit. 'skillplan evaluate' and "
     "'skillplan plot' read the folder."

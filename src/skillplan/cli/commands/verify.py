@@ -55,9 +55,9 @@ def command(
 ) -> int:
     """Check the claims of RESULT independently of what made it.
 
-    The plan is replayed, the arithmetic is done anew, and what is claimed of all plans is proved
+    The plan is replayed, the arithmetic is done again, and what is claimed of all plans is proved
     a second time, by another method, where the case is small enough and the time limit allows.
-    What does not hold is listed, what does is told in short.
+    What does not hold is listed, what does is summed up.
     """
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import stoppable

@@ -32,7 +32,7 @@ _HEIGHT_M = 0.010
 # What a part keeps from the edge of its cell.
 _MARGIN_M = 0.001
 _DENSITY_KG_PER_M3 = 2700.0
-# On an arc about the base: from one to another there is no way past a third that costs no more.
+# On an arc about the base: a path from one to another through a third always costs more.
 _HOLDER_RADIUS_M = 0.740
 _HOLDER_PITCH_M = 0.080
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
@@ -182,7 +182,7 @@ class BoardGenerator:
         yield "  out_of_time: -10.0"
         if self.tools > 1:
             yield "  repeated_tool_change: -2.5"
-        # Pick and place, and a change of tools before each: two in a row never save any way.
+        # Pick and place, and a tool change before each: two changes in a row never save distance.
         yield f"step_limit: {3 * self.parts}"
 
     @cached_property

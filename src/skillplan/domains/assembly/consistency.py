@@ -79,11 +79,11 @@ def _references(config: AssemblyConfig) -> Iterator[Issue]:
         yield from missing(screw.tool, config.tools, "tool", *here, "tool")
         yield from missing(screw.through, config.parts, "part", *here, "through")
         yield from missing(screw.feeder, config.feeders, "feeder", *here, "feeder")
-    elements = [*config.parts, *config.screws]
+    components = [*config.parts, *config.screws]
     for i, line in enumerate(config.chart):
-        yield from missing(line.before, elements, "part or screw", "chart", i, "before")
+        yield from missing(line.before, components, "part or screw", "chart", i, "before")
         for j, after in enumerate(line.after):
-            yield from missing(after, elements, "part or screw", "chart", i, "after", j)
+            yield from missing(after, components, "part or screw", "chart", i, "after", j)
             if after == line.before:
                 yield Issue(
                     f"{after!r} cannot come before itself. Leave it out.", ("chart", i, "after", j)

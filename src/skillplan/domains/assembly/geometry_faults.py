@@ -27,7 +27,7 @@ _Boxes = Mapping[str, tuple[Box, ...]]
 
 _TOUCH_M = 2e-4
 _MAX_SHAPES = 1024
-# More than twice that of the densest element [kg/m3].
+# More than twice the density of the densest chemical element [kg/m3].
 _MOST_DENSITY_KG_M3 = 50_000.0
 
 

@@ -12,7 +12,7 @@ from skillplan.physics.linear_motions import jaws_about
 from skillplan.robots.panda import FINGER_PROFILE_M
 from skillplan.task.scene import Grasp, GraspKind, ToolKind
 
-# What is left of the jaws' way on both sides of a part that fits between them [m].
+# What is left of the opening of the jaws on both sides of a part that fits between them [m].
 _PLAY_M = 0.002
 # Jaws that meet a part off their middle by more than this push it aside [m].
 _OFF_MIDDLE_M = 5e-4
@@ -38,7 +38,7 @@ def grasp_of_part(config: AssemblyConfig, name: str) -> Grasp:
         x_m, y_m = at_m or (0.0, 0.0)
         top_m = _top_under(part, x_m, y_m)
         top_m = height_of(part) if top_m is None else top_m
-        # The closed hand is turned the way in which the wrist has most room.
+        # The closed hand is turned such that the wrist has most room.
         return Grasp(GraspKind.SUCTION, (x_m, y_m, top_m), "y")
     axis = None if grasp.closing_axis == "auto" else grasp.closing_axis
     return jaws_about(boxes_of(part), axis, grasp.depth_m, at_m)

@@ -3,7 +3,7 @@
 The five skills of Table I of Moller et al.: pick, place, load, offload, fasten. An action's
 cost is the planar distance from where the action before it ended to its own goal (section 4.2).
 A grasp may fail, which leaves the part where it lies; where the arm then goes to look for it
-anew, the skill after counts that path, too.
+again, the skill after counts that path, too.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from skillplan.domains.assembly.step_limit import step_limit_of
 from skillplan.domains.assembly.tool_changes import tool_changes
 from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, HAND_FREE, HOME, NO_TOOL, at
 from skillplan.task.condition import Condition
-from skillplan.task.cost import TravelCost, planar_distance
+from skillplan.task.cost import DistanceCost, planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
 from skillplan.task.reward import Penalty, RewardScheme
 from skillplan.task.skill import Outcome, Skill
@@ -143,8 +143,8 @@ class _Grounding:
             agents=(config.robot.name,),
             precondition=Condition(facts.of(*draft.requires), facts.of(*draft.forbids)),
             outcomes=tuple(outcomes),
-            cost=TravelCost(self.places, motion, behind_m=self.behind_m),
-            duration_s=TravelCost(
+            cost=DistanceCost(self.places, motion, behind_m=self.behind_m),
+            duration_s=DistanceCost(
                 self.places,
                 motion,
                 per_m=1 / config.robot.travel_speed_m_per_s,

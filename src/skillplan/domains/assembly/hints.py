@@ -32,7 +32,7 @@ def _wide_grasps(config: AssemblyConfig) -> Iterator[Issue]:
         if grasp.kind is GraspKind.SUCTION or grasp.width_m <= OPENING_M + _ROUNDING_M:
             continue
         axis = grasp.closing_axis
-        # The other axis, at the same depth, is the way out where it is narrow enough.
+        # The other axis, at the same depth, helps where the part is narrow enough.
         other = "yx"["xy".index(axis)]
         narrower = jaws_about(boxes_of(part), other, part.grasp.depth_m).width_m <= OPENING_M
         turned = f"{{closing_axis: {other}}} or " if narrower else ""

@@ -10,8 +10,8 @@ from skillplan.domains.assembly.geometry_faults import distances_m
 from skillplan.domains.assembly.schema import AssemblyConfig, FamilyConfig
 from skillplan.errors import OptionError
 
-# Layouts that are drawn wholly anew until one is faultless, and how often what lies too close in
-# one of them is moved elsewhere: most draws of many parts have a pair that is in each other's way.
+# How many layouts are drawn from scratch until one is faultless, and how often what lies too close
+# in one of them is moved elsewhere: most draws of many parts have a pair that is too close.
 _DRAWS = 100
 _REPAIRS = 20
 # Shifts are drawn in steps of a tenth of a millimetre, finer than anybody lays out parts.
@@ -23,10 +23,10 @@ _Shift = tuple[float, float]
 
 
 def layouts(config: AssemblyConfig, seed: int, count: int) -> list[AssemblyConfig]:
-    """Return layouts of a file's family; each is drawn anew until it has no fault.
+    """Return layouts of a file's family; each is drawn again until it has no fault.
 
-    Where parts are nearer to each other in the file than the family asks for, they come no
-    nearer: hand and fingers need the room, and what lies where another belongs would ask for
+    Where parts are nearer to each other in the file than the family demands, they come no
+    nearer: hand and fingers need the room, and what lies where another belongs would need
     another order than the file's chart.
 
     Parameters

@@ -104,7 +104,7 @@ def read_mesh(folder: Path, name: str, scale: float) -> Polyhedron:
         suffix = path.suffix.lower()
         if suffix not in SUFFIXES:
             raise MeshFileError(
-                f"The kind of file is told by its suffix; give one of {', '.join(SUFFIXES)}."
+                f"The suffix says what kind of file it is; give one of {', '.join(SUFFIXES)}."
             )
         content = read_companion(path, MAX_BYTES, "surface")
     except CompanionFileError as error:
@@ -119,7 +119,7 @@ def _polyhedron(content: bytes, suffix: str, scale: float) -> Polyhedron:
     if not len(raw_faces):
         raise MeshFileError("It holds no faces; save the surface as triangles or polygons.")
     if not np.isfinite(raw_corners).all():
-        raise MeshFileError("A coordinate is not finite; save the surface anew.")
+        raise MeshFileError("A coordinate is not finite; save the surface again.")
     with np.errstate(over="ignore"):
         corners = raw_corners * scale
     used = corners[np.unique(raw_faces)]
@@ -144,7 +144,7 @@ def _parsed(content: bytes, suffix: str) -> tuple[_Floats, _Indices]:
     """Return corners and triangles as the file has them."""
     import trimesh
 
-    unread = f"It cannot be read as {suffix[1:].upper()}; save it anew."
+    unread = f"It cannot be read as {suffix[1:].upper()}; save it again."
     try:
         with warnings.catch_warnings(action="ignore"):
             mesh = trimesh.load_scene(

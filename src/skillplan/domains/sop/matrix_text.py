@@ -21,8 +21,8 @@ _DECIMAL = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 
 # Longer than any number that may stand there, and short enough to be converted at once.
 _MOST_DIGITS = 20
-# Of tokens that are no numbers, so many are told.
-_MOST_TOLD = 5
+# Of tokens that are no numbers, so many are listed.
+_MOST_LISTED = 5
 
 
 class MatrixText:
@@ -92,7 +92,7 @@ class MatrixText:
 
     @property
     def _close(self) -> int:
-        """Where ``EOF`` stands, or else the last character that is not blank."""
+        """Where ``EOF`` stands, or else the last character that is no white space."""
         if self.end < len(self.text):
             return self.end
         return max(len(self.text.rstrip()) - 1, 0)
@@ -104,7 +104,7 @@ class MatrixText:
             try:
                 return list(map(int, body.split())), []
             except ValueError:
-                pass  # a sign by itself, or endless digits: told of below, with its place
+                pass  # a sign by itself, or endless digits: reported below, with its place
         numbers, faults = [], []
         for token in _TOKEN.finditer(self.text, self.start, self.end):
             word = token[0]
@@ -112,7 +112,7 @@ class MatrixText:
                 numbers.append(int(word))
             else:
                 faults.append(fault_at(self.text, token.start(), _token_fault(word)))
-            if len(faults) == _MOST_TOLD:
+            if len(faults) == _MOST_LISTED:
                 break
         return numbers, faults
 

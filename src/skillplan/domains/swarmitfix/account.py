@@ -120,7 +120,7 @@ def _caveat(document: Mapping[str, Any]) -> str:
 
 
 def _heads(job: Job) -> list[dict[str, Any]]:
-    """Return all heads in the order of travel, with those that splits have put in between."""
+    """Return all heads in order along the trajectory, those that splits have inserted included."""
     entries: list[dict[str, Any]] = []
 
     def add(head: Head, *, inserted: bool) -> None:

@@ -116,10 +116,10 @@ def _trajectory(config: SwarmitfixConfig, bench: Bench) -> Iterator[Issue]:
     found = faults(
         start, elements, trajectory.closed, trajectory.chord_tolerance_m, _outline(bench)
     )
-    told = {message for message, path in found if path}
+    located = {message for message, path in found if path}
     for message, path in found:
         # The line that closes a trajectory ends at a start that is to blame itself.
-        if path or message not in told:
+        if path or message not in located:
             key = ("trajectory", *element_key(trajectory, path))
             yield Issue(trajectory.place_of(path, message), key)
     doubt = unit_doubt(trajectory) if found else None

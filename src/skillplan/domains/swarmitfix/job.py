@@ -57,7 +57,7 @@ GOALS = "goals"
 
 
 class Job:
-    """What a faultless file asks for, as far as some plans have decided it.
+    """What a faultless file demands, as far as some plans have decided it.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Job:
     plans
         Names of skills by task; a level without plans stands in with its optimum.
     refinement
-        How often heads were asked to stand closer together, >= 0: every segment is divided as
+        How often heads had to stand closer together, >= 0: every segment is divided as
         many times more, or the gap that is left bare as many times smaller.
 
     Attributes
@@ -120,7 +120,7 @@ class Job:
 
     @cached_property
     def heads(self) -> tuple[Head, ...]:
-        """All heads in the order of travel; of a closed trajectory the first is not repeated."""
+        """All heads in order along the trajectory; a closed one does not repeat the first."""
         subdivisions = self.config.heads.subdivisions
         placed: list[Head] = []
         for segment in self.workpiece.segments:

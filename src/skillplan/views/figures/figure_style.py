@@ -1,7 +1,7 @@
-"""The look that all figures share: colours, fonts, headings, and a blank sheet in inches.
+"""The look that all figures share: colours, fonts, headings, and an empty sheet in inches.
 
 Colours are those of Okabe and Ito ("Color universal design", 2008), which people with any of the
-common colour vision deficiencies tell apart; nothing is told by colour alone.
+common colour vision deficiencies distinguish; nothing is shown by colour alone.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class Heading:
 
 
 def _wrapped(text: str, size_pt: float, width_in: float) -> list[str]:
-    """Return a text as lines that are no wider than told [in], or single words."""
+    """Return a text as lines no wider than a width [in], or single words."""
     lines: list[str] = []
     for word in text.split(" "):
         longer = f"{lines[-1]} {word}" if lines else word

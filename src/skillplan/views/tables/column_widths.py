@@ -5,7 +5,7 @@ This is the one place that decides widths. Of the ways to show a table the first
 1. every column as wide as its widest cell;
 2. columns that may stand below the table do, and headings wrap;
 3. cells of words and lists wrap, figures stay whole; names wrap last;
-4. the table is cut into blocks of columns, each begun by the columns that tell rows apart.
+4. the table is cut into blocks of columns, each begun by the columns that distinguish rows.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ class _Fit:
 
 
 def key_columns(table: Table) -> tuple[int, ...]:
-    """Return the leading columns that tell the rows of a table apart; else the first alone."""
+    """Return the leading columns that distinguish the rows of a table; else the first alone."""
     whole = [i for i, one in enumerate(table.columns) if not (one.below or one.listed)]
     for count in range(1, len(whole)):
         if len({tuple(row[i] for i in whole[:count]) for row in table.rows}) == len(table.rows):
@@ -153,7 +153,7 @@ def key_columns(table: Table) -> tuple[int, ...]:
 def _blocks(
     table: Table, columns: Sequence[int], least: Sequence[int], most: Sequence[int], width: int
 ) -> tuple[Block, ...]:
-    """Return blocks begun by the columns that tell rows apart, or by the first if they are wide.
+    """Return blocks begun by the columns that distinguish rows, or by the first if they are wide.
 
     Figures are cut only where a column of them is too wide for a block of its own.
     """

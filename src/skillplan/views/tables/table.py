@@ -23,7 +23,7 @@ class Column:
         Whether its cells go below the table, a line for each row, where the terminal is too
         narrow for all columns.
     listed
-        Whether the table's lists tell its cells on a terminal, so that it is no column there.
+        Whether the table's lists show its cells on a terminal, so that it is no column there.
     short
         What stands above on a terminal instead, where the heading is long or old; else empty.
     """

@@ -15,7 +15,7 @@ _NOTE_LABEL = re.compile(r"\S{1,24}( \S+)?\s{2,}")
 
 
 def printable(text: str) -> str:
-    """Return a text without characters that would move the cursor; a tab is a blank."""
+    """Return a text without characters that would move the cursor; a tab becomes a space."""
     return text.replace("\t", " ").translate(_CONTROL)
 
 
@@ -74,9 +74,9 @@ def _broken(line: str, width: int, hang: int, *, first: bool) -> list[str]:
     lines, current, begun = [], start, False
     for word in _words(body, width - max(hang, len(start))):
         room = width - cell_len(current)
-        blank = " " if begun and not word.glued else ""
-        if cell_len(word.text) + len(blank) <= room:
-            current += blank + word.text
+        space = " " if begun and not word.glued else ""
+        if cell_len(word.text) + len(space) <= room:
+            current += space + word.text
         else:
             lines.append(current.rstrip(" "))
             current = " " * hang + word.text
@@ -85,7 +85,7 @@ def _broken(line: str, width: int, hang: int, *, first: bool) -> list[str]:
 
 
 class _Word:
-    """A piece of a line, and whether it follows the one before without a blank."""
+    """A piece of a line, and whether it follows the one before without a space."""
 
     __slots__ = ("glued", "text")
 

@@ -26,7 +26,7 @@ from skillplan_pybullet.simulator.world import GRAVITY_M_PER_S2, STEP_S, World
 
 Vector = NDArray[np.float64]
 
-# Names with a blank, which no part of a task can have.
+# Names with a space, which no part of a task can have.
 ROBOT = "robot arm"
 HAND = "robot hand"
 LINK_NAMES = {HAND_LINK: HAND, FINGER_LINKS[0]: "left finger", FINGER_LINKS[1]: "right finger"}

@@ -28,7 +28,7 @@ class StuckError(Exception):
 
 
 class ControlledRobot:
-    """A robot that is told where to go, what to carry and when to step.
+    """A robot with commands for where to go, what to carry and when to step.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class ControlledRobot:
     Attributes
     ----------
     log
-        Of the contacts of the skill under way.
+        Of the contacts of the current skill.
     sensed
         What sensors said during it.
     carried

@@ -18,7 +18,7 @@ _YAW_DEG, _PITCH_DEG = 52.0, -28.0
 _FIELD_OF_VIEW_DEG = 45.0
 _NEAR_M, _FAR_M = 0.02, 5.0
 _LIGHT = (0.4, -0.5, 1.2)
-# The first culprit is red, the others are orange, so that they can be told apart.
+# The first culprit is red, the others are orange, so that they can be distinguished.
 _ALARM = (0.90, 0.10, 0.10, 1.0)
 _SECOND_ALARM = (1.0, 0.55, 0.05, 1.0)
 

@@ -28,7 +28,7 @@ GRAVITY_M_PER_S2 = 9.81
 # Below this, parts between two jaws flicker about the vertical at 240 steps a second until they
 # fall out: light parts turn as if they had this moment of inertia.
 LEAST_INERTIA_KG_M2 = 2e-5
-# A name with a blank, which no part of a task can have.
+# A name with a space, which no part of a task can have.
 TABLE = "work table"
 
 _TABLE_HALF_M = (1.5, 1.5, 0.05)
@@ -276,7 +276,7 @@ class World:
         return range(-1, pybullet.getNumJoints(self.numbers[name], physicsClientId=self.client))
 
     def _tell(self, one: str, links: Iterable[int], other: str) -> None:
-        """Tell the simulator which links of a body may touch another."""
+        """Set in the simulator which links of a body may touch another."""
         parted = frozenset((one, other)) in self._parted
         hidden = self._withdrawn.get(one, frozenset())
         others_hidden = self._withdrawn.get(other, frozenset())

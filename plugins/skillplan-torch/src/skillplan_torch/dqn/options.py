@@ -72,7 +72,7 @@ class DqnOptions(NetworkOptions):
     )
     tell_last_action: bool = Field(
         default=True,
-        description="tell observations apart by the action before them when counting and "
+        description="distinguish observations by the action before them when counting and "
         "remembering; the network never sees it [-]",
     )
     # Replay memory

@@ -1,4 +1,4 @@
-"""Deep Q-learning under way: steps in the environment, what is remembered of them, updates.
+"""Deep Q-learning as it runs: steps in the environment, what is remembered of them, updates.
 
 Mnih et al., "Human-level control through deep reinforcement learning" (2015). The update itself
 is in `q_update`, the choice of actions in `exploration`. A step limit that nobody observes is no
@@ -30,7 +30,7 @@ from skillplan_torch.observation_counts import ObservationCounts
 
 
 class DqnTraining(NetworkTraining):
-    """Runs of deep Q-learning under way.
+    """Runs of deep Q-learning in progress.
 
     Parameters
     ----------

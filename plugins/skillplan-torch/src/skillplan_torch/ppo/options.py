@@ -108,7 +108,7 @@ class PpoOptions(NetworkOptions):
         default=True,
         description="after every update one episode follows the policy without exploration, "
         "to be kept if it is the best so far, and is not learned from; its steps count. Never "
-        "under chance or with several boards, where one episode does not tell [-]",
+        "under chance or with several boards, where one episode does not suffice [-]",
     )
     novelty: float = Field(
         default=0.0,

@@ -1,4 +1,4 @@
-"""Proximal policy optimisation under way: steps in the environment, gathered for an update.
+"""Proximal policy optimisation as it runs: steps in the environment, gathered for an update.
 
 Schulman et al., "Proximal policy optimization algorithms" (2017). The update itself is in
 `clipped_update`, advantages are in `rollout_buffer`, the rewards learned from in `scaled_rewards`.
@@ -31,7 +31,7 @@ from skillplan_torch.snapshot_arrays import fitting
 
 
 class PpoTraining(NetworkTraining):
-    """Runs of proximal policy optimisation under way.
+    """Runs of proximal policy optimisation in progress.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class PpoTraining(NetworkTraining):
         runs = len(seeds)
         # Those beyond the actions are never allowed.
         self._outputs = padded(self._actions)
-        self._follows = options.follow and self._one_episode_tells
+        self._follows = options.follow and self._one_episode_suffices
         observations, infos = env.reset(seed=list(seeds))
         features = observations.shape[1]
         self._networks = ActorCritic(options, features, self._outputs, self._generators)
@@ -62,7 +62,7 @@ class PpoTraining(NetworkTraining):
         self._counts = ObservationCounts(runs, features, self._outputs, False)
         self._rewards = ScaledRewards(options, runs, self._limit)
         self._episodes = [EpisodeRecord(greedy=False) for _ in seeds]
-        # What was observed and allowed before every action of the episodes under way.
+        # What was observed and allowed before every action of the current episodes.
         longest = max(model.task.step_limit for model in env.models)
         self._seen_observations = np.zeros((runs, longest, features), dtype=np.float32)
         self._seen_masks = np.zeros((runs, longest, self._outputs), dtype=np.bool_)
@@ -186,7 +186,7 @@ class PpoTraining(NetworkTraining):
         return actions, 1.0 / np.sqrt(visits[rows, at, actions])
 
     def _learn(self) -> None:
-        """Learn from the steps since the last update, and begin to gather anew."""
+        """Learn from the steps since the last update, and begin to gather again."""
         before = self._networks.figures()
         rewards = self._rewards.of(self._buffer, self._scheduled(self._options.novelty, 0.0))
         self._curves += self._update.learn(
@@ -197,7 +197,7 @@ class PpoTraining(NetworkTraining):
         self._buffer.filled = 0
         self._due[:] = self._follows
         for run, record in enumerate(self._episodes):
-            # An episode under way has followed two policies now, unless it is yet to begin.
+            # A running episode has followed two policies now, unless it is yet to begin.
             record.greedy = self._follows and record.length == 0
             if record.greedy:
                 self._due[run] = False

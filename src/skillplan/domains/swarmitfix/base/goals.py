@@ -123,7 +123,7 @@ def goal_sets(
     closed: bool,
     path: PathBetween | None = None,
 ) -> tuple[GoalSet, ...]:
-    """Return the positions for every two consecutive supports, in the order of travel.
+    """Return the positions for every two consecutive supports, in order along the trajectory.
 
     Where Eqs 3 and 4 leave none, the positions within the arm's true reach of both supports
     are taken. Where there are none of those, the path is halved with a support in its middle, and
@@ -134,7 +134,7 @@ def goal_sets(
     bench
         The lattice.
     supports
-        Centres of the heads in the order of travel [m].
+        Centres of the heads in order along the trajectory [m].
     rules
         Where a base may stand.
     closed

@@ -1,7 +1,7 @@
 """The goals of the base as a task of their own: one position out of every goal set.
 
 A state says where the base stands and which sets have been served. It exists so that any solver
-can choose; the chain takes the plan of `goal_choice` unless told otherwise.
+can choose; the chain takes the plan of `goal_choice` unless another solver is chosen.
 """
 
 from __future__ import annotations

@@ -71,8 +71,8 @@ class BaseGrounding:
             reward=DistanceReward(
                 {1 << i: distance_m for i, distance_m in enumerate(distances_m)},
                 complete=1.0,
-                # The paper leaves out what a swing off the bench is paid; farther than any
-                # position is from the goal.
+                # The paper does not give the reward of a swing off the bench: as if it led
+                # farther from the goal than any position.
                 infeasible=-1.0 - max(distances_m),
             ),
             sha256=sha256,

@@ -188,7 +188,7 @@ class Bench(PinLattice):
             found = found[found >= 0]
             found = found[distances[found] < 0]
             distances[found] = swings
-            # Of several ways into a position the last one stands, which needs no sorting.
+            # Of several swings into a position the last one counts, which needs no sorting.
             order = np.arange(found.size, dtype=np.int32)
             last_found_as[found] = order
             frontier = found[last_found_as[found] == order]

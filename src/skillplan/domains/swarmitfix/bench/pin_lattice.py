@@ -27,7 +27,7 @@ class PinLattice:
     """Pins on the corners of equilateral triangles, in rows of any number and length.
 
     Positions and pins are counted from 0; their names, C1 and P1, from 1. An odd number of columns
-    makes odd names the upward triangles in every row. Arrays are computed when first asked for,
+    makes odd names the upward triangles in every row. Arrays are computed when first needed,
     and are read-only.
 
     Parameters

@@ -201,7 +201,7 @@ def _wrong_swing(table: Sequence[TableRow], row: TableRow, parity: Parity, bench
     ]
     if twins:
         note = f"The printed swing equals that of {', '.join(twins)}. " + note
-    # The table never goes the long way round; what more than half a turn reaches, less does.
+    # The table never turns by more than half a turn: a smaller one reaches the same.
     others = [
         turn
         for turn in ALL_TURNS

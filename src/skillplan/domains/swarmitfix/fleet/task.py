@@ -49,8 +49,8 @@ def fleet_faults(bench: Bench, robots: Mapping[str, tuple[int, int]]) -> list[Fa
         faults.append((message, ("robots",)))
     for end, (key, verb) in enumerate((("home", "start"), ("goal", "end"))):
         known = {}
-        for robot, ways in robots.items():
-            position = ways[end]
+        for robot, positions in robots.items():
+            position = positions[end]
             if 0 <= position < bench.n_positions:
                 known[robot] = position
             else:
@@ -155,8 +155,8 @@ class _Grounding:
         facts, robots = self.facts, self.robots
         ends = [
             sum(
-                1 << shift + way[end]
-                for shift, way in zip(self.shifts, robots.values(), strict=True)
+                1 << shift + positions[end]
+                for shift, positions in zip(self.shifts, robots.values(), strict=True)
             )
             for end in (0, 1)
         ]

@@ -54,11 +54,11 @@ class SupportedStretch:
         back_m = self._inside(centre, yaw_rad, (points[i] for i in range(before - 1, -1, -1)))
         return max(0.0, distance_m - back_m), min(self._segment.length_m, distance_m + ahead_m)
 
-    def _inside(self, centre: Point2, yaw_rad: float, way: Iterable[Point2]) -> float:
-        """Return how long the way from the centre stays within the triangle."""
+    def _inside(self, centre: Point2, yaw_rad: float, path: Iterable[Point2]) -> float:
+        """Return how long the path from the centre stays within the triangle."""
         normals = [yaw_rad + math.pi / 3 + k * THIRD_RAD for k in range(3)]
         length_m, here, heights = 0.0, centre, [0.0, 0.0, 0.0]
-        for point in way:
+        for point in path:
             x_m, y_m = point[0] - centre[0], point[1] - centre[1]
             reached = [x_m * math.cos(n) + y_m * math.sin(n) for n in normals]
             share = min(
@@ -73,7 +73,7 @@ class SupportedStretch:
 
 
 class HeadShapes:
-    """The triangles of some heads, to tell which of them lie apart.
+    """The triangles of some heads, to find which of them lie apart.
 
     Two triangles lie apart exactly where a line along a side of one of them separates them
     (separating axis theorem); heads that touch lie apart.

@@ -61,8 +61,8 @@ class HeadGrid:
         With the latter, heads need not turn where those at the vertices do not.
         """
         rules = self.rules
-        travel = self.segment.direction_at(self.segment.length_m / 2)
-        tried = [travel + THIRD_RAD * o / rules.orientations for o in range(rules.orientations)]
+        along = self.segment.direction_at(self.segment.length_m / 2)
+        tried = [along + THIRD_RAD * o / rules.orientations for o in range(rules.orientations)]
         found: list[float] = []
         for yaw in (*tried, self.start.yaw_rad, self.end.yaw_rad):
             if not any(same_yaw(yaw, known) for known in found):

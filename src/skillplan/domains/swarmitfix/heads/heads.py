@@ -126,11 +126,11 @@ def same_yaw(one_rad: float, other_rad: float) -> bool:
 
 
 def vertex_heads(workpiece: Workpiece, rules: HeadRules) -> tuple[Head, ...]:
-    """Return a head for every vertex, in the order of travel.
+    """Return a head for every vertex, in order along the trajectory.
 
     An axis of symmetry of the head lies on the bisector of the vertex, so that it supports as much
-    of the one segment as of the other. Of the two ways it can point the one is taken that supports
-    more: a corner into the vertex angle where that is below 60 degrees, and a side otherwise. At
+    of the one segment as of the other. Of its two directions the one is taken that supports more:
+    a corner into the vertex angle where that is below 60 degrees, and a side otherwise. At
     an end of an open trajectory a corner points along its only segment.
     """
     heads = []
@@ -195,7 +195,7 @@ def path_between(workpiece: Workpiece, heads: Sequence[Head]) -> Callable[[int, 
     workpiece
         The trajectory.
     heads
-        In the order of travel, with one at every vertex.
+        In order along the trajectory, with one at every vertex.
 
     Returns
     -------

@@ -162,7 +162,7 @@ def segment_fault(segment: Segment, first: Head, last: Head, rules: HeadRules) -
 
 @lru_cache(maxsize=256)
 def _grid(segment: Segment, first: Head, last: Head, rules: HeadRules) -> HeadGrid:
-    """Return the heads to choose from, which a chain asks for again and again."""
+    """Return the heads to choose from, which a chain needs again and again."""
     return HeadGrid(segment, first, last, rules)
 
 

@@ -140,7 +140,7 @@ def inverse(geometry: PkmGeometry, pose: Pose6) -> PkmJoints:
     Raises
     ------
     OutsideWorkspace
-        If the pose asks for a wrist centre behind the base, a platform turned over, or one at
+        If the pose needs a wrist centre behind the base, a platform turned over, or one at
         or beyond a parallel singularity, where the leg lengths no longer fix the platform.
     """
     head = pose.rotation

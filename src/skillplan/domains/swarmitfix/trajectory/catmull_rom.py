@@ -61,7 +61,7 @@ def point_of(span: BezierSpan, t: float) -> Point2:
 
 
 def _handle(a: Point2, b: Point2, c: Point2) -> Point2:
-    """Return the control point that follows `b` on the way from `a` by `b` to `c`."""
+    """Return the control point that follows `b` on the curve from `a` through `b` to `c`."""
     one, two = math.dist(a, b), math.dist(b, c)
     root = math.sqrt(one * two)
     scale = 3 * (one + root)

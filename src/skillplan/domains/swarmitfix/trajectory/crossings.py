@@ -1,6 +1,6 @@
 """Where a polyline meets itself.
 
-Chords are compared by way of a tree of boxes over consecutive chords, which are near each other
+Chords are compared through a tree of boxes over consecutive chords, which are near each other
 anyway; arrays of pairs of boxes go down it together, so that 10,000 chords take milliseconds.
 """
 
@@ -134,8 +134,8 @@ def _near_pairs(starts: _Floats, ends: _Floats) -> Iterator[tuple[_Indices, _Ind
 def _axes(along: _Floats) -> _Floats:
     """Return the four directions in which boxes are measured, shape (2, 4).
 
-    The first is that of most of the length, whichever way round: boxes of slanting parallels do
-    not overlap then.
+    The first is the direction of most of the length, in either sense: then boxes of slanting
+    parallels do not overlap.
     """
     x, y = along[:, 0], along[:, 1]
     most = 0.5 * np.arctan2((2 * x * y).sum(), (x * x - y * y).sum())

@@ -7,7 +7,7 @@ over; any other entity is refused by its handle.
 
 The drawing's unit is what the task file says, else its header variable $INSUNITS, and
 millimetres where that is missing or unitless. A SPLINE or an ELLIPSE becomes a `Spline` through
-points on it, as dense as `dxf_entities.CURVE_TOLERANCE_M` asks. The file is read as it stands: one
+points on it, as dense as `dxf_entities.CURVE_TOLERANCE_M` says. The file is read as it stands: one
 that ezdxf would have to repair is refused, for a repair may lose a part of the trajectory.
 """
 
@@ -86,12 +86,12 @@ def dxf_trajectory(path: Path, content: bytes, unit: UnitName | None = None) -> 
     except TrajectoryFileError:
         raise
     except DXFError as error:
-        message = f"The drawing is damaged ({one_line(str(error))}); save it anew as DXF."
+        message = f"The drawing is damaged ({one_line(str(error))}); save it again as DXF."
         raise TrajectoryFileError(path, message) from None
     except Exception as error:
         # Of a damaged drawing ezdxf raises whatever the damage leads to.
         name = type(error).__name__
-        message = f"The drawing is damaged ({name}: {one_line(str(error))}); save it anew as DXF."
+        message = f"The drawing is damaged ({name}: {one_line(str(error))}); save it again as DXF."
         raise TrajectoryFileError(path, message) from None
     finally:
         _logger.disabled = was_disabled

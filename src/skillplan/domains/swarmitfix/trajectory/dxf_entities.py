@@ -80,7 +80,7 @@ class EntityReader:
         self._name = f"{one_line(entity.dxftype(), 40)} #{entity.dxf.handle}"
         for attribute in _NEEDED.get(entity.dxftype(), ()):
             if not entity.dxf.hasattr(attribute):
-                raise self._fault(f"It lacks its {attribute}; draw it anew.")
+                raise self._fault(f"It lacks its {attribute}; draw it again.")
         match entity:
             case LineEntity():
                 start, end = self._points([entity.dxf.start, entity.dxf.end])

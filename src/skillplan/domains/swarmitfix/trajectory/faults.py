@@ -28,8 +28,8 @@ from skillplan.domains.swarmitfix.trajectory.plane_point import (
 Outline = tuple[float, float, float, float]
 Fault = tuple[str, tuple[str | int, ...]]
 
-MOST_TOLD = 10
-"""So many crossings are told one by one; the rest only by their number."""
+MOST_LISTED = 10
+"""So many crossings are listed one by one; of the rest only the number."""
 
 
 def joined(start: Point2, elements: Sequence[Element], *, closed: bool) -> list[Element]:
@@ -61,7 +61,7 @@ def faults(
     start
         Where the first element starts [m].
     elements
-        In the order of travel.
+        In order along the trajectory.
     closed
         Whether the trajectory leads back to its start, by a line where it is not there yet.
     chord_tolerance_m
@@ -155,7 +155,7 @@ def _crossings(
     if closed:
         points.pop()
     found = _distinct(crossings(np.array(points, dtype=np.float64), closed=closed), owner)
-    for crossing in found[:MOST_TOLD]:
+    for crossing in found[:MOST_LISTED]:
         one, other = owner[crossing.first], owner[crossing.second]
         place = shown(crossing.point)
         if not closed and _same(crossing.point, start) and _same(crossing.point, points[-1]):
@@ -169,12 +169,12 @@ def _crossings(
         verb = "folds back onto" if crossing.folded else "crosses or touches"
         name = f"Segment {other + 1}" if other < given else "The line that closes the trajectory"
         message = (
-            f"{name} {verb} {rest} at {place}; lead one of them another way, "
+            f"{name} {verb} {rest} at {place}; lead one of them along another path, "
             "or split the trajectory into two."
         )
         yield message, (other,) if other < given else ()
-    if len(found) > MOST_TOLD:
-        yield f"The trajectory meets itself {len(found) - MOST_TOLD} times more at least.", ()
+    if len(found) > MOST_LISTED:
+        yield f"The trajectory meets itself {len(found) - MOST_LISTED} times more at least.", ()
 
 
 def _distinct(found: Sequence[Crossing], owner: Sequence[int]) -> list[Crossing]:

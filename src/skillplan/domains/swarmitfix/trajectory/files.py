@@ -56,7 +56,7 @@ def read_trajectory(path: Path, unit: UnitName | None = None) -> TrajectoryPath:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise TrajectoryFileError(
-            path, f"The kind of file is told by its suffix; give one of {', '.join(SUFFIXES)}."
+            path, f"The suffix says what kind of file it is; give one of {', '.join(SUFFIXES)}."
         )
     content = _content(path)
     if suffix == ".dxf":

@@ -80,7 +80,7 @@ def gcode_trajectory(path: Path, text: str, unit: UnitName | None = None) -> Tra
 
 
 class _Machine:
-    """What a program has told so far."""
+    """What a program has said so far."""
 
     def __init__(self, path: Path, unit: UnitName | None) -> None:
         self.path = path
@@ -180,7 +180,7 @@ class _Machine:
             return
         moved = math.dist(before, after) > SAME_POINT_M
         if not curved:
-            # A plunge names the position it is at; a line of no length is left to be told of.
+            # A plunge names the position it is at; a line of no length is left to be reported.
             if moved or "Z" not in words:
                 self._feed(before, [Line(after)])
         else:

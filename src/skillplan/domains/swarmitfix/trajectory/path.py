@@ -48,7 +48,7 @@ class TrajectoryPath:
     start
         Where the first element starts [m].
     elements
-        At least one, in the order of travel. Those of a closed trajectory lead back to the start.
+        At least one, in order along the trajectory. If it is closed, they lead back to the start.
     closed
         Whether it ends where it starts.
     places

@@ -82,7 +82,7 @@ def chained(path: Path, pieces: Sequence[Piece]) -> TrajectoryPath:
     for node, those in meeting.items():
         if len(those) > 2:
             names = ", ".join(dict.fromkeys(pieces[i].name for i in those[:MOST_NAMED]))
-            message = f"The path forks at {shown(nodes.points[node])}; leave one way on."
+            message = f"The path forks at {shown(nodes.points[node])}; keep one branch."
             raise TrajectoryFileError(path, message, names)
     left = dict.fromkeys(range(len(pieces)))
     chains = []
@@ -113,7 +113,7 @@ def _walk(
     meeting: Mapping[int, Sequence[int]],
     left: dict[int, None],
 ) -> Iterator[tuple[int, bool]]:
-    """Yield the pieces met on the way from a node, and whether against their sense."""
+    """Yield the pieces along the path from a node, and whether each is followed backwards."""
     while True:
         i = next((i for i in meeting[node] if i in left), None)
         if i is None:

@@ -48,7 +48,7 @@ class PathElementConfig(Strict):
         if sum(value is not None for value in given) != 1:
             raise ValueError("give one of line_to_m, arc_to_m and spline_through_m.")
         if (self.arc_to_m is None) != (self.through_m is None):
-            raise ValueError("an arc needs arc_to_m and through_m, a point on its way.")
+            raise ValueError("an arc needs arc_to_m and through_m, a point on the arc.")
         return self
 
 
@@ -116,7 +116,7 @@ class TrajectoryConfig(DrawingConfig):
         try:
             drawing = DrawingConfig.model_validate(placing)
         except ValidationError:
-            # The same keys are faulty here, and told of with their places.
+            # The same keys are faulty here, and are reported with their places.
             return handler(data)
         others = [key for key in ("vertices_m", "start_m", "path", "closed") if key in data]
         if others:

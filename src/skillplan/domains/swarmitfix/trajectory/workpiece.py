@@ -193,10 +193,10 @@ class Workpiece:
     closed
         Whether it ends where it starts.
     vertices
-        In the order of travel. Segment i leads from vertex i to the next, of a closed trajectory
+        In order along the trajectory. Segment i leads from vertex i to the next, of a closed one
         the last one back to vertex 0.
     segments
-        In the order of travel.
+        In order along the trajectory.
     clockwise
         The sense in which a closed trajectory runs round its inside; None of an open one.
 
@@ -235,7 +235,7 @@ class Workpiece:
         start
             Where the first element starts, in the frame of the bench [m].
         elements
-            Its elements in the order of travel.
+            Its elements in order along the trajectory.
         closed
             Whether a line leads back to the start, unless the last element does already.
         chord_tolerance_m

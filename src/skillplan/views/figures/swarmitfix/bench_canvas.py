@@ -89,7 +89,7 @@ class BenchCanvas:
         return corners
 
     def draw_lattice(self, faces: Any = PAPER, *, pins: bool = True) -> None:
-        """Draw the triangles, filled as told, and the pins with their names if there is room."""
+        """Draw the triangles, filled or not, and the pins with their names if there is room."""
         lattice = PolyCollection(
             self.triangles(),  # type: ignore[arg-type]
             facecolors=faces,

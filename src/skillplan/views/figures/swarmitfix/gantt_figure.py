@@ -242,7 +242,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     chain = outcomes[0].chain
     timeline = chain.account.document.get("timeline")
     if not timeline:
-        raise request.unfit("the solved file tells of no five steps")
+        raise request.unfit("the solved file has no five steps")
     bars = []
     for phase in timeline:
         bars.append(

@@ -64,7 +64,7 @@ def placement_figure(
     trajectory_m
         Points of the trajectory in order [m], at least two.
     heads
-        In the order of travel.
+        In order along the trajectory.
     goals
         In the order in which the base visits them.
     paths

@@ -39,7 +39,7 @@ def draw_labels(
     points_m
         Points of the trajectory [m], shape (n, 2).
     heads, goals
-        The heads in the order of travel, and the goals.
+        The heads in order along the trajectory, and the goals.
     visits
         The numbers of the goals by position.
     between

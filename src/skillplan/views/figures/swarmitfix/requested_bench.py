@@ -15,7 +15,7 @@ def requested_bench(request: FigureRequest, account: Account | None = None) -> B
     request
         What the user wants drawn.
     account
-        What the domain tells of a solved file; None for what it tells of the file alone.
+        What the domain derives from a solved file; None for what it derives from the file alone.
 
     Raises
     ------
