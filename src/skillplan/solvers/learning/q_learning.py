@@ -1,6 +1,7 @@
 """Off-policy temporal-difference control: Q-learning.
 
-Watkins, "Learning from delayed rewards" (1989); Sutton and Barto (2018), section 6.5.
+Watkins, "Learning from delayed rewards" (1989); Sutton and Barto (2018), section 6.5. The update,
+TD(0) towards the best next action, stands in `episode_kernels.td_episodes`.
 """
 
 from __future__ import annotations

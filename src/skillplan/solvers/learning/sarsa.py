@@ -1,6 +1,7 @@
 """On-policy temporal-difference control: SARSA.
 
-Veeramani and Muthuswamy, Table 2 and Eq. 10; Sutton and Barto (2018), sections 6.4 and 6.6.
+Veeramani and Muthuswamy, Table 2 and Eq. 10; Sutton and Barto (2018), sections 6.4 and 6.6. The
+update, TD(0) towards the next action taken, stands in `episode_kernels.td_episodes`.
 """
 
 from __future__ import annotations
