@@ -135,9 +135,9 @@ class TestStatus:
     def test_an_upper_level_that_is_not_optimal_takes_the_proof_away(self) -> None:
         """Even where the last level's sum meets a bound over all choices."""
         upper, bound = TWO.replace(stage="goals"), Account(lower_bound=1.0)
-        dearer = part(upper, Status.SOLVED, cost=4.0, optimum=2.0, lower_bound=2.0)
-        assert Status.SOLVED is chain(dearer, part(ONE), account=bound).status
-        assert not chain(dearer, part(ONE), account=bound).proved_by_level
+        costlier = part(upper, Status.SOLVED, cost=4.0, optimum=2.0, lower_bound=2.0)
+        assert Status.SOLVED is chain(costlier, part(ONE), account=bound).status
+        assert not chain(costlier, part(ONE), account=bound).proved_by_level
         assert Status.OPTIMAL is chain(part(upper), part(ONE), account=bound).status
 
     def test_stages_that_are_the_best_one_by_one_need_not_be_the_best_together(self) -> None:

@@ -292,7 +292,7 @@ class TestFolders:
         TrainingFolder(str(whole), plan, problem, resume=True).close()
 
     def test_a_folder_with_anything_in_it_is_not_begun_in(self, tmp_path: Path) -> None:
-        (tmp_path / "letter.txt").write_text("dear")
+        (tmp_path / "letter.txt").write_text("expensive")
         with pytest.raises(OptionError, match=r"is not empty. Name a new folder, or go on"):
             train(tmp_path)
         with pytest.raises(OptionError, match=r"holds no manifest.json, so nothing to resume"):

@@ -145,12 +145,12 @@ class _Reasons:
         """Return what a relation follows from: what is in the way first."""
         if self._is_line(relation):
             return (Cause("line", f"{relation.before} before {relation.after}"),)
-        element, other = self._sides(relation)
-        own = Cause(self._phase(relation, element), element)
+        component, other = self._sides(relation)
+        own = Cause(self._phase(relation, component), component)
         if self._starts(relation, other):
             return Cause("start", other), own
         if other == relation.before:
-            # The element belongs on the other one, or needs it otherwise.
+            # The component belongs on the other one, or needs it otherwise.
             return own, Cause("goal", other)
         return Cause("goal", other), own
 
@@ -158,20 +158,20 @@ class _Reasons:
         """Return why a relation holds."""
         if self._is_line(relation):
             return _Clause("the chart", "puts", relation.before, f"before {relation.after}")
-        element, other = self._sides(relation)
-        skill = str(relation.evidence.get("skill", element))
+        component, other = self._sides(relation)
+        skill = str(relation.evidence.get("skill", component))
         if other == relation.before and self._starts(relation, other):
-            if self._rests(other, element, "start"):
-                return _Clause(other, "lies", "on", element, "at the start")
+            if self._rests(other, component, "start"):
+                return _Clause(other, "lies", "on", component, "at the start")
             return _Clause(other, "is in the way", "of", skill, "at its start")
         if other == relation.before:
-            if self._rests(element, other, "goal"):
-                return _Clause(element, "belongs", "on", other)
+            if self._rests(component, other, "goal"):
+                return _Clause(component, "belongs", "on", other)
             return _Clause(relation.reason)
         if self._starts(relation, other):
             return _Clause(relation.reason)
-        if self._rests(other, element, "goal") and self._phase(relation, element) == "goal":
-            return _Clause(other, "belongs", "on", element)
+        if self._rests(other, component, "goal") and self._phase(relation, component) == "goal":
+            return _Clause(other, "belongs", "on", component)
         return _Clause(other, "is in the way", "of", skill, "at its goal")
 
     def _is_line(self, relation: Relation) -> bool:
@@ -184,11 +184,11 @@ class _Reasons:
             return relation.before, relation.after
         return relation.after, relation.before
 
-    def _phase(self, relation: Relation, element: str) -> str:
+    def _phase(self, relation: Relation, component: str) -> str:
         """Return whether the skill takes the component from its start or brings it to its goal."""
         name = relation.evidence.get("skill")
         skill = next((one for one in self.task.skills if one.name == name), None)
-        goal = self.task.operations.get(element)
+        goal = self.task.operations.get(component)
         brings = skill is None or (goal is not None and goal in skill.prediction.add)
         return "goal" if brings else "start"
 

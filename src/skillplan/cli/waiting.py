@@ -49,7 +49,7 @@ def stoppable(
 
 @contextmanager
 def showing_checks(label: str) -> Iterator[Callable[[CheckCount], None] | None]:
-    """Yield what shows on a terminal how far the asking of dear back ends has come, or None."""
+    """Yield what shows on a terminal how far expensive checks have come, or None."""
     with _display(label) as show:
         if isinstance(show, _Silent):
             yield None

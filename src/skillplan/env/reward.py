@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from skillplan.env.presentation import Objective, checked_name
+from skillplan.env.env_options import Objective, checked_name
 from skillplan.task.reward import Reward
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -15,7 +15,7 @@ _FAILED = -10.0
 
 
 @dataclass(frozen=True)
-class Payment:
+class RewardFunction:
     """The rewards of an environment, one a step.
 
     Parameters
@@ -37,7 +37,7 @@ class Payment:
     out_of_time: float
 
     @classmethod
-    def of(cls, task: Task, objective: str) -> Payment:
+    def of(cls, task: Task, objective: str) -> RewardFunction:
         """Return what a task pays.
 
         For the objective ``reward`` that is the task's reward scheme, to the letter. For

@@ -125,7 +125,7 @@ def least_cost_of_states(
     Parameters
     ----------
     model
-        A deterministic model; it is asked about every state that is cheaper than the goal.
+        A deterministic model; it is queried on every state that is cheaper than the goal.
     over
         Polled once in a while; the method is given up once it is true.
     most_states

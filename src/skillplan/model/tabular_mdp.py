@@ -87,11 +87,11 @@ class TabularMDP:
         Parameters
         ----------
         model
-            Asked about every skill that is applicable in a reachable state.
+            Queried about every skill that is applicable in a reachable state.
         limit
             The most states to hold, >= 1.
         stop
-            Asked before every state whether to give up; None for never.
+            Queried before every state whether to give up; None for never.
 
         Raises
         ------

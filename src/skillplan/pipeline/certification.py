@@ -43,7 +43,7 @@ def certify(
     stop
         When to give up second proofs; by default never.
     cache
-        Where verdicts of dear back ends are kept; a fresh one in memory by default.
+        Where verdicts of expensive back ends are kept; a fresh one in memory by default.
 
     Raises
     ------

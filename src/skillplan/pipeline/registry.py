@@ -1,6 +1,6 @@
 """Plugins by kind and name, found through entry points and imported only when used.
 
-Built-ins register the same way as anybody's. What is broken is reported where it is asked
+Built-ins register the same way as anybody's. What is broken is reported where it is queried
 for, and by ``skillplan plugins``; it never takes the tool down.
 """
 

@@ -327,7 +327,7 @@ def grade(task: Task, made: Attempt, setup: Setup, cache: VerdictCache, *, jobs:
 
 def expensive(back_ends: Iterable[BackEnd]) -> tuple[BackEnd, ...]:
     """Return the back ends whose verdicts are worth keeping."""
-    return tuple(back_end for back_end in back_ends if back_end.dear)
+    return tuple(back_end for back_end in back_ends if back_end.expensive)
 
 
 def _bound_method(solver: str, granted: Grade, solution: Solution) -> str:
@@ -340,9 +340,9 @@ def _bound_method(solver: str, granted: Grade, solution: Solution) -> str:
 
 
 def _why_infeasible(model: SkillModel, *, charted: bool) -> str:
-    """Return what stands against every plan: what fails in every state, or a circle of orders.
+    """Return what stands against every plan: what fails in every state, or a cycle.
 
-    A chart asks about states that the search did not meet; dear back ends are not asked that.
+    A chart needs states that the search did not meet; expensive back ends are not queried there.
     """
     task = model.task
     if charted and task.deterministic and len(task.operations) <= _MOST_CHARTED:

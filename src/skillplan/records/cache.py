@@ -167,7 +167,7 @@ class CacheFilling:
             "back_ends": list(self.back_ends),
             "folder": None if self.folder is None else str(self.folder),
             "states": counts.states,
-            "questions": counts.questions,
+            "questions": counts.queries,
             "feasible": counts.feasible,
             "unknown": counts.unknown,
             "checks": counts.checks,

@@ -298,8 +298,8 @@ CASES = {
         "1:1: is empty. Give a TSPLIB header and EDGE_WEIGHT_SECTION, or a square matrix.",
     ),
     "prose": (
-        "Dear all,\nhere it is.\n",
-        "1:1: must be 'KEYWORD: value', EDGE_WEIGHT_SECTION or a number, not 'Dear all,'.",
+        "Expensive all,\nhere it is.\n",
+        "1:1: must be 'KEYWORD: value', EDGE_WEIGHT_SECTION or a number, not 'Expensive all,'.",
     ),
     "YAML": (
         "kind: sop\nname: x\ncosts:\n- [0, 1]\n- [-1, 0]\n",

@@ -149,7 +149,7 @@ def fill(
     ):
         counts = enumerate_feasibility(checks, lambda: bool(requests))
     names = [back_end.name for back_end in checks.back_ends]
-    kept = any(back_end.dear for back_end in checks.back_ends)
+    kept = any(back_end.expensive for back_end in checks.back_ends)
     folder = cache.folder if cache is not None and kept else None
     filling = CacheFilling(loaded, names, counts, time.perf_counter() - begin_s, folder)
     emit(style, filling.document(), [filling_table(filling)], failed=not counts.complete)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.env.action_mask import allowed_actions
-from skillplan.env.presentation import MaskKind, checked_name
+from skillplan.env.env_options import MaskKind, checked_name
 from skillplan.env.observation import Observation
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.learning.network_policy import NetworkPolicy

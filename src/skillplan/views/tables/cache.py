@@ -85,7 +85,7 @@ def filling_table(filling: CacheFilling) -> Table:
     ]
     figures = (
         counts.states,
-        counts.questions,
+        counts.queries,
         counts.feasible,
         counts.executions,
         counts.executions_by_state,
