@@ -6,7 +6,6 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import resources
 from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -270,6 +269,8 @@ class Domain(ABC):
         OptionError
             If there is none.
         """
+        from importlib import resources  # only a starter pays for importing this
+
         package = sys.modules[type(self).__module__].__package__
         file = resources.files(package or "skillplan") / f"starter{self.starter_suffix}"
         if not file.is_file():

@@ -185,7 +185,7 @@ def _load(
 ) -> tuple[Task, Setup, tuple[Skill, ...]]:
     """Return task, setup and plan; of engines the one chosen, or the file's, or else pybullet."""
     from skillplan.errors import OptionError
-    from skillplan.records.result_file import is_result
+    from skillplan.records.result_folder import is_result
 
     stored = is_result(path)
     if stored and sequence is not None:

@@ -170,7 +170,7 @@ def command(
         SkillplanError,
     )
     from skillplan.sweep.parameter_study import do_study, plan_study
-    from skillplan.sweep.study_folder import StudyFolder
+    from skillplan.sweep.study_folder import RESULT, STARTS, StudyFolder
     from skillplan.views.tables.sweep import setting_table, start_table
     from skillplan.views.tables.table import as_csv
 
@@ -211,8 +211,8 @@ def command(
             on_run=lambda record: count.one_more(),
         )
         if folder is not None:
-            save(folder.path, "sweep.json", as_json(result.document()))
-            save(folder.path, "starts.csv", as_csv(start_table(result)))
+            save(folder.path, RESULT, as_json(result.document()))
+            save(folder.path, STARTS, as_csv(start_table(result)))
     if picture is not None and len(result.records) > len(result.failed):
         from skillplan.views.figures.figure_file import save_figure
         from skillplan.views.figures.sweep_figure import sweep_figure

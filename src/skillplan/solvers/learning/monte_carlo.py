@@ -52,7 +52,21 @@ class MonteCarloSolver(EpisodicSolver):
         stream: NDArray[np.uint64],
         lengths: NDArray[np.int64],
     ) -> None:
-        """Run episodes of first-visit Monte Carlo."""
+        """Run episodes of first-visit Monte Carlo; see `episode_kernels.monte_carlo_episodes`.
+
+        Parameters
+        ----------
+        env, schedule
+            The environment and the rates of episodes.
+        begun
+            Episodes run before these, >= 0: rates continue from there.
+        q
+            Value of every row, shape (m,); changed.
+        stream
+            State of the generator of random numbers, shape (1,); changed.
+        lengths
+            Filled with the steps of every episode.
+        """
         episode_kernels.monte_carlo_episodes(
             env,
             schedule,

@@ -45,5 +45,19 @@ class QLearningSolver(EpisodicSolver):
         stream: NDArray[np.uint64],
         lengths: NDArray[np.int64],
     ) -> None:
-        """Run episodes of Q-learning."""
+        """Run episodes of Q-learning; the update is in `episode_kernels.td_episodes`.
+
+        Parameters
+        ----------
+        env, schedule
+            The environment and the rates of episodes.
+        begun
+            Episodes run before these, >= 0: rates continue from there.
+        q
+            Value of every row, shape (m,); changed.
+        stream
+            State of the generator of random numbers, shape (1,); changed.
+        lengths
+            Filled with the steps of every episode.
+        """
         episode_kernels.td_episodes(env, schedule, Q_LEARNING, begun, q, stream, lengths)

@@ -207,7 +207,17 @@ def tight_rows(
     values: Floats,
     margin: float,
 ) -> Booleans:
-    """Return which allowed rows are as good as the values of their states, within a margin."""
+    """Return which allowed rows are as good as the values of their states, within a margin.
+
+    Parameters
+    ----------
+    choices, allowed, weights, gamma
+        As in `sweep`.
+    values
+        Optimal value of every state, shape (n,).
+    margin
+        How much worse a row may be, >= 0.
+    """
     rows, out, to, p = choices
     tight = np.zeros(len(allowed), dtype=np.bool_)
     for state in range(len(values)):

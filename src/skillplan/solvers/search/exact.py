@@ -54,7 +54,7 @@ class ExactSolver(Solver):
         )
         dives: bool = Field(
             default=True,
-            description="search for plans greedily in between, so that there is one at any time [-]",
+            description="search greedily in between, so that there is a plan at any time [-]",
         )
 
     options: Options

@@ -7,6 +7,7 @@ a sequence ends where it reaches the goal.
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any
 
 from skillplan.model.skill_model import SkillModel, Transition
 from skillplan.solvers.solution import Plan, Solution
@@ -41,12 +42,11 @@ class ExhaustiveSolver(Solver):
         frames: list[tuple[tuple[Transition, ...], float]] = []
         nexts: list[int] = []
         names: list[str] = []
-        at_goal = model.is_goal(model.initial)
-        if at_goal:
-            best, complete[0] = Plan((), 0.0), 1
-        else:
-            frames.append((model.transitions(model.initial), 0.0))
-            nexts.append(0)
+        if model.is_goal(model.initial):
+            trace = _trace(1, Counter({0: 1}), {}, {})
+            return Solution(Plan((), 0.0), 0.0, proved=True, trace=trace)
+        frames.append((model.transitions(model.initial), 0.0))
+        nexts.append(0)
         stopped = False
         while frames:
             if visited % 256 == 0 and self.stop():
@@ -82,16 +82,7 @@ class ExhaustiveSolver(Solver):
             if visited % 4096 == 0:
                 self.stop.bound(self._open_bound(frames, nexts, best_key[0]), visited)
         bound = self._open_bound(frames, nexts, best_key[0]) if stopped else best_key[0]
-        if at_goal:
-            bound = 0.0
-        trace = {
-            "visited": visited,
-            "bound_method": "enumeration of all sequences",
-            "sequences": complete.total(),
-            "sequences_by_length": dict(sorted(complete.items())),
-            "best_cost_by_length": dict(sorted(cheapest.items())),
-            "worst_cost_by_length": dict(sorted(worst.items())),
-        }
+        trace = _trace(visited, complete, cheapest, worst)
         return Solution(best, bound, proved=not stopped, trace=trace)
 
     @staticmethod
@@ -104,3 +95,17 @@ class ExhaustiveSolver(Solver):
             for step in following[index:]:
                 bound = min(bound, cost + step.cost)
         return bound
+
+
+def _trace(
+    visited: int, complete: Counter[int], cheapest: dict[int, float], worst: dict[int, float]
+) -> dict[str, Any]:
+    """Return the figures of a search: sequences visited, and costs of complete ones by length."""
+    return {
+        "visited": visited,
+        "bound_method": "enumeration of all sequences",
+        "sequences": complete.total(),
+        "sequences_by_length": dict(sorted(complete.items())),
+        "best_cost_by_length": dict(sorted(cheapest.items())),
+        "worst_cost_by_length": dict(sorted(worst.items())),
+    }
