@@ -322,5 +322,7 @@ class TestParts:
         move = problem.moves[0][0][0]
         other = problem.place_bits[1][50]
         rejected = problem.without(move, move.start_bit | other, 0)
-        with pytest.raises(ValueError, match="no moves rejected by where others stand"):
+        with pytest.raises(
+            ValueError, match="no moves that are rejected depending on where others stand"
+        ):
             ScheduleImprovement(rejected, Objective.SWINGS, random.Random(0), never)

@@ -80,7 +80,7 @@ class Stop:
         Stop before this process holds more memory [B], > 0; None for no limit. A solver that
         allocates much at once calls `memory_left_bytes` before.
     on_progress
-        Called with the progress at every new plan and bound.
+        Called with the progress whenever a plan, a bound or checks are reported.
 
     Attributes
     ----------
