@@ -84,7 +84,10 @@ class TestWarmUp:
         self, cli: Any, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """Progress on stderr, one line on stdout."""
-        steps = [("this", lambda: compilation.notify("a")), ("that", lambda: compilation.notify("b"))]
+        steps = [
+            ("this", lambda: compilation.notify("a")),
+            ("that", lambda: compilation.notify("b")),
+        ]
         monkeypatch.setattr(warm_up, "warm_up_steps", lambda: iter(steps))
         outcome = cli("warm-up")
         assert 0 == outcome.code

@@ -83,7 +83,7 @@ def command(
     from skillplan.records.policy_file import policy_document, solved_tasks
     from skillplan.records.result_folder import PLAN, POLICIES, RESULT
     from skillplan.views.tables.solved import saved_tables, solved_tables
-    from skillplan.views.tables.table import as_csv
+    from skillplan.views.text.table import as_csv
 
     part = reading.part
     problem = reading.problem(task, back_ends)

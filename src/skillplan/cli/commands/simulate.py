@@ -117,8 +117,8 @@ def command(
     from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
     from skillplan.files.output_path import output_path
     from skillplan.physics.performance import Performance, Sample
-    from skillplan.records.simulation import Simulation, applicable_part
-    from skillplan.records.trace_file import SUFFIXES, trace_file
+    from skillplan.records.execution.simulation import Simulation, applicable_part
+    from skillplan.records.execution.trace_file import SUFFIXES, trace_file
     from skillplan.views.tables.simulation import simulation_tables
     from skillplan.views.video_file import VIDEOS, video_file
 

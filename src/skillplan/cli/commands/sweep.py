@@ -172,7 +172,7 @@ def command(
     from skillplan.sweep.parameter_study import do_study, plan_study
     from skillplan.sweep.study_folder import RESULT, STARTS, StudyFolder
     from skillplan.views.tables.sweep import setting_table, start_table
-    from skillplan.views.tables.table import as_csv
+    from skillplan.views.text.table import as_csv
 
     out, part, starts = kept.out, reading.part, split_names(study.starts or "")
     if kept.resume and out is None:
