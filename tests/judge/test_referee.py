@@ -598,9 +598,9 @@ def test_the_referee_asks_cheap_back_ends_anew_and_dear_ones_not():
 
         result = solve(two_roads_task(), "exact", FakeSetup(make=counting))
         assert result.status == "optimal"
-        solver_side, referee_side = made
-        assert len(solver_side.asked) == result.checks
-        assert (referee_side.asked == []) is expensive
+        (back_end,) = made
+        assert (len(back_end.asked) == result.checks) is expensive
+        assert len(back_end.asked) >= result.checks > 0
 
 
 def test_a_config_changed_into_one_without_a_plan_is_proved_so():

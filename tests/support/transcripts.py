@@ -185,6 +185,7 @@ def untimed(text, command):
     if "pybullet" in command or "simulate" in words:
         lines = [re.sub(r" *-?\d+(\.\d+)?(e-\d+)?\b", " #", line) for line in lines]
     if "cache" in words:
+        lines = [re.sub(r"^kept in .*", "kept in #", line) for line in lines]
         lines = [
             re.sub(r" +[\d.,]+(e-\d+)?( [kM]?B| s| min| h)?(?=  |$)", " #", line) for line in lines
         ]

@@ -85,7 +85,7 @@ def figures_text(progress: Progress) -> str:
     gap = relative_gap(progress.best_cost, progress.lower_bound)
     if gap is not None:
         parts.append(f"gap {100 * gap:.2f} %")
-    asked = progress.asked
+    asked = progress.queries
     if progress.nodes or asked is None:
         parts.append(f"{progress.nodes:,} nodes")
         if progress.nodes_per_s is not None:

@@ -23,7 +23,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
     """A task as seen by a learner: Moller et al., section 4.2.
 
     An action is a skill's number. A skill that is not applicable, not feasible, or on which back
-    ends cannot rule ends the episode where it is and pays the reward of the infeasible; reaching
+    ends cannot decide ends the episode where it is with the reward of the infeasible; reaching
     the goal ends it; reaching the step limit truncates it.
 
     The info of a step holds
@@ -120,7 +120,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         observation
             Float32, shape (width,).
         reward
-            What it pays.
+            Its reward.
         terminated
             Whether the task is completed, or the skill could not be executed.
         truncated

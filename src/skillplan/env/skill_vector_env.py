@@ -27,7 +27,7 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
     """One or several models of equal shape, done at many places at once.
 
     An action is a skill's number. A skill that is not applicable, not feasible, or on which back
-    ends cannot rule ends the episode where it is and pays the reward of the infeasible; reaching
+    ends cannot decide ends the episode where it is with the reward of the infeasible; reaching
     the goal ends it; reaching the step limit truncates it. Rewards are those of
     `skillplan.env.reward`; nothing shapes them.
 

@@ -37,7 +37,7 @@ class TransitionTable:
     observations
         What is observed of the states of each.
     reward_functions
-        What is paid in each.
+        The rewards in each.
     mask
         What a choice is limited to.
 
@@ -54,7 +54,7 @@ class TransitionTable:
         By state and action: the first outcome; 0 where the model has not been queried yet.
     following, costs, rewards, late_rewards, ends
         By outcome: the next state; the cost of the skill, 0 of one that could not be executed;
-        what is paid, and what where the step limit is reached by it; how the episode ends.
+        the reward, and that where the step limit is reached by it; how the episode ends.
     chances, cumulated
         By outcome: of how many it is the first, and the probability of it and those before it
         together.
@@ -210,7 +210,7 @@ class TransitionTable:
             for outcome in skill.outcomes_in(state):
                 following = outcome.apply(state)
                 goal = model.is_goal(following)
-                paid, late = (
+                reward, late = (
                     reward_function.of_step(
                         state, skill.name, cost, goal=goal, out_of_time=out_of_time
                     )
@@ -218,7 +218,7 @@ class TransitionTable:
                 )
                 total += outcome.probability
                 end = COMPLETE if goal else GOES_ON
-                self._add_outcome(self.number(index, following), cost, paid, late, end, total)
+                self._add_outcome(self.number(index, following), cost, reward, late, end, total)
             self.chances[first] = self._n_outcomes - first
             self.has_chances = self.has_chances or self._n_outcomes - first > 1
         self.outcomes[number, action] = first

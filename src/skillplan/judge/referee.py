@@ -223,7 +223,7 @@ def counterexample(model: SkillModel, bound: float) -> list[Skill] | None:
             continue
         done.add(state)
         if model.is_goal(state):
-            return _way(came, state)
+            return _path(came, state)
         if steps == model.step_limit:
             continue
         looked_at += len(model.task.skills)
@@ -265,7 +265,7 @@ def _refuted(result: Result, reason: str) -> Result:
     return replace(result, status=Status.WRONG, reason=reason, **cleared)
 
 
-def _way(came: Mapping[State, tuple[State, Skill]], state: State) -> list[Skill]:
+def _path(came: Mapping[State, tuple[State, Skill]], state: State) -> list[Skill]:
     skills = []
     while state in came:
         state, skill = came[state]

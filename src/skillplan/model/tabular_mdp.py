@@ -41,7 +41,7 @@ class TabularMDP:
     successors, probabilities
         State index and probability of every outcome, shape (k,).
     rewards
-        What a learner is paid for every outcome, shape (k,): by the task's reward scheme, or
+        The reward of every outcome, shape (k,): by the task's reward scheme, or
         minus the cost where it has none.
 
     Raises

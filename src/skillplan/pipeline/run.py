@@ -45,7 +45,13 @@ def make_feasibility(
     on_check: Callable[[CheckCount], None] | None = None,
     back_ends: Sequence[BackEnd] | None = None,
 ) -> Feasibility:
-    """Return the chain of checks for a task; parameters are those of `make_model`."""
+    """Return the chain of checks for a task.
+
+    Parameters
+    ----------
+    task, setup, cache, jobs, on_check, back_ends
+        As in `make_model`.
+    """
     made = setup.back_ends(task) if back_ends is None else back_ends
     return Feasibility(task, made, cache, jobs=jobs, on_check=on_check)
 
@@ -220,7 +226,13 @@ def attempt(
     start: Plan | None = None,
     back_ends: Sequence[BackEnd] | None = None,
 ) -> Attempt:
-    """Let a solver work on a task; parameters and errors are those of `solve`."""
+    """Let a solver work on a task; errors are those of `solve`.
+
+    Parameters
+    ----------
+    task, solver, setup, seed, stop, cache, jobs, start, back_ends
+        As in `solve`.
+    """
     stop = Stop() if stop is None else stop
     if isinstance(solver, str):
         solver = make_solver(solver, setup.options.get(solver, {}), stop)
