@@ -165,12 +165,7 @@ def command(
 
     from skillplan.cli.counting import counting
     from skillplan.cli.output import as_json, emit, save
-    from skillplan.errors import (
-        EXIT_INTERRUPTED,
-        EXIT_NO_PLAN,
-        EXIT_SOLVED,
-        OptionError,
-    )
+    from skillplan.errors import OptionError
     from skillplan.sweep.parameter_study import do_study, plan_study
     from skillplan.sweep.study_folder import RESULT, STARTS, StudyFolder
     from skillplan.views.tables.learning.sweep import setting_table, start_table
@@ -217,11 +212,7 @@ def command(
             save(folder.path, STARTS, as_csv(start_table(result)))
     if picture is not None and len(result.records) > len(result.failed):
         _draw(result, picture)
-    code = EXIT_SOLVED
-    if result.interrupted:
-        code = EXIT_INTERRUPTED
-    elif not any(outcome.arrived for record in result.records for outcome in record.outcomes):
-        code = EXIT_NO_PLAN
+    code = _exit_code(result)
     tables = [setting_table(result), *([start_table(result)] if style == "csv" else [])]
     emit(style, result.document(), tables, failed=code != 0 or bool(result.failed))
     return code
@@ -238,6 +229,16 @@ def _split(entries: Iterable[str], solver: str) -> tuple[list[tuple[str, str]], 
         else:
             others.append(entry)
     return values, others
+
+
+def _exit_code(result: SweepResult) -> int:
+    """Return the exit code: whether any run arrived anywhere."""
+    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
+
+    if result.interrupted:
+        return EXIT_INTERRUPTED
+    arrived = any(outcome.arrived for record in result.records for outcome in record.outcomes)
+    return EXIT_SOLVED if arrived else EXIT_NO_PLAN
 
 
 def _draw(result: SweepResult, path: Path) -> None:
