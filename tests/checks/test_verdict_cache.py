@@ -169,7 +169,7 @@ def test_what_differs_in_anything_that_may_change_the_answer_has_another_key():
     assert verdict_key(same, SKILL) == keys[0]
 
 
-def test_another_version_asks_anew(tmp_path):
+def test_another_version_is_queried_again(tmp_path):
     """What an old one said is not found."""
     verdicts_of(tmp_path, dear_one())
     newer = dear_one(version="2")
@@ -236,7 +236,7 @@ CORRUPT = {
 
 
 @pytest.mark.parametrize("what", CORRUPT)
-def test_a_corrupt_file_is_dropped_and_its_verdict_made_anew(tmp_path, what):
+def test_a_corrupt_file_is_dropped_and_its_verdict_made_again(tmp_path, what):
     """Never trusted, never an error; afterwards the files are sound again."""
     expected, _ = verdicts_of(tmp_path, dear_one())
     paths = files_in(tmp_path)

@@ -1,4 +1,4 @@
-"""Kept verdicts asked anew."""
+"""Kept verdicts checked again."""
 
 import pytest
 

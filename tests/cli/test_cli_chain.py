@@ -161,7 +161,7 @@ class TestPolicies:
     def test_a_stored_policy_answers_from_elsewhere(
         self, cli: Any, goals: str, policies: str
     ) -> None:
-        """Without learning anew, and as shortly as can be proved."""
+        """Without learning again, and as shortly as can be proved."""
         words = ("--policy", policies, "--part", "base-1", "--from", "C20", "--format", "json")
         outcome = cli("evaluate", goals, *words)
         document = outcome.document
@@ -187,7 +187,7 @@ class TestPolicies:
             ),
             (
                 ("--part", "base-1", "--policy", "FILE", "--set", "bench.actions=13"),
-                "was learned on a task with other skills than base-1. Learn anew",
+                "was learned on a task with other skills than base-1. Learn again",
             ),
         ],
     )

@@ -183,12 +183,12 @@ class TestChance:
 
 class TestMisuse:
     def test_a_step_before_the_first_reset_is_refused(self, board_task: Task) -> None:
-        with pytest.raises(gymnasium.error.ResetNeeded, match="no episode under way"):
+        with pytest.raises(gymnasium.error.ResetNeeded, match="no running episode"):
             SkillEnv(make_model(board_task)).step(0)
 
     def test_a_step_beyond_the_end_is_refused(self, board: SkillEnv) -> None:
         board.step(1)
-        with pytest.raises(gymnasium.error.ResetNeeded, match="no episode under way"):
+        with pytest.raises(gymnasium.error.ResetNeeded, match="no running episode"):
             board.step(0)
 
     @pytest.mark.parametrize("action", [-1, 16, 0.0, "pick(pcb)"])

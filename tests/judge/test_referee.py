@@ -425,7 +425,7 @@ def test_a_proof_under_chance_is_not_granted_where_asking_is_dear():
 
     result = verdict_on(claims(SURE, 5.0, proved=True), two_tries_task(), FakeSetup(make=expensive))
     assert (result.status, result.lower_bound) == ("solved", 5.0)
-    assert result.reason == "where asking is expensive, a proof under chance is not audited"
+    assert result.reason == "where checks are expensive, a proof under chance is not audited"
 
 
 def test_a_proof_under_chance_is_not_granted_where_the_audit_meets_an_unknown():
@@ -585,7 +585,7 @@ def test_a_back_end_that_breaks_is_not_blamed_on_the_solver():
         solve(two_roads_task(), "exact", FakeSetup(make=broken))
 
 
-def test_the_referee_asks_cheap_back_ends_anew_and_dear_ones_not():
+def test_the_referee_queries_cheap_back_ends_again_but_no_expensive_ones():
     """A cheap back end that changes its mind is caught; an expensive one is not asked twice."""
     for expensive in (False, True):
         made = []

@@ -31,7 +31,7 @@ def problem_of(first, costs, precedence=(), step_limit=100):
     """Return jobs that are one skill each."""
     n = len(first)
     names = tuple(f"job_{i}" for i in range(n))
-    ways = {(i, j): () for i in range(-1, n) for j in range(n) if i != j}
+    paths = {(i, j): () for i in range(-1, n) for j in range(n) if i != j}
     matrix = np.array(costs, dtype=float).reshape(n, n)
     np.fill_diagonal(matrix, math.inf)
     return SequencingProblem(
@@ -40,7 +40,7 @@ def problem_of(first, costs, precedence=(), step_limit=100):
         np.array(first, dtype=float),
         matrix,
         frozenset(precedence),
-        ways,
+        paths,
         step_limit,
     )
 

@@ -196,7 +196,7 @@ def test_a_sop_file_is_recognised_as_what_it_is():
     model = make_model(task)
     problem = SequencingProblem.from_model(model)
     assert problem.jobs == tuple(task.operations)
-    assert problem.ways == {}
+    assert problem.paths == {}
     cost, order = cheapest_order(problem)
     assert cost == 2125
     assert order[-1] == len(problem.jobs) - 1
@@ -274,7 +274,7 @@ def test_an_element_that_may_pay_without_being_asked_for_is_refused():
         else skill
         for skill in task.skills
     ]
-    assert "clock is not in the goal, and doing it might pay" in refusal(
+    assert "clock is not in the goal, and doing it might make a plan cheaper" in refusal(
         task.replace(skills=tuple(skills))
     )
 

@@ -95,7 +95,7 @@ def test_a_file_that_is_cut_is_one_clear_error(stored: Path, suffix: str, share:
     with pytest.raises(OptionError) as caught:
         read_network(stored)
     assert str(caught.value).startswith(f"{path}: is ")
-    assert str(caught.value).endswith("Train anew, or go on with --resume, which writes it again.")
+    assert str(caught.value).endswith("Train again, or go on with --resume, which writes it again.")
 
 
 def test_any_other_bytes_in_the_weights_are_noticed(stored: Path) -> None:

@@ -192,7 +192,7 @@ class TestEnumeration:
             TabularMDP.from_model(make_model(base_task(66, 42)), 77)
 
     def test_it_gives_up_when_told_to(self) -> None:
-        with pytest.raises(SearchStopped, match="told to stop"):
+        with pytest.raises(SearchStopped, match="it was stopped"):
             TabularMDP.from_model(make_model(lid_task()), stop=lambda: True)
 
     def test_refusing_and_solving_enumerate_once(self) -> None:

@@ -15,7 +15,7 @@ SOP = Path(__file__).parents[1] / "instances" / "sop"
 def problem_of(first, costs, precedence=frozenset(), lengths=None, step_limit=1_000):
     """Return a problem; `lengths` says how many skills lead from one job (-1: start) to another."""
     n = len(first)
-    ways = {
+    paths = {
         arc: tuple(f"change_{i}" for i in range(length)) for arc, length in (lengths or {}).items()
     }
     return SequencingProblem(
@@ -24,7 +24,7 @@ def problem_of(first, costs, precedence=frozenset(), lengths=None, step_limit=1_
         first=np.array(first, dtype=float),
         costs=np.array(costs, dtype=float).reshape(n, n),
         precedence=frozenset(precedence),
-        ways=ways,
+        paths=paths,
         step_limit=step_limit,
     )
 

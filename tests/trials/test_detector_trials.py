@@ -1,4 +1,4 @@
-"""Detectors on trial: which executions they are shown, and how their rulings are counted."""
+"""Detectors on trial: which executions they are shown, and how their verdicts are counted."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from skillplan.records.execution.detectors import decisive, detectors_document, 
 from skillplan.task.verdict import Verdict, VerdictStatus
 from skillplan.trials.detector_trial import Truth
 from skillplan.trials.detector_trials import CHART, try_detectors
-from skillplan.trials.fault_injection import INTRUDER
+from skillplan.trials.fault_injection import OBSTACLE
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def sees_blocks(task, *, limit_mm=1.0, slow=False):
     """Return a detector that sees every block and reads its mass, and rests on all facts."""
 
     def rule(skill, state):
-        blocks = [body for body in task.scene.bodies if body.name == INTRUDER]
+        blocks = [body for body in task.scene.bodies if body.name == OBSTACLE]
         reading = 1000 * sum(body.mass_kg for body in blocks)
         evidence = {"readings": {"mass_g": reading}, "limits": {"mass_g": limit_mm}}
         facts = state.facts
@@ -57,36 +57,36 @@ def trials(board):
 class TestTrials:
     def test_every_class_of_right_executions_is_tried_once(self, board, trials) -> None:
         """Whatever the chart allows; of those that agree on all that matters, one."""
-        shown = [ruling.trial for ruling in trials.of(Truth.LEGITIMATE) if not ruling.trial.kind]
+        shown = [checked.trial for checked in trials.of(Truth.LEGITIMATE) if not checked.trial.kind]
         assert CHART == trials.reference
         assert {skill.name for skill in board.skills} == {trial.skill.name for trial in shown}
         again = AabbDetector(board)
-        told = set()
+        seen = set()
         for trial in shown:
             verdict = again.check(trial.skill, trial.state)
             key = (trial.skill.name, verdict.present, verdict.absent)
-            assert key not in told
-            told.add(key)
+            assert key not in seen
+            seen.add(key)
 
     def test_collisions_of_all_kinds_and_skills_are_tried_in_turn(self, trials) -> None:
-        """As many as asked for, and as many near misses; none is like another."""
-        staged = [
-            ruling.trial
-            for ruling in trials.of(Truth.COLLISION)
-            if ruling.trial.kind != "wrong order"
+        """As many as requested, and as many near misses; no two are alike."""
+        collisions = [
+            checked.trial
+            for checked in trials.of(Truth.COLLISION)
+            if checked.trial.kind != "wrong order"
         ]
-        assert 40 == len(staged)
-        assert 40 == len({(trial.skill.name, trial.staged) for trial in staged})
-        kinds = Counter(trial.kind for trial in staged)
+        assert 40 == len(collisions)
+        assert 40 == len({(trial.skill.name, trial.fault) for trial in collisions})
+        kinds = Counter(trial.kind for trial in collisions)
         assert {"beside", "tall", "too deep", "in the holder", "under the screw"} <= set(kinds)
         near = [one for one in trials.of(Truth.LEGITIMATE) if one.trial.kind == "near miss"]
         assert 40 == len(near)
 
     def test_orders_that_the_geometry_forbids_are_tried(self, trials) -> None:
         """A part put through another, and parts put down on nothing."""
-        orders = [one.trial for one in trials.rulings if one.trial.kind == "wrong order"]
-        assert ["brace stands in the way of transformer"] == [one.staged for one in orders]
-        falling = [ruling.trial for ruling in trials.of(Truth.OUTCOME)]
+        orders = [one.trial for one in trials.checked if one.trial.kind == "wrong order"]
+        assert ["brace stands in the way of transformer"] == [one.fault for one in orders]
+        falling = [checked.trial for checked in trials.of(Truth.OUTCOME)]
         assert {"place(switch_1)", "place(brace)", "fasten(screw_1)"} <= {
             trial.skill.name for trial in falling
         }
@@ -107,7 +107,7 @@ class TestTrials:
             board, back_ends, note=lambda: made.append(1), stopped=lambda: len(made) == 3
         )
         assert trials.stopped
-        assert 3 == len(trials.rulings)
+        assert 3 == len(trials.checked)
 
 
 class TestCounting:
@@ -122,15 +122,15 @@ class TestCounting:
         assert len(trials.of(Truth.OUTCOME)) == by_name["aabb"]["outcomes_seen"]
         assert 41 == document["trials"]["collision"]
 
-    def test_every_wrong_ruling_is_listed_with_its_evidence(self, trials) -> None:
-        """As many as are counted; with the state and how it was staged."""
+    def test_every_wrong_verdict_is_listed_with_its_evidence(self, trials) -> None:
+        """As many as are counted; with the state and the injected fault."""
         for one in detectors_document(trials, 1.0)["detectors"]:
             wrong = one["wrong_rulings"]
             assert one["false_alarms"] + one["misses"] + one["undecided"] == len(wrong)
-            assert all(ruling["state"] for ruling in wrong)
+            assert all(checked["state"] for checked in wrong)
         assert 40 <= len(wrong_verdicts(trials, "seer"))
 
-    def test_the_figures_that_decide_are_the_nearest_to_a_wrong_ruling(self, trials) -> None:
+    def test_the_figures_that_decide_are_the_nearest_to_a_wrong_verdict(self, trials) -> None:
         """The largest on right executions, the smallest on collisions."""
         right = decisive(trials, "seer", Truth.LEGITIMATE)
         wrong = decisive(trials, "seer", Truth.COLLISION)
@@ -149,7 +149,7 @@ class TestCounting:
 
         trials = try_detectors(board.replace(chart=board.chart), make, 3)
         (only,) = detectors_document(trials, 1.0)["detectors"]
-        assert (0, 0, len(trials.rulings)) == (
+        assert (0, 0, len(trials.checked)) == (
             only["false_alarms"],
             only["misses"],
             only["undecided"],

@@ -111,7 +111,7 @@ def test_a_hand_that_hits_something_is_caught(task, kind) -> None:
     verdict = pairs.check(trial.skill, trial.state)
     assert verdict.is_infeasible
     assert " on the approach to switch_1" in verdict.reason
-    hit = "the work table" if kind == "too deep" else "intruder"
+    hit = "the work table" if kind == "too deep" else "obstacle"
     assert hit in verdict.reason
 
 

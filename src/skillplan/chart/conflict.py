@@ -125,7 +125,7 @@ def _cycle_line(found: Sequence[str], relations: Sequence[Relation], reasons: _R
 
 
 def _candidates(relations: Sequence[Relation], reasons: _Reasons) -> list[Cause]:
-    """Return what could be changed: starts before goals, and what is in the way before others."""
+    """Return what could be changed: starts before goals, and obstacles before others."""
     rank: dict[Cause, tuple[bool, int]] = {}
     for relation in relations:
         for position, cause in enumerate(reasons.causes(relation)):
@@ -142,7 +142,7 @@ class _Reasons:
         self._bodies = {body.name: body for body in task.scene.bodies}
 
     def causes(self, relation: Relation) -> tuple[Cause, ...]:
-        """Return what a relation follows from: what is in the way first."""
+        """Return what a relation follows from: obstacles first."""
         if self._is_line(relation):
             return (Cause("line", f"{relation.before} before {relation.after}"),)
         component, other = self._sides(relation)

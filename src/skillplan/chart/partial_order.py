@@ -58,7 +58,7 @@ def reduction(pairs: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
         after.setdefault(one, set()).add(other)
 
     def follows(one: str, other: str) -> bool:
-        # By way of a component strictly between the two, on no cycle with either.
+        # Through a component strictly between the two, on no cycle with either.
         return (other, one) not in closed and any(
             (via, other) in closed and (via, one) not in closed and (other, via) not in closed
             for via in after[one]

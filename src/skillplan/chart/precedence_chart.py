@@ -46,8 +46,8 @@ class DerivedChart:
         Skills that depend on more than the relation says, such as on one of two supports or on
         where the arm comes from, and the facts that matter: what is no precedence relation.
     undecided
-        Skills about which a back end does not know, or that depend on the other components in
-        too many ways to be worked out.
+        Skills about which a back end does not know, or whose dependence on the other components
+        is too intricate to be worked out.
     """
 
     relations: tuple[Relation, ...]

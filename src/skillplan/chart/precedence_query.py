@@ -209,7 +209,7 @@ class PrecedenceQuery:
 
         Where exactly what must precede the component is done, the skill has to be feasible, and
         to stay so whatever else is done in an order that respects the relation. What a verdict
-        rests on need not change it: every component that it names is tried both ways.
+        rests on need not change it: every component that it names is tried both done and not done.
         """
         before, after = derived.before(self.component), derived.after(self.component)
         verdict = yield from self.check(before)
@@ -232,7 +232,7 @@ class PrecedenceQuery:
         derived: ClosedRelation,
         matter: dict[str, None],
     ) -> CheckSteps[None]:
-        """Try each component that a feasible verdict names the other way; note what changes it."""
+        """Try the opposite of each component that a feasible verdict names; note what matters."""
         open_facts = self._open_facts(verdict, settled)
         for fact in open_facts:
             if self.hypothetical.owner(fact.removeprefix("not ")) is None:

@@ -33,10 +33,10 @@ class Conversation(Protocol):
         """Return what is to be checked next, given what was said to the last; None at the end."""
 
     def fail(self, error: BackEndError) -> None:
-        """Take it that a back end failed on what was to be checked; nothing more is queried."""
+        """Note that a back end failed on this check; nothing more is queried."""
 
 
-# What a process starts from, is queried, and answers.
+# What a process starts from, what it is queried about, and what it answers.
 _Content = tuple[Task, list[tuple[type[BackEnd], BaseModel]]]
 _Job = tuple[int, int, int]
 _Fields = tuple[str, str, str, int, int, dict[str, Any], float]
@@ -115,7 +115,7 @@ class CheckWorkers:
         conversations: Iterable[Conversation],
         poll: Callable[[], None] = lambda: None,
     ) -> None:
-        """Carry on conversations to their ends, each with one check under way at a time.
+        """Carry on conversations to their ends, each with one check at a time.
 
         A check whose process is killed is made once more in a fresh one; if that is killed, too,
         the verdict is unknown.
@@ -125,7 +125,7 @@ class CheckWorkers:
         conversations
             What is to be checked.
         poll
-            Called several times a second; what it raises gives up what is under way.
+            Called several times a second; what it raises ends the checks in progress.
 
         Raises
         ------

@@ -44,7 +44,7 @@ class CheckCount:
     hits
         Queries answered from kept verdicts alone.
     to_go
-        Queries of the batch under way that are not answered yet.
+        Queries of the current batch that are not answered yet.
     """
 
     checks: int
@@ -91,7 +91,7 @@ class Feasibility:
     executions
         Queries for which an expensive back end had to work; any back end where none is expensive.
     reached
-        Queries that came as far as such a back end, be it that what it said was known.
+        Queries that reached such a back end, including those whose verdict was known.
     queried
         How often each back end was queried.
 
@@ -161,7 +161,7 @@ class Feasibility:
         """Return the verdicts on several skills in states, in order.
 
         The same verdicts, and as many checks, as from querying one after the other: of one skill
-        only one query is under way at a time, as its verdict may answer the others.
+        only one query runs at a time, as its verdict may answer the others.
 
         Parameters
         ----------

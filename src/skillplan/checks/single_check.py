@@ -50,10 +50,10 @@ class CheckRequest:
     back_end
         Index of the back end.
     skill, state
-        What it is queried.
+        What it is queried about.
     goes_on
-        Whether another back end was just queried the same: then the process that did it is the
-        one to query, for what it may remember.
+        Whether another back end has just been queried about the same: then the process that did it
+        is the one to query, for what it may remember.
     """
 
     back_end: int
@@ -63,13 +63,13 @@ class CheckRequest:
 
 
 class IntroducedBackEnds(tuple[BackEnd, ...]):
-    """Back ends that have been told of each other, which is done once."""
+    """Back ends that have been introduced to each other, which is done once."""
 
     __slots__ = ()
 
 
 def introduce(back_ends: Sequence[BackEnd]) -> IntroducedBackEnds:
-    """Tell every back end which others are queried beside it.
+    """Introduce the back ends that are queried together to each other.
 
     Returns
     -------

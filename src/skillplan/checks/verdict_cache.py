@@ -3,7 +3,7 @@
 A verdict serves every state that agrees on the facts it rests on. On disk each has a file of its
 own, in a folder named by a hash of everything that could change the answer, so that nothing
 stale is ever found. A file that is not exactly as it was written is dropped and its verdict made
-anew.
+again.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""One verdict in a file of its own: what was queried, what was said, and a checksum of it all."""
+"""One verdict in a file of its own: the query, the answer, and a checksum of it all."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class VerdictRecord:
     key
         Hash of all that the answer depends on; the name of the file's folder.
     task, skill
-        What was queried on, by name.
+        The task that was queried about, by name.
     back_end, version
         Who said it.
     options
@@ -116,7 +116,7 @@ class VerdictRecord:
             self.status, self.reason, self.stage, present, absent, dict(self.evidence)
         )
         if not verdict.applies_in(facts.of(*self.state)):
-            raise ValueError("a kept verdict does not apply where it was asked")
+            raise ValueError("a kept verdict does not apply where it was made")
         return verdict
 
     def write(self, folder: Path) -> str:

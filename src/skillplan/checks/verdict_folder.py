@@ -149,7 +149,7 @@ def _names(folder: Path) -> list[str]:
 def _kept(path: Path) -> KeptVerdict | None:
     try:
         record = read_record(path)
-        told = path.stat()
+        status = path.stat()
     except (OSError, ValueError):
         return None
-    return KeptVerdict(path, record, told.st_size, told.st_mtime)
+    return KeptVerdict(path, record, status.st_size, status.st_mtime)

@@ -49,7 +49,7 @@ def content_hash(content: Any) -> str:
 
 
 def class_name(back_end: BackEnd) -> str:
-    """Return what tells an engine from a detector of the same name."""
+    """Return what distinguishes an engine from a detector of the same name."""
     return f"{type(back_end).__module__}.{type(back_end).__qualname__}"
 
 

@@ -1,4 +1,4 @@
-"""Kept verdicts put to the test: queried anew in the states that they were made in."""
+"""Kept verdicts put to the test: checked again in the states that they were made in."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def put_to_the_test(
     stopped: Callable[[], bool] = lambda: False,
     on_trial: Callable[[], None] = lambda: None,
 ) -> list[Trial]:
-    """Query fresh back ends in the states that kept verdicts were made in.
+    """Check kept verdicts again, by fresh back ends in the states that they were made in.
 
     Parameters
     ----------

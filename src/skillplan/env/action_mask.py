@@ -17,7 +17,7 @@ def allowed_actions(
     Parameters
     ----------
     model
-        The model; back ends are not queried by way of it.
+        The model; no back end is queried through it.
     state
         The state.
     mask

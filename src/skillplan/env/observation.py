@@ -25,7 +25,7 @@ class Observation:
         ``paper``, the bits that the task lists, or all facts where it lists none: on the board
         those of Moller et al., Fig. 5. ``markov``, these and, where they do not say so, where
         the robots stand, on which costs depend. ``layout``, these and what every skill would
-        cost from here, be it applicable or not: what tells one board of a family from another.
+        cost from here, applicable or not: what distinguishes one board of a family from another.
     literals
         The bits, in order.
     priced

@@ -140,7 +140,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
             If the learner should have stopped long ago.
         """
         if self._over:
-            raise gymnasium.error.ResetNeeded("There is no episode under way: call reset.")
+            raise gymnasium.error.ResetNeeded("There is no running episode: call reset.")
         if not self.action_space.contains(action):
             last = len(self.model.task.skills) - 1
             raise gymnasium.error.InvalidAction(f"Actions are 0 to {last}, not {action!r}.")
@@ -197,7 +197,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         return self.model.verdict(self._state, self.model.task.skills[action]).is_feasible
 
     def _outcome(self, skill: Skill, state: State) -> Outcome:
-        """Return what comes of a skill; chance is queried only where there is any."""
+        """Return the outcome of a skill; it is drawn only where there are several."""
         outcomes = skill.outcomes_in(state)
         if len(outcomes) == 1:
             return outcomes[0]

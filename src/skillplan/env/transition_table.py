@@ -142,7 +142,7 @@ class TransitionTable:
         outcomes
             First outcomes, shape (n,); changed.
         generators
-            One for every entry, which is asked for one number only where there are several.
+            One for every entry; it draws one number, and only where there are several outcomes.
         """
         places = np.flatnonzero(self.chances[outcomes] > 1)
         drawn = np.array([generators[place].random() for place in places.tolist()])
@@ -177,19 +177,19 @@ class TransitionTable:
             index = int(self.model_of[number])
             model, state = self.models[index], self._states[number]
             feasible = partial(self._feasible, number)
-            # First the actions: asking for them may bring states that make the arrays grow.
+            # First the actions: looking them up may bring states that make the arrays grow.
             allowed = list(allowed_actions(model, state, self._mask, feasible))
             self.masks[number, allowed] = True
             self.features[number] = self._observations[index].encode(state)
             self._observed[number] = True
 
     def _feasible(self, number: int, action: int) -> bool:
-        # Queried first: the arrays may grow meanwhile.
+        # First the queries: the arrays may grow meanwhile.
         first = self._first_outcome(number, action)
         return bool(self.ends[first] != INFEASIBLE)
 
     def _first_outcome(self, number: int, action: int) -> int:
-        """Return the first outcome of an action in a state; the model is queried where need be."""
+        """Return the first outcome of an action in a state; the model is queried if necessary."""
         known = int(self.outcomes[number, action])
         if known:
             return known

@@ -1,7 +1,7 @@
 """The claims of one plan, checked: replayed, calculated, and proved a second time.
 
 Nothing here trusts the solver that made the claims, nor shares code with it: the plan is replayed
-on a fresh model, the arithmetic is done anew, and what is claimed of all plans is worked out by
+on a fresh model, the arithmetic is done again, and what is claimed of all plans is worked out by
 another method, from :mod:`skillplan.judge.second_proof`, where the case is small enough.
 """
 
@@ -28,7 +28,7 @@ REPLAY = "replay"
 ARITHMETIC = "arithmetic"
 EXPECTATION = "values of all states"
 _PROVED = (Status.OPTIMAL, Status.INFEASIBLE)
-# Durations are told by engines, whose figures may differ in the last places.
+# Durations come from engines, whose figures may differ in the last places.
 _SAME_TIME = 1e-6
 # Under chance the checker takes all states.
 _CHANCE_STATES = 20_000
@@ -130,18 +130,18 @@ def _steps_claim(stored: StoredClaims, walked: Replay, *, timed: bool) -> Claim:
     fault = ""
     if not len(stored.actions) == len(stored.steps) == stored.makespan == n:
         fault = "skills, actions, steps and makespan are not as many"
-    for told, step in zip(stored.steps, walked.steps, strict=False):
+    for claimed, step in zip(stored.steps, walked.steps, strict=False):
         place = f"step {step.index + 1}: "
         action = stored.actions[step.index] if step.index < len(stored.actions) else None
-        if (told.index, told.skill) != (step.index, step.skill):
-            fault = fault or f"{place}is {step.skill} among skills, {told.skill} among steps"
-        elif not told.action == action == step.action:
-            fault = fault or f"{place}{step.skill} is action {step.action}, not {told.action}"
-        elif abs(told.cost - step.cost) > tolerance(step.cost):
-            figures = f"{_figure(step.cost)}, not {_figure(told.cost)}"
+        if (claimed.index, claimed.skill) != (step.index, step.skill):
+            fault = fault or f"{place}is {step.skill} among skills, {claimed.skill} among steps"
+        elif not claimed.action == action == step.action:
+            fault = fault or f"{place}{step.skill} is action {step.action}, not {claimed.action}"
+        elif abs(claimed.cost - step.cost) > tolerance(step.cost):
+            figures = f"{_figure(step.cost)}, not {_figure(claimed.cost)}"
             fault = fault or f"{place}{step.skill} costs {figures}"
-        elif not timed and abs(told.duration_s - step.duration_s) > _SAME_TIME:
-            figures = f"{_figure(step.duration_s)} s, not {_figure(told.duration_s)} s"
+        elif not timed and abs(claimed.duration_s - step.duration_s) > _SAME_TIME:
+            figures = f"{_figure(step.duration_s)} s, not {_figure(claimed.duration_s)} s"
             fault = fault or f"{place}{step.skill} takes {figures}"
     return _claim("steps", not fault, "as replayed, one by one", fault, REPLAY)
 

@@ -167,7 +167,7 @@ def _judge_expectation(
 
     A sequence of skills cannot refute such a claim, only another policy can.
     """
-    least, doubt = None, "where asking is expensive, a proof under chance is not audited"
+    least, doubt = None, "where checks are expensive, a proof under chance is not audited"
     if audit:
         least, doubt = _least(model)
     if least is not None and claimed > least + tolerance(least):
@@ -183,7 +183,7 @@ def _judge_expectation(
 
 
 def _least(model: SkillModel) -> tuple[float | None, str]:
-    """Return the least expected cost, or None and why the referee cannot tell."""
+    """Return the least expected cost, or None and why the referee cannot work it out."""
     # Takes numpy, which nothing needs that is judged without chance.
     from skillplan.model.least_expected_cost import least_expected_cost
 

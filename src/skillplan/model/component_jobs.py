@@ -30,7 +30,7 @@ class Job:
     Parameters
     ----------
     component
-        What is finished.
+        The component that is finished.
     chain
         At least one skill.
     own
@@ -57,7 +57,7 @@ class Job:
         return self.stages[0] ^ self.stages[-1]
 
 
-class ElementJobs:
+class ComponentJobs:
     """The jobs of a task, and the skills between them.
 
     Facts that are no job's own make up the *situation*: where an arm stands, which tool it
@@ -73,7 +73,7 @@ class ElementJobs:
     jobs
         In the order of the task's components; also those of components that are not in the goal.
     goal
-        Indices of the jobs that the goal asks for.
+        Indices of the jobs that the goal demands.
     connectors
         Skills that are part of no job, such as tool changes.
     situation

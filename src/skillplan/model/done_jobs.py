@@ -7,7 +7,7 @@ from functools import reduce
 from graphlib import CycleError, TopologicalSorter
 from operator import or_
 
-from skillplan.model.component_jobs import ElementJobs
+from skillplan.model.component_jobs import ComponentJobs
 from skillplan.model.fact_analysis import each_bit
 from skillplan.task.verdict import Verdict
 
@@ -21,7 +21,7 @@ class DoneSets:
         The jobs.
     """
 
-    def __init__(self, structure: ElementJobs) -> None:
+    def __init__(self, structure: ComponentJobs) -> None:
         self.structure = structure
         self._undone = reduce(or_, (job.stages[0] for job in structure.jobs), 0)
         self._telling = reduce(or_, (job.change for job in structure.jobs), 0)
@@ -49,7 +49,7 @@ class DoneSets:
         Raises
         ------
         NotASequencing
-            If one wants what holds neither way.
+            If one needs what holds neither before nor after.
         """
         structure = self.structure
         own, done, undone = structure.jobs[job].own, 0, 0
@@ -64,8 +64,8 @@ class DoneSets:
                 may = bool(stages[0] & bit) == wanted, bool(stages[-1] & bit) == wanted
                 if not any(may):
                     fact = structure.task.facts.names_of(bit)[0]
-                    amiss = fact if wanted else f"not {fact}"
-                    raise structure.no(f"{skill.name} is never feasible (needs {amiss})")
+                    missing = fact if wanted else f"not {fact}"
+                    raise structure.no(f"{skill.name} is never feasible (needs {missing})")
                 done |= (not may[0]) << other
                 undone |= (not may[1]) << other
         return done, undone
@@ -78,7 +78,7 @@ def members(jobs: int) -> Iterator[int]:
 
 
 def closed(
-    structure: ElementJobs, before: Mapping[int, int]
+    structure: ComponentJobs, before: Mapping[int, int]
 ) -> tuple[dict[int, int], dict[int, int]]:
     """Return by job the jobs before and after it in whatever number of steps.
 

@@ -13,12 +13,12 @@ from skillplan.task.verdict import VerdictStatus
 
 @dataclass(frozen=True, slots=True)
 class Enumeration:
-    """What querying everything came to.
+    """How many queries there are, and their verdicts.
 
     Parameters
     ----------
     states
-        States queried on.
+        States in which skills were checked.
     queries
         Pairs of such a state and an applicable skill.
     feasible, unknown
@@ -59,9 +59,9 @@ class Enumeration:
 def enumerate_feasibility(
     feasibility: Feasibility, stopped: Callable[[], bool] = lambda: False
 ) -> Enumeration:
-    """Query about every state that feasible skills lead to within the step limit.
+    """Check every state that feasible skills lead to within the step limit.
 
-    Breadth first, all states of one distance at once. Where the task is done, nothing is queried
+    Breadth first, all states of one distance at once. Where the task is done, nothing is checked
     any more.
 
     Parameters
@@ -69,7 +69,7 @@ def enumerate_feasibility(
     feasibility
         The chain of checks, fresh.
     stopped
-        Whether to stop; queried several times a second. What is under way is given up then.
+        Whether to stop; called several times a second. Checks in progress are given up then.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def enumerate_feasibility(
             raise _Stopped
 
     for _ in range(task.step_limit):
-        asked = [
+        checks = [
             (skill, state)
             for state in level
             if not model.is_goal(state)
@@ -96,15 +96,15 @@ def enumerate_feasibility(
         ]
         try:
             poll()
-            verdicts = feasibility.verdicts(asked, poll)
+            verdicts = feasibility.verdicts(checks, poll)
         except _Stopped:
             complete = False
             break
         states += len(level)
-        queries += len(asked)
+        queries += len(checks)
         unknown += sum(verdict.status is VerdictStatus.UNKNOWN for verdict in verdicts)
         following: dict[State, None] = {}
-        for (skill, state), verdict in zip(asked, verdicts, strict=True):
+        for (skill, state), verdict in zip(checks, verdicts, strict=True):
             if verdict.is_feasible:
                 feasible += 1
                 for outcome in skill.outcomes_in(state):

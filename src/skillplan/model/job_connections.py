@@ -1,4 +1,4 @@
-"""The ways between jobs: what leads from one to the next at least cost, such as tool changes."""
+"""The paths between jobs: what leads from one to the next at least cost, such as tool changes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.model.component_jobs import ElementJobs
+from skillplan.model.component_jobs import ComponentJobs
 from skillplan.model.done_jobs import DoneSets
 from skillplan.model.fact_analysis import each_bit
 from skillplan.model.skill_model import SkillModel
@@ -18,18 +18,18 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict, VerdictStatus
 
-# So many situations may be met between two jobs, and states hypothetical for one skill there.
+# Limits of the search between two jobs: situations, and queries about one skill.
 _MOST_SITUATIONS = 1_000
-_MOST_QUESTIONS = 1_000
+_MOST_QUERIES = 1_000
 
 
 @dataclass(frozen=True, slots=True)
 class _Stop:
-    """A situation on the way from a job, what came to it, and at what cost."""
+    """A situation after a job, the skills that lead to it, and their cost."""
 
     cost: float
     situation: int
-    way: tuple[str, ...]
+    path: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +46,12 @@ class _Group:
 
 
 class JobConnections:
-    """Least costs of coming to jobs and doing them, and the skills on the way.
+    """Least costs of coming to jobs and doing them, and the skills on these paths.
 
     Parameters
     ----------
     model
-        Queried whether the skills between jobs are feasible.
+        Queried about the skills between jobs.
     structure
         The jobs of its task.
     sets
@@ -59,7 +59,7 @@ class JobConnections:
 
     Attributes
     ----------
-    ways
+    paths
         The skills from a job, or the start (-1), to a job, where there are any.
 
     Raises
@@ -68,7 +68,7 @@ class JobConnections:
         If a skill between jobs depends on what has been done.
     """
 
-    def __init__(self, model: SkillModel, structure: ElementJobs, sets: DoneSets) -> None:
+    def __init__(self, model: SkillModel, structure: ComponentJobs, sets: DoneSets) -> None:
         self._model = model
         self._structure = structure
         self._sets = sets
@@ -83,7 +83,7 @@ class JobConnections:
         self._tables: dict[tuple[int, int], NDArray[np.float64]] = {}
         self._tails: dict[tuple[int, int], float] = {}
         self._begun_in: list[int] = [-1] * len(structure.jobs)
-        self.ways: dict[tuple[int, int], tuple[str, ...]] = {}
+        self.paths: dict[tuple[int, int], tuple[str, ...]] = {}
         self._groups = self._grouped()
 
     def matrix(self) -> NDArray[np.float64]:
@@ -99,13 +99,13 @@ class JobConnections:
         for source, situation in enumerate([initial, *(job.after for job in structure.jobs)]):
             if situation not in taken:
                 taken[situation] = self._from(situation)
-            costs, ways = taken[situation]
+            costs, paths = taken[situation]
             found[source] = costs
             if source:
                 found[source, source - 1] = math.inf
-            for job, way in enumerate(ways):
-                if way and math.isfinite(found[source, job]):
-                    self.ways[source - 1, job] = way
+            for job, path in enumerate(paths):
+                if path and math.isfinite(found[source, job]):
+                    self.paths[source - 1, job] = path
         return found
 
     def begun_in(self, job: int) -> int:
@@ -123,17 +123,17 @@ class JobConnections:
         return self._begun_in[job]
 
     def _from(self, situation: int) -> tuple[NDArray[np.float64], list[tuple[str, ...]]]:
-        """Return the cost of coming from a situation to each job and doing it, and the ways."""
+        """Return the cost of coming from a situation to each job and doing it, and the paths."""
         stops = self._stops(situation)
         costs = np.stack([stop.cost + self._row(stop.situation) for stop in stops])
-        # Of equally expensive ways the first found, which has the least to go.
+        # Of equally expensive paths the first found, which is the shortest.
         chosen = costs.argmin(axis=0)
         least = costs[chosen, np.arange(len(chosen))]
         if -1 in self._begun_in:
             for job, position in enumerate(chosen.tolist()):
                 if self._begun_in[job] < 0 and math.isfinite(least[job]):
                     self._begun_in[job] = stops[position].situation
-        return least, [stops[position].way for position in chosen.tolist()] if chosen.any() else []
+        return least, [stops[position].path for position in chosen.tolist()] if chosen.any() else []
 
     def _stops(self, situation: int) -> list[_Stop]:
         """Return the situations that lead on from one without a job, cheapest first."""
@@ -141,16 +141,16 @@ class JobConnections:
         met: dict[int, _Stop] = {}
         pushed = 0
         while queue:
-            cost, _, here, way = heapq.heappop(queue)
+            cost, _, here, path = heapq.heappop(queue)
             if here in met:
                 continue
             if len(met) >= _MOST_SITUATIONS:
                 raise self._structure.no(f"more than {_MOST_SITUATIONS} situations between jobs")
-            met[here] = _Stop(cost, here, way)
+            met[here] = _Stop(cost, here, path)
             for more, following, name in self._edges_of(here):
                 if following not in met:
                     pushed += 1
-                    heapq.heappush(queue, (cost + more, pushed, following, (*way, name)))
+                    heapq.heappush(queue, (cost + more, pushed, following, (*path, name)))
         return list(met.values())
 
     def _edges_of(self, situation: int) -> list[tuple[float, int, str]]:
@@ -169,14 +169,14 @@ class JobConnections:
     def _passes(self, skill: Skill, situation: int) -> bool:
         """Whether a skill between jobs is feasible in a situation, whatever has been done.
 
-        Every job that a verdict names is tried both ways.
+        Every job that a verdict names is tried both done and not done.
         """
         kept = self._passable.setdefault(skill.name, [])
         for basis, value, passes in kept:
             if situation & basis == value:
                 return passes
         first = self._verdict(skill, situation, 0)
-        open_sets, asked, basis = [(first, 0, 0)], 1, 0
+        open_sets, queries, basis = [(first, 0, 0)], 1, 0
         while open_sets:
             verdict, done, never = open_sets.pop()
             assert verdict.present is not None
@@ -186,11 +186,11 @@ class JobConnections:
                 raise self._structure.no(f"{skill.name} depends on what has been done: {facts}")
             basis |= (verdict.present.bits | verdict.absent.bits) & self._structure.situation
             for other in each_bit(self._sets.named(verdict) & ~(done | never)):
-                asked += 1
+                queries += 1
                 more = self._verdict(skill, situation, done | other)
                 open_sets.append((more, done | other, never))
                 never |= other
-            if asked > _MOST_QUESTIONS:
+            if queries > _MOST_QUERIES:
                 raise self._structure.no(f"what {skill.name} depends on could not be worked out")
         kept.append((basis, situation & basis, first.is_feasible))
         return first.is_feasible
@@ -273,7 +273,7 @@ class JobConnections:
             return skill.cost.at(state)
         except ValueError as error:
             why = str(error).rstrip(".")
-            raise self._structure.no(f"the cost of {skill.name} is not told: {why}") from None
+            raise self._structure.no(f"the cost of {skill.name} is unknown: {why}") from None
 
     def _following(self, skill: Skill, situation: int) -> int:
         outcome = skill.prediction

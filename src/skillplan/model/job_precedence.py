@@ -2,8 +2,8 @@
 
 Nothing comes between the skills of a job, so that while it is done every other component is either
 done or not. A verdict names the facts it rests on: it holds for every set of done components that
-agrees on those. So few questions prove that a skill is feasible for exactly those sets that an
-order leaves open; where they prove anything else, the model is refused.
+agrees on those. So a few queries prove that a skill is feasible for exactly those sets that an
+order leaves open. Where they prove anything else, the model is refused.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from skillplan.model.done_jobs import DoneSets
 from skillplan.model.fact_analysis import each_bit
 from skillplan.task.verdict import Verdict, VerdictStatus
 
-# So many states are considered for one job before the model is given up.
-_MOST_QUESTIONS = 5_000
+# The most states that are considered for one job before the model is given up.
+_MOST_QUERIES = 5_000
 
 
 class JobQuery:
-    """What back ends check the skills of one job.
+    """The queries to back ends about the skills of one job.
 
     Parameters
     ----------
@@ -42,13 +42,13 @@ class JobQuery:
         self._structure = sets.structure
         self.job = self._structure.jobs[job]
         self._index = job
-        self._asked = 0
+        self._queries = 0
         self._found: dict[int, tuple[int, int]] = {}
         self._begins = list(self._beginnings(situation))
         self.before, self.after = sets.demands(job)
 
     def feasible_sets(self) -> CheckSteps[bool]:
-        """Find jobs with which done each skill is feasible, and what of that there is no way round.
+        """Find jobs with which done each skill is feasible, and those of them that are necessary.
 
         Raises
         ------
@@ -109,9 +109,9 @@ class JobQuery:
 
     def _check(self, position: int, done: int) -> CheckSteps[Verdict]:
         """Return the verdict on a skill of the job where exactly these others are done."""
-        self._asked += 1
+        self._queries += 1
         skill, structure = self.job.chain[position], self._structure
-        if self._asked > _MOST_QUESTIONS:
+        if self._queries > _MOST_QUERIES:
             raise Undecided
         own = self._sets.state_bits(done) & ~self.job.own | self.job.stages[position]
         state = structure.task.facts.state(own | self._begins[position])

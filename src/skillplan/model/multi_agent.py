@@ -24,7 +24,7 @@ from skillplan.task.task import Task
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """One way of one agent from a place to another.
+    """One move of one agent from a place to another.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ Moves = tuple[tuple[Move, ...], ...]
 
 @dataclass(frozen=True)
 class MultiAgentProblem:
-    """Agents that have to reach their goals without being in each other's way.
+    """Agents that have to reach their goals without blocking each other.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ class MultiAgentProblem:
 
     @cached_property
     def least_costs(self) -> tuple[tuple[float, ...], ...]:
-        """Cost of each agent's cheapest way to its goal from every place, alone; inf for none."""
+        """Cost of each agent's cheapest path to its goal from every place, alone; inf for none."""
         return tuple(
             self._distances(agent, [[move.cost for move in here] for here in moves])
             for agent, moves in enumerate(self.moves)
@@ -180,7 +180,7 @@ class MultiAgentProblem:
 
     @cached_property
     def fewest_moves(self) -> tuple[tuple[float, ...], ...]:
-        """Length of each agent's shortest way to its goal from every place, alone."""
+        """Length of each agent's shortest path to its goal from every place, alone."""
         return tuple(
             self._distances(agent, [[1.0] * len(here) for here in moves])
             for agent, moves in enumerate(self.moves)

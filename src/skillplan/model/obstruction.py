@@ -1,7 +1,7 @@
-"""Why no plan exists: what is in the way in every state that can be reached.
+"""Why no plan exists: what blocks a skill in every state that can be reached.
 
-After a proof that there is no plan, the verdicts that matter are known; what is said here is
-read off them, so that expensive back ends need not be queried again.
+After a proof that there is no plan, the verdicts that matter are known. The reasons given here
+follow from them, so that expensive back ends need not be queried again.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _MOST_NAMED = 2
 
 @dataclass
 class _Tries:
-    """What became of one skill wherever its precondition held."""
+    """The verdicts on one skill wherever its precondition held."""
 
     states: int = 0
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -45,7 +45,7 @@ class _Tries:
 
 @dataclass
 class _Reached:
-    """What can be reached, and what became of the skills there."""
+    """The states that can be reached, and the verdicts on the skills there."""
 
     states: set[State]
     tries: dict[str, _Tries]
@@ -126,7 +126,7 @@ def _matters(model: SkillModel, skill: Skill, seen: set[State]) -> bool:
 
 
 def _component(hypothetical: HypotheticalStates, skill: Skill) -> str | None:
-    """Return the component that a skill brings on its way, or None."""
+    """Return the component that a skill moves or fastens, or None."""
     operations = hypothetical.task.operations
     return next((one for one in skill.parameters.values() if one in operations), None)
 

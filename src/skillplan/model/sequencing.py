@@ -2,7 +2,7 @@
 
 Escudero (1988): an asymmetric path through all jobs that respects a precedence relation. A job
 is the run of skills that brings one component of the product to its goal, such as pick and place;
-what a tool change costs is part of the way from one job to the next. Models that do not have
+what a tool change costs is part of the path from one job to the next. Models that do not have
 this structure are refused in words.
 """
 
@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.chart.precedence_query import CheckSteps, run_queries
-from skillplan.model.component_jobs import ElementJobs
+from skillplan.model.component_jobs import ComponentJobs
 from skillplan.model.done_jobs import DoneSets, closed, members
 from skillplan.model.job_connections import JobConnections
 from skillplan.model.job_precedence import JobQuery
 from skillplan.model.skill_model import SkillModel
 
-# What a way may be costlier for leaving a job out, as rounding has it.
+# By how much a path may cost more for leaving a job out, because of rounding.
 _TOLERANCE = 1e-9
 
 
@@ -48,7 +48,7 @@ class SequencingProblem:
         where j cannot come right after i.
     precedence
         Pairs of indices: the first before the second. What follows from others may be left out.
-    ways
+    paths
         The skills between the initial state (-1), or a job, and a job, such as tool changes;
         pairs without any are left out.
     step_limit
@@ -66,7 +66,7 @@ class SequencingProblem:
     first: NDArray[np.float64]
     costs: NDArray[np.float64]
     precedence: frozenset[tuple[int, int]]
-    ways: dict[tuple[int, int], tuple[str, ...]]
+    paths: dict[tuple[int, int], tuple[str, ...]]
     step_limit: int
 
     def __post_init__(self) -> None:
@@ -85,7 +85,7 @@ class SequencingProblem:
         """Return the skills of doing all jobs in an order, tool changes included."""
         names: list[str] = []
         for before, job in zip((-1, *order), order, strict=False):
-            names += [*self.ways.get((before, job), ()), *self.skills[job]]
+            names += [*self.paths.get((before, job), ()), *self.skills[job]]
         return tuple(names)
 
     def fits(self, order: Sequence[int]) -> bool:
@@ -124,18 +124,18 @@ class SequencingProblem:
 
     @classmethod
     def from_model(cls, model: SkillModel) -> SequencingProblem:
-        """Recognise the structure in a model; the precedence relation is queried of its back ends.
+        """Recognise the structure in a model; back ends are queried for the precedence.
 
         Raises
         ------
         NotASequencing
-            If the model does not have it; the message says what stands against it.
+            If the model does not have it; the message says why.
         BackEndError
             If a back end fails.
         SearchStopped
             If the caller should have stopped long ago.
         """
-        structure = ElementJobs(model.task)
+        structure = ComponentJobs(model.task)
         sets = DoneSets(structure)
         connections = JobConnections(model, structure, sets)
         costs = connections.matrix()
@@ -143,9 +143,9 @@ class SequencingProblem:
         chosen = sorted(before)
         _check_left_out(structure, set(before), costs)
         index = {job: i for i, job in enumerate(chosen)}
-        ways = {
-            (index.get(source, -1), index[job]): way
-            for (source, job), way in connections.ways.items()
+        paths = {
+            (index.get(source, -1), index[job]): path
+            for (source, job), path in connections.paths.items()
             if job in index and (source < 0 or source in index)
         }
         return cls(
@@ -154,18 +154,18 @@ class SequencingProblem:
             costs[0, chosen],
             costs[np.ix_([1 + job for job in chosen], chosen)],
             frozenset((index[one], index[job]) for job in chosen for one in members(before[job])),
-            ways,
+            paths,
             model.task.step_limit,
         )
 
 
 def _precedence(
-    model: SkillModel, structure: ElementJobs, sets: DoneSets, connections: JobConnections
+    model: SkillModel, structure: ComponentJobs, sets: DoneSets, connections: JobConnections
 ) -> dict[int, int]:
     """Return, by each job that every plan does, the set of those that must come before it."""
     queries: dict[int, JobQuery] = {}
 
-    def ask(steps: Mapping[int, CheckSteps[bool]]) -> None:
+    def run(steps: Mapping[int, CheckSteps[bool]]) -> None:
         answers = run_queries(model, list(steps.values()))
         for job, answered in zip(steps, answers, strict=True):
             if not answered:
@@ -176,10 +176,10 @@ def _precedence(
     while todo:
         new = {job: JobQuery(sets, job, connections.begun_in(job)) for job in sorted(todo)}
         queries |= new
-        ask({job: query.feasible_sets() for job, query in new.items()})
-        # What one job says of another need not be queried of that.
+        run({job: query.feasible_sets() for job, query in new.items()})
+        # What the query of one job found about another need not be queried again.
         _exchange(queries)
-        ask({job: query.relations() for job, query in new.items()})
+        run({job: query.relations() for job, query in new.items()})
         _exchange(queries)
         # What is not in the goal, but needed for it, is done in every plan, too.
         needed = {other for query in queries.values() for other in members(query.before)}
@@ -189,7 +189,7 @@ def _precedence(
     left_out = sum(1 << job for job in range(len(structure.jobs)) if job not in queries)
     for job in queries:
         all_after[job] |= left_out
-    ask({job: query.beyond(all_before, all_after) for job, query in queries.items()})
+    run({job: query.beyond(all_before, all_after) for job, query in queries.items()})
     return before
 
 
@@ -204,11 +204,11 @@ def _exchange(queries: Mapping[int, JobQuery]) -> None:
                 queries[other].before |= 1 << job
 
 
-def _check_left_out(structure: ElementJobs, done: set[int], costs: NDArray[np.float64]) -> None:
-    """Demand that it never pays to do what nothing asks for.
+def _check_left_out(structure: ComponentJobs, done: set[int], costs: NDArray[np.float64]) -> None:
+    """Demand that a job which nothing needs never makes a plan cheaper.
 
-    Then every plan that does it can do without, at no more cost: nothing needs it, and from any
-    job before it there is a way to any after it that is no costlier.
+    Then every plan can leave it out at no more cost: nothing needs it, and from any job before it
+    a path that costs no more leads to any job after it.
     """
     for job in sorted(set(range(len(structure.jobs))) - done):
         around = costs[:, [job]] + costs[[1 + job], :]
@@ -216,4 +216,6 @@ def _check_left_out(structure: ElementJobs, done: set[int], costs: NDArray[np.fl
         np.fill_diagonal(around[1:], math.inf)
         if not (costs <= around + _TOLERANCE).all():
             component = structure.jobs[job].component
-            raise structure.no(f"{component} is not in the goal, and doing it might pay")
+            raise structure.no(
+                f"{component} is not in the goal, and doing it might make a plan cheaper"
+            )

@@ -1,6 +1,6 @@
 """The lazy skill-transition model: what every solver consumes.
 
-*Applicable* is symbolic and free; *feasible* queries back ends, and only when a solver queries.
+*Applicable* is symbolic and free; *feasible* queries back ends, and only once a solver needs it.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ class SkillModel:
     def transition(self, state: State, skill: Skill) -> Transition:
         """Return the predicted transition, whether feasible or not.
 
-        No back end is asked for a verdict; one that can may say how long it takes.
+        No back end is queried for a verdict; one that can may say how long it takes.
         """
         return Transition(
             state,
@@ -193,8 +193,7 @@ class SkillModel:
         found = self._transitions.get(state)
         if found is None:
             skills = self.applicable(state)
-            asked = [(skill, state) for skill in skills]
-            verdicts = self.verdicts(asked)
+            verdicts = self.verdicts([(skill, state) for skill in skills])
             found = tuple(
                 self.transition(state, skill)
                 for skill, verdict in zip(skills, verdicts, strict=True)
@@ -208,4 +207,4 @@ class SkillModel:
 
     def _cut_off(self) -> None:
         if self._overdue is not None and self._overdue():
-            raise SearchStopped("The solver went on long after it was told to stop.")
+            raise SearchStopped("The solver went on long after it should have stopped.")

@@ -91,7 +91,7 @@ class TabularMDP:
         limit
             The most states to hold, >= 1.
         stop
-            Queried before every state whether to give up; None for never.
+            Called before every state; once true, the model is given up. None for never.
 
         Raises
         ------
@@ -113,7 +113,7 @@ class TabularMDP:
             raise too_large
         for state in states:
             if stop is not None and stop():
-                raise SearchStopped("The model was not enumerated to the end: told to stop.")
+                raise SearchStopped("The model was not enumerated to the end: it was stopped.")
             goal.append(model.is_goal(state))
             for step in () if goal[-1] else model.transitions(state):
                 actions.append(model.task.action(step.skill))

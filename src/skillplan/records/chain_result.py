@@ -34,7 +34,7 @@ class ChainPart:
         The cost that exact search proved for this task; None where it was not run or found
         no proof.
     reused
-        Whether a policy stored for an earlier task answered, without planning anew.
+        Whether a policy stored for an earlier task answered, without planning again.
     """
 
     task: Task
@@ -92,7 +92,7 @@ class ChainResult:
     account
         What the domain says beyond the plans.
     replans
-        How often the upper levels were planned anew because a lower one had failed.
+        How often the upper levels were planned again because a lower one had failed.
     broken
         Why a stage could not be begun with what those before gave; empty where it could.
     origin

@@ -18,7 +18,7 @@ class DerivedOrder:
     task
         The task's name.
     back_ends
-        Names of those that were queried; none where the task is too large to query them unasked.
+        Names of those that were queried; empty where the task is too large to query by itself.
     pairs
         How many pairs of components have an order.
     cycle
@@ -50,7 +50,7 @@ class DerivedOrder:
 
 @dataclass(frozen=True)
 class Preview:
-    """What ``check`` tells of a valid file besides its tasks.
+    """What ``check`` reports of a valid file besides its tasks.
 
     Parameters
     ----------

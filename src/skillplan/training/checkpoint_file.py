@@ -26,7 +26,7 @@ from skillplan.solvers.learning.learner import Snapshot
 _KEY = "skillplan"
 # More than any replay memory that fits into a machine of today.
 _MOST_BYTES = 64 * 1024**3
-_REMEDY = "Delete it, and --resume begins its runs anew"
+_REMEDY = "Delete it, and --resume begins its runs again"
 
 
 @dataclass(frozen=True)

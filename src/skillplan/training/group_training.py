@@ -193,7 +193,7 @@ class GroupTraining:
         except ValueError as error:
             raise OptionError(
                 f"{self._path / CHECKPOINT}: is none that the solver {plan.solver!r} can go on "
-                f"from: {error} Delete it, and --resume begins its runs anew."
+                f"from: {error} Delete it, and --resume begins its runs again."
             ) from None
         if training.steps != checkpoint.steps:
             raise SkillplanError(

@@ -51,7 +51,7 @@ class GroupFailure:
     back_end
         Whether a back end has failed.
     stopped
-        Whether it was merely stopped, and lost what it had under way.
+        Whether it was merely stopped, and lost the work in progress.
     """
 
     group: int

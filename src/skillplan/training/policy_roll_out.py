@@ -43,7 +43,7 @@ def greedy_roll_out(
     Parameters
     ----------
     model
-        Asked about every step that the policy takes.
+        Queried about every step that the policy takes.
     observation
         What the policy sees; of the model's task.
     policy

@@ -169,7 +169,7 @@ class RunLog:
             if file.length < length:
                 raise OptionError(
                     f"{path}: is damaged: it is shorter than the checkpoint says. Bring it back "
-                    "from a copy, or train anew in another folder."
+                    "from a copy, or train again in another folder."
                 )
             file.cut(length)
 

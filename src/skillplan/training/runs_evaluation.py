@@ -159,7 +159,7 @@ class RunsEvaluation:
         if stored.policy is None:
             where = run_path(self.folder.path, stored.run)
             done = stored.steps >= self.folder.manifest.steps
-            lost = f"its policy.json is missing from {where}. Train anew, or use a copy"
+            lost = f"its policy.json is missing from {where}. Train again, or use a copy"
             return stored.failure or (lost if done else _NO_POLICY)
         manifest = self.folder.manifest
         for policy in (stored.policy, stored.last or stored.policy):

@@ -25,15 +25,15 @@ class Trial:
     Parameters
     ----------
     task
-        The task, or one in which something stands that should not.
+        The task, or one with an injected fault.
     skill, state
         What is executed, and where it starts.
     truth
         Legitimate; a collision; or nothing touches, but what is set down ends elsewhere.
     kind
-        How it goes wrong, in a word or two; empty where it does not.
-    staged
-        How it goes wrong, in words; empty where it does not.
+        How it goes wrong, in a word or two, or that it is a near miss; else empty.
+    fault
+        What goes wrong, in words, or where the obstacle of a near miss stands; else empty.
     """
 
     task: Task
@@ -41,4 +41,4 @@ class Trial:
     state: State
     truth: Truth
     kind: str = ""
-    staged: str = ""
+    fault: str = ""

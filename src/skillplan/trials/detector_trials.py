@@ -1,9 +1,9 @@
 """Detectors tried on executions of which it is known whether they are right.
 
 Right are those that the hand-made chart allows or, where a task has none, those that more than
-half of the back ends grant. Wrong ones are staged, see
-:mod:`skillplan.trials.fault_injection`, or come of orders in which a part is put through
-another or down on nothing, see :mod:`skillplan.trials.wrong_orders`.
+half of the back ends accept. Wrong ones have an injected fault, see
+:mod:`skillplan.trials.fault_injection`, or an order in which a part is put through another or
+set down on nothing, see :mod:`skillplan.trials.wrong_orders`.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ CHART = "the hand-made chart"
 
 
 @dataclass(frozen=True)
-class Ruling:
-    """What the back ends say of one trial.
+class CheckedTrial:
+    """A trial and the verdicts of the back ends on it.
 
     Parameters
     ----------
@@ -45,44 +45,44 @@ class Ruling:
 
 @dataclass(frozen=True)
 class DetectorTrials:
-    """Rulings on trials, as far as they were asked.
+    """Trials and their verdicts, as far as they were checked.
 
     Parameters
     ----------
     task
         What the trials are made of.
     engine
-        The engine's name: it rules as well, on what detectors leave to it.
+        The engine's name. It gives verdicts, too, on what detectors leave to it.
     detectors
         Their names.
     reference
         What says that an execution is right, in words.
-    rulings
-        In the order of asking.
+    checked
+        In the order of the checks.
     stopped
-        Whether the asking was ended early.
+        Whether the checks were ended early.
     """
 
     task: Task
     engine: str
     detectors: tuple[str, ...]
     reference: str
-    rulings: tuple[Ruling, ...]
+    checked: tuple[CheckedTrial, ...]
     stopped: bool = False
 
-    def of(self, truth: Truth) -> list[Ruling]:
-        """Return the rulings on trials of one truth."""
-        return [ruling for ruling in self.rulings if ruling.trial.truth is truth]
+    def of(self, truth: Truth) -> list[CheckedTrial]:
+        """Return the checked trials of one truth."""
+        return [checked for checked in self.checked if checked.trial.truth is truth]
 
     def count(self, truth: Truth, name: str, status: VerdictStatus) -> int:
-        """Return on how many trials of one truth a back end rules so."""
-        return sum(ruling.verdicts[name].status is status for ruling in self.of(truth))
+        """Return on how many trials of one truth a back end gives this verdict."""
+        return sum(checked.verdicts[name].status is status for checked in self.of(truth))
 
 
 def try_detectors(
     task: Task,
     make: Callable[[Task], Sequence[BackEnd]],
-    staged: int = 40,
+    faults: int = 40,
     *,
     note: Callable[[], None] = lambda: None,
     stopped: Callable[[], bool] = lambda: False,
@@ -94,15 +94,15 @@ def try_detectors(
     task
         With bodies.
     make
-        Returns engine and detectors for a task, the engine first; asked again for every task in
-        which something stands that should not.
-    staged
-        How many collisions are staged at most, >= 0, of all kinds and skills in turn; and how
+        Returns engine and detectors for a task, the engine first. Called again for every task
+        with an injected fault.
+    faults
+        How many collisions are injected at most, >= 0, of all kinds and skills in turn; and how
         many near misses.
     note
         Called after every trial.
     stopped
-        Asked before every trial; once true, what is known is returned.
+        Called before every trial; once true, what is known is returned.
 
     Raises
     ------
@@ -111,43 +111,43 @@ def try_detectors(
     """
     back_ends = list(make(task))
     introduce(back_ends)
-    rulings: list[Ruling] = []
+    found: list[CheckedTrial] = []
     legitimate: list[Trial] = []
-    told_to_stop = False
+    interrupted = False
 
-    def rule(trial: Trial, asked: Sequence[BackEnd]) -> bool:
-        verdicts = {one.name: check(one, trial.skill, trial.state).verdict for one in asked}
-        rulings.append(Ruling(trial, verdicts))
+    def try_one(trial: Trial, checkers: Sequence[BackEnd]) -> bool:
+        verdicts = {one.name: check(one, trial.skill, trial.state).verdict for one in checkers}
+        found.append(CheckedTrial(trial, verdicts))
         note()
         return not stopped()
 
-    for ruling in _legitimate(task, back_ends):
-        rulings.append(ruling)
-        legitimate.append(ruling.trial)
+    for checked in _legitimate(task, back_ends):
+        found.append(checked)
+        legitimate.append(checked.trial)
         note()
         if stopped():
-            told_to_stop = True
+            interrupted = True
             break
-    if not told_to_stop:
+    if not interrupted:
         for trial in chain(
-            _chosen(legitimate, near_misses, staged),
+            _chosen(legitimate, near_misses, faults),
             wrong_orders(task, legitimate),
-            _chosen(legitimate, injected_collisions, staged),
+            _chosen(legitimate, injected_collisions, faults),
         ):
-            asked = back_ends
+            checkers = back_ends
             if trial.task is not task:
-                asked = list(make(trial.task))
-                introduce(asked)
-            if not rule(trial, asked):
-                told_to_stop = True
+                checkers = list(make(trial.task))
+                introduce(checkers)
+            if not try_one(trial, checkers):
+                interrupted = True
                 break
     reference = CHART if task.chart else "more than half of the back ends grant"
     names = tuple(one.name for one in back_ends[1:])
-    return DetectorTrials(task, back_ends[0].name, names, reference, tuple(rulings), told_to_stop)
+    return DetectorTrials(task, back_ends[0].name, names, reference, tuple(found), interrupted)
 
 
-def _legitimate(task: Task, back_ends: Sequence[BackEnd]) -> Iterator[Ruling]:
-    """Yield a ruling for every class of right executions, breadth first.
+def _legitimate(task: Task, back_ends: Sequence[BackEnd]) -> Iterator[CheckedTrial]:
+    """Yield a checked trial for every class of right executions, breadth first.
 
     Of executions that agree on all facts that a back end's verdict rests on, one is enough.
     """
@@ -173,7 +173,7 @@ def _legitimate(task: Task, back_ends: Sequence[BackEnd]) -> Iterator[Ruling]:
                 if chart is None and 2 * granted <= len(back_ends):
                     continue
                 if None in known.values():
-                    yield Ruling(Trial(task, skill, state, Truth.LEGITIMATE), verdicts)
+                    yield CheckedTrial(Trial(task, skill, state, Truth.LEGITIMATE), verdicts)
                 after = skill.prediction_in(state).apply(state)
                 if after not in seen and not task.goal.holds(state):
                     seen.add(after)
@@ -183,15 +183,15 @@ def _legitimate(task: Task, back_ends: Sequence[BackEnd]) -> Iterator[Ruling]:
 
 def _chosen(
     legitimate: Sequence[Trial],
-    stage: Callable[[Task, Skill, State], Iterator[Trial]],
+    inject: Callable[[Task, Skill, State], Iterator[Trial]],
     most: int,
 ) -> Iterator[Trial]:
-    """Yield what is staged of all kinds in turn, and of a kind of all skills in turn."""
+    """Yield injected faults of all kinds in turn, and of a kind those of all skills in turn."""
     by_kind: dict[str, dict[str, list[Trial]]] = {}
     for trial in legitimate:
-        for staged in stage(trial.task, trial.skill, trial.state):
-            skills = by_kind.setdefault(staged.kind, {})
-            skills.setdefault(staged.skill.name, []).append(staged)
+        for injected in inject(trial.task, trial.skill, trial.state):
+            skills = by_kind.setdefault(injected.kind, {})
+            skills.setdefault(injected.skill.name, []).append(injected)
     queues = {
         # Every kind begins with another skill, so that few trials show many skills.
         kind: _in_turn(skills, begin)
@@ -220,10 +220,10 @@ def _in_turn(skills: dict[str, list[Trial]], begin: int) -> Iterator[Trial]:
     while remaining:
         for name in list(remaining):
             trials = remaining[name]
-            new = next((one for one in trials if (name, one.staged) not in said), None)
+            new = next((one for one in trials if (name, one.fault) not in said), None)
             if new is None:
                 del remaining[name]
                 continue
-            said.add((name, new.staged))
+            said.add((name, new.fault))
             trials.remove(new)
             yield new

@@ -1,9 +1,9 @@
-"""Collisions staged from a task itself, so that detectors can be tried on them.
+"""Collisions injected into right executions of a task, so that detectors can be tried on them.
 
-Into the way of an execution that is right a block is put which a finger, the palm, the tool or
-the part in the hand must hit, 3 mm deep at least; or a part stands where another belongs; or
-the hand reaches too deep. Near misses are right: a block stands close, and clear of everything.
-Where that is so is read off the geometry of the scene, never off a detector.
+A block is put where a finger, the palm, the tool or the part in the hand must hit it, at least
+3 mm deep; or a part stands where another belongs; or the hand reaches too deep. Near misses are
+right: a block stands close, but clear of everything. Where that is so follows from the geometry
+of the scene, never from a detector.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.trials.detector_trial import Trial, Truth
-from skillplan.trials.injected_obstacle import Block, blocks_close_by, blocks_in_the_way
+from skillplan.trials.injected_obstacle import Block, blocks_close_by, blocks_on_path
 
-INTRUDER = "intruder"
+OBSTACLE = "obstacle"
 
 # What collides does so by this much at least [m].
 LEAST_HIT_M = 0.003
@@ -43,7 +43,7 @@ def injected_collisions(task: Task, skill: Skill, state: State) -> Iterator[Tria
         return
     standing = standing_boxes(task, state)
     for motion in linear_motions(task, skill, state):
-        for block in blocks_in_the_way(task, motion):
+        for block in blocks_on_path(task, motion):
             scene = _with_block(task, skill, state, motion, block, standing)
             if scene is not None:
                 yield Trial(scene, skill, state, Truth.COLLISION, block.kind, block.words)
@@ -100,12 +100,12 @@ def _with_block(
     """Return the task with a block that stands firmly and overlaps nothing, or None."""
     shape = Box((*block.size_xy, 1.0), (0.0, 0.0, 0.5))
     footprint = world_boxes(
-        Body(INTRUDER, (shape,), (), 1.0), Pose.upright((block.x_m, block.y_m, 0.0), block.yaw_rad)
+        Body(OBSTACLE, (shape,), (), 1.0), Pose.upright((block.x_m, block.y_m, 0.0), block.yaw_rad)
     )[0]
     floor_m = _floor(footprint, block.top_m, standing)
     if floor_m is None or block.top_m - floor_m < LEAST_HIT_M:
         return None
-    # What reaches the safe height would be hit on the way there, or before it begins.
+    # What reaches the safe height would be hit by the transfer motion, or before it begins.
     if block.top_m > motion.above[2] - (motion.tip[2] - motion.visit.position[2]) - 0.02:
         return None
     height_m = block.top_m - floor_m
@@ -113,20 +113,20 @@ def _with_block(
     placements = tuple(Placement(fact, pose) for fact in _lasting(skill, state))
     size: Point = (*block.size_xy, height_m)
     shape = Box(size, (0.0, 0.0, height_m / 2))
-    return _with_body(task, Body(INTRUDER, (shape,), placements, block.mass_kg))
+    return _with_body(task, Body(OBSTACLE, (shape,), placements, block.mass_kg))
 
 
 def _floor(
     footprint: WorldBox, top_m: float, standing: dict[str, tuple[WorldBox, ...]]
 ) -> float | None:
-    """Return the height of what bears a footprint wholly; None where nothing does or it clashes."""
+    """Return the height of what supports a whole footprint; None if nothing does or it clashes."""
     floor_m = 0.0
     below = [
         box for boxes in standing.values() for box in boxes if _overlap(footprint, box) > _TOUCH_M
     ]
-    bearing = [box for box in below if _inside(footprint, box) and box.high[2] < top_m]
-    if bearing:
-        floor_m = max(box.high[2] for box in bearing)
+    supports = [box for box in below if _inside(footprint, box) and box.high[2] < top_m]
+    if supports:
+        floor_m = max(box.high[2] for box in supports)
     clash = any(box.high[2] > floor_m + _TOUCH_M and box.low[2] < top_m for box in below)
     return None if clash else floor_m
 
@@ -146,14 +146,14 @@ def _inside(one: WorldBox, other: WorldBox) -> bool:
 
 
 def _lasting(skill: Skill, state: State) -> list[str]:
-    """Return facts of which one holds before the skill and one after: one and the same if any."""
+    """Return facts of which one holds before the skill and one after; a single fact if any does."""
     after = skill.prediction_in(state).apply(state)
     both = [fact for fact in state if fact in after]
     return both[:1] or [next(iter(state)), next(iter(after))]
 
 
 def _with_body(task: Task, body: Body) -> Task:
-    """Return a task with a body more, or instead of the one of its name."""
+    """Return a task with one more body, or with this body instead of the one of its name."""
     others = task.scene.bodies
     if any(other.name == body.name for other in others):
         bodies = tuple(body if other.name == body.name else other for other in others)
@@ -190,7 +190,7 @@ def _changed(
         boxes = standing.get(other.name)
         if other.name == body.name or placement is None or boxes is None:
             continue
-        if not placement.fact.startswith("placed(") or _bears_any(other.name, standing):
+        if not placement.fact.startswith("placed(") or _supports_any(other.name, standing):
             continue
         pose = Pose(visit.position, placement.pose.orientation)
         moved = world_boxes(other, pose)
@@ -206,7 +206,7 @@ def _changed(
             yield "place taken", words, _with_body(task, changed)
 
 
-def _bears_any(name: str, standing: dict[str, tuple[WorldBox, ...]]) -> bool:
+def _supports_any(name: str, standing: dict[str, tuple[WorldBox, ...]]) -> bool:
     """Whether something stands on a body, which would fall if it were elsewhere."""
     return any(
         contact_area(foot, top, _TOUCH_M) is not None

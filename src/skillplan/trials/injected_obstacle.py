@@ -1,4 +1,4 @@
-"""Blocks put in the way of a linear motion of the hand, or close to it."""
+"""Obstacles on the path of a linear motion of the hand, or close to it."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Body, Grasp, GraspKind
 from skillplan.task.task import Task
 
-# Jaws open a little wider than what they grasp: so far from it a finger is sure to come [m].
+# Jaws open a little wider than what they grasp: a finger is sure to pass at this distance [m].
 _BEHIND_JAW_M = 0.008
 _BLOCK_M = 0.010
-# So far beside the part in the hand, and beneath the ends of the jaws, nothing touches [m].
+# At this distance beside the part in the hand, or beneath the jaws, nothing touches [m].
 _CLEAR_OF_PART_M = 0.002
 _CLEAR_BENEATH_M = 0.002
 _NEAR_MISS = "near miss"
@@ -25,12 +25,12 @@ _LIGHT_KG = 0.002
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A block to be put into a scene.
+    """A block to be put into a scene as an obstacle.
 
     Parameters
     ----------
     kind, words
-        What it is there for, in short and in words.
+        What it is for, in short, and where it stands.
     x_m, y_m
         Its centre in the plane [m].
     yaw_rad
@@ -53,8 +53,8 @@ class Block:
     mass_kg: float
 
 
-def blocks_in_the_way(task: Task, motion: LinearMotion) -> Iterator[Block]:
-    """Yield blocks in the way of one motion."""
+def blocks_on_path(task: Task, motion: LinearMotion) -> Iterator[Block]:
+    """Yield blocks that one motion must hit."""
     event = motion.visit.event
     if event in (Event.GRASP, Event.RELEASE):
         body = task.scene.body(motion.visit.subject)
@@ -79,7 +79,7 @@ def blocks_in_the_way(task: Task, motion: LinearMotion) -> Iterator[Block]:
 
 
 def blocks_close_by(task: Task, motion: LinearMotion) -> Iterator[Block]:
-    """Yield low blocks that motion and hand pass by."""
+    """Yield low blocks that the motion and the hand pass without contact."""
     if motion.visit.event not in (Event.GRASP, Event.RELEASE):
         return
     body = task.scene.body(motion.visit.subject)
@@ -99,7 +99,7 @@ def blocks_close_by(task: Task, motion: LinearMotion) -> Iterator[Block]:
                 reach_m = max(reach_m, max(one[1] for one in FINGER_PROFILE_M))
             clear_m = side * (reach_m + _CLEAR_OF_PART_M + _BLOCK_M / 2)
             words = f"{1000 * _CLEAR_OF_PART_M:.0f} mm clear of the part"
-            # Beside a cup low blocks only: what else is about it is not known here.
+            # Beside a suction cup low blocks only: its surroundings are not known here.
             above_m = 0.010 if jaws else -0.001
             # Turned by the yaw of a closing axis y, the body's x axis points backwards.
             sign = -1 if grasp.closing_axis == "y" else 1

@@ -1,4 +1,4 @@
-"""Executions that go wrong for what is done, or not done, before, as geometry alone tells."""
+"""Executions that go wrong because of what was done, or not done, before, by geometry alone."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from skillplan.task.task import Task
 from skillplan.trials.detector_trial import Trial, Truth
 from skillplan.trials.fault_injection import LEAST_HIT_M, is_possible, standing_boxes
 
-# What has a gap this wide beneath it, and that much room around it, touches nothing [m].
+# What has this gap beneath it, and this room around it, touches nothing [m].
 _GAP_M = 0.001
 _ROOM_M = 0.005
 
 
 def wrong_orders(task: Task, legitimate: Sequence[Trial]) -> Iterator[Trial]:
-    """Yield executions that go wrong for what is done, or not done, before.
+    """Yield executions that go wrong because of what was done, or not done, before.
 
-    Where something else is done besides, the part in the hand may come down on it; where
-    nothing bears what is set down, it falls without touching anything.
+    Where something else is done already, the part in the hand may come down on it. Where nothing
+    supports what is set down, it falls without touching anything.
     """
     hypothetical = HypotheticalStates(task)
-    told: set[tuple[str, str, frozenset[str]]] = set()
+    seen: set[tuple[str, str, frozenset[str]]] = set()
     for trial in legitimate:
         skill = trial.skill
         visit = _last_visit(skill, trial.state)
@@ -44,9 +44,9 @@ def wrong_orders(task: Task, legitimate: Sequence[Trial]) -> Iterator[Trial]:
                 continue
             found = _fault(task, skill, visit, standing)
             key = (skill.name, found[1] if found else "", frozenset(standing))
-            if found is None or key in told or not skill.applicable(state):
+            if found is None or key in seen or not skill.applicable(state):
                 continue
-            told.add(key)
+            seen.add(key)
             truth, words, kind = found
             yield Trial(task, skill, state, truth, kind, words)
 
@@ -54,7 +54,7 @@ def wrong_orders(task: Task, legitimate: Sequence[Trial]) -> Iterator[Trial]:
 def _fault(
     task: Task, skill: Skill, visit: Visit, standing: dict[str, tuple[WorldBox, ...]]
 ) -> tuple[Truth, str, str] | None:
-    """Return what goes wrong for sure, in words, where geometry alone tells."""
+    """Return what is certain to go wrong, in words, as far as geometry alone says."""
     assert skill.motion is not None
     safe_m = task.scene.robot(skill.motion.robot).safe_height_m
     body = task.scene.body(visit.subject)
@@ -66,13 +66,13 @@ def _fault(
             return Truth.COLLISION, f"{name} stands in the way of {body.name}", "wrong order"
     floor_m = min(box.low[2] for box in boxes)
     solids = [box for obstacles in others.values() for box in obstacles]
-    borne = floor_m <= _GAP_M or any(
+    supported = floor_m <= _GAP_M or any(
         contact_area(one, top, _GAP_M) for one in boxes for top in solids
     )
     crowded = any(sweep_hits(_grown(one), by, other, 0.0) for one in boxes for other in solids)
-    if borne or crowded:
+    if supported or crowded:
         return None
-    # Nor may it land on anything but the table, or what it falls on would be hit.
+    # It may fall on the table only: anything else that it lands on would be hit.
     drop = (0.0, 0.0, -floor_m)
     if any(sweep_hits(_grown(one), drop, other, 0.0) for one in boxes for other in solids):
         return None

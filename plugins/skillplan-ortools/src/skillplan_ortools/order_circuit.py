@@ -80,7 +80,7 @@ class OrderCircuit:
     def _limit(self, most_skills: int) -> None:
         problem = self.network.problem
         lengths = [
-            len(problem.ways.get(arc, ())) + len(problem.skills[arc[1]]) for arc in self._taken
+            len(problem.paths.get(arc, ())) + len(problem.skills[arc[1]]) for arc in self._taken
         ]
         total = cp_model.LinearExpr.weighted_sum(list(self._taken.values()), lengths)
         self.model.add(total <= most_skills)

@@ -8,7 +8,7 @@ from typing import Any
 from skillplan.records import schemas
 from skillplan.task.verdict import Verdict, VerdictStatus
 from skillplan.trials.detector_trial import Truth
-from skillplan.trials.detector_trials import DetectorTrials, Ruling
+from skillplan.trials.detector_trials import CheckedTrial, DetectorTrials
 
 
 def detectors_document(trials: DetectorTrials, wall_s: float) -> dict[str, Any]:
@@ -26,35 +26,35 @@ def detectors_document(trials: DetectorTrials, wall_s: float) -> dict[str, Any]:
     }
 
 
-def wrong_verdicts(trials: DetectorTrials, name: str) -> list[Ruling]:
+def wrong_verdicts(trials: DetectorTrials, name: str) -> list[CheckedTrial]:
     """Return the false alarms, misses and undecided of a detector, in the order of the trials."""
     return [
-        ruling
-        for ruling in trials.rulings
-        if ruling.trial.truth is not Truth.OUTCOME
-        and ruling.verdicts[name].status is not _right(ruling.trial.truth)
+        checked
+        for checked in trials.checked
+        if checked.trial.truth is not Truth.OUTCOME
+        and checked.verdicts[name].status is not _right(checked.trial.truth)
     ]
 
 
 def decisive(trials: DetectorTrials, name: str, truth: Truth) -> Mapping[str, Any] | None:
-    """Return the readings and limits nearest to a wrong verdict; None where it gives none.
+    """Return the readings and limits nearest to a wrong verdict; None if it gives no readings.
 
     That is the largest on right executions and the smallest on collisions, as a fraction of
     the limit; of several readings of one execution the largest counts.
     """
     found = [
-        (strength, ruling)
-        for ruling in trials.of(truth)
-        if (strength := _strength(ruling.verdicts[name])) is not None
+        (strength, checked)
+        for checked in trials.of(truth)
+        if (strength := _strength(checked.verdicts[name])) is not None
     ]
     if not found:
         return None
     pick = min if truth is Truth.COLLISION else max
-    _, ruling = pick(found, key=lambda one: one[0])
-    evidence = ruling.verdicts[name].evidence
+    _, checked = pick(found, key=lambda one: one[0])
+    evidence = checked.verdicts[name].evidence
     return {
-        "skill": ruling.trial.skill.name,
-        "staged": ruling.trial.staged or None,
+        "skill": checked.trial.skill.name,
+        "staged": checked.trial.fault or None,
         "readings": evidence["readings"],
         "limits": evidence["limits"],
     }
@@ -73,15 +73,15 @@ def _detector(trials: DetectorTrials, name: str) -> dict[str, Any]:
         "smallest_where_wrong": decisive(trials, name, Truth.COLLISION),
         "wrong_rulings": [
             {
-                "truth": ruling.trial.truth.value,
-                "skill": ruling.trial.skill.name,
-                "state": list(ruling.trial.state),
-                "staged": ruling.trial.staged or None,
-                "verdict": ruling.verdicts[name].status.value,
-                "reason": ruling.verdicts[name].reason or None,
-                "evidence": dict(ruling.verdicts[name].evidence),
+                "truth": checked.trial.truth.value,
+                "skill": checked.trial.skill.name,
+                "state": list(checked.trial.state),
+                "staged": checked.trial.fault or None,
+                "verdict": checked.verdicts[name].status.value,
+                "reason": checked.verdicts[name].reason or None,
+                "evidence": dict(checked.verdicts[name].evidence),
             }
-            for ruling in wrong_verdicts(trials, name)
+            for checked in wrong_verdicts(trials, name)
         ],
     }
 

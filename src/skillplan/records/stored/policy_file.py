@@ -99,7 +99,7 @@ def read_policy(path: str, task: Task) -> StoredPolicy:
             return StoredPolicy(document["solver"], Policy(choices))
     if any(entry["goal"] == goal for entry in document["policies"]):
         raise OptionError(
-            f"{path}: was learned on a task with other skills than {task.name}. Learn anew with "
+            f"{path}: was learned on a task with other skills than {task.name}. Learn again with "
             "search-optimal --out."
         )
     goals = [", ".join(entry["goal"]) for entry in document["policies"]]
@@ -208,5 +208,5 @@ def _read(path: str) -> dict[str, Any]:
     except (KeyError, TypeError, AttributeError):
         sound = False
     if not sound:
-        raise OptionError(f"{path}: is damaged. Write it anew with search-optimal --out.")
+        raise OptionError(f"{path}: is damaged. Write it again with search-optimal --out.")
     return document

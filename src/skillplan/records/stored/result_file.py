@@ -17,7 +17,7 @@ from skillplan.records.stored.result_folder import result_path
 from skillplan.solvers.solution import Plan
 
 _REMEDY = "Give a result.json of search-optimal, or the folder that --out named"
-# So much of a hash tells two apart.
+# So many characters of a hash distinguish two files.
 _SHOWN_HASH = 12
 
 
@@ -96,7 +96,7 @@ class StoredResult(StoredClaims):
     physics, collision
         Names of the back ends that were queried, the latter with commas.
     replans
-        Of a chain, how often the upper levels were planned anew.
+        Of a chain, how often the upper levels were planned again.
     sequences, stages
         Of a chain, the tasks of the last stage and those before; None of a single task.
     """

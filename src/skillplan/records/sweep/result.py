@@ -185,7 +185,7 @@ class SweepResult:
 
 
 def _above(outcome: StartOutcome, optimum: float | None) -> float:
-    """Return by how much a plan costs more than the best; 0 for what only rounding tells apart."""
+    """Return by how much a plan costs more than the best; 0 for a difference of rounding only."""
     assert outcome.cost is not None
     assert optimum is not None
     return 0.0 if outcome.cost <= optimum + tolerance(optimum) else outcome.cost - optimum

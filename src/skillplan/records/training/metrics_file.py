@@ -151,7 +151,7 @@ def _records(lines: Iterable[str], path: Path, run: int) -> Iterator[Episode | F
             reason = str(error) if isinstance(error, ValueError) else type(error).__name__
             raise OptionError(
                 f"{path}:{number}: is damaged: {reason}. Bring the file back from a copy, or "
-                "train anew."
+                "train again."
             ) from None
         before = record.step
         yield record

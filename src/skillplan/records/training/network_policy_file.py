@@ -23,7 +23,7 @@ from skillplan.records import schemas
 from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.task.task import Task
 
-_REMEDY = "Train anew, or go on with --resume, which writes it again"
+_REMEDY = "Train again, or go on with --resume, which writes it again"
 _MOST_BYTES = 1024 * 1024 * 1024
 
 
@@ -96,10 +96,10 @@ class StoredNetwork:
             if mine != there:
                 pairs = zip(mine, there, strict=False)
                 first = next(((one, other) for one, other in pairs if one != other), None)
-                told = f"{len(mine)} {what}, not {len(there)}"
+                found = f"{len(mine)} {what}, not {len(there)}"
                 if first is not None:
-                    told = f"other {what}: {first[0]} where the task has {first[1]}"
-                return f"it was learned on {told}"
+                    found = f"other {what}: {first[0]} where the task has {first[1]}"
+                return f"it was learned on {found}"
         return None
 
 

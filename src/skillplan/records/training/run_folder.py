@@ -24,7 +24,7 @@ from skillplan.solvers.learning.learner import Episode
 
 TASK_CONFIG = "task.json"
 PROGRESS, CHECKPOINT = "progress.json", "checkpoint.safetensors"
-_REMEDY = "Bring the file back from a copy, or train anew in another folder"
+_REMEDY = "Bring the file back from a copy, or train again in another folder"
 
 
 class _Part(BaseModel):

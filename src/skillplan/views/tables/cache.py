@@ -72,7 +72,7 @@ def cache_test_table(test: CacheTest) -> Table:
         notes.append("every one of them is the same, bit for bit")
     if test.interrupted:
         notes.append("interrupted")
-    return Table(f"{test.task.name}: kept verdicts checked anew", columns, rows, notes)
+    return Table(f"{test.task.name}: kept verdicts checked again", columns, rows, notes)
 
 
 def filling_table(filling: CacheFilling) -> Table:

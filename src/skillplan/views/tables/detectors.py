@@ -14,7 +14,7 @@ from skillplan.views.text.table import Column, Table
 
 
 def detectors_tables(trials: DetectorTrials) -> list[Table]:
-    """Return what each detector rules wrong, and below it how many, with the figures."""
+    """Return the wrong verdicts of each detector, and below them their numbers and readings."""
     rows = []
     for name in trials.detectors:
         false_alarms, misses, undecided = counts(trials, name)
@@ -23,8 +23,8 @@ def detectors_tables(trials: DetectorTrials) -> list[Table]:
                 name,
                 f"{false_alarms}/{len(trials.of(Truth.LEGITIMATE))}",
                 f"{misses}/{len(trials.of(Truth.COLLISION))}",
-                f"{undecided}/{len(trials.rulings)}",
-                _ruled_out(trials, name),
+                f"{undecided}/{len(trials.checked)}",
+                _share_detected(trials, name),
                 _reading_text(decisive(trials, name, Truth.LEGITIMATE)),
                 _reading_text(decisive(trials, name, Truth.COLLISION)),
             )
@@ -43,7 +43,7 @@ def detectors_tables(trials: DetectorTrials) -> list[Table]:
         f"trials        {len(trials.of(Truth.LEGITIMATE))} right, "
         f"{len(trials.of(Truth.COLLISION))} collisions, "
         f"{len(trials.of(Truth.OUTCOME))} wrong outcomes without one",
-        f"physics       {trials.engine} sees {_ruled_out(trials, trials.engine)} of the wrong "
+        f"physics       {trials.engine} sees {_share_detected(trials, trials.engine)} of the wrong "
         "outcomes, which are not a detector's business",
     ]
     if trials.stopped:
@@ -52,15 +52,15 @@ def detectors_tables(trials: DetectorTrials) -> list[Table]:
     wrong = [
         (
             name,
-            ruling.trial.truth.value,
-            ruling.trial.skill.name,
-            ruling.trial.staged or "-",
-            ruling.verdicts[name].status.value,
-            ruling.verdicts[name].reason or "-",
-            evidence_text(ruling.verdicts[name].evidence) or "-",
+            checked.trial.truth.value,
+            checked.trial.skill.name,
+            checked.trial.fault or "-",
+            checked.verdicts[name].status.value,
+            checked.verdicts[name].reason or "-",
+            evidence_text(checked.verdicts[name].evidence) or "-",
         )
         for name in trials.detectors
-        for ruling in wrong_verdicts(trials, name)
+        for checked in wrong_verdicts(trials, name)
     ]
     if not wrong:
         return [summary]
@@ -70,7 +70,7 @@ def detectors_tables(trials: DetectorTrials) -> list[Table]:
     return [Table(f"{trials.task.name}: wrong verdicts", columns, wrong), summary]
 
 
-def _ruled_out(trials: DetectorTrials, name: str) -> str:
+def _share_detected(trials: DetectorTrials, name: str) -> str:
     seen = trials.count(Truth.OUTCOME, name, VerdictStatus.INFEASIBLE)
     return f"{seen}/{len(trials.of(Truth.OUTCOME))}"
 
@@ -82,8 +82,8 @@ def _reading_text(found: Mapping[str, Any] | None) -> str:
         f"{key} {value:.4g} (limit {found['limits'][key]:.4g})"
         for key, value in found["readings"].items()
     ]
-    staged = f", {found['staged']}" if found["staged"] else ""
-    return f"{', '.join(figures)} at {found['skill']}{staged}"
+    fault = f", {found['staged']}" if found["staged"] else ""
+    return f"{', '.join(figures)} at {found['skill']}{fault}"
 
 
 def _reference(reference: str) -> str:

@@ -1,4 +1,4 @@
-"""Staged collisions: what is staged does collide, what is a near miss does not, by geometry."""
+"""Injected collisions do collide, and near misses do not, by geometry."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from skillplan.task.motion import Event
 from skillplan.task.scene import Body, Box, GraspKind, Pose
 from skillplan.trials.detector_trial import Truth
 from skillplan.trials.fault_injection import (
-    INTRUDER,
     LEAST_HIT_M,
+    OBSTACLE,
     injected_collisions,
     is_possible,
     near_misses,
@@ -59,7 +59,7 @@ def hits(trial, task):
     """Whether a block in the scene is hit by hand or part, coming down to where it acts."""
     (motion,) = linear_motions(task, trial.skill, trial.state)
     body = task.scene.body(motion.visit.subject)
-    block = trial.task.scene.body(INTRUDER)
+    block = trial.task.scene.body(OBSTACLE)
     obstacles = world_boxes(block, block.placement(trial.state).pose)
     moving = []
     grasp = grasp_of(body)
@@ -72,7 +72,7 @@ def hits(trial, task):
     return any(sweep_hits(one, by, other, 0.0) for one in moving for other in obstacles)
 
 
-class TestStagedCollisions:
+class TestInjectedCollisions:
     @pytest.mark.parametrize("skill", ["pick(switch_1)", "pick(transformer)", "pick(clock)"])
     def test_a_block_beside_a_part_is_in_the_way_of_a_finger_or_the_palm(
         self, board, skill
@@ -92,7 +92,7 @@ class TestStagedCollisions:
         goal = world_boxes(part, part.placements[-1].pose)
         for trial in injected_collisions(board, skill, state):
             if "under the part" in trial.kind:
-                block = trial.task.scene.body(INTRUDER)
+                block = trial.task.scene.body(OBSTACLE)
                 (box,) = world_boxes(block, block.placement(state).pose)
                 assert any(sweep_hits(one, (0, 0, 0.1), box, LEAST_HIT_M) for one in goal)
 
@@ -101,7 +101,7 @@ class TestStagedCollisions:
         placed = ("pick(pcb)", "place(pcb)", "pick(switch_1)", "place(switch_1)", "pick(switch_2)")
         state = after(board, *placed)
         trials = injected_collisions(board, board.skill("place(switch_2)"), state)
-        said = [trial.staged for trial in trials if trial.kind == "place taken"]
+        said = [trial.fault for trial in trials if trial.kind == "place taken"]
         assert ["switch_1 stands where switch_2 belongs"] == said
         over = ("pick(pcb)", "place(pcb)", "pick(transformer)", "place(transformer)", "pick(brace)")
         trials = injected_collisions(board, board.skill("place(brace)"), after(board, *over))
@@ -109,7 +109,7 @@ class TestStagedCollisions:
 
     @settings(max_examples=examples(60))
     @given(crowded_assemblies())
-    def test_the_staged_world_can_be_and_overlaps_nowhere(self, content) -> None:
+    def test_the_world_with_an_obstacle_is_possible_and_overlaps_nowhere(self, content) -> None:
         """Blocks stand on the table or on a part, clear of everything but what comes."""
         task = assembly(content)
         for skill in task.skills:
@@ -123,10 +123,10 @@ class TestStagedCollisions:
             for trial in trials:
                 standing = standing_boxes(trial.task, trial.state)
                 assert is_possible(standing) >= before
-                block = standing.get(INTRUDER)
+                block = standing.get(OBSTACLE)
                 if block is None:
                     continue
-                others = [boxes for name, boxes in standing.items() if name != INTRUDER]
+                others = [boxes for name, boxes in standing.items() if name != OBSTACLE]
                 for box in (box for boxes in others for box in boxes):
                     assert not sweep_hits(block[0], (0.0, 0.0, 0.0), box, 2e-5)
 
@@ -136,8 +136,8 @@ class TestStagedCollisions:
             if skill.applicable(board.initial):
                 following = skill.prediction.apply(board.initial)
                 for trial in injected_collisions(board, skill, board.initial):
-                    if any(body.name == INTRUDER for body in trial.task.scene.bodies):
-                        block = trial.task.scene.body(INTRUDER)
+                    if any(body.name == OBSTACLE for body in trial.task.scene.bodies):
+                        block = trial.task.scene.body(OBSTACLE)
                         assert block.placement(board.initial)
                         assert block.placement(board.initial).pose == (
                             block.placement(following).pose
@@ -149,7 +149,7 @@ class TestStagedCollisions:
             list(injected_collisions(board, *initial(board, "pick(brace)"))) for _ in range(2)
         )
         assert first == second
-        assert len({trial.staged for trial in first}) == len(first)
+        assert len({trial.fault for trial in first}) == len(first)
 
 
 class TestNearMisses:
