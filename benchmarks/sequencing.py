@@ -21,8 +21,8 @@ from record_file import RecordFile
 
 from skillplan.pipeline import registry
 from skillplan.solvers.stop import relative_gap
-from skillplan.views.tables.rendering import render
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.text.rendering import render
+from skillplan.views.text.table import Column, Table
 
 FOLDER = ROOT / "tests" / "instances" / "sop"
 CLOSE = 0.005

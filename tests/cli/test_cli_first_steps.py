@@ -84,7 +84,10 @@ class TestWarmUp:
         self, cli: Any, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """Progress on stderr, one line on stdout."""
-        steps = [("this", lambda: compilation.tell("a")), ("that", lambda: compilation.tell("b"))]
+        steps = [
+            ("this", lambda: compilation.notify("a")),
+            ("that", lambda: compilation.notify("b")),
+        ]
         monkeypatch.setattr(warm_up, "warm_up_steps", lambda: iter(steps))
         outcome = cli("warm-up")
         assert 0 == outcome.code
@@ -126,5 +129,5 @@ class TestNotice:
     def test_nobody_else_is(self, capsys: pytest.CaptureFixture[str]) -> None:
         """A log is no terminal."""
         with compilation_announced():
-            compilation.tell("kernel")
+            compilation.notify("kernel")
         assert ("", "") == tuple(capsys.readouterr())

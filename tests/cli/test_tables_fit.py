@@ -13,8 +13,8 @@ from rich.cells import cell_len
 
 from run_folders import HOPELESS, OPTIMAL, SWITCHED, write_runs
 from skillplan.cli import output
-from skillplan.views.tables.rendering import render
-from skillplan.views.tables.table import Table
+from skillplan.views.text.rendering import render
+from skillplan.views.text.table import Table
 from tabular_learner import learner_installed
 
 CONFIGS = Path(__file__).parents[2] / "configs"

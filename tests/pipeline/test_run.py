@@ -193,12 +193,12 @@ def test_a_search_shows_what_it_asks_of_expensive_back_ends():
     stop = Stop(on_progress=shown.append)
     setup = FakeSetup(make=lambda task: [fake_back_end(task, Verdict.feasible(), expensive=True)])
     result = solve(two_roads_task(), "exact", setup, stop=stop)
-    asked = [progress.asked for progress in shown if progress.asked is not None]
+    asked = [progress.queries for progress in shown if progress.queries is not None]
     assert asked[-1].checks == result.checks > 0
     assert asked[0].checks == asked[-1].to_go == 0
     quiet = []
     solve(two_roads_task(), "exact", FakeSetup(), stop=Stop(on_progress=quiet.append))
-    assert all(progress.asked is None for progress in quiet)
+    assert all(progress.queries is None for progress in quiet)
 
 
 def test_a_plan_takes_as_long_as_the_back_ends_say():

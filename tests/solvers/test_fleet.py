@@ -294,7 +294,7 @@ class TestParts:
         corridor = Bench(1, 9, 0.34)
         problem = problem_of(task_of(corridor, {"a": (0, 8), "b": (8, 0)}))
         result = search_with_restarts(problem, random.Random(0), never, restarts=3, max_nodes=10**6)
-        assert (True, ()) == (result.complete, result.ways)
+        assert (True, ()) == (result.complete, result.plans)
         search = ConfigurationSearch(problem, random.Random(0), never)
         assert search.run(3) is None
         assert not search.exhausted
@@ -322,5 +322,7 @@ class TestParts:
         move = problem.moves[0][0][0]
         other = problem.place_bits[1][50]
         rejected = problem.without(move, move.start_bit | other, 0)
-        with pytest.raises(ValueError, match="no moves rejected by where others stand"):
+        with pytest.raises(
+            ValueError, match="no moves that are rejected depending on where others stand"
+        ):
             ScheduleImprovement(rejected, Objective.SWINGS, random.Random(0), never)

@@ -10,7 +10,7 @@ from situations import assembly, config_content, fake_back_end
 from skillplan.collision.aabb import AabbDetector
 from skillplan.physics.engine import Engine
 from skillplan.physics.kinematic import KinematicEngine
-from skillplan.records.detectors import decisive, detectors_document, wrong_verdicts
+from skillplan.records.execution.detectors import decisive, detectors_document, wrong_verdicts
 from skillplan.task.verdict import Verdict, VerdictStatus
 from skillplan.trials.detector_trial import Truth
 from skillplan.trials.detector_trials import CHART, try_detectors

@@ -8,12 +8,12 @@ import pytest
 from rich.cells import cell_len
 
 from skillplan.physics.performance import Arrival, Performance, PerformedSkill
-from skillplan.records.simulation import Simulation
+from skillplan.records.execution.simulation import Simulation
 from skillplan.task.scene import Pose
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan.views.tables.rendering import render
 from skillplan.views.tables.simulation import simulation_tables
+from skillplan.views.text.rendering import render
 
 FIGURES = {
     "sensed": {"held": "transformer", "jaw_width_m": 0.0441},

@@ -8,7 +8,7 @@ import pytest
 
 from situations import assembly, config_content
 from skillplan.checks.single_check import check, introduce
-from skillplan.records.detectors import decisive
+from skillplan.records.execution.detectors import decisive
 from skillplan.task.verdict import VerdictStatus
 from skillplan.trials.detector_trial import Truth
 from skillplan.trials.detector_trials import try_detectors

@@ -2,7 +2,7 @@
 
 For every component of the product the operations that bring it to its goal are considered in
 states in which other components are done or not. ``a before b`` where b's operation fails for
-want of a, or a's operation fails because b is in the way.
+want of a, or a's operation fails because b is an obstacle.
 """
 
 from __future__ import annotations

@@ -34,7 +34,9 @@ def stoppable(
         If there is a memory limit, and the system does not say how much memory a process holds.
     """
     if memory_limit_bytes is not None and resident_bytes() is None:
-        raise OptionError("--memory-limit cannot be kept: this system tells no process its size.")
+        raise OptionError(
+            "--memory-limit cannot be kept: this system does not report the size of a process."
+        )
     with _display(label) as show:
         stop = Stop(
             time_limit_s=time_limit_s,
@@ -85,7 +87,7 @@ def figures_text(progress: Progress) -> str:
     gap = relative_gap(progress.best_cost, progress.lower_bound)
     if gap is not None:
         parts.append(f"gap {100 * gap:.2f} %")
-    count = progress.asked
+    count = progress.queries
     if progress.nodes or count is None:
         parts.append(f"{progress.nodes:,} nodes")
         if progress.nodes_per_s is not None:

@@ -21,7 +21,7 @@ from skillplan.model.replay import Replay, replay
 from skillplan.model.skill_model import SkillModel
 from skillplan.records.certificate import Claim, Outcome
 from skillplan.records.result import Status, tolerance
-from skillplan.records.result_file import StoredClaims
+from skillplan.records.stored.result_file import StoredClaims
 from skillplan.solvers.stop import Stop, relative_gap
 
 REPLAY = "replay"

@@ -78,8 +78,8 @@ def jaws_about(
     closing_axis
         ``x`` or ``y``; None for the narrower side.
     depth_m
-        How far below the top the fingers reach [m]; None for half-way down what they hold, 12 mm
-        at most.
+        How far below the top the fingers reach [m]; None for half the height of what they hold,
+        12 mm at most.
     at_m
         Where the tip is in the body's frame [m]; None for the middle of what is held.
     """

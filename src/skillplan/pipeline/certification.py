@@ -15,7 +15,7 @@ from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.records.certificate import Certificate, Claim, Outcome
 from skillplan.records.result import Status, tolerance
-from skillplan.records.result_file import (
+from skillplan.records.stored.result_file import (
     StoredPart,
     StoredResult,
     other_task,

@@ -20,7 +20,7 @@ from skillplan.files.growing_file import GrowingFile
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.strict_json import parse_json
 from skillplan.records import schemas
-from skillplan.records.result_folder import MANIFEST
+from skillplan.records.stored.result_folder import MANIFEST
 from skillplan.records.sweep.plan import SweepPlan, same
 from skillplan.records.sweep.record import SweepRecord, record_of
 

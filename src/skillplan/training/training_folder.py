@@ -192,8 +192,8 @@ class TrainingFolder:
 
     def _refuse(self, words: str, changed: str) -> None:
         raise OptionError(
-            f"--resume: the training in {self.path} is another one, in {words}: {changed}. Ask "
-            "for the same, or name a new folder."
+            f"--resume: the training in {self.path} is another one, in {words}: {changed}. Give "
+            "the same values, or name a new folder."
         )
 
 

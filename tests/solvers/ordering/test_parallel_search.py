@@ -21,7 +21,7 @@ from skillplan.solvers.ordering.instance import OrderingInstance
 from skillplan.solvers.ordering.job_orders import JobOrders
 from skillplan.solvers.ordering.parallel_search import ParallelSearch, emphases
 from skillplan.solvers.ordering.portfolio import METHODS, OrderingSearch
-from skillplan.solvers.ordering.search_worker import Share, ShareSearch, Word
+from skillplan.solvers.ordering.search_worker import Share, ShareSearch, Update
 from skillplan.solvers.stop import Stop
 from sop_instances import BEST_KNOWN, instance
 
@@ -346,7 +346,7 @@ class TestShares:
         known = OrderingSearch(ordering("ESC25"), seed=1)
         known.run()
         share = ShareSearch(Share(known.instance, ("subset-dp",), 0, None, None, None))
-        share.hear(Word(known.order, 0.0, "", None))
+        share.receive(Update(known.order, 0.0, "", None))
         deadline_s = time.monotonic() + PATIENCE_S
         while not (found := share.finding()).ended:
             assert time.monotonic() < deadline_s

@@ -26,7 +26,7 @@ from skillplan_pinocchio.shapes import (
 
 # The body of the hand from its underside upwards: depth in the frame of the hand, how far out
 # along the closing axis, and half its width there [m]. Convex between. Measured on the collision
-# mesh that the maker publishes, made symmetric, as jaws close the same way with the hand turned
+# mesh that the maker publishes, made symmetric, as jaws close alike with the hand turned
 # by half a turn.
 _HAND_OUTLINE_M: Final = (
     (panda.HAND_UNDERSIDE_M, 0.0975, 0.0173),

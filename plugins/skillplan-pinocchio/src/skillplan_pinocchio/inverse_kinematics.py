@@ -67,7 +67,7 @@ class Unreachable:
 def elbows(arm: ArmModel, position: Point, closing_yaw: float) -> Iterator[Vector | Unreachable]:
     """Yield joint angles for a pose, by elbow and hand, nearest to the ready pose first.
 
-    Jaws close the same way with the hand turned by half a turn, so that both are tried.
+    Jaws close alike with the hand turned by half a turn, so that both are tried.
 
     Parameters
     ----------

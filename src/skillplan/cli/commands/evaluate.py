@@ -88,8 +88,8 @@ class Replayed:
             If not just one of them is given, or something does not fit the task.
         """
         from skillplan.errors import OptionError
-        from skillplan.records.policy_file import read_policy, start_state
-        from skillplan.records.result_folder import policies_path
+        from skillplan.records.stored.policy_file import read_policy, start_state
+        from skillplan.records.stored.result_folder import policies_path
 
         if (self.sequence is None) == (self.policy_file is None):
             raise OptionError("Give either --sequence or --policy.")
@@ -206,7 +206,7 @@ def command(
     alone. Back ends are those of the training. Several are shown side by side.
     """
     from skillplan.errors import OptionError
-    from skillplan.records.result_folder import is_result, run_folder
+    from skillplan.records.stored.result_folder import is_result, run_folder
 
     folders = [run_folder(one) for one in inputs]
     if len(inputs) > 1 and None in folders:

@@ -27,9 +27,9 @@ TRAINING = "Training"
 
 EPILOG = (
     "Everything is kept in a folder: manifest.json says what was requested, runs/NN/metrics.jsonl "
-    "what happened, runs/NN/policy.json and policy.safetensors what was learned, tensorboard/ the same "
-    "as curves. Checkpoints are whole or not at all: after Ctrl-C, SIGKILL or a full disk the same "
-    "command with --resume goes on from the last one, bit for bit. 'skillplan evaluate' and "
+    "what happened, runs/NN/policy.json and policy.safetensors what was learned, tensorboard/ the "
+    "same as curves. Checkpoints are whole or not at all: after Ctrl-C, SIGKILL or a full disk the "
+    "same command with --resume goes on from the last one, bit for bit. 'skillplan evaluate' and "
     "'skillplan plot' read the folder."
 )
 
@@ -162,7 +162,7 @@ def command(
     from skillplan.training.trainer import Trainer, next_folder
     from skillplan.training.training_folder import TrainingFolder
     from skillplan.training.training_plan import plan_training
-    from skillplan.views.tables.training import training_tables
+    from skillplan.views.tables.learning.training import training_tables
 
     if resume and out is None:
         raise OptionError("--resume needs --out DIR, the folder of the training to go on with.")

@@ -16,8 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from skillplan.errors import OptionError
 from skillplan.files.json_file import read_checked, read_document
 from skillplan.records import schemas
-from skillplan.records.result_folder import MANIFEST as MANIFEST
-from skillplan.records.result_folder import RESULT as RESULT
+from skillplan.records.stored.result_folder import MANIFEST as MANIFEST
+from skillplan.records.stored.result_folder import RESULT as RESULT
 from skillplan.records.training.metrics_file import METRICS, FiguresRecord, read_metrics
 from skillplan.records.training.network_policy_file import StoredNetwork, read_network
 from skillplan.solvers.learning.learner import Episode

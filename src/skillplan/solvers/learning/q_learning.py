@@ -1,7 +1,7 @@
 """Off-policy temporal-difference control: Q-learning.
 
-Watkins, "Learning from delayed rewards" (1989); Sutton and Barto (2018), section 6.5. The update
-after every step is compiled and stands in `episode_kernels.td_episodes`, which SARSA shares.
+Watkins, "Learning from delayed rewards" (1989); Sutton and Barto (2018), section 6.5. The update,
+TD(0) towards the best next action, stands in `episode_kernels.td_episodes`.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ class QLearningSolver(EpisodicSolver):
         Parameters
         ----------
         env, schedule
-            Where and how episodes are run.
+            The environment and the rates of episodes.
         begun
-            Episodes run before these, >= 0: rates go on from there.
+            Episodes run before these, >= 0: rates continue from there.
         q
             Value of every row, shape (m,); changed.
         stream

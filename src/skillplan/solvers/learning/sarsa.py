@@ -1,6 +1,7 @@
 """On-policy temporal-difference control: SARSA.
 
-Veeramani and Muthuswamy, Table 2 and Eq. 10; Sutton and Barto (2018), sections 6.4 and 6.6.
+Veeramani and Muthuswamy, Table 2 and Eq. 10; Sutton and Barto (2018), sections 6.4 and 6.6. The
+update, TD(0) towards the next action taken, stands in `episode_kernels.td_episodes`.
 """
 
 from __future__ import annotations
@@ -44,9 +45,9 @@ class SarsaSolver(EpisodicSolver):
         Parameters
         ----------
         env, schedule
-            Where and how episodes are run.
+            The environment and the rates of episodes.
         begun
-            Episodes run before these, >= 0: rates go on from there.
+            Episodes run before these, >= 0: rates continue from there.
         q
             Value of every row, shape (m,); changed.
         stream

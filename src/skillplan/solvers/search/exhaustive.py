@@ -1,4 +1,4 @@
-"""Brute force over all feasible sequences up to the step limit, which it counts.
+"""Exhaustive search: enumerates and counts all feasible sequences up to the step limit.
 
 Moller et al., section 5.3: "determined through an exhaustive search". No sequence is pruned;
 a sequence ends where it reaches the goal.
@@ -17,7 +17,7 @@ _TIE = 1e-12
 
 
 class ExhaustiveSolver(Solver):
-    """Walk every feasible sequence, depth first."""
+    """Enumerate every feasible sequence, depth first."""
 
     name = "exhaustive"
 
@@ -38,7 +38,7 @@ class ExhaustiveSolver(Solver):
         worst: dict[int, float] = {}
         complete: Counter[int] = Counter()
         visited = 1
-        # One frame for each skill of the sequence at hand: what can follow, and which is next.
+        # One frame for each skill of the present sequence: its successors, and which is next.
         frames: list[tuple[tuple[Transition, ...], float]] = []
         nexts: list[int] = []
         names: list[str] = []
@@ -89,7 +89,7 @@ class ExhaustiveSolver(Solver):
     def _open_bound(
         frames: list[tuple[tuple[Transition, ...], float]], nexts: list[int], best: float
     ) -> float:
-        """Return the least cost that a sequence not yet walked can have."""
+        """Return the least cost that a sequence not enumerated yet can have."""
         bound = best
         for (following, cost), index in zip(frames, nexts, strict=True):
             for step in following[index:]:
@@ -100,7 +100,7 @@ class ExhaustiveSolver(Solver):
 def _trace(
     visited: int, complete: Counter[int], cheapest: dict[int, float], worst: dict[int, float]
 ) -> dict[str, Any]:
-    """Return the figures of a search: sequences visited, and by length what became of them."""
+    """Return the figures of a search: sequences visited, and costs of complete ones by length."""
     return {
         "visited": visited,
         "bound_method": "enumeration of all sequences",

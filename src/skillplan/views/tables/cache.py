@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from skillplan.records.cache import CacheFilling, CacheSurvey, CacheTest
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.text.table import Column, Table
 
 
 def survey_table(survey: CacheSurvey) -> Table:

@@ -8,8 +8,8 @@ from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.result import Result, Status
 from skillplan.views.tables.listing import listing_table
 from skillplan.views.tables.results import PROOF, one_line
-from skillplan.views.tables.table import Column, Table
-from skillplan.views.tables.wording import number, percent
+from skillplan.views.text.table import Column, Table
+from skillplan.views.text.wording import number, percent
 
 
 def chain_tables(result: ChainResult) -> list[Table]:

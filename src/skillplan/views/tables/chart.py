@@ -8,7 +8,7 @@ from skillplan.chart.conflict import conflict_lines
 from skillplan.chart.partial_order import closure, reduction
 from skillplan.chart.precedence_chart import DerivedChart
 from skillplan.task.task import Task
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.text.table import Column, Table
 
 
 def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Table:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from skillplan.records.detectors import counts, decisive, wrong_verdicts
+from skillplan.records.execution.detectors import counts, decisive, wrong_verdicts
 from skillplan.task.verdict import VerdictStatus
 from skillplan.trials.detector_trial import Truth
 from skillplan.trials.detector_trials import CHART, DetectorTrials
-from skillplan.views.tables.evidence_text import evidence_text
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.text.evidence_text import evidence_text
+from skillplan.views.text.table import Column, Table
 
 
 def detectors_tables(trials: DetectorTrials) -> list[Table]:

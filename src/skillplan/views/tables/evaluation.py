@@ -5,8 +5,8 @@ from __future__ import annotations
 from skillplan.records.evaluation import Evaluation
 from skillplan.records.result import tolerance
 from skillplan.views.tables.results import step_rows
-from skillplan.views.tables.table import Table
-from skillplan.views.tables.wording import percent, yes_no
+from skillplan.views.text.table import Table
+from skillplan.views.text.wording import percent, yes_no
 
 
 def evaluation_table(evaluation: Evaluation) -> Table:

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from skillplan.records.plugin_info import PluginInfo
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.text.table import Column, Table
 
 _BOUNDS = {
     "minimum": ">= ",

@@ -1,4 +1,4 @@
-"""How the hand is turned at every target: jaws close the same way when it is turned by half.
+"""How the hand is turned at every target: jaws close alike when it is turned by half.
 
 A part keeps the turn that it was picked up with, so that one turn is chosen for all that is done
 with it, as near as can be to the posture in which the wrist has most room. It depends on the

@@ -1,4 +1,4 @@
-"""The relaxation made tighter, round by round."""
+"""Cutting planes: tightens the linear relaxation, round by round."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ def tighten(
     *,
     enough: float = 1e-4,
 ) -> Duals:
-    """Add cuts until nothing is gained, the bound reaches the cutoff or `stop` says so.
+    """Add cuts until nothing is gained, the bound reaches the cutoff or `stop` returns true.
 
     Parameters
     ----------
     relaxation
-        The linear program; cuts are added to it.
+        Cuts are added to it, and arcs fixed, in place.
     cutoff
-        Orders that cost as much are not looked for.
+        Orders that cost as much are not of interest.
     stop
-        Polled in every round.
+        Whether to stop now.
     on_bound
-        Told of every better bound.
+        Called with every better bound.
     enough
-        A round that gains less than this share of the gap gains nothing, >= 0.
+        Least gain of a round, as a fraction of the gap, > 0.
     """
     best: Duals | None = None
     stalled = 0

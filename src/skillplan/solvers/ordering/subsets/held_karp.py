@@ -1,11 +1,12 @@
-"""One layer of the dynamic program over feasible subsets, compiled.
+"""Held-Karp: one layer of the dynamic program over feasible subsets, compiled.
 
-Held and Karp (1962), Escudero (1988): of all ways to visit a set of nodes and end at one of them
-only the cheapest matters. With precedence, only sets count that hold with a node all that comes
-before it. A path that cannot be completed below a given cost is left out (Morin and Marsten, 1976):
-what it has spent in reduced costs, and still must spend, says so. Cost and what is spent differ by
-more than a constant, as an order may cross a cut more than once. So the cheapest path is kept, and
-of equally cheap ones that which has spent least.
+Held and Karp, "A dynamic programming approach to sequencing problems" (1962); Escudero (1988) with
+precedence. A *label* is a partial order: a set of visited nodes and the last of them. Of all labels
+of equal set and last node the cheapest dominates the others. A set is feasible if it holds with
+every node all its predecessors. A label is fathomed (Morin and Marsten, 1976) if its reduced cost
+so far plus a lower bound on the rest reaches the gap. Cost and reduced cost differ by more than a
+constant, as an order may cross a cut more than once. So the cheapest label is kept, and of equally
+cheap ones that of the least reduced cost.
 """
 
 from __future__ import annotations
@@ -25,41 +26,41 @@ S = TypeVar("S", bound=np.generic)
 
 
 class Layer(NamedTuple):
-    """Paths over as many nodes each; s of them.
+    """s labels of equally many visited nodes.
 
     Parameters
     ----------
     sets
         The nodes visited, one bit each, shape (s, words).
     lasts
-        Where the paths end, shape (s,).
-    costs, spent
-        What they cost, and what they have spent in reduced costs, shape (s,) each.
-    ends
-        The least to be spent to the end, that what is spent included, shape (s,).
+        The last node visited, shape (s,).
+    costs, reduced
+        Cost and reduced cost so far, shape (s,) each.
+    bounds
+        Lower bound on the reduced cost of the whole order, shape (s,).
     parents
-        The path of the layer before that each came from, shape (s,).
+        The label of the layer before that each extends, shape (s,).
     """
 
     sets: Words
     lasts: NDArray[np.int16]
     costs: Floats
-    spent: Floats
-    ends: Floats
+    reduced: Floats
+    bounds: Floats
     parents: NDArray[np.int32]
 
 
 class Arcs(NamedTuple):
-    """The arcs by their tails, and what comes before a node.
+    """The arcs by their tails, and the predecessors of nodes.
 
     Parameters
     ----------
     first
         Where the arcs of a node begin, shape (n + 1,).
     heads, costs, reduced
-        Where an arc leads, its cost and its reduced cost, shape (arcs,) each.
+        Head, cost and reduced cost of every arc, shape (arcs,) each.
     preds
-        What comes before a node, shape (n, words).
+        The predecessors of a node by precedence, shape (n, words).
     """
 
     first: Integers
@@ -70,7 +71,7 @@ class Arcs(NamedTuple):
 
 
 class Ahead(NamedTuple):
-    """The least spending to the end.
+    """Completion bounds of a layer; see `CompletionBounds`.
 
     Parameters
     ----------
@@ -79,7 +80,8 @@ class Ahead(NamedTuple):
     slot
         The row of a node in this layer or -1, shape (n,).
     least
-        By row and the neighbours that are left, shape (rows, 2 ** bits).
+        Least reduced cost to the end by row and set of neighbours left, shape
+        (rows, 2 ** bits).
     """
 
     near: Integers
@@ -88,19 +90,19 @@ class Ahead(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Which paths are left out.
+    """Which labels are left out.
 
     Parameters
     ----------
     most, strict
-        Those that spend `most` with their last arc, or where it is strict with the charges of
-        their last node.
+        Labels whose reduced cost reaches `most` with their last arc, or where `strict` is set
+        with the charges of their last node.
     room
-        Those that spend so much to the end.
+        The gap: labels whose bound reaches it are fathomed.
     width
-        At most so many are kept, those that spend least to the end.
+        At most so many labels are kept, those of the least bounds.
     whole
-        Whether to give up, with nothing kept, where there are more.
+        Whether to return no label at all where there are more.
     """
 
     most: float
@@ -111,7 +113,7 @@ class Limits(NamedTuple):
 
 
 def first_layer(words: int) -> Layer:
-    """Return the one path that has visited node 0 alone, its set in so many words."""
+    """Return the one label that has visited node 0 alone, its set in so many words."""
     sets = np.zeros((1, words), dtype=np.uint64)
     sets[0, 0] = 1
     nothing = np.zeros(1)
@@ -120,22 +122,22 @@ def first_layer(words: int) -> Layer:
 
 
 @compiled
-def _sort_out(layer: Layer, count: int, width: int) -> tuple[int, float, float]:
-    """Move to the front those of the first `count` paths that spend least to the end.
+def _select(layer: Layer, count: int, width: int) -> tuple[int, float, float]:
+    """Move to the front those of the first `count` labels that have the least bounds.
 
-    Return how many, the most that one of them spends, and the least that one left out spends.
+    Return how many, their largest bound, and the least bound of those left out.
     """
-    limit = np.partition(layer.ends[:count], width - 1)[width - 1]
+    limit = np.partition(layer.bounds[:count], width - 1)[width - 1]
     kept, left_out = 0, np.inf
     for r in range(count):
-        if layer.ends[r] > limit or kept == width:
-            left_out = min(left_out, layer.ends[r])
+        if layer.bounds[r] > limit or kept == width:
+            left_out = min(left_out, layer.bounds[r])
             continue
         layer.sets[kept] = layer.sets[r]
         layer.lasts[kept] = layer.lasts[r]
         layer.costs[kept] = layer.costs[r]
-        layer.spent[kept] = layer.spent[r]
-        layer.ends[kept] = layer.ends[r]
+        layer.reduced[kept] = layer.reduced[r]
+        layer.bounds[kept] = layer.bounds[r]
         layer.parents[kept] = layer.parents[r]
         kept += 1
     return kept, limit, left_out
@@ -143,7 +145,7 @@ def _sort_out(layer: Layer, count: int, width: int) -> tuple[int, float, float]:
 
 @compiled
 def _empty(capacity: int, words: int) -> Layer:
-    """Return a layer with room for so many paths."""
+    """Return a layer with room for so many labels."""
     return Layer(
         np.empty((capacity, words), dtype=np.uint64),
         np.empty(capacity, dtype=np.int16),
@@ -156,33 +158,33 @@ def _empty(capacity: int, words: int) -> Layer:
 
 @compiled
 def _grown(layer: Layer, capacity: int) -> Layer:
-    """Return a layer with more room that begins with another."""
+    """Return a copy of a layer with more room."""
     longer, n = _empty(capacity, layer.sets.shape[1]), len(layer.lasts)
     longer.sets[:n] = layer.sets
     longer.lasts[:n] = layer.lasts
     longer.costs[:n] = layer.costs
-    longer.spent[:n] = layer.spent
-    longer.ends[:n] = layer.ends
+    longer.reduced[:n] = layer.reduced
+    longer.bounds[:n] = layer.bounds
     longer.parents[:n] = layer.parents
     return longer
 
 
 @compiled
 def _front(layer: Layer, count: int) -> Layer:
-    """Return the first paths of a layer."""
+    """Return the first labels of a layer."""
     return Layer(
         layer.sets[:count].copy(),
         layer.lasts[:count].copy(),
         layer.costs[:count].copy(),
-        layer.spent[:count].copy(),
-        layer.ends[:count].copy(),
+        layer.reduced[:count].copy(),
+        layer.bounds[:count].copy(),
         layer.parents[:count].copy(),
     )
 
 
 @compiled
 def _open(visited: Words, preds: Words, node: int) -> bool:
-    """Return whether a node is still to be visited, and all that comes before it was."""
+    """Return whether a node is unvisited, and all its predecessors are visited."""
     fits = not (visited[node >> 6] >> np.uint64(node & 63)) & np.uint64(1)
     for w in range(len(visited)):
         fits &= not preds[w] & ~visited[w]
@@ -191,7 +193,7 @@ def _open(visited: Words, preds: Words, node: int) -> bool:
 
 @compiled
 def _charged(visited: Words, last: int, node: int, charges: Charges) -> float:
-    """Return what a path is charged for its next node."""
+    """Return the charges of a label for its next node; see `Charges`."""
     one = np.uint64(1)
     total = 0.0
     for c in range(charges.first[node], charges.first[node + 1]):
@@ -204,21 +206,21 @@ def _charged(visited: Words, last: int, node: int, charges: Charges) -> float:
 
 
 @compiled
-def _mixed(visited: Words, last: int) -> int:
-    """Return a number in which the set and the last node are mixed."""
-    mixed = np.uint64(last) * np.uint64(0x9E3779B97F4A7C15)
+def _hash(visited: Words, last: int) -> int:
+    """Return a hash of the set and the last node."""
+    value = np.uint64(last) * np.uint64(0x9E3779B97F4A7C15)
     for word in visited:
-        mixed = (mixed ^ word) * np.uint64(0xFF51AFD7ED558CCD)
-        mixed ^= mixed >> np.uint64(32)
-    return int(mixed >> np.uint64(1))
+        value = (value ^ word) * np.uint64(0xFF51AFD7ED558CCD)
+        value ^= value >> np.uint64(32)
+    return int(value >> np.uint64(1))
 
 
 @compiled
 def _place(
     table: NDArray[np.int32], sets: Words, lasts: NDArray[np.int16], visited: Words, last: int
 ) -> int:
-    """Return where in the table a path over a set to a node stands, or is to stand."""
-    at = _mixed(visited, last) & (len(table) - 1)
+    """Return the slot of a label in the hash table: its own, or the free one for it."""
+    at = _hash(visited, last) & (len(table) - 1)
     while table[at] >= 0:
         found = table[at]
         same = lasts[found] == last
@@ -232,13 +234,13 @@ def _place(
 
 @compiled
 def _table(layer: Layer, count: int, capacity: int) -> NDArray[np.int32]:
-    """Return a fresh table of where the first paths of a layer are found, for so many of them."""
+    """Return a hash table of the first labels of a layer, with room for `capacity`."""
     size = 2
     while size < 2 * capacity:
         size *= 2
     table = np.full(size, -1, dtype=np.int32)
     for r in range(count):
-        at = _mixed(layer.sets[r], layer.lasts[r]) & (size - 1)
+        at = _hash(layer.sets[r], layer.lasts[r]) & (size - 1)
         while table[at] >= 0:
             at = (at + 1) & (size - 1)
         table[at] = r
@@ -260,39 +262,39 @@ def _left(visited: Words, near: Integers, j: int) -> int:
 def expand(
     layer: Layer, arcs: Arcs, ahead: Ahead, charges: Charges, limits: Limits
 ) -> tuple[Layer, float, int]:
-    """Return the paths that are one node longer.
+    """Extend all labels by one node.
 
     Parameters
     ----------
     layer
-        The paths.
+        The labels.
     arcs
-        How they may go on.
+        The arcs that may extend them.
     ahead
-        The least spending to the end.
+        Completion bounds of the next layer.
     charges
-        What is spent beside arcs.
+        Reduced costs beside those of arcs.
     limits
-        Which paths are left out.
+        Which labels are left out.
 
     Returns
     -------
     tuple
-        The longer paths, the least to be spent to the end by what was left out for the width (inf
-        where nothing was), and how many paths were looked at.
+        The next layer, the least bound of the labels left out for the width (inf where none
+        was), and how many labels were generated.
     """
     # What the inner loop reads is taken out of its tuple first: numba counts references to all
     # arrays of a tuple wherever it is passed on or read from, which made this four times as slow.
     # For the same reason what is decided there stands here and not in functions of tuples.
-    sets, lasts, costs, spent, _, _ = layer
-    first, heads, arc_costs, reduced, preds = arcs
+    sets, lasts, costs, reduced, _, _ = layer
+    first, heads, arc_costs, arc_reduced, preds = arcs
     near, slot, least = ahead
     most, strict, room, width, whole = limits
-    # A beam sorts out now and then what it does not keep.
+    # A beam drops the worst labels each time the layer is full.
     most_held = width if whole else 2 * width
     capacity = min(most_held, max(1024, 2 * len(lasts)))
     longer = _empty(capacity, sets.shape[1])
-    new_sets, new_lasts, new_costs, new_spent, new_ends, parents = longer
+    new_sets, new_lasts, new_costs, new_reduced, new_bounds, parents = longer
     table = _table(longer, 0, capacity)
     trial = np.empty(sets.shape[1], dtype=np.uint64)
     count = made = 0
@@ -305,40 +307,40 @@ def expand(
             if row < 0 or not _open(visited, preds[j], j):
                 continue
             to_go = least[row, _left(visited, near, j)]
-            spends = spent[s] + reduced[a]
-            if spends >= most or spends + to_go >= room:
+            total = reduced[s] + arc_reduced[a]
+            if total >= most or total + to_go >= room:
                 continue
-            spends += _charged(visited, lasts[s], j, charges)
-            if strict and spends >= most:
+            total += _charged(visited, lasts[s], j, charges)
+            if strict and total >= most:
                 continue
             made += 1
-            cost, end = costs[s] + arc_costs[a], spends + to_go
-            if end >= limit:
-                if end < room and end < dropped:
-                    dropped = end
+            cost, bound = costs[s] + arc_costs[a], total + to_go
+            if bound >= limit:
+                if bound < room and bound < dropped:
+                    dropped = bound
                 continue
             trial[:] = visited
             trial[j >> 6] |= np.uint64(1) << np.uint64(j & 63)
             at = _place(table, new_sets, new_lasts, trial, j)
             found = table[at]
             if found >= 0:
-                costlier = cost > new_costs[found]
-                if costlier or (cost == new_costs[found] and spends >= new_spent[found]):
+                dominated = cost > new_costs[found]
+                if dominated or (cost == new_costs[found] and total >= new_reduced[found]):
                     continue
             elif count == capacity:
                 if capacity < most_held:
                     capacity = min(most_held, 2 * capacity)
                     longer = _grown(longer, capacity)
-                    new_sets, new_lasts, new_costs, new_spent, new_ends, parents = longer
+                    new_sets, new_lasts, new_costs, new_reduced, new_bounds, parents = longer
                 elif whole:
                     return _front(longer, 0), 0.0, made
                 else:
-                    count, limit, left_out = _sort_out(longer, count, width)
+                    count, limit, left_out = _select(longer, count, width)
                     dropped = min(dropped, left_out)
                 table = _table(longer, count, capacity)
                 at = _place(table, new_sets, new_lasts, trial, j)
-                if end >= limit:
-                    dropped = min(dropped, end)
+                if bound >= limit:
+                    dropped = min(dropped, bound)
                     continue
             if found < 0:
                 found = table[at] = count
@@ -346,11 +348,11 @@ def expand(
                 new_lasts[found] = j
                 count += 1
             new_costs[found] = cost
-            new_spent[found] = spends
-            new_ends[found] = end
+            new_reduced[found] = total
+            new_bounds[found] = bound
             parents[found] = s
     if count > width:
-        count, limit, left_out = _sort_out(longer, count, width)
+        count, limit, left_out = _select(longer, count, width)
         dropped = min(dropped, left_out)
     return _front(longer, count), dropped, made
 
@@ -359,26 +361,26 @@ def expand(
 def meet(
     layer: Layer, arcs: Arcs, most: float, behind: Layer, room: float
 ) -> tuple[float, int, int]:
-    """Return the cheapest order below `room` that paths from both ends make up, by one arc.
+    """Join labels from both ends by an arc: return the cheapest order below `room`.
 
     Parameters
     ----------
     layer, arcs
-        Paths from the start, and how they may go on.
+        Labels from the start, and the arcs that may extend them.
     most
-        Paths that may be longer by a node without spending so much are left to the next layer.
+        Labels that an arc extends to a reduced cost below this are left to the next layer.
     behind
-        Paths from the end. They name nodes backwards: n - 1 - i for node i.
+        Labels from the end. They name nodes backwards: n - 1 - i for node i.
     room
-        What the order has to cost less than.
+        Upper bound on the cost of the order, exclusive.
 
     Returns
     -------
     tuple
-        Its cost, and the numbers of the two paths; -1 where there is none.
+        Its cost, and the indices of the two labels; -1 where there is none.
     """
-    sets, lasts, costs, spent, _, _ = layer
-    first, heads, arc_costs, reduced, preds = arcs
+    sets, lasts, costs, reduced, _, _ = layer
+    first, heads, arc_costs, arc_reduced, preds = arcs
     n = len(preds)
     table = _table(behind, len(behind.lasts), len(behind.lasts))
     least, one, other = room, -1, -1
@@ -393,7 +395,7 @@ def meet(
             cost, head = costs[s] + arc_costs[a], heads[a]
             if cost >= least or not _open(sets[s], preds[head], head):
                 continue
-            if spent[s] + reduced[a] < most:
+            if reduced[s] + arc_reduced[a] < most:
                 continue
             found = table[_place(table, behind.sets, behind.lasts, rest, n - 1 - head)]
             if found >= 0 and cost + behind.costs[found] < least:

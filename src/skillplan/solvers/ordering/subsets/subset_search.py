@@ -1,7 +1,7 @@
-"""Dynamic programming over feasible subsets, layer by layer, with a beam that may widen.
+"""Beam search over feasible subsets, with the layers of Held-Karp and completion bounds.
 
-A beam that left nothing out has proved what it found; one that did still proves a bound: the
-least that anything left out could have come to.
+A beam that left no label out has proved its order optimal; one that did still proves a bound: the
+least bound of the labels left out.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ _BITS = 8
 
 @dataclass
 class Beam:
-    """What a pass found.
+    """The result of one pass.
 
     Parameters
     ----------
     order
-        The cheapest order met, or None.
+        The cheapest order found, or None.
     bound
         No order costs less than this or the cutoff, whichever is less.
     whole
-        Whether nothing was left out for the width.
+        Whether no label was left out for the width.
     made
-        Paths looked at.
+        Labels generated.
     """
 
     order: Integers | None
@@ -50,7 +50,7 @@ def beam(
     stop: Callable[[], bool],
     on_layer: Callable[[int, int], None] = lambda layer, states: None,
 ) -> Beam | None:
-    """Search with a beam; return None where it was stopped.
+    """Run a beam search; return None where it was stopped.
 
     Parameters
     ----------
@@ -59,13 +59,13 @@ def beam(
     duals
         A bound and reduced costs; inf where no order below the cutoff takes an arc.
     cutoff
-        Orders that cost as much are not looked for.
+        Only orders that cost less are searched for.
     width
-        At most so many paths are kept in a layer, >= 1.
+        At most so many labels are kept in a layer, >= 1.
     stop
-        Whether to give up; polled once a layer.
+        Whether to stop; polled once a layer.
     on_layer
-        Told of the number of a layer and of its paths.
+        Called with the number of a layer and how many labels it has.
     """
     n = instance.n
     bounds = CompletionBounds(instance, duals, _BITS)
@@ -80,21 +80,21 @@ def beam(
     )
     charges = charges_of(duals)
     limits = Limits(room, False, room, width, False)
-    paths = first_layer(arcs.preds.shape[1])
+    labels = first_layer(arcs.preds.shape[1])
     history = []
     least, made = np.inf, 0
     for layer in range(1, n):
         ahead = Ahead(bounds.near, bounds.slot[layer], bounds.ahead)
-        paths, dropped, tried = expand(paths, arcs, ahead, charges, limits)
+        labels, dropped, tried = expand(labels, arcs, ahead, charges, limits)
         least = min(least, dropped)
         made += tried
-        on_layer(layer, len(paths.lasts))
+        on_layer(layer, len(labels.lasts))
         if stop():
             return None
-        if not len(paths.lasts):
+        if not len(labels.lasts):
             return Beam(None, min(cutoff, least + duals.bound), np.isinf(least), made)
-        history.append((paths.lasts, paths.parents))
-    at = int(np.argmin(paths.costs))
+        history.append((labels.lasts, labels.parents))
+    at = int(np.argmin(labels.costs))
     order = [n - 1]
     for lasts, parents in reversed(history):
         at_last = int(lasts[at])
@@ -104,7 +104,7 @@ def beam(
     order.append(0)
     return Beam(
         np.array(order[::-1], dtype=np.int64),
-        min(cutoff, least + duals.bound, float(paths.costs.min())),
+        min(cutoff, least + duals.bound, float(labels.costs.min())),
         np.isinf(least),
         made,
     )

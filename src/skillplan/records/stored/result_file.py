@@ -13,7 +13,7 @@ from skillplan.files.json_file import read_checked
 from skillplan.records import schemas
 from skillplan.records.origin import Origin
 from skillplan.records.result import Status
-from skillplan.records.result_folder import result_path
+from skillplan.records.stored.result_folder import result_path
 from skillplan.solvers.solution import Plan
 
 _REMEDY = "Give a result.json of search-optimal, or the folder that --out named"

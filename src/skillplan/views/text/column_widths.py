@@ -1,6 +1,6 @@
 """How wide output may be, and how the columns of a table share that.
 
-This is the one place that decides widths. Of the ways to show a table the first that fits counts:
+This is the one place that decides widths. Of these forms of a table the first that fits counts:
 
 1. every column as wide as its widest cell;
 2. columns that may stand below the table do, and headings wrap;
@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import IO
 
-from skillplan.views.tables.table import Table
-from skillplan.views.tables.text_wrapping import longest_piece, text_width
+from skillplan.views.text.table import Table
+from skillplan.views.text.text_wrapping import longest_piece, text_width
 
 DEFAULT_WIDTH = 120
 """Columns of a line where neither COLUMNS nor a terminal says otherwise."""

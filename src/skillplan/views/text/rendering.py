@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import IO
 
-from skillplan.views.tables.table import Table, as_csv, as_markdown
+from skillplan.views.text.table import Table, as_csv, as_markdown
 
 
 def render(tables: Sequence[Table], style: str, out: IO[str]) -> str:
@@ -25,6 +25,6 @@ def render(tables: Sequence[Table], style: str, out: IO[str]) -> str:
     if style == "md":
         return "\n".join(as_markdown(table) for table in tables)
     # Here and not above: CSV and Markdown must not wait for rich.
-    from skillplan.views.tables.terminal import as_terminal_text
+    from skillplan.views.text.terminal import as_terminal_text
 
     return as_terminal_text(tables, out)

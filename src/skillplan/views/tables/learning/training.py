@@ -8,9 +8,9 @@ from skillplan.records.interval import Estimate
 from skillplan.records.training.outcome import RECENT_STEPS, RunOutcome, Tally, deviation
 from skillplan.records.training.published_runs import SUCCESS_RATE
 from skillplan.records.training.result import TrainingResult
-from skillplan.views.tables.layouts import layouts_table
-from skillplan.views.tables.table import Column, Table
-from skillplan.views.tables.wording import count, number, percent
+from skillplan.views.tables.learning.layouts import layouts_table
+from skillplan.views.text.table import Column, Table
+from skillplan.views.text.wording import count, number, percent
 
 NONE = "N/A"
 """Stands for the sequence of a run that does not complete the task, as in the paper."""
