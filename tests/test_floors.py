@@ -31,6 +31,7 @@ OPENS = {
     "workers/worker_processes.py": "the null device, for what libraries print",
     "domains/domain.py": "the starter that lies in the package of a domain",
     "pipeline/warm_up.py": "a board of its own, in a folder of its own",
+    "views/figures/hulls_figure.py": "a picture that it drew itself, in memory",
     "cli/writing.py": "the null device, once stdout is gone",
     "skillplan_pybullet/simulator/quiet_output.py": "the null device, for what pybullet prints",
     "skillplan_pybullet/simulator/world.py": "meshes for pybullet, in a folder of its own",
