@@ -66,7 +66,7 @@ def evaluate_run_folders(paths: Sequence[str], wanted: Wanted, style: str) -> in
         If the task is another one now, or no policy can act on it.
     """
     from skillplan.cli.output import emit
-    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
+    from skillplan.errors import exit_code
     from skillplan.records.training.run_folder import RunFolder
     from skillplan.records.training.trainings import trainings_document
     from skillplan.views.tables.learning.training import training_tables
@@ -83,9 +83,8 @@ def evaluate_run_folders(paths: Sequence[str], wanted: Wanted, style: str) -> in
         emit(style, results[0].document(), training_tables(results[0]), failed=failed)
     else:
         emit(style, trainings_document(results), [trainings_table(results)], failed=failed)
-    if interrupted:
-        return EXIT_INTERRUPTED
-    return EXIT_SOLVED if all(result.completed for result in results) else EXIT_NO_PLAN
+    solved = all(result.completed for result in results)
+    return exit_code(interrupted=interrupted, solved=solved)
 
 
 def _evaluated(folder: RunFolder, wanted: Wanted) -> tuple[TrainingResult, bool]:

@@ -255,7 +255,7 @@ def _evaluate(
     from skillplan.checks.verdict_cache import VerdictCache
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import showing_checks, stoppable
-    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
+    from skillplan.errors import exit_code
     from skillplan.model.policy_value import roll_out
     from skillplan.model.replay import replay
     from skillplan.pipeline.run import make_model, solve
@@ -284,6 +284,5 @@ def _evaluate(
             )
     evaluation = Evaluation(task, skills, walked, best)
     emit(style, evaluation.document(), [evaluation_table(evaluation)], failed=not walked.complete)
-    if best is not None and best.interrupted:
-        return EXIT_INTERRUPTED
-    return EXIT_SOLVED if walked.complete else EXIT_NO_PLAN
+    interrupted = best is not None and best.interrupted
+    return exit_code(interrupted=interrupted, solved=walked.complete)
