@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.option_values import count_option
-from skillplan.cli.options import (
+from skillplan.cli.options.shared import (
     OUTPUT,
     BackEnds,
     Checking,
@@ -19,6 +18,7 @@ from skillplan.cli.options import (
     Style,
     TaskFile,
 )
+from skillplan.cli.options.values import count_option
 
 HELP = """Show, verify, fill and clear the verdicts kept on disk.
 
@@ -80,8 +80,8 @@ def verify(
     Compares status, reason, facts and evidence bit for bit. What differs is dropped, and the
     exit code is 3.
     """
+    from skillplan.checks.recheck import draw, put_to_the_test
     from skillplan.checks.verdict_folder import VerdictFolder
-    from skillplan.checks.verification import draw, put_to_the_test
     from skillplan.cli.counting import counting
     from skillplan.cli.output import emit
     from skillplan.errors import exit_code

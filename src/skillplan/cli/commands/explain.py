@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skillplan.cli.completion import skills
-from skillplan.cli.option_values import count_option
-from skillplan.cli.options import (
+from skillplan.cli.options.completion import skills
+from skillplan.cli.options.shared import (
     OUTPUT,
     TASK,
     BackEnds,
@@ -17,6 +16,7 @@ from skillplan.cli.options import (
     Style,
     TaskFile,
 )
+from skillplan.cli.options.values import count_option
 from skillplan.cli.result_input import RESULT_HELP, load
 from skillplan.errors import OptionError
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skillplan.cli.completion import plugin_names, plugin_options, task_files
-from skillplan.cli.option_values import positive_number
-from skillplan.cli.options import BACK_ENDS, OUTPUT, TASK, BackEnds, PartReading, Style
+from skillplan.cli.options.completion import plugin_names, plugin_options, task_files
+from skillplan.cli.options.shared import BACK_ENDS, OUTPUT, TASK, BackEnds, PartReading, Style
+from skillplan.cli.options.values import positive_number
 from skillplan.cli.result_input import RESULT_HELP, load
 
 if TYPE_CHECKING:  # --help pays for no imports

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from skillplan.cli.option_values import count_option, one_of
-from skillplan.cli.options import (
+from skillplan.cli.options.shared import (
     BACK_ENDS,
     OUTPUT,
     SOLVER,
@@ -23,6 +22,7 @@ from skillplan.cli.options import (
     solver_option,
     split_names,
 )
+from skillplan.cli.options.values import count_option, one_of
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.records.sweep.result import SweepResult

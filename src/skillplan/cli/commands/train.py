@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.option_values import count_option, positive_seconds
-from skillplan.cli.options import (
+from skillplan.cli.options.shared import (
     LIMITS,
     OUTPUT,
     SOLVER,
@@ -22,6 +21,7 @@ from skillplan.cli.options import (
     TaskFile,
     solver_option,
 )
+from skillplan.cli.options.values import count_option, positive_seconds
 
 TRAINING = "Training"
 
@@ -151,7 +151,7 @@ def command(
     how to go on.
     """
     from skillplan.cli.output import emit
-    from skillplan.cli.training_display import displaying
+    from skillplan.cli.training_runs.display import displaying
     from skillplan.errors import OptionError, exit_code
     from skillplan.training.trainer import Trainer, next_folder
     from skillplan.training.training_folder import TrainingFolder

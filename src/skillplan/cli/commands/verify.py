@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.completion import task_files
-from skillplan.cli.option_values import positive_seconds
-from skillplan.cli.options import LIMITS, OUTPUT, TASK, Caching, Style
+from skillplan.cli.options.completion import task_files
+from skillplan.cli.options.shared import LIMITS, OUTPUT, TASK, Caching, Style
+from skillplan.cli.options.values import positive_seconds
 
 
 def command(

@@ -1,4 +1,4 @@
-"""Kept verdicts put to the test: queried anew in the states that they were made in."""
+"""Kept verdicts put to the test: checked again in the states that they were made in."""
 
 from __future__ import annotations
 
