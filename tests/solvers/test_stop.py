@@ -33,9 +33,9 @@ def test_a_bound_is_a_number():
         Stop().bound(math.nan)
 
 
-def test_an_incumbent_names_its_cost():
+def test_an_incumbent_has_a_cost():
     """Or it could not be compared."""
-    with pytest.raises(ValueError, match="must name its cost"):
+    with pytest.raises(ValueError, match="must have a cost"):
         Stop().incumbent(Plan(("a",)))
 
 
