@@ -28,9 +28,10 @@ OPENING_MODULES = {"tempfile", "shutil", "fcntl", "mmap", "filelock", "fileinput
 # Who opens something that no user handed over, and why.
 OPENS = {
     "workers/resident_memory.py": "the process file system of Linux",
-    "workers/worker_processes.py": "the null device, for what libraries print",
+    "workers/local_processes.py": "the null device, for what libraries print",
     "domains/domain.py": "the starter that lies in the package of a domain",
     "pipeline/warm_up.py": "a board of its own, in a folder of its own",
+    "views/figures/hulls_figure.py": "a picture that it drew itself, in memory",
     "cli/writing.py": "the null device, once stdout is gone",
     "skillplan_pybullet/simulator/quiet_output.py": "the null device, for what pybullet prints",
     "skillplan_pybullet/simulator/world.py": "meshes for pybullet, in a folder of its own",
@@ -102,7 +103,7 @@ def test_only_the_floor_of_files_opens_files() -> None:
 def test_only_the_floor_of_workers_starts_processes() -> None:
     """No exception: programs of others are started there, too."""
     found = {place(path): starting(path) for path in MODULES}
-    assert {"workers/program.py", "workers/worker_processes.py"} == {
+    assert {"workers/program.py", "workers/local_processes.py"} == {
         name for name, by in found.items() if by
     }
 

@@ -12,7 +12,7 @@ import pytest
 import typer
 
 from skillplan.cli import waiting
-from skillplan.cli.option_values import memory_size
+from skillplan.cli.options.values import memory_size
 from skillplan.cli.waiting import figures_text
 from skillplan.solvers.stop import Progress
 

@@ -1,1 +1,4 @@
-"""Verdicts of back ends: queried once, reused, kept on disk. It never knows about solvers."""
+"""Verdicts of back ends: the floor that queries them, once, reuses and keeps the answers.
+
+It never knows about solvers.
+"""

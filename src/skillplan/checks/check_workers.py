@@ -17,7 +17,7 @@ from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
 from skillplan.workers.executor import Ended, Executor, Worker, packed
-from skillplan.workers.worker_processes import LocalProcesses
+from skillplan.workers.local_processes import LocalProcesses
 
 _WHAT = "checks"
 

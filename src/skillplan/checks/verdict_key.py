@@ -1,4 +1,7 @@
-"""What an answer of a back end depends on, as a hash."""
+"""What an answer of a back end depends on, as a hash.
+
+How a verdict lies on disk: `verdict_file`; finding and dropping it: `verdict_cache`.
+"""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from skillplan import __version__
 from skillplan.cli.command_group import MARKUP, SETTINGS, CommandGroup, of_module, untyped
 from skillplan.cli.compilation_notice import compilation_announced
 from skillplan.cli.error_report import report_bug, report_error, report_usage
-from skillplan.errors import EXIT_BACK_END, EXIT_INTERRUPTED, SkillplanError
+from skillplan.errors import SkillplanError, exit_code
 
 # Panel of the group's help to its commands, each with its line.
 PANELS = {
@@ -162,11 +162,11 @@ def _run(words: list[str]) -> int:
         return report_usage(error, words)
     except (typer.Abort, KeyboardInterrupt):
         print("skillplan: interrupted", file=sys.stderr)
-        return EXIT_INTERRUPTED
+        return exit_code(interrupted=True)
     except SkillplanError as error:
         return report_error(error, words)
     except Exception as error:
         if os.environ.get("SKILLPLAN_DEBUG"):
             raise
         report_bug(error, words)
-        return EXIT_BACK_END
+        return exit_code(error)

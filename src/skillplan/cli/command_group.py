@@ -12,8 +12,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
-from skillplan.cli.grouped_options import grouped
-from skillplan.cli.options import OUTPUT
+from skillplan.cli.options.grouped import grouped
+from skillplan.cli.options.shared import OUTPUT
 from skillplan.errors import nearest
 
 # Brackets that rich would take for markup, as in [x, y], are written \[x, y].

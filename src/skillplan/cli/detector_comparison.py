@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 
 from skillplan.cli.counting import counting
-from skillplan.cli.options import BackEnds, Reading, split_names
+from skillplan.cli.options.shared import BackEnds, Reading, split_names
 from skillplan.cli.output import emit
-from skillplan.errors import EXIT_INTERRUPTED, EXIT_SOLVED, OptionError
+from skillplan.errors import OptionError, exit_code
 from skillplan.records.execution.detectors import detectors_document
 from skillplan.trials.detector_trials import try_detectors
 from skillplan.views.tables.detectors import detectors_tables
@@ -60,4 +60,4 @@ def compare_detectors(
         trials = try_detectors(task, setup.back_ends, staged, note=count.one_more, stopped=stopped)
     document = detectors_document(trials, time.monotonic() - begin_s)
     emit(style, document, detectors_tables(trials))
-    return EXIT_INTERRUPTED if count.interrupted else EXIT_SOLVED
+    return exit_code(interrupted=count.interrupted)

@@ -12,7 +12,7 @@ from typing import Any
 import typer
 
 from skillplan.cli.writing import write_out
-from skillplan.errors import EXIT_BACK_END, SkillplanError, TaskError, traceback_text
+from skillplan.errors import SkillplanError, TaskError, exit_code, traceback_text
 
 _MOST_LINES = 200
 
@@ -101,7 +101,7 @@ def error_document(error: Exception) -> dict[str, Any]:
         "schema": schemas.ERROR,
         "error": type(error).__name__,
         "message": error.format_message() if usage else str(error),  # type: ignore[attr-defined]
-        "exit_code": getattr(error, "exit_code", EXIT_BACK_END),
+        "exit_code": error.exit_code if usage else exit_code(error),  # type: ignore[attr-defined]
         "issues": issues,
     }
 

@@ -10,7 +10,8 @@ from contextlib import contextmanager
 from skillplan.checks.feasibility import CheckCount
 from skillplan.cli.interruption import heeding
 from skillplan.errors import OptionError
-from skillplan.solvers.stop import Progress, Stop, relative_gap
+from skillplan.solvers.gap import relative_gap
+from skillplan.solvers.stop import Progress, Stop
 from skillplan.workers.resident_memory import resident_bytes
 
 

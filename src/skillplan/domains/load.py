@@ -18,8 +18,8 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from skillplan.domains.domain import Domain
+from skillplan.domains.overrides import overridden
 from skillplan.errors import Issue, OptionError, PluginError, TaskError, name_hint
-from skillplan.files.overrides import overridden
 from skillplan.files.schema_errors import schema_issues, shown
 from skillplan.files.yaml import YAML_SUFFIXES, Document, parse, read_text
 from skillplan.task.back_end import BackEnd

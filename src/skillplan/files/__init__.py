@@ -1,4 +1,4 @@
 """Reading and writing files safely: limits, regular files only, atomic replacement.
 
-It never knows what a file means.
+It never knows what a file means; `schema_errors` only words what a schema finds wrong in one.
 """

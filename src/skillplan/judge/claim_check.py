@@ -22,7 +22,8 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.records.certificate import Claim, Outcome
 from skillplan.records.result import Status, tolerance
 from skillplan.records.stored.result_file import StoredClaims
-from skillplan.solvers.stop import Stop, relative_gap
+from skillplan.solvers.gap import relative_gap
+from skillplan.solvers.stop import Stop
 
 REPLAY = "replay"
 ARITHMETIC = "arithmetic"

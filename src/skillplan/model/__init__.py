@@ -1,1 +1,1 @@
-"""The lazy skill-transition model: the only floor that queries back ends."""
+"""The lazy skill-transition model; it never queries a back end itself, `checks` does."""

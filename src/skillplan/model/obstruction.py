@@ -2,6 +2,7 @@
 
 After a proof that there is no plan, the verdicts that matter are known. The reasons given here
 follow from them, so that expensive back ends need not be queried again.
+The cycle is found in `chart.partial_order` and worded in `chart.conflict`.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from skillplan.domains.domain import Account
 from skillplan.records import schemas
 from skillplan.records.origin import Origin
 from skillplan.records.result import Result, Status, tolerance
-from skillplan.solvers.stop import relative_gap
+from skillplan.solvers.gap import relative_gap
 from skillplan.task.task import Task
 
 _WEAKEST_FIRST = (

@@ -9,7 +9,7 @@ from typing import Any
 from skillplan.model.replay import Replay
 from skillplan.records import schemas
 from skillplan.records.result import Result, Status, step_document
-from skillplan.solvers.stop import relative_gap
+from skillplan.solvers.gap import relative_gap
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 

@@ -11,7 +11,7 @@ from typing import Any
 from skillplan.model.replay import Step
 from skillplan.records import schemas
 from skillplan.records.origin import Origin
-from skillplan.solvers.stop import relative_gap
+from skillplan.solvers.gap import relative_gap
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 

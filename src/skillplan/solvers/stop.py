@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from skillplan.checks.feasibility import CheckCount
+from skillplan.solvers.gap import relative_gap
 from skillplan.solvers.solution import Plan
 from skillplan.workers.resident_memory import resident_bytes
 
@@ -48,15 +49,6 @@ class Progress:
     queries: CheckCount | None = None
     nodes_per_s: float | None = None
     decimals: int | None = None
-
-
-def relative_gap(cost: float | None, lower_bound: float | None) -> float | None:
-    """Return (cost - lower bound) / cost, never below 0; None where either is missing."""
-    if cost is None or lower_bound is None or not math.isfinite(lower_bound):
-        return None
-    if cost <= lower_bound or cost == 0:
-        return 0.0
-    return (cost - lower_bound) / cost
 
 
 def _rises(low: float, high: float) -> bool:

@@ -9,7 +9,7 @@ from typing import Any
 from skillplan.records.sweep.record import SweepRecord
 from skillplan.sweep.study_run import StudyJob, do_run
 from skillplan.workers.executor import Answer, Executor, Worker, packed
-from skillplan.workers.worker_processes import LocalProcesses
+from skillplan.workers.local_processes import LocalProcesses
 
 _WHAT = "the runs"
 

@@ -26,7 +26,7 @@ from skillplan.records.training.run_folder import CHECKPOINT, group_path
 from skillplan.training.group_job import GroupJob, GroupOutcome, GroupReport
 from skillplan.training.group_training import GroupTraining
 from skillplan.workers.executor import Answer, Ended, Executor, Worker, packed
-from skillplan.workers.worker_processes import LocalProcesses
+from skillplan.workers.local_processes import LocalProcesses
 
 _WHAT = "the training"
 _STARTS = 2

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.option_values import count_option
-from skillplan.cli.options import (
+from skillplan.cli.options.shared import (
     OUTPUT,
     BackEnds,
     Checking,
@@ -19,6 +18,7 @@ from skillplan.cli.options import (
     Style,
     TaskFile,
 )
+from skillplan.cli.options.values import count_option
 
 HELP = """Show, verify, fill and clear the verdicts kept on disk.
 
@@ -80,11 +80,11 @@ def verify(
     Compares status, reason, facts and evidence bit for bit. What differs is dropped, and the
     exit code is 3.
     """
+    from skillplan.checks.recheck import draw, put_to_the_test
     from skillplan.checks.verdict_folder import VerdictFolder
-    from skillplan.checks.verification import draw, put_to_the_test
     from skillplan.cli.counting import counting
     from skillplan.cli.output import emit
-    from skillplan.errors import EXIT_BACK_END, EXIT_INTERRUPTED, EXIT_SOLVED
+    from skillplan.errors import exit_code
     from skillplan.pipeline.run import make_feasibility, warm_cache
     from skillplan.records.cache import CacheTest
     from skillplan.views.tables.cache import cache_test_table
@@ -106,9 +106,10 @@ def verify(
     every = sum(map(len, kept))
     test = CacheTest(loaded, every, trials, seed, len(trials) < len(drawn), dropped)
     emit(style, test.document(), [cache_test_table(test)], failed=bool(test.different))
-    if test.different:
-        return EXIT_BACK_END
-    return EXIT_INTERRUPTED if test.interrupted else EXIT_SOLVED
+    different = bool(test.different)
+    # A back end that answers otherwise than it did counts more than an early end of the search
+    # for one: it is known then, and the interruption did not hide it.
+    return exit_code(back_end_failed=different, interrupted=test.interrupted and not different)
 
 
 def fill(
@@ -129,7 +130,7 @@ def fill(
     from skillplan.cli.interruption import heeding
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import showing_checks
-    from skillplan.errors import EXIT_INTERRUPTED, EXIT_SOLVED
+    from skillplan.errors import exit_code
     from skillplan.model.enumeration import enumerate_feasibility
     from skillplan.pipeline.run import make_feasibility
     from skillplan.records.cache import CacheFilling
@@ -153,7 +154,7 @@ def fill(
     folder = cache.folder if cache is not None and kept else None
     filling = CacheFilling(loaded, names, counts, time.perf_counter() - begin_s, folder)
     emit(style, filling.document(), [filling_table(filling)], failed=not counts.complete)
-    return EXIT_SOLVED if counts.complete else EXIT_INTERRUPTED
+    return exit_code(interrupted=not counts.complete)
 
 
 def clear(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from skillplan.cli.options import BackEnds, Checking, PartReading, Style, TaskFile
+from skillplan.cli.options.shared import BackEnds, Checking, PartReading, Style, TaskFile
 
 
 def command(

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.options import OUTPUT, BackEnds, Caching, Reading, Style, TaskFile
+from skillplan.cli.options.shared import OUTPUT, BackEnds, Caching, Reading, Style, TaskFile
 
 
 def command(

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.completion import plugin_lists
-from skillplan.cli.option_values import count_option
-from skillplan.cli.options import (
+from skillplan.cli.options.completion import plugin_lists
+from skillplan.cli.options.shared import (
     BACK_ENDS,
     BackEnds,
     Jobs,
@@ -20,6 +19,7 @@ from skillplan.cli.options import (
     TaskFile,
     split_names,
 )
+from skillplan.cli.options.values import count_option
 
 COMPARED = "Compared"
 

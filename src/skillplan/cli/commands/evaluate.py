@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skillplan.cli.completion import task_files
-from skillplan.cli.option_fit import refuse_given
-from skillplan.cli.option_values import count_option, positive_number
-from skillplan.cli.options import (
+from skillplan.cli.options.completion import task_files
+from skillplan.cli.options.fit import refuse_given
+from skillplan.cli.options.shared import (
     BackEnds,
     Checking,
     PartReading,
@@ -20,6 +19,7 @@ from skillplan.cli.options import (
     TimeLimit,
 )
 from skillplan.cli.result_input import RESULT_HELP, load
+from skillplan.cli.training_runs.evaluation import RollOuts, Wanted, evaluate_run_folders
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.pipeline.setup import Setup
@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.task.skill import Skill
     from skillplan.task.task import Task
 
-OF_TASK, OF_RUN = "Of a task: what is replayed", "Of a result or a run"
+OF_TASK = "Of a task: what is replayed"
 # What only a task file takes, what it does not, and what only a folder of runs takes.
 _REPLAYED = ("sequence", "policy_file", "start")
 _RECORDED = ("task_file", "changed_task")
@@ -105,75 +105,6 @@ class Replayed:
         return task, task.parse_sequence(self.sequence or "") if stored is None else stored
 
 
-@dataclass(frozen=True, slots=True)
-class RollOuts:
-    """How the policies of training runs are tried.
-
-    Parameters
-    ----------
-    task_file
-        Another file than the one that was learned; None for the same.
-    changed_task
-        Whether the task may have changed since.
-    episodes
-        How many roll-outs are drawn of every run, >= 1.
-    temperature
-        What scores are divided by, > 0.
-    layouts
-        How many unseen layouts of the family are tried; None for as many as suit the runs.
-    """
-
-    task_file: Annotated[
-        str | None,
-        typer.Option(
-            "--task",
-            metavar="FILE",
-            autocompletion=task_files,
-            help="The task file, where it is not to be the one that was solved or learned.",
-            rich_help_panel=OF_RUN,
-        ),
-    ] = None
-    changed_task: Annotated[
-        bool,
-        typer.Option(
-            "--changed-task",
-            help="Evaluate even where the task is another one than was solved or learned.",
-            rich_help_panel=OF_RUN,
-        ),
-    ] = False
-    episodes: Annotated[
-        int,
-        count_option(
-            "--episodes",
-            least=1,
-            most=1_000_000,
-            text="Roll-outs of every run, each action drawn by its score.",
-            rich_help_panel=OF_RUN,
-        ),
-    ] = 100
-    temperature: Annotated[
-        float,
-        typer.Option(
-            "--temperature",
-            parser=positive_number(),
-            metavar="T",
-            help="What scores are divided by; the lower, the greedier.",
-            rich_help_panel=OF_RUN,
-        ),
-    ] = 0.05
-    layouts: Annotated[
-        int | None,
-        count_option(
-            "--layouts",
-            least=0,
-            most=10_000,
-            text="Also try N layouts of the task file's family that no run has seen; default: 20 "
-            "where a family was learned, else none.",
-            rich_help_panel=OF_RUN,
-        ),
-    ] = None
-
-
 def command(
     ctx: typer.Context,
     inputs: Annotated[
@@ -213,8 +144,6 @@ def command(
         odd = inputs[folders.index(None)]
         raise OptionError(f"{odd} is no folder of training runs; of others evaluate takes one.")
     if folders[0] is not None:
-        from skillplan.cli.run_folder_evaluation import Wanted, evaluate_run_folders
-
         refuse_given(ctx, _REPLAYED, "is for a task file, not for a folder of runs")
         refuse_given(ctx, ("part",), "is for a task file, not for a folder of runs")
         wanted = Wanted(roll_outs, reading, back_ends, checking, seed, time_limit_s)
@@ -255,7 +184,7 @@ def _evaluate(
     from skillplan.checks.verdict_cache import VerdictCache
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import showing_checks, stoppable
-    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
+    from skillplan.errors import exit_code
     from skillplan.model.policy_value import roll_out
     from skillplan.model.replay import replay
     from skillplan.pipeline.run import make_model, solve
@@ -284,6 +213,5 @@ def _evaluate(
             )
     evaluation = Evaluation(task, skills, walked, best)
     emit(style, evaluation.document(), [evaluation_table(evaluation)], failed=not walked.complete)
-    if best is not None and best.interrupted:
-        return EXIT_INTERRUPTED
-    return EXIT_SOLVED if walked.complete else EXIT_NO_PLAN
+    interrupted = best is not None and best.interrupted
+    return exit_code(interrupted=interrupted, solved=walked.complete)

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skillplan.cli.completion import skills
-from skillplan.cli.option_values import count_option
-from skillplan.cli.options import (
+from skillplan.cli.options.completion import skills
+from skillplan.cli.options.shared import (
     OUTPUT,
     TASK,
     BackEnds,
@@ -17,6 +16,7 @@ from skillplan.cli.options import (
     Style,
     TaskFile,
 )
+from skillplan.cli.options.values import count_option
 from skillplan.cli.result_input import RESULT_HELP, load
 from skillplan.errors import OptionError
 
@@ -97,7 +97,7 @@ def command(
     """
     from skillplan.cli.output import emit
     from skillplan.cli.showing import draw, drawing_paths, illustrator
-    from skillplan.errors import EXIT_NO_PLAN, EXIT_SOLVED
+    from skillplan.errors import exit_code
     from skillplan.pipeline.run import make_model
     from skillplan.records.explanation import explain
     from skillplan.views.tables.explanation import explanation_tables
@@ -124,7 +124,7 @@ def command(
         explanation = explanation.drawn(draw(drawer, chosen, explanation.state, paths))
     failed = not explanation.feasible
     emit(style, explanation.document(), explanation_tables(explanation), failed=failed)
-    return EXIT_SOLVED if explanation.feasible else EXIT_NO_PLAN
+    return exit_code(solved=explanation.feasible)
 
 
 def _until(stored: LoadedResult, step: int | None) -> tuple[Task, tuple[Skill, ...]]:

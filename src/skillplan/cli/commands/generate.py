@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from skillplan import __version__
-from skillplan.cli.option_values import count_option, fraction
-from skillplan.cli.options import OUTPUT, TASK, Seed
+from skillplan.cli.options.shared import OUTPUT, TASK, Seed
+from skillplan.cli.options.values import count_option, fraction
 
 HELP = """Write task files at random, of a kind: for studies of scale.
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.completion import plugin_names
+from skillplan.cli.options.completion import plugin_names
 
 
 def command(

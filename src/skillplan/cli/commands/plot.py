@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from skillplan.cli.completion import task_files
-from skillplan.cli.option_fit import given, refuse_given
-from skillplan.cli.option_values import count_option, one_of
-from skillplan.cli.options import (
+from skillplan.cli.options.completion import task_files
+from skillplan.cli.options.fit import given, refuse_given
+from skillplan.cli.options.shared import (
     OUTPUT,
     SOLVER,
     BackEnds,
@@ -25,6 +24,7 @@ from skillplan.cli.options import (
     solver_option,
     split_names,
 )
+from skillplan.cli.options.values import count_option, one_of
 from skillplan.cli.result_input import RESULT_HELP, load
 from skillplan.errors import OptionError, name_hint
 from skillplan.views.figures.catalogue import RUN_FIGURES, TASK_FIGURES, figure_module
@@ -160,7 +160,7 @@ def command(
         odd = sources[folders.index(None)]
         raise OptionError(f"{odd} is no folder of training runs; of others plot takes one.")
     if folders[0] is not None:
-        from skillplan.cli.run_figures import Drawing, plot_run_folders
+        from skillplan.cli.training_runs.figures import Drawing, plot_run_folders
         from skillplan.records.training.run_folder import RunFolder
 
         runs = [RunFolder(one) for one in folders if one is not None]

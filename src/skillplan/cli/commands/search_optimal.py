@@ -6,8 +6,7 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.option_values import fraction
-from skillplan.cli.options import (
+from skillplan.cli.options.shared import (
     LIMITS,
     OUTPUT,
     SOLVER,
@@ -20,6 +19,7 @@ from skillplan.cli.options import (
     TaskFile,
     solver_option,
 )
+from skillplan.cli.options.values import fraction
 
 
 def command(

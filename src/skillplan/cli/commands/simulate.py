@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skillplan.cli.completion import plugin_names, plugin_options, task_files
-from skillplan.cli.option_values import positive_number
-from skillplan.cli.options import BACK_ENDS, OUTPUT, TASK, BackEnds, PartReading, Style
+from skillplan.cli.options.completion import plugin_names, plugin_options, task_files
+from skillplan.cli.options.shared import BACK_ENDS, OUTPUT, TASK, BackEnds, PartReading, Style
+from skillplan.cli.options.values import positive_number
 from skillplan.cli.result_input import RESULT_HELP, load
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -117,7 +117,7 @@ def command(
     from skillplan.cli.counting import counting
     from skillplan.cli.output import emit
     from skillplan.cli.showing import blamed, performer
-    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
+    from skillplan.errors import exit_code
     from skillplan.files.output_path import output_path
     from skillplan.physics.performance import Performance
     from skillplan.records.execution.simulation import Simulation, applicable_part
@@ -168,9 +168,7 @@ def command(
     )
     good = simulation.feasible and simulation.complete and not stopped
     emit(style, simulation.document(), simulation_tables(simulation), failed=not good)
-    if stopped:
-        return EXIT_INTERRUPTED
-    return EXIT_SOLVED if good else EXIT_NO_PLAN
+    return exit_code(interrupted=stopped, solved=good)
 
 
 class _Notes:

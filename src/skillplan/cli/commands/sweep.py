@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from skillplan.cli.option_values import count_option, one_of
-from skillplan.cli.options import (
+from skillplan.cli.options.shared import (
     BACK_ENDS,
     OUTPUT,
     SOLVER,
@@ -23,6 +22,7 @@ from skillplan.cli.options import (
     solver_option,
     split_names,
 )
+from skillplan.cli.options.values import count_option, one_of
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.records.sweep.result import SweepResult
@@ -233,12 +233,10 @@ def _split(entries: Iterable[str], solver: str) -> tuple[list[tuple[str, str]], 
 
 def _exit_code(result: SweepResult) -> int:
     """Return the exit code: whether any run arrived anywhere."""
-    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
+    from skillplan.errors import exit_code
 
-    if result.interrupted:
-        return EXIT_INTERRUPTED
     arrived = any(outcome.arrived for record in result.records for outcome in record.outcomes)
-    return EXIT_SOLVED if arrived else EXIT_NO_PLAN
+    return exit_code(interrupted=result.interrupted, solved=arrived)
 
 
 def _draw(result: SweepResult, path: Path) -> None:

@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.option_values import count_option, positive_seconds
-from skillplan.cli.options import (
+from skillplan.cli.options.shared import (
     LIMITS,
     OUTPUT,
     SOLVER,
@@ -22,6 +21,7 @@ from skillplan.cli.options import (
     TaskFile,
     solver_option,
 )
+from skillplan.cli.options.values import count_option, positive_seconds
 
 TRAINING = "Training"
 
@@ -151,14 +151,8 @@ def command(
     how to go on.
     """
     from skillplan.cli.output import emit
-    from skillplan.cli.training_display import displaying
-    from skillplan.errors import (
-        EXIT_BACK_END,
-        EXIT_INTERRUPTED,
-        EXIT_NO_PLAN,
-        EXIT_SOLVED,
-        OptionError,
-    )
+    from skillplan.cli.training_runs.display import displaying
+    from skillplan.errors import OptionError, exit_code
     from skillplan.training.trainer import Trainer, next_folder
     from skillplan.training.training_folder import TrainingFolder
     from skillplan.training.training_plan import plan_training
@@ -193,14 +187,13 @@ def command(
         with displaying(plan, trainer.interrupt) as display:
             trainer.on_report, trainer.on_optimum = display.report, display.proved
             result = trainer.train()
-    code = EXIT_SOLVED
-    if trainer.interrupted:
-        code = EXIT_INTERRUPTED
-    elif len(result.failed) == len(result.outcomes) and trainer.back_end_failed:
-        code = EXIT_BACK_END
-    elif not result.completed:
-        code = EXIT_NO_PLAN
-    emit(style, result.document(), training_tables(result), failed=code != EXIT_SOLVED)
+    all_failed = len(result.failed) == len(result.outcomes)
+    code = exit_code(
+        interrupted=trainer.interrupted,
+        back_end_failed=all_failed and trainer.back_end_failed,
+        solved=bool(result.completed),
+    )
+    emit(style, result.document(), training_tables(result), failed=code != 0)
     if result.interrupted:
         again = shlex.join(["skillplan", *(word for word in words if word != "--resume")])
         print(f"interrupted; go on with: {again} --resume", file=sys.stderr)

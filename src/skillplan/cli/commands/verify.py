@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.completion import task_files
-from skillplan.cli.option_values import positive_seconds
-from skillplan.cli.options import LIMITS, OUTPUT, TASK, Caching, Style
+from skillplan.cli.options.completion import task_files
+from skillplan.cli.options.shared import LIMITS, OUTPUT, TASK, Caching, Style
+from skillplan.cli.options.values import positive_seconds
 
 
 def command(
@@ -61,16 +61,14 @@ def command(
     """
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import stoppable
-    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
+    from skillplan.errors import exit_code
     from skillplan.pipeline.certification import certify
     from skillplan.views.tables.certificate import certificate_summary, certificate_table
 
     with stoppable(time_limit_s, label="verifying") as stop:
         cache = caching.cache()
         certificate = certify(result, task_file, stop=stop, cache=cache)
-    code = EXIT_SOLVED if certificate.valid else EXIT_NO_PLAN
-    if stop.interrupted:
-        code = EXIT_INTERRUPTED
+    code = exit_code(interrupted=stop.interrupted, solved=certificate.valid)
     # Only people want it short: Markdown and CSV hold every claim.
     whole = verbose or style != "table"
     table = certificate_table(certificate) if whole else certificate_summary(certificate)

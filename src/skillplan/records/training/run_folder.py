@@ -2,6 +2,7 @@
 
 Whatever is wrong with a file is one error that names it and says what to do. How a folder comes
 about, and survives whatever ends the program, is the business of `skillplan.training`.
+Links out of the folder are refused by `files.regular_file`.
 """
 
 from __future__ import annotations

@@ -20,8 +20,8 @@ from skillplan.solvers.ordering.instance import Integers
 from skillplan.solvers.ordering.portfolio import METHODS, Method, OrderingSearch
 from skillplan.solvers.ordering.search_worker import Finding, Share, Update, prepare
 from skillplan.workers.executor import Ended, Executor, Worker, packed
+from skillplan.workers.local_processes import LocalProcesses
 from skillplan.workers.resident_memory import resident_bytes_of
-from skillplan.workers.worker_processes import LocalProcesses
 
 _WHAT = "the search"
 # A search that is proved sooner is not worth a process [s].

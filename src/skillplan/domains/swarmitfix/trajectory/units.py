@@ -1,4 +1,7 @@
-"""Units of length in which drawings, tables and programs are made, and what is doubtful of them."""
+"""Units of length in which drawings, tables and programs are made, and what is doubtful of them.
+
+How a drawing says its unit ($INSUNITS): `dxf`.
+"""
 
 from __future__ import annotations
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from skillplan.domains.overrides import overridden
 from skillplan.errors import OptionError, TaskError
-from skillplan.files.overrides import overridden
 from skillplan.files.yaml import Document, parse
 from skillplan.pipeline.setup import load_problem
 

@@ -14,8 +14,8 @@ import pytest
 
 from skillplan.errors import SkillplanError
 from skillplan.workers.executor import Answer, Ended, Worker, packed
+from skillplan.workers.local_processes import LocalProcesses
 from skillplan.workers.program import FedProgram, output_of
-from skillplan.workers.worker_processes import LocalProcesses
 
 
 @pytest.fixture
@@ -131,7 +131,7 @@ class TestRefusals:
         """It says why; this one may."""
         assert "" == executor.refusal
         worker = started(executor, eval)
-        module = "__import__('skillplan.workers.worker_processes', fromlist=['_'])"
+        module = "__import__('skillplan.workers.local_processes', fromlist=['_'])"
         worker.take(f"{module}.LocalProcesses(1).refusal")
         assert Answer("a process for jobs may not start others") == heard(executor, worker)
 

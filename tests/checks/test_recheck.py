@@ -5,9 +5,9 @@ import pytest
 from expensive_back_ends import ExpensiveEngine
 from situations import fake_back_end
 from skillplan.checks.feasibility import Feasibility
+from skillplan.checks.recheck import draw, put_to_the_test
 from skillplan.checks.verdict_cache import DiskVerdictCache
 from skillplan.checks.verdict_folder import VerdictFolder
-from skillplan.checks.verification import draw, put_to_the_test
 from skillplan.errors import BackEndError
 from skillplan.model.enumeration import enumerate_feasibility
 from skillplan.task.verdict import Verdict

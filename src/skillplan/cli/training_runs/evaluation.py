@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from skillplan.cli.options.completion import task_files
+from skillplan.cli.options.values import count_option, positive_number
 
 if TYPE_CHECKING:  # --help pays for no imports
-    from skillplan.cli.commands.evaluate import RollOuts
-    from skillplan.cli.options import BackEnds, Checking, Reading
+    from skillplan.cli.options.shared import BackEnds, Checking, Reading
     from skillplan.domains.load import Problem
     from skillplan.pipeline.setup import Setup
     from skillplan.records.training.layouts_result import LayoutsResult
@@ -17,9 +21,79 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.task.task import Task
     from skillplan.training.runs_evaluation import RunsEvaluation
 
+OF_RUN = "Of a result or a run"
 # Options may be given for whoever proves the optimum.
 _PROVERS = ("auto", "value-iteration")
 _LAYOUTS = 20
+
+
+@dataclass(frozen=True, slots=True)
+class RollOuts:
+    """How the policies of training runs are tried.
+
+    Parameters
+    ----------
+    task_file
+        Another file than the one that was learned; None for the same.
+    changed_task
+        Whether the task may have changed since.
+    episodes
+        How many roll-outs are drawn of every run, >= 1.
+    temperature
+        What scores are divided by, > 0.
+    layouts
+        How many unseen layouts of the family are tried; None for as many as suit the runs.
+    """
+
+    task_file: Annotated[
+        str | None,
+        typer.Option(
+            "--task",
+            metavar="FILE",
+            autocompletion=task_files,
+            help="The task file, where it is not to be the one that was solved or learned.",
+            rich_help_panel=OF_RUN,
+        ),
+    ] = None
+    changed_task: Annotated[
+        bool,
+        typer.Option(
+            "--changed-task",
+            help="Evaluate even where the task is another one than was solved or learned.",
+            rich_help_panel=OF_RUN,
+        ),
+    ] = False
+    episodes: Annotated[
+        int,
+        count_option(
+            "--episodes",
+            least=1,
+            most=1_000_000,
+            text="Roll-outs of every run, each action drawn by its score.",
+            rich_help_panel=OF_RUN,
+        ),
+    ] = 100
+    temperature: Annotated[
+        float,
+        typer.Option(
+            "--temperature",
+            parser=positive_number(),
+            metavar="T",
+            help="What scores are divided by; the lower, the greedier.",
+            rich_help_panel=OF_RUN,
+        ),
+    ] = 0.05
+    layouts: Annotated[
+        int | None,
+        count_option(
+            "--layouts",
+            least=0,
+            most=10_000,
+            text="Also try N layouts of the task file's family that no run has seen; default: 20 "
+            "where a family was learned, else none.",
+            rich_help_panel=OF_RUN,
+        ),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +140,7 @@ def evaluate_run_folders(paths: Sequence[str], wanted: Wanted, style: str) -> in
         If the task is another one now, or no policy can act on it.
     """
     from skillplan.cli.output import emit
-    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
+    from skillplan.errors import exit_code
     from skillplan.records.training.run_folder import RunFolder
     from skillplan.records.training.trainings import trainings_document
     from skillplan.views.tables.learning.training import training_tables
@@ -83,9 +157,8 @@ def evaluate_run_folders(paths: Sequence[str], wanted: Wanted, style: str) -> in
         emit(style, results[0].document(), training_tables(results[0]), failed=failed)
     else:
         emit(style, trainings_document(results), [trainings_table(results)], failed=failed)
-    if interrupted:
-        return EXIT_INTERRUPTED
-    return EXIT_SOLVED if all(result.completed for result in results) else EXIT_NO_PLAN
+    solved = all(result.completed for result in results)
+    return exit_code(interrupted=interrupted, solved=solved)
 
 
 def _evaluated(folder: RunFolder, wanted: Wanted) -> tuple[TrainingResult, bool]:
@@ -163,7 +236,7 @@ def _loaded(folder: RunFolder, wanted: Wanted) -> tuple[Problem, Setup]:
     """Return the problem, and the back ends: the training's, except for what the options choose."""
     from dataclasses import replace
 
-    from skillplan.cli.options import Reading
+    from skillplan.cli.options.shared import Reading
 
     manifest = folder.manifest
     given = wanted.back_ends

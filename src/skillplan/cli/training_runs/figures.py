@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from skillplan.errors import OptionError
+from skillplan.errors import OptionError, exit_code
 from skillplan.views.figures.catalogue import RUN_FIGURES
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -60,7 +60,6 @@ def plot_run_folders(
         written.
     """
     from skillplan.cli.writing import write_out
-    from skillplan.errors import EXIT_SOLVED
     from skillplan.views.figures.figure_file import checked_path, save_figure
 
     if out is not None and figure is None:
@@ -84,7 +83,7 @@ def plot_run_folders(
             save_figure(made, path, drawing.dpi)
             written.append(path)
     write_out("".join(f"{one}\n" for one in written))
-    return EXIT_SOLVED
+    return exit_code()
 
 
 def _paths(folders: Sequence[RunFolder], name: str) -> list[str]:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from skillplan.cli.completion import plugin_lists, plugin_names, plugin_options, task_files
-from skillplan.cli.option_values import (
+from skillplan.cli.options.completion import plugin_lists, plugin_names, plugin_options, task_files
+from skillplan.cli.options.values import (
     count_option,
     memory_size,
     one_of,
