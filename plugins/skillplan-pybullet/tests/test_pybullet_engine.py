@@ -42,6 +42,7 @@ class TestConformance(EngineSuite):
 
 
 class TestThePapersBoard:
+    @pytest.mark.slow(reason="the same executions, read by detectors, in every run")
     def test_every_skill_of_the_optimum_is_feasible(self, task, engine):
         state = task.initial
         for action in OPTIMAL:
