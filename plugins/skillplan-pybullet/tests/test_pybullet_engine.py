@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import pytest
 
 from board_situations import BOARD, OPTIMAL, imagined, state_after
+from example_count import examples
 from skillplan.errors import TaskError
 from skillplan.pipeline.setup import load_problem
 from skillplan.task.scene import Grasp, GraspKind
@@ -38,7 +39,7 @@ class TestConformance(EngineSuite):
 
     def questions(self, task: Task) -> Iterator[tuple[Skill, State]]:
         """A sample: every question is a simulation."""
-        yield from random.Random(4).sample(list(super().questions(task)), 12)
+        yield from random.Random(4).sample(list(super().questions(task)), examples(12, fewest=4))
 
 
 class TestThePapersBoard:
