@@ -223,7 +223,15 @@ class TestInterruption:
 
 
 class TestPipes:
-    @pytest.mark.parametrize("style", ["table", "json", "csv", "md"])
+    @pytest.mark.parametrize(
+        "style",
+        [
+            "table",
+            "json",
+            pytest.param("csv", marks=pytest.mark.slow(reason="two formats in every run")),
+            pytest.param("md", marks=pytest.mark.slow(reason="two formats in every run")),
+        ],
+    )
     def test_a_reader_who_has_gone_is_no_fault(
         self, environment: dict[str, str], motor: str, style: str
     ) -> None:

@@ -149,7 +149,9 @@ class TestFaults:
         assert message in outcome.err
         assert "" == outcome.out
 
-    @pytest.mark.parametrize("jobs", ["1", "2"])
+    @pytest.mark.parametrize(
+        "jobs", ["1", pytest.param("2", marks=pytest.mark.slow(reason="one process in every run"))]
+    )
     def test_a_run_that_fails_is_named_and_the_others_go_on(
         self, cli: Any, fragile_solver: str, jobs: str
     ) -> None:

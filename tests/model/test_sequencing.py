@@ -39,8 +39,19 @@ def model_of(config, *detectors):
     return make_model(task, Setup(collision=detectors))
 
 
-@pytest.mark.parametrize("detector", ["precedence", "aabb"])
-@pytest.mark.parametrize("config", ["inverter_board", "motor_drive"])
+@pytest.mark.parametrize(
+    ("config", "detector"),
+    [
+        ("inverter_board", "precedence"),
+        ("inverter_board", "aabb"),
+        ("motor_drive", "precedence"),
+        pytest.param(
+            "motor_drive",
+            "aabb",
+            marks=pytest.mark.slow(reason="the largest; by chart in every run"),
+        ),
+    ],
+)
 def test_its_best_order_costs_what_exact_search_proves(config, detector):
     """Two methods that share nothing but the model prove the same optimum."""
     model = model_of(config, detector)

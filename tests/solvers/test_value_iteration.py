@@ -39,7 +39,10 @@ def in_pitches(task: Task) -> Task:
     return task.replace(reward=DistanceReward(distances, 1.0, task.reward.infeasible))
 
 
-@pytest.mark.parametrize("unit", ["metres", "pitches"])
+@pytest.mark.parametrize(
+    "unit",
+    ["metres", pytest.param("pitches", marks=pytest.mark.slow(reason="in metres in every run"))],
+)
 def test_the_way_of_the_largest_reward_is_step_minimal_for_all_pairs(unit: str) -> None:
     """Eqs 6 and 7 at the paper's discount, for all 6006 pairs of start and goal."""
     solver = ValueIterationSolver(ValueIterationSolver.Options(objective="reward", gamma=0.999))

@@ -133,7 +133,15 @@ class TestWhatHappens:
         assert learned_bytes(whole) == learned_bytes(tmp_path / "a")
         assert event_lengths(whole) == event_lengths(tmp_path / "a")
 
-    @pytest.mark.parametrize("nth", range(1, 60, 7))
+    @pytest.mark.parametrize(
+        "nth",
+        [
+            pytest.param(nth, marks=[pytest.mark.slow(reason="three of them in every run")])
+            if nth % 4 != 1
+            else nth
+            for nth in range(1, 60, 7)
+        ],
+    )
     def test_an_end_at_any_write_changes_nothing(
         self, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, nth: int
     ) -> None:
@@ -162,7 +170,9 @@ class TestWhatHappens:
         train(tmp_path / "a", resume=True)
         assert learned_bytes(whole) == learned_bytes(tmp_path / "a")
 
-    @pytest.mark.parametrize("jobs", [1, 2])
+    @pytest.mark.parametrize(
+        "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
+    )
     def test_a_stride_that_takes_too_long_after_a_stop_is_given_up(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jobs: int
     ) -> None:
@@ -240,7 +250,9 @@ class TestFailures:
             assert one.read_bytes() == other.read_bytes()
         assert not result.interrupted
 
-    @pytest.mark.parametrize("jobs", [1, 2])
+    @pytest.mark.parametrize(
+        "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
+    )
     def test_a_group_that_raises_does_not_take_the_others_along(
         self, whole: Path, tmp_path: Path, jobs: int
     ) -> None:
@@ -267,6 +279,7 @@ class TestFailures:
         assert "its process was ended twice, by signal 9" == result.failed[0].reason
         assert 700 == RunFolder(tmp_path / "a").run(0).steps
 
+    @pytest.mark.slow(reason="killed twice in every run")
     def test_a_process_that_is_killed_once_is_started_again(
         self, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

@@ -11,7 +11,15 @@ import pytest
 INSTANCE = Path(__file__).parents[3] / "configs" / "ESC12.sop"
 
 
-@pytest.mark.parametrize("solvers", ["cp-sat,branch-and-cut", "branch-and-cut,cp-sat"])
+@pytest.mark.parametrize(
+    "solvers",
+    [
+        "cp-sat,branch-and-cut",
+        pytest.param(
+            "branch-and-cut,cp-sat", marks=pytest.mark.slow(reason="the other order in every run")
+        ),
+    ],
+)
 def test_a_comparison_may_hold_both_in_any_order(solvers: str) -> None:
     """In a process of its own, as what is loaded first stays."""
     words = ["compare", str(INSTANCE), "--solvers", solvers, "--format", "csv"]

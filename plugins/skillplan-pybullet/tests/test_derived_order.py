@@ -106,13 +106,13 @@ def board(back_end: str) -> Answer:
 
 
 class TestThePapersBoard:
-    @pytest.mark.parametrize("back_end", ALL)
+    @pytest.mark.parametrize("back_end", SLOW_BY_PHYSICS)
     def test_the_derived_relation_is_the_hand_made_chart(self, back_end):
         found = board(back_end)
         assert_settled(found)
         assert_equals_the_chart_of(load_problem(BOARD).task, found)
 
-    @pytest.mark.parametrize("back_end", ALL)
+    @pytest.mark.parametrize("back_end", SLOW_BY_PHYSICS)
     def test_the_optimum_needs_no_chart(self, back_end):
         optimum = board(back_end).optimum
         assert optimum.cost == pytest.approx(1.86709, abs=5e-6)

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import pytest
 
 from board_situations import BOARD, OPTIMAL, imagined, state_after
+from example_count import examples
 from skillplan.errors import TaskError
 from skillplan.pipeline.setup import load_problem
 from skillplan.task.scene import Grasp, GraspKind
@@ -38,10 +39,11 @@ class TestConformance(EngineSuite):
 
     def queries(self, task: Task) -> Iterator[tuple[Skill, State]]:
         """A sample: every question is a simulation."""
-        yield from random.Random(4).sample(list(super().queries(task)), 12)
+        yield from random.Random(4).sample(list(super().queries(task)), examples(12, fewest=4))
 
 
 class TestThePapersBoard:
+    @pytest.mark.slow(reason="the same executions, read by detectors, in every run")
     def test_every_skill_of_the_optimum_is_feasible(self, task, engine):
         state = task.initial
         for action in OPTIMAL:

@@ -29,6 +29,7 @@ def call(capfd, tmp_path, monkeypatch):
     return run
 
 
+@pytest.mark.slow(reason="by the engine in every run, by the command in .ci/run")
 def test_the_whole_plan_arrives_within_half_a_millimetre(call, tmp_path) -> None:
     """In one continuous world: every part in its place, every screw pressed; with a trace."""
     trace = tmp_path / "trace.csv"
@@ -70,6 +71,7 @@ def test_a_wrong_plan_ends_where_it_fails(call) -> None:
     assert "6.0 mm below its goal" in document["skills"][-1]["reason"]
 
 
+@pytest.mark.slow(reason="by the engine in every run, by the command in .ci/run")
 def test_the_moment_of_a_collision_is_drawn(call, tmp_path) -> None:
     """A picture of it, and the whole skill in motion; stdout holds the document alone."""
     png, gif = tmp_path / "moment.png", tmp_path / "whole.gif"

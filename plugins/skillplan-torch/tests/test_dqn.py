@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from example_count import examples
 from situations import make_skill, make_task, retry_task, two_roads_task
 from skillplan import load_problem
 from skillplan.env.observation import Observation
@@ -469,7 +470,7 @@ class TestFailures:
 
 
 class TestGoingOn:
-    @settings(max_examples=8)
+    @settings(max_examples=examples(8, fewest=4))
     @given(
         st.lists(st.integers(0, STEPS), max_size=3),
         st.sampled_from(sorted(KINDS)),

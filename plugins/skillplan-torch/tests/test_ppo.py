@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from example_count import examples
 from situations import model_of, retry_task, two_roads_task
 from skillplan import load_problem
 from skillplan.env.skill_vector_env import SkillVectorEnv
@@ -66,7 +67,7 @@ def assert_same(one, other):
 
 class TestPpoSolver(SolverSuite):
     solver = "ppo"
-    options = {"steps": 3_000, "rollout": 128, "batch": 64, "width": 32}  # noqa: RUF012
+    options = {"steps": 1_500, "rollout": 128, "batch": 64, "width": 32}  # noqa: RUF012
 
 
 class TestLearning:
@@ -209,7 +210,7 @@ class TestRunsSideBySide:
 
 
 class TestGoingOn:
-    @settings(max_examples=12)
+    @settings(max_examples=examples(12, fewest=4))
     @given(cuts=st.lists(st.integers(0, STEPS), max_size=4), novelty=st.sampled_from([0.0, 1.0]))
     def test_a_training_that_was_interrupted_goes_on_bit_for_bit(self, cuts, novelty):
         learner = solver(novelty=novelty)

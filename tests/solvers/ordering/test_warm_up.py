@@ -37,6 +37,9 @@ print(json.dumps([before, compiled()]))
 """
 
 
+pytestmark = pytest.mark.slow(reason="warms up, and searches three tasks, in a process of its own")
+
+
 @pytest.fixture(scope="module")
 def counts(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, int]]:
     """How many types every kernel is compiled for, after warming up and after real searches."""
