@@ -93,9 +93,9 @@ clean:  ## all that these targets make
 	$(SKILLPLAN) --help > /dev/null && $(SKILLPLAN) check $(BOARD) > /dev/null
 	touch $@
 
-# The kernels of the ordering search compile while pip fetches the engines.
+# Kernels of searches and of the bench's learners compile while pip fetches the engines.
 .venv/.demo: .venv/.core
-	$(BIN)/python -m skillplan.solvers.ordering.warm_up & kernels=$$!; \
+	$(SKILLPLAN) warm-up & kernels=$$!; \
 	  $(PIP) --editable plugins/skillplan-pinocchio --editable plugins/skillplan-torch \
 	    $$($(HAS_PYBULLET) && echo --editable plugins/skillplan-pybullet) && wait $$kernels
 	touch $@

@@ -1,8 +1,8 @@
 """Compile the kernels of the ordering search ahead of their first use.
 
 Compiling all of them takes half a minute, once per machine. So that no user's first search waits
-for it, ``python -m skillplan.solvers.ordering.warm_up`` is a step of ``make``'s installation; what
-it compiles is kept where `solvers.compiled` says.
+for it, ``skillplan warm-up``, a step of ``make``'s installation, calls this; what it compiles is
+kept where `solvers.compiled` says.
 """
 
 from __future__ import annotations
@@ -36,7 +36,3 @@ def _instance() -> OrderingInstance:
     before = np.zeros((_NODES, _NODES), dtype=np.bool_)
     before[[1, 2, 3, 5, 6], [4, 4, 9, 8, 10]] = True
     return OrderingInstance(costs, before)
-
-
-if __name__ == "__main__":
-    warm_up()
