@@ -13,13 +13,14 @@ SOURCES := src tests benchmarks examples plugins docs .ci
 PYTEST := $(BIN)/pytest -n auto --dist worksteal -q
 # Without bytecode every process of a test, and every command, would compile all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
-# Bytecode is made when a module is first imported: most of what is installed never is.
+# Bytecode is made when a module is first imported: most of what is installed never is. What every
+# command imports is imported once at the end of installing.
 PIP := PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet \
 	--disable-pip-version-check --no-compile --no-build-isolation
 # A stamp a set of packages, newer than the lists that it was installed from.
 LISTS := pyproject.toml constraints.txt $(wildcard plugins/*/pyproject.toml)
 
-.PHONY: demo test test-all check format bench schema docs dist-check clean help
+.PHONY: demo test test-all test-slow check format bench schema docs dist-check clean help
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -40,6 +41,9 @@ test: .venv/.test  ## the suite, without what takes minutes
 
 test-all: .venv/.test  ## the whole suite
 	$(PYTEST) -m "slow or not slow" --hypothesis-profile=thorough tests plugins
+
+test-slow: .venv/.test  ## what only the whole suite holds
+	$(PYTEST) -m slow tests plugins
 
 check: .venv/.test .venv/.check  ## format, lint, types, import floors
 	$(BIN)/ruff format --check $(SOURCES)
@@ -86,6 +90,7 @@ clean:  ## all that these targets make
 	$(PYTHON) -m venv .venv
 	$(PIP) hatchling editables
 	$(PIP) --editable .
+	$(SKILLPLAN) --help > /dev/null && $(SKILLPLAN) check $(BOARD) > /dev/null
 	touch $@
 
 # The kernels of the ordering search compile while pip fetches the engines.

@@ -23,8 +23,8 @@ from record_file import RecordFile
 from scaling_results import Showing, Size
 
 from skillplan.pipeline import registry
-from skillplan.views.tables.rendering import render
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.text.rendering import render
+from skillplan.views.text.table import Column, Table
 
 PARTS = (6, 10, 15, 20, 30, 50, 100)
 DENSITIES = (0.1, 0.3)

@@ -21,8 +21,8 @@ from record_file import RecordFile
 
 from skillplan.pipeline import registry
 from skillplan.solvers.stop import relative_gap
-from skillplan.views.tables.rendering import render
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.text.rendering import render
+from skillplan.views.text.table import Column, Table
 
 FOLDER = ROOT / "tests" / "instances" / "sop"
 CLOSE = 0.005
@@ -46,26 +46,26 @@ class Row:
     @property
     def proved(self) -> bool:
         """Whether the referee grants a proof."""
-        return self.answer.status == "optimal"
+        return self.outcome.status == "optimal"
 
     @property
     def deviation(self) -> float | None:
         """How far the cost is above the best known, as a fraction of that."""
-        if self.answer.cost is None or self.best is None:
+        if self.outcome.cost is None or self.best is None:
             return None
-        return (self.answer.cost - self.best) / max(1.0, self.best)
+        return (self.outcome.cost - self.best) / max(1.0, self.best)
 
     @property
     def gap(self) -> float | None:
         """(cost - bound) / cost, or None."""
-        return relative_gap(self.answer.cost, self.answer.bound)
+        return relative_gap(self.outcome.cost, self.outcome.bound)
 
     @property
     def fault(self) -> str:
         """What cannot be, in words; empty where all is well."""
-        cost, bound, best = self.answer.cost, self.answer.bound, self.best
-        if self.answer.status in ("wrong", "failed", "refused", "infeasible"):
-            return f"{self.answer.status}: {self.answer.reason}"
+        cost, bound, best = self.outcome.cost, self.outcome.bound, self.best
+        if self.outcome.status in ("wrong", "failed", "refused", "infeasible"):
+            return f"{self.outcome.status}: {self.outcome.reason}"
         if best is not None and bound is not None and bound > best + ROUNDING:
             return f"bound {bound:g} above the best known cost {best:g}"
         if best is not None and cost is not None and cost < best - ROUNDING:
@@ -74,7 +74,7 @@ class Row:
 
     def cells(self) -> list[str]:
         """Return what the table shows."""
-        outcome = self.answer
+        outcome = self.outcome
         return [
             self.name,
             "-" if self.n is None else str(self.n),
@@ -134,9 +134,9 @@ def totals_table(rows: Sequence[Row], solvers: Sequence[str], title: str, limit_
         cells.append([solver, *map(str, counts)])
     notes = [comparison(rows, solvers[0], other) for other in solvers[1:]]
     notes += [
-        f"late: {row.name} {row.solver} took {row.answer.taken_s:.2f} s"
+        f"late: {row.name} {row.solver} took {row.outcome.taken_s:.2f} s"
         for row in rows
-        if row.answer.taken_s > (1 + LATE) * limit_s
+        if row.outcome.taken_s > (1 + LATE) * limit_s
     ]
     notes += [f"FAULT {row.name} {row.solver}: {row.fault}" for row in rows if row.fault]
     return Table(title, columns, cells, notes)
@@ -156,7 +156,7 @@ def comparison(rows: Sequence[Row], one: str, other: str) -> str:
 
 
 def _cost(row: Row) -> float:
-    return float("inf") if row.answer.cost is None else row.answer.cost
+    return float("inf") if row.outcome.cost is None else row.outcome.cost
 
 
 def best_known(path: Path) -> dict[str, dict[str, str]]:

@@ -31,6 +31,7 @@ html_theme = "furo"
 html_title = f"skillplan {version}"
 html_static_path = ["_static"]
 html_css_files = ["skillplan.css"]
+smartquotes = False  # options begin with two dashes
 pygments_style = "friendly"
 pygments_dark_style = "monokai"
 

@@ -68,12 +68,20 @@ def mappings(schema: Schema) -> Iterator[Mapping]:
                     below,
                     type_text(own, schema),
                     _default(own, required=name in required),
-                    own.get("description", "") or resolved(own, schema).get("description", ""),
+                    _meaning(own, schema),
                 )
             )
             nested += list(_inner(below, own, schema))
         yield Mapping(path, current.get("description", ""), tuple(keys))
         waiting = nested + waiting
+
+
+def _meaning(own: Schema, root: Schema) -> str:
+    """Return what a value is: its own description, or that of what it refers to or holds."""
+    for one in (own, resolved(own, root), resolved(_values(own) or {}, root)):
+        if one.get("description"):
+            return str(one["description"])
+    return ""
 
 
 def resolved(own: Schema, root: Schema) -> Schema:

@@ -144,7 +144,7 @@ class TestExpensiveBackEnds:
 
     @pytest.fixture
     def boxes(self, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-        """Make the boxes expensive; return the skills that they are queried about."""
+        """Make the boxes expensive; return the skills that they check."""
         queried: list[str] = []
         check = AabbDetector.check
 
@@ -152,7 +152,7 @@ class TestExpensiveBackEnds:
             queried.append(skill.name)
             return check(self, skill, state)
 
-        monkeypatch.setattr(AabbDetector, "dear", True)
+        monkeypatch.setattr(AabbDetector, "expensive", True)
         monkeypatch.setattr(AabbDetector, "check", note)
         return queried
 

@@ -220,7 +220,7 @@ def test_exactly_the_orders_that_respect_the_derived_relation_can_be_carried_out
         for part in order:
             for kind in ("pick", "place"):
                 skill = board_task.skill(f"{kind}({part})")
-                feasible = feasible and feasibility.rule(skill, state).is_feasible
+                feasible = feasible and feasibility.verdict(skill, state).is_feasible
                 state = skill.prediction.apply(state)
         assert respects == feasible
         possible += feasible
@@ -260,7 +260,7 @@ def test_relations_on_a_circle_stay_and_the_circle_is_named():
     chart = derive_chart(make_feasibility(task, Setup(collision=("aabb",))))
     pairs = [(relation.before, relation.after) for relation in chart.relations]
     assert {("pcb", "switch_1"), ("switch_1", "pcb")} <= reduction(pairs)
-    assert {"pcb", "switch_1"} == set(chart.circle)
+    assert {"pcb", "switch_1"} == set(chart.cycle)
     assert chart.obstacle(task).startswith("pcb before switch_1 before pcb: ")
 
 

@@ -45,7 +45,7 @@ SEEDS = st.integers(0, 2**32)
 
 
 def chain(task, *, seed=0, **options):
-    """Return a cheap and two dear back ends."""
+    """Return a cheap and two expensive back ends."""
     options = {"seed": seed, **options}
     return [
         plugin(task, plugin.Options(**options))
@@ -74,11 +74,11 @@ def kept_in(folder):
 def outcome(task, questions, jobs, folder, seed=0):
     """Return all that asking came to: verdicts, counts and what is kept on disk."""
     feasibility = Feasibility(task, chain(task, seed=seed), DiskVerdictCache(folder), jobs=jobs)
-    verdicts = feasibility.rule_all(questions)
-    verdicts += feasibility.rule_all(questions[::2])
+    verdicts = feasibility.verdicts(questions)
+    verdicts += feasibility.verdicts(questions[::2])
     feasibility.close()
     counts = (feasibility.checks, feasibility.hits, feasibility.executions, feasibility.reached)
-    return verdicts, counts, dict(feasibility.asked), kept_in(folder)
+    return verdicts, counts, dict(feasibility.queried), kept_in(folder)
 
 
 class FakeProcess:
@@ -154,10 +154,10 @@ def test_verdicts_and_cache_do_not_depend_on_the_order_of_questions(tmp_path_fac
     for name, asked in (("one", questions), ("other", shuffled)):
         cache = DiskVerdictCache(folder / name)
         feasibility = Feasibility(task, chain(task, seed=seed), cache)
-        verdicts = feasibility.rule_all(asked)
+        verdicts = feasibility.verdicts(asked)
         by_question = {(k.name, s): v for (k, s), v in zip(asked, verdicts, strict=True)}
         decided = {kept.rpartition("/")[2] for kept in kept_in(folder / name)}
-        found.append((by_question, dict(feasibility.asked), decided))
+        found.append((by_question, dict(feasibility.queried), decided))
     assert found[0] == found[1]
 
 
@@ -167,7 +167,7 @@ def test_no_answer_is_worked_out_twice(tmp_path):
     states = [s for s in reachable_states(SkillModel(Feasibility(TASK))) if pick.applicable(s)]
     asked = one_engine(plugin=SharingDetector, log=str(tmp_path))
     feasibility = Feasibility(TASK, asked, jobs=3)
-    feasibility.rule_all([(pick, state) for state in states])
+    feasibility.verdicts([(pick, state) for state in states])
     assert len(states) > 1
     assert len(checks_in(tmp_path)) == 1
     assert (feasibility.checks, feasibility.hits) == (1, len(states) - 1)
@@ -178,7 +178,7 @@ def test_several_skills_are_checked_at_once(tmp_path):
     (tmp_path / "log").mkdir()
     questions = all_questions(TASK)[:12]
     feasibility = Feasibility(TASK, one_engine(log=str(tmp_path / "log"), wait_s=0.1), jobs=2)
-    feasibility.rule_all(questions)
+    feasibility.verdicts(questions)
     processes = {process for *_, process in checks_in(tmp_path / "log")}
     assert len(processes) == 2
     assert str(os.getpid()) not in processes
@@ -193,7 +193,7 @@ def test_the_engine_and_the_detector_of_one_question_are_asked_in_one_process(tm
     ]
     feasibility = Feasibility(TASK, back_ends, jobs=2)
     questions = list({k.name: (k, s) for k, s in all_questions(TASK)}.values())
-    feasibility.rule_all(questions)
+    feasibility.verdicts(questions)
     by_question = {}
     for _, skill, bits, process in checks_in(tmp_path):
         by_question.setdefault((skill, bits), []).append(process)
@@ -206,10 +206,10 @@ def test_the_engine_and_the_detector_of_one_question_are_asked_in_one_process(tm
 def test_every_process_tells_its_back_ends_what_is_beside_them(jobs):
     """As this one does."""
     plain = Feasibility(TASK, one_engine())
-    question = next(one for one in all_questions(TASK) if plain.rule(*one).is_feasible)
+    question = next(one for one in all_questions(TASK) if plain.verdict(*one).is_feasible)
     sharing = SharingDetector(TASK)
     feasibility = Feasibility(TASK, [*one_engine(), sharing], jobs=jobs)
-    feasibility.rule(*question)
+    feasibility.verdict(*question)
     assert feasibility.cache.find(sharing, *question).evidence == {"beside": "expensive-engine"}
 
 
@@ -218,16 +218,16 @@ def test_cheap_back_ends_are_asked_in_this_process():
     cheap = fake_back_end(TASK, name="local")
     feasibility = Feasibility(TASK, [cheap], jobs=3)
     questions = all_questions(TASK)[:5]
-    expected = Feasibility(TASK, [fake_back_end(TASK, name="local")]).rule_all(questions)
-    assert feasibility.rule_all(questions) == expected
+    expected = Feasibility(TASK, [fake_back_end(TASK, name="local")]).verdicts(questions)
+    assert feasibility.verdicts(questions) == expected
     assert {skill for skill, _ in cheap.asked} == {skill.name for skill, _ in questions}
 
 
 def test_what_cannot_be_sent_to_a_process_is_one_clear_error():
     """Such as a class that was made in a function."""
-    unsendable = fake_back_end(TASK, name="made-here", dear=True)
+    unsendable = fake_back_end(TASK, name="made-here", expensive=True)
     with pytest.raises(SkillplanError, match="processes for checks start from cannot be sent"):
-        Feasibility(TASK, [unsendable], jobs=2).rule(*all_questions(TASK)[0])
+        Feasibility(TASK, [unsendable], jobs=2).verdict(*all_questions(TASK)[0])
 
 
 def question_on(name):
@@ -245,7 +245,7 @@ def test_a_process_that_is_killed_costs_its_check_only(tmp_path, how):
         TASK, one_engine(**options), DiskVerdictCache(tmp_path / "kept"), jobs=2
     )
     verdicts = dict(
-        zip([k.name for k, _ in questions], feasibility.rule_all(questions), strict=True)
+        zip([k.name for k, _ in questions], feasibility.verdicts(questions), strict=True)
     )
     lost = verdicts.pop("pick(fuse)")
     what = "signal 9 (SIGKILL)" if how == "kill" else "exit code 7"
@@ -253,13 +253,13 @@ def test_a_process_that_is_killed_costs_its_check_only(tmp_path, how):
     assert lost.reason == f"the process that checked it was ended by {what}, twice"
     assert lost.stage == "expensive-engine"
     assert len([one for one in checks_in(log) if one[1] == "pick(fuse)"]) == 2
-    expected = Feasibility(TASK, one_engine()).rule_all(questions)
+    expected = Feasibility(TASK, one_engine()).verdicts(questions)
     expected = dict(zip([k.name for k, _ in questions], expected, strict=True))
     del expected["pick(fuse)"]
     assert verdicts == expected
     assert '"skill": "pick(fuse)"' not in "".join(kept_in(tmp_path / "kept").values())
     # Within the run it is not tried again.
-    feasibility.rule(*next(one for one in questions if one[0].name == "pick(fuse)"))
+    feasibility.verdict(*next(one for one in questions if one[0].name == "pick(fuse)"))
     assert len([one for one in checks_in(log) if one[1] == "pick(fuse)"]) == 2
 
 
@@ -268,7 +268,7 @@ def test_a_process_that_is_killed_once_costs_nothing_but_time(tmp_path):
     options = {"log": str(tmp_path), "fail_on": "pick(fuse)", "how": "kill", "once": True}
     question = question_on("pick(fuse)")
     feasibility = Feasibility(TASK, one_engine(**options), jobs=2)
-    assert feasibility.rule(*question) == Feasibility(TASK, one_engine()).rule(*question)
+    assert feasibility.verdict(*question) == Feasibility(TASK, one_engine()).verdict(*question)
     assert len({process for *_, process in checks_in(tmp_path)}) == 2
 
 
@@ -288,12 +288,12 @@ def test_processes_killed_from_outside_in_the_middle_of_checks_change_no_verdict
     thread = threading.Thread(target=kill)
     thread.start()
     try:
-        verdicts = feasibility.rule_all(questions)
+        verdicts = feasibility.verdicts(questions)
     finally:
         over.set()
         thread.join()
     assert len(killed) == len(questions)
-    assert verdicts == Feasibility(TASK, one_engine()).rule_all(questions)
+    assert verdicts == Feasibility(TASK, one_engine()).verdicts(questions)
 
 
 def test_a_back_end_that_raises_in_a_process_is_the_same_error_as_in_this_one(tmp_path):
@@ -303,7 +303,7 @@ def test_a_back_end_that_raises_in_a_process_is_the_same_error_as_in_this_one(tm
     said = []
     for jobs in (1, 3):
         with pytest.raises(BackEndError, match="RuntimeError: the simulator has gone") as caught:
-            Feasibility(TASK, one_engine(**options), jobs=jobs).rule_all(questions)
+            Feasibility(TASK, one_engine(**options), jobs=jobs).verdicts(questions)
         said.append(str(caught.value))
     assert said[0] == said[1]
     assert caught.value.exit_code == 3
@@ -318,7 +318,7 @@ def test_a_back_end_that_fails_in_this_process_beside_others_is_named():
     cheap = fake_back_end(TASK, boom, name="broken", base=Detector)
     local = Feasibility(TASK, [cheap, *one_engine()], jobs=2)
     with pytest.raises(BackEndError, match="'broken' failed on"):
-        local.rule_all(all_questions(TASK)[:3])
+        local.verdicts(all_questions(TASK)[:3])
 
 
 def test_a_process_in_which_a_back_end_does_not_start_is_one_clear_error():
@@ -326,13 +326,15 @@ def test_a_process_in_which_a_back_end_does_not_start_is_one_clear_error():
     with pytest.raises(
         BackEndError, match=r"'startless-engine' failed to start in a process of its"
     ):
-        Feasibility(TASK, one_engine(plugin=StartlessEngine), jobs=2).rule(*all_questions(TASK)[0])
+        Feasibility(TASK, one_engine(plugin=StartlessEngine), jobs=2).verdict(
+            *all_questions(TASK)[0]
+        )
 
 
 def test_what_a_process_prints_never_reaches_stdout(capfd):
     """Neither Python's nor a C library's."""
     questions = all_questions(TASK)[:4]
-    Feasibility(TASK, one_engine(plugin=TalkingEngine), jobs=2).rule_all(questions)
+    Feasibility(TASK, one_engine(plugin=TalkingEngine), jobs=2).verdicts(questions)
     out, err = capfd.readouterr()
     assert out == ""
     assert "to stderr" in err
@@ -357,14 +359,14 @@ def test_processes_end_when_nobody_needs_them_any_more(tmp_path, end):
     """When closed, or with what asked them; once closed, it may be asked again."""
     questions = all_questions(TASK)
     feasibility = Feasibility(TASK, one_engine(log=str(tmp_path)), jobs=2)
-    feasibility.rule_all(questions[:8])
+    feasibility.verdicts(questions[:8])
     processes = {process for *_, process in checks_in(tmp_path)}
     assert processes
     assert all(alive(process) for process in processes)
     if end == "close":
         feasibility.close()
         wait_until_gone(processes)
-        assert feasibility.rule(*questions[-1]).stage != "nobody"
+        assert feasibility.verdict(*questions[-1]).stage != "nobody"
     del feasibility
     gc.collect()
     wait_until_gone(processes)
@@ -385,7 +387,7 @@ PROGRAM = """
         engine = ExpensiveEngine(task, ExpensiveEngine.Options(log={log!r}, wait_s={wait_s}))
         feasibility = Feasibility(task, [engine], jobs=2)
         questions = [(k, task.initial) for k in task.skills if k.applicable(task.initial)]
-        feasibility.rule_all(questions)
+        feasibility.verdicts(questions)
         print("done", flush=True)
 """
 
@@ -453,10 +455,10 @@ def test_whoever_polls_can_end_the_asking_in_the_middle_of_a_check(tmp_path):
     options = {"log": str(tmp_path), "fail_on": "pick(fuse)", "how": "hang", "once": True}
     feasibility = Feasibility(TASK, one_engine(**options), jobs=2)
     with pytest.raises(Enough):
-        feasibility.rule_all([question_on("pick(fuse)")], poll)
+        feasibility.verdicts([question_on("pick(fuse)")], poll)
     assert time.monotonic() - begin_s < PATIENCE_S
     wait_until_gone({process for *_, process in checks_in(tmp_path)})
-    assert feasibility.rule(*question_on("pick(fuse)")).stage in ("", "expensive-engine")
+    assert feasibility.verdict(*question_on("pick(fuse)")).stage in ("", "expensive-engine")
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -465,15 +467,15 @@ def test_progress_counts_checks_done_reused_and_to_go(jobs):
     counts = []
     questions = all_questions(TASK)[:20]
     feasibility = Feasibility(TASK, one_engine(), jobs=jobs, on_check=counts.append)
-    feasibility.rule_all(questions)
+    feasibility.verdicts(questions)
     assert counts[0] == CheckCount(0, 0, 20)
     assert counts[-1].checks == feasibility.checks
     assert all(one.checks + one.hits + one.to_go == 20 for one in counts)
     seen = len(counts)
-    feasibility.rule_all(questions)
+    feasibility.verdicts(questions)
     assert len(counts) == seen
     cheap = Feasibility(TASK, [fake_back_end(TASK)], jobs=jobs, on_check=counts.append)
-    cheap.rule_all(questions)
+    cheap.verdicts(questions)
     assert len(counts) == seen
 
 
@@ -507,6 +509,6 @@ def test_an_enumeration_is_the_same_in_several_processes():
 
 def test_a_verdict_is_the_same_object_of_facts_wherever_it_was_made():
     """Facts of a verdict from a process are those of the task here."""
-    verdict = Feasibility(TASK, one_engine(), jobs=2).rule(*all_questions(TASK)[0])
+    verdict = Feasibility(TASK, one_engine(), jobs=2).verdict(*all_questions(TASK)[0])
     assert isinstance(verdict, Verdict)
     assert verdict.present.facts is TASK.facts

@@ -28,11 +28,11 @@ def yes(present=(), absent=()):
 def test_a_failing_cheap_check_never_calls_a_dear_one():
     """However the back ends are listed."""
     cheap = fake_back_end(TASK, no("blocked"), name="cheap", expected_s=1e-6)
-    dear = fake_back_end(TASK, yes(), name="dear", expected_s=1.0, base=Engine)
-    verdict = Feasibility(TASK, [dear, cheap]).rule(SKILL, START)
+    expensive = fake_back_end(TASK, yes(), name="expensive", expected_s=1.0, base=Engine)
+    verdict = Feasibility(TASK, [expensive, cheap]).verdict(SKILL, START)
     assert (verdict.stage, verdict.reason) == ("cheap", "blocked")
     assert len(cheap.asked) == 1
-    assert dear.asked == []
+    assert expensive.asked == []
 
 
 def test_checks_run_in_the_order_of_their_expected_time():
@@ -47,7 +47,7 @@ def test_checks_run_in_the_order_of_their_expected_time():
 
         return fake_back_end(TASK, answer, name=name, expected_s=times[name])
 
-    verdict = Feasibility(TASK, [making(name) for name in times]).rule(SKILL, START)
+    verdict = Feasibility(TASK, [making(name) for name in times]).verdict(SKILL, START)
     assert verdict.is_feasible
     assert order == ["first", "second", "third"]
 
@@ -56,7 +56,7 @@ def test_an_inapplicable_skill_asks_nobody():
     """The verdict names what is amiss and rests on just that."""
     back_end = fake_back_end(TASK)
     feasibility = Feasibility(TASK, [back_end])
-    verdict = feasibility.rule(SKILL, FACTS.of("done", "b"))
+    verdict = feasibility.verdict(SKILL, FACTS.of("done", "b"))
     assert (verdict.stage, verdict.reason) == ("precondition", "needs a, not done")
     assert verdict.facts == ["done", "not a"]
     assert verdict.applies_in(FACTS.of("done"))
@@ -66,7 +66,7 @@ def test_an_inapplicable_skill_asks_nobody():
 def test_a_feasible_verdict_rests_on_the_facts_of_all_stages():
     """And on the precondition."""
     one = fake_back_end(TASK, yes(absent=("b",)), name="one")
-    verdict = Feasibility(TASK, [one]).rule(SKILL, START)
+    verdict = Feasibility(TASK, [one]).verdict(SKILL, START)
     assert verdict.present == FACTS.of("a")
     assert verdict.absent == FACTS.of("b", "done")
 
@@ -74,9 +74,9 @@ def test_a_feasible_verdict_rests_on_the_facts_of_all_stages():
 def test_an_infeasible_verdict_decides_over_an_unknown_one():
     """The search goes on after an unknown; what is impossible is impossible."""
     unknown = fake_back_end(TASK, Verdict.unknown("too slow"), name="cheap", expected_s=1e-6)
-    impossible = fake_back_end(TASK, no("blocked"), name="dear", expected_s=1.0)
-    verdict = Feasibility(TASK, [unknown, impossible]).rule(SKILL, START)
-    assert (verdict.stage, verdict.is_infeasible) == ("dear", True)
+    impossible = fake_back_end(TASK, no("blocked"), name="expensive", expected_s=1.0)
+    verdict = Feasibility(TASK, [unknown, impossible]).verdict(SKILL, START)
+    assert (verdict.stage, verdict.is_infeasible) == ("expensive", True)
 
 
 def test_the_first_unknown_verdict_is_returned_where_nothing_is_impossible():
@@ -86,7 +86,7 @@ def test_the_first_unknown_verdict_is_returned_where_nothing_is_impossible():
         fake_back_end(TASK, Verdict.unknown("second"), name="two", expected_s=1e-5),
         fake_back_end(TASK, yes(), name="three", expected_s=1e-4),
     ]
-    verdict = Feasibility(TASK, chain).rule(SKILL, START)
+    verdict = Feasibility(TASK, chain).verdict(SKILL, START)
     assert (verdict.status, verdict.stage, verdict.reason) == ("unknown", "one", "first")
 
 
@@ -95,9 +95,9 @@ def test_a_verdict_is_asked_for_once_where_its_facts_are_the_same():
     back_end = fake_back_end(TASK, yes(present=("a",)))
     feasibility = Feasibility(TASK, [back_end])
     for names in (("a",), ("a",), ("a", "b")):
-        assert feasibility.rule(SKILL, FACTS.of(*names)).is_feasible
+        assert feasibility.verdict(SKILL, FACTS.of(*names)).is_feasible
     assert len(back_end.asked) == 1
-    assert (feasibility.checks, feasibility.hits, feasibility.asked["fake"]) == (1, 2, 1)
+    assert (feasibility.checks, feasibility.hits, feasibility.queried["fake"]) == (1, 2, 1)
 
 
 def test_a_verdict_is_asked_for_again_where_its_facts_differ():
@@ -108,7 +108,7 @@ def test_a_verdict_is_asked_for_again_where_its_facts_differ():
 
     back_end = fake_back_end(TASK, answer)
     feasibility = Feasibility(TASK, [back_end])
-    found = [feasibility.rule(SKILL, FACTS.of("a", *more)) for more in ((), ("b",), (), ("b",))]
+    found = [feasibility.verdict(SKILL, FACTS.of("a", *more)) for more in ((), ("b",), (), ("b",))]
     assert [verdict.is_feasible for verdict in found] == [True, False, True, False]
     assert len(back_end.asked) == 2
 
@@ -159,12 +159,12 @@ def test_an_error_in_words_is_passed_on_with_the_name_of_the_back_end():
         raise OptionError("no licence file")
 
     with pytest.raises(BackEndError, match=r"'fake' failed on finish in \{a\}: no licence file"):
-        Feasibility(TASK, [fake_back_end(TASK, answer)]).rule(SKILL, START)
+        Feasibility(TASK, [fake_back_end(TASK, answer)]).verdict(SKILL, START)
 
 
 def test_without_back_ends_what_is_applicable_is_feasible():
     """It rests on the precondition."""
-    verdict = Feasibility(TASK).rule(SKILL, START)
+    verdict = Feasibility(TASK).verdict(SKILL, START)
     assert verdict.is_feasible
     assert verdict.facts == ["a", "not done"]
 
@@ -175,7 +175,7 @@ def test_several_questions_are_answered_in_order():
     feasibility = Feasibility(TASK, [back_end])
     polls = []
     questions = [(SKILL, FACTS.of(*names)) for names in (("a",), ("b",), ("a", "b"))]
-    found = feasibility.rule_all(questions, lambda: polls.append(1))
+    found = feasibility.verdicts(questions, lambda: polls.append(1))
     assert [verdict.status for verdict in found] == ["feasible", "infeasible", "feasible"]
     assert (len(back_end.asked), feasibility.checks, feasibility.hits) == (1, 1, 1)
     assert len(polls) == 3
@@ -184,13 +184,13 @@ def test_several_questions_are_answered_in_order():
 def test_executions_are_counted_of_expensive_back_ends_only():
     """Beside them how many questions came as far as they did."""
     cheap = fake_back_end(TASK, lambda k, s: no() if "b" in s else yes(absent=("b",)), name="cheap")
-    dear = fake_back_end(TASK, yes(), name="dear", expected_s=1.0, dear=True)
-    feasibility = Feasibility(TASK, [cheap, dear])
+    expensive = fake_back_end(TASK, yes(), name="expensive", expected_s=1.0, expensive=True)
+    feasibility = Feasibility(TASK, [cheap, expensive])
     for names in (("a",), ("a",), ("a", "b")):
-        feasibility.rule(SKILL, FACTS.of(*names))
+        feasibility.verdict(SKILL, FACTS.of(*names))
     assert (feasibility.checks, feasibility.executions, feasibility.reached) == (2, 1, 2)
     without = Feasibility(TASK, [cheap])
-    without.rule(SKILL, START)
+    without.verdict(SKILL, START)
     assert (without.executions, without.reached) == (1, 1)
 
 
@@ -209,7 +209,7 @@ def test_every_back_end_is_told_once_what_is_beside_it():
 
     feasibility = Feasibility(TASK, [Social(TASK), fake_back_end(TASK, name="other")])
     assert told == [["other"]]
-    feasibility.rule(SKILL, START)
+    feasibility.verdict(SKILL, START)
     assert len(told) == 1
 
 

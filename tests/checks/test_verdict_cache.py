@@ -32,7 +32,7 @@ SKILL = TASK.skills[0]
 
 
 def dear_one(task=TASK, answer=None, **attributes):
-    """Return a dear fake whose verdicts rest on where the fuse is."""
+    """Return an expensive fake whose verdicts rest on where the fuse is."""
 
     def rests_on_the_fuse(skill, state):
         facts = task.facts
@@ -40,7 +40,7 @@ def dear_one(task=TASK, answer=None, **attributes):
             return Verdict.infeasible("blocked", facts.of("placed(fuse)"), facts.none, {"n": 3.5})
         return Verdict.feasible(facts.none, facts.of("placed(fuse)"))
 
-    return fake_back_end(task, answer or rests_on_the_fuse, dear=True, **attributes)
+    return fake_back_end(task, answer or rests_on_the_fuse, expensive=True, **attributes)
 
 
 def verdicts_of(folder, back_end, task=TASK, skill=None):
@@ -49,7 +49,7 @@ def verdicts_of(folder, back_end, task=TASK, skill=None):
     cache = DiskVerdictCache(folder)
     feasibility = Feasibility(task, [back_end], cache)
     states = task.initial, (task.initial | task.initial.facts.of("placed(fuse)"))
-    return [feasibility.rule(skill, state) for state in states], cache
+    return [feasibility.verdict(skill, state) for state in states], cache
 
 
 def files_in(folder):
@@ -116,7 +116,7 @@ def test_unknown_is_never_kept_on_disk(tmp_path):
     asked = dear_one(answer=Verdict.unknown("too slow"))
     verdicts, cache = verdicts_of(tmp_path, asked)
     assert {v.reason for v in verdicts} == {"too slow"}
-    assert Feasibility(TASK, [asked], cache).rule(SKILL, TASK.initial).reason == "too slow"
+    assert Feasibility(TASK, [asked], cache).verdict(SKILL, TASK.initial).reason == "too slow"
     assert len(asked.asked) == 2
     assert files_in(tmp_path) == []
 
@@ -183,7 +183,7 @@ def test_what_a_back_end_reads_of_others_tells_verdicts_apart_in_memory_too():
     cache = VerdictCache()
     one, other = (dear_one(basis={"friction": friction}) for friction in (0.5, 0.6))
     for back_end in (one, other):
-        Feasibility(TASK, [back_end], cache).rule(SKILL, TASK.initial)
+        Feasibility(TASK, [back_end], cache).verdict(SKILL, TASK.initial)
     assert (len(one.asked), len(other.asked)) == (1, 1)
 
 
@@ -295,9 +295,9 @@ def test_what_another_process_has_kept_meanwhile_is_found(tmp_path):
     early, late = dear_one(), dear_one()
     feasibility = Feasibility(TASK, [late], DiskVerdictCache(tmp_path))
     placed = TASK.initial | TASK.facts.of("placed(fuse)")
-    assert feasibility.rule(SKILL, placed).is_infeasible
-    Feasibility(TASK, [early], DiskVerdictCache(tmp_path)).rule(SKILL, TASK.initial)
-    assert feasibility.rule(SKILL, TASK.initial).is_feasible
+    assert feasibility.verdict(SKILL, placed).is_infeasible
+    Feasibility(TASK, [early], DiskVerdictCache(tmp_path)).verdict(SKILL, TASK.initial)
+    assert feasibility.verdict(SKILL, TASK.initial).is_feasible
     assert (len(early.asked), len(late.asked)) == (1, 1)
 
 
@@ -335,7 +335,7 @@ for seed in range(int(sys.argv[2]), 10_000):
     for state in states:
         for skill in task.skills:
             if skill.applicable(state):
-                feasibility.rule(skill, state)
+                feasibility.verdict(skill, state)
 """
 
 
@@ -387,7 +387,7 @@ def test_a_folder_that_cannot_be_written_costs_a_warning_and_no_run(tmp_path, ca
         verdicts, cache = verdicts_of(tmp_path / "file", asked)
     assert [v.is_feasible for v in verdicts] == [True, False]
     assert len(caplog.records) == 1
-    assert Feasibility(TASK, [asked], cache).rule(SKILL, TASK.initial).is_feasible
+    assert Feasibility(TASK, [asked], cache).verdict(SKILL, TASK.initial).is_feasible
     assert len(asked.asked) == 2
 
 
@@ -396,7 +396,7 @@ def test_the_folder_is_chosen_by_the_environment(tmp_path, monkeypatch):
     monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "here"))
     cache = warm_cache()
     assert not (tmp_path / "here").exists()
-    Feasibility(TASK, [dear_one()], cache).rule(SKILL, TASK.initial)
+    Feasibility(TASK, [dear_one()], cache).verdict(SKILL, TASK.initial)
     assert len(files_in(tmp_path / "here")) == 1
 
 
@@ -418,7 +418,7 @@ def test_an_engine_and_a_detector_of_one_name_do_not_share_verdicts():
     """Names are unique within a kind only."""
     yes = fake_back_end(TASK, lambda skill, state: Verdict.feasible(), name="twin", base=Engine)
     no = fake_back_end(TASK, lambda skill, state: Verdict.infeasible("no"), name="twin")
-    assert not Feasibility(TASK, [yes, no]).rule(SKILL, TASK.initial).is_feasible
+    assert not Feasibility(TASK, [yes, no]).verdict(SKILL, TASK.initial).is_feasible
 
 
 def test_one_cache_serves_two_tasks_without_mixing_them_up():

@@ -16,7 +16,7 @@ def filled(folder, task=TASK, plugin=ExpensiveEngine, **options):
     asked = plugin(task, plugin.Options(**options))
     feasibility = Feasibility(task, [asked], DiskVerdictCache(folder))
     for state in reachable_states(SkillModel(Feasibility(task)), 20):
-        feasibility.rule_all([(k, state) for k in task.skills if k.applicable(state)])
+        feasibility.verdicts([(k, state) for k in task.skills if k.applicable(state)])
     return asked
 
 
@@ -52,7 +52,7 @@ def test_what_a_back_end_would_use_is_what_it_finds(tmp_path):
     again = Feasibility(TASK, [fresh], DiskVerdictCache(tmp_path))
     for one in own:
         record = one.record
-        again.rule(TASK.skill(record.skill), TASK.facts.of(*record.state))
+        again.verdict(TASK.skill(record.skill), TASK.facts.of(*record.state))
     assert again.executions == 0
 
 

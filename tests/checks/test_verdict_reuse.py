@@ -96,7 +96,7 @@ def test_a_chain_that_remembers_rules_like_one_that_does_not(content, seed):
             state = imagined_state(task, skill, rng)
             if state is not None:
                 cold = Feasibility(task, [make(task) for make in makers])
-                assert warm.rule(skill, state) == cold.rule(skill, state)
+                assert warm.verdict(skill, state) == cold.verdict(skill, state)
 
 
 @settings(max_examples=examples(30))
@@ -113,7 +113,7 @@ def test_what_cannot_say_is_reused_in_the_same_state_only(content, seed):
             if state is None:
                 continue
             for _ in range(2):
-                verdict = feasibility.rule(skill, state)
+                verdict = feasibility.verdict(skill, state)
                 assert verdict.present == state
                 assert verdict.absent == state.complement()
             seen.add((skill.name, state))

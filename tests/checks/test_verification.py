@@ -53,7 +53,7 @@ def test_sound_verdicts_are_the_same_bit_for_bit(folder, jobs):
 
 def answering(verdict):
     """Return an engine-like back end under the engine's name that says something else."""
-    return fake_back_end(TASK, verdict, name="expensive-engine", dear=True)
+    return fake_back_end(TASK, verdict, name="expensive-engine", expensive=True)
 
 
 @pytest.mark.parametrize(

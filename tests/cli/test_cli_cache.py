@@ -40,7 +40,7 @@ SOURCE = '''
 
         name = "slow"
         expected_s = 0.5
-        dear = True
+        expensive = True
         Options = Options
 
         def __init__(self, task, options=None):
@@ -63,7 +63,7 @@ SOURCE = '''
 
 @pytest.fixture
 def slow(install: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A dear engine on the path, a cache of its own, and the folder of a log of its checks."""
+    """An expensive engine on the path, a cache of its own, and the folder of its checks' log."""
     install("physics", "slow", "slow_engine:Slow", SOURCE)
     monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "cache"))
     log = tmp_path / "log"

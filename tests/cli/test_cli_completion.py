@@ -62,6 +62,8 @@ def test_task_files(complete: Any) -> None:
         ("skillplan search-optimal mine.yaml --solver exact -O exact.d", ["exact.dives="]),
         ("skillplan explain mine.yaml --collision aabb -O aabb.t", ["aabb.tolerance_m="]),
         ("skillplan search-optimal mine.yaml --solver nonsense -O x", []),
+        ("skillplan plot mine.yaml gan", ["gantt"]),
+        ("skillplan init s", ["sop", "swarmitfix"]),
         ("skillplan plugins c", ["collision"]),
         ("skillplan plugins collision aa", ["aabb"]),
         ("skillplan plugins nonsense ", []),
@@ -90,6 +92,13 @@ def test_a_wrong_file_completes_to_nothing(complete: Any) -> None:
     """Completion never prints a fault into the line that is typed."""
     assert [] == complete("skillplan explain mine.yaml pick")
     assert [] == complete("skillplan explain nowhere.yaml pick")
+
+
+def test_it_installs_itself(cli: Any) -> None:
+    """Two options of the group, which the help shows."""
+    out = cli("--help").out
+    assert "--install-completion" in out
+    assert "--show-completion" in out
 
 
 def test_bash_gets_its_script(cli: Any, monkeypatch: pytest.MonkeyPatch) -> None:

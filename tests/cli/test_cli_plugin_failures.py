@@ -24,7 +24,7 @@ class Faulty(Detector):
     """Raise in one of its methods."""
 
     name = "faulty"
-    dear = DEAR
+    expensive = DEAR
 
     def check(self, skill, state):
         return Verdict.feasible()
@@ -53,8 +53,8 @@ def not_debugging(monkeypatch: pytest.MonkeyPatch) -> None:
 def faulty(install: Any) -> Any:
     """Put on the path a solver or detector that raises in one method; return where."""
 
-    def put(kind: str, method: str, *, dear: bool = False) -> str:
-        text = (SOLVER if kind == "solver" else DETECTOR).replace("DEAR", str(dear))
+    def put(kind: str, method: str, *, expensive: bool = False) -> str:
+        text = (SOLVER if kind == "solver" else DETECTOR).replace("DEAR", str(expensive))
         if kind == "solver" and method != "solve":
             text += REST_OF_A_SOLVER
         text += f"\n    {RAISES[method]}\n        raise LookupError('no table')\n"
@@ -176,7 +176,7 @@ class TestABackEnd:
         self, cli: Any, board: str, faulty: Any, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """The traceback comes from there, too."""
-        place = faulty("collision", "check", dear=True)
+        place = faulty("collision", "check", expensive=True)
         words = ("search-optimal", board, "--collision", "faulty", "--jobs", "2", "--no-cache")
         monkeypatch.setenv("SKILLPLAN_DEBUG", "1")
         outcome = cli(*words)

@@ -87,7 +87,7 @@ def test_a_broken_plugin_is_shown_with_the_reason(
 ) -> None:
     """In the list it takes nothing else down; asked for, it is an error in the same words."""
     install("solver", "sick", value, source)
-    outcome = cli("plugins")
+    outcome = cli("plugins", "--format", "md")
     assert 0 == outcome.code
     (row,) = [line for line in outcome.out.splitlines() if "BROKEN" in line]
     assert reason in row

@@ -334,9 +334,9 @@ class TestExplainWithPictures:
         assert {"picture": str(png), "animate": str(gif)} == document["files"]
 
     def test_evidence_of_several_things_reads_well(self, cli: Any, board: str, puppet: str) -> None:
-        """What belongs to one thing stands in brackets."""
+        """What belongs to one thing stands on one line."""
         out = cli("explain", board, "pick(pcb)", "--physics", puppet, "--no-cache").out
-        assert "sensed (held pcb, jaw_width_m 0), moved_mm (brace 1.25)" in out
+        assert "\n  sensed    held pcb, jaw_width_m 0\n  moved_mm  brace 1.25\n" in out
 
     def test_what_cannot_begin_is_not_drawn(
         self, cli: Any, board: str, puppet: str, tmp_path: Path

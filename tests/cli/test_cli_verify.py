@@ -247,37 +247,39 @@ def test_a_tampered_result_fails_where_it_was_tampered_with(
 
 class TestAClaimThatIsNotTrue:
     @pytest.fixture
-    def dear(self, cli: Any, motor: str, tmp_path: Path) -> Path:
+    def expensive(self, cli: Any, motor: str, tmp_path: Path) -> Path:
         """A plan of the larger board that is not the best."""
-        folder = tmp_path / "dear"
+        folder = tmp_path / "expensive"
         words = ("--gap", "0.3", "--out", str(folder))
         assert "solved" == cli("search-optimal", motor, *EXACT, *words).document["status"]
         return folder / "result.json"
 
-    def test_a_status_raised_to_optimal_fails(self, cli: Any, dear: Path) -> None:
+    def test_a_status_raised_to_optimal_fails(self, cli: Any, expensive: Path) -> None:
         """The bound does not meet the cost."""
-        document = json.loads(dear.read_text("utf-8"))
-        dear.write_text(json.dumps({**document, "status": "optimal"}), "utf-8")
-        outcome = cli("verify", str(dear), "--format", "json")
+        document = json.loads(expensive.read_text("utf-8"))
+        expensive.write_text(json.dumps({**document, "status": "optimal"}), "utf-8")
+        outcome = cli("verify", str(expensive), "--format", "json")
         assert (1, "fails") == (outcome.code, outcomes(outcome.document)["status"])
 
-    def test_a_proof_made_up_throughout_fails_by_a_cheaper_plan(self, cli: Any, dear: Path) -> None:
+    def test_a_proof_made_up_throughout_fails_by_a_cheaper_plan(
+        self, cli: Any, expensive: Path
+    ) -> None:
         """Bound, gap and status agree with each other; the second proof finds the better plan."""
-        document = json.loads(dear.read_text("utf-8"))
+        document = json.loads(expensive.read_text("utf-8"))
         document |= {"status": "optimal", "lower_bound": document["cost"], "gap": 0.0}
-        dear.write_text(json.dumps(document), "utf-8")
-        outcome = cli("verify", str(dear), "--format", "json")
+        expensive.write_text(json.dumps(document), "utf-8")
+        outcome = cli("verify", str(expensive), "--format", "json")
         failing = {c for c, how in outcomes(outcome.document).items() if how == "fails"}
         assert (1, {"optimal"}) == (outcome.code, failing)
         assert "the least cost is 11.58291499: " in details(outcome.document)
 
-    def test_a_bound_above_the_optimum_fails(self, cli: Any, dear: Path) -> None:
+    def test_a_bound_above_the_optimum_fails(self, cli: Any, expensive: Path) -> None:
         """Though it is below the cost."""
-        document = json.loads(dear.read_text("utf-8"))
+        document = json.loads(expensive.read_text("utf-8"))
         bound = (document["cost"] + 11.58291499) / 2
         gap = (document["cost"] - bound) / document["cost"]
-        dear.write_text(json.dumps({**document, "lower_bound": bound, "gap": gap}), "utf-8")
-        outcome = cli("verify", str(dear))
+        expensive.write_text(json.dumps({**document, "lower_bound": bound, "gap": gap}), "utf-8")
+        outcome = cli("verify", str(expensive))
         assert 1 == outcome.code
         assert "verdict    NOT VALID: lower bound" in outcome.out
 
@@ -339,7 +341,7 @@ class TestWrongInput:
             ({"cost": "cheap"}, "is damaged: cost: "),
             ({"status": "splendid"}, "is damaged: status: "),
             ({"steps": [{}]}, "is damaged: steps[0].index: "),
-            ({"cost": float("nan")}, "is damaged: cost: "),
+            ({"cost": float("nan")}, "is damaged: a number must be finite, not NaN"),
             ({"status": "wrong"}, "claims nothing, its status is wrong"),
             ({"origin": None}, "does not say which file its task is from. Name it by --task."),
         ],

@@ -105,7 +105,7 @@ def test_the_kinds_are_listed_and_the_nearest_is_named(cli: Any) -> None:
     """Without one, and where there is no such one."""
     listed = cli("generate")
     assert 2 == listed.code
-    assert "  assembly  A board: many parts, a chart, several tools.\n" in listed.out + listed.err
+    assert "│ assembly  Write an assembly task with N parts to be picked and placed" in listed.out
     wrong = cli("generate", "asembly")
     assert 2 == wrong.code
     assert "No such command 'asembly'. Did you mean 'assembly'?" in wrong.err

@@ -104,7 +104,7 @@ class TestEvaluate:
         [
             (("--sequence", "0"), "--sequence is for a task file; a result holds its own plan."),
             (("--policy", "p.json"), "--policy is for a task file; a result holds its own plan."),
-            (("--episodes", "3"), "--episodes is for a folder of runs."),
+            (("--episodes", "3"), "--episodes is for a folder of runs, not for a result."),
             (("-O", "aab.tolerance_m=1"), "No plugin 'aab' takes part in this run."),
         ],
     )

@@ -13,8 +13,8 @@ from rich.cells import cell_len
 
 from run_folders import HOPELESS, OPTIMAL, SWITCHED, write_runs
 from skillplan.cli import output
-from skillplan.views.tables.rendering import render
-from skillplan.views.tables.table import Table
+from skillplan.views.text.rendering import render
+from skillplan.views.text.table import Table
 from tabular_learner import learner_installed
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -155,6 +155,15 @@ def test_evaluate_of_runs_fits(
 ) -> None:
     """Beside what the paper has."""
     outcome = cli("evaluate", runs, "--episodes", "5")
+    fits(printed, outcome.out, monkeypatch)
+
+
+def test_several_trainings_side_by_side_fit(
+    cli: Any, runs: str, tmp_path: Path, printed: list[Table], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However long the names of their folders are."""
+    other = write_runs(tmp_path / ("o" * 90), BOARD, [SWITCHED], copy=True)
+    outcome = cli("evaluate", runs, str(other), "--episodes", "5")
     fits(printed, outcome.out, monkeypatch)
 
 

@@ -30,7 +30,7 @@ from situations import (
 )
 from skillplan.checks.feasibility import Feasibility
 from skillplan.env.observation import Observation
-from skillplan.env.reward import Payment
+from skillplan.env.reward import RewardFunction
 from skillplan.env.skill_env import SkillEnv
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.errors import BackEndError, OptionError
@@ -74,7 +74,7 @@ class Walk:
 
     def __init__(self, model: SkillModel, seed: int) -> None:
         self.model = model
-        self.payment = Payment.of(model.task, "reward")
+        self.reward_function = RewardFunction.of(model.task, "reward")
         self.rng = seeding.np_random(seed)[0]
         self.state, self.steps = model.initial, 0
 
@@ -83,14 +83,16 @@ class Walk:
         model, before = self.model, self.state
         skill = model.task.skills[action]
         self.steps += 1
-        reward, cost, end = self.payment.infeasible, 0.0, INFEASIBLE
+        reward, cost, end = self.reward_function.infeasible, 0.0, INFEASIBLE
         if model.verdict(before, skill).is_feasible:
             transition = model.transition(before, skill)
             cost, self.state = transition.cost, self._drawn(transition.outcomes)
             goal = model.is_goal(self.state)
             late = not goal and self.steps >= model.step_limit
             end = COMPLETE if goal else OUT_OF_TIME if late else 0
-            reward = self.payment.of_step(before, skill.name, cost, goal=goal, out_of_time=late)
+            reward = self.reward_function.of_step(
+                before, skill.name, cost, goal=goal, out_of_time=late
+            )
         after = self.state
         if end:
             self.state, self.steps = model.initial, 0

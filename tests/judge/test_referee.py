@@ -299,7 +299,7 @@ def test_an_unknown_met_on_the_way_takes_the_proof_away(solution, status):
 
 @pytest.mark.parametrize("solver", ["exact", "exhaustive"])
 def test_the_built_in_solvers_prove_nothing_beyond_what_is_known(solver):
-    """They find the dear road and claim no more."""
+    """They find the expensive road and claim no more."""
     result = solve(two_roads_task(), solver, FakeSetup(make=undecided))
     assert (result.status, result.cost) == ("solved", 4.0)
 
@@ -420,12 +420,12 @@ def test_a_proof_under_chance_is_not_granted_where_the_model_is_too_large(monkey
 def test_a_proof_under_chance_is_not_granted_where_asking_is_dear():
     """Its audit would ask about every state."""
 
-    def dear(task):
-        return [fake_back_end(task, dear=True)]
+    def expensive(task):
+        return [fake_back_end(task, expensive=True)]
 
-    result = verdict_on(claims(SURE, 5.0, proved=True), two_tries_task(), FakeSetup(make=dear))
+    result = verdict_on(claims(SURE, 5.0, proved=True), two_tries_task(), FakeSetup(make=expensive))
     assert (result.status, result.lower_bound) == ("solved", 5.0)
-    assert result.reason == "where asking is dear, a proof under chance is not audited"
+    assert result.reason == "where asking is expensive, a proof under chance is not audited"
 
 
 def test_a_proof_under_chance_is_not_granted_where_the_audit_meets_an_unknown():
@@ -586,19 +586,21 @@ def test_a_back_end_that_breaks_is_not_blamed_on_the_solver():
 
 
 def test_the_referee_asks_cheap_back_ends_anew_and_dear_ones_not():
-    """A cheap back end that changes its mind is caught; a dear one is not asked twice."""
-    for dear in (False, True):
+    """A cheap back end that changes its mind is caught; an expensive one is not asked twice."""
+    for expensive in (False, True):
         made = []
 
-        def counting(task, dear=dear, made=made):
-            made.append(fake_back_end(task, Verdict.feasible(), name="counted", dear=dear))
+        def counting(task, expensive=expensive, made=made):
+            made.append(
+                fake_back_end(task, Verdict.feasible(), name="counted", expensive=expensive)
+            )
             return [made[-1]]
 
         result = solve(two_roads_task(), "exact", FakeSetup(make=counting))
         assert result.status == "optimal"
-        solver_side, referee_side = made
-        assert len(solver_side.asked) == result.checks
-        assert (referee_side.asked == []) is dear
+        (back_end,) = made
+        assert (len(back_end.asked) == result.checks) is expensive
+        assert len(back_end.asked) >= result.checks > 0
 
 
 def test_a_config_changed_into_one_without_a_plan_is_proved_so():

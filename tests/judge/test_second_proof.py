@@ -92,7 +92,7 @@ class TestOrders:
         assert least_cost_of_orders(problem, lambda: True).why_not == "stopped before it was done"
 
     def test_a_plan_beyond_the_step_limit_proves_nothing(self):
-        """A dearer order might be shorter."""
+        """A costlier order might be shorter."""
         least = least_cost_of_orders(problem_of([1.0] * 3, [1.0] * 9, step_limit=2))
         assert least.cost is None
         assert least.why_not == "the cheapest order takes 3 skills, the limit is 2"

@@ -33,10 +33,10 @@ def test_every_applicable_skill_is_asked_about_in_every_state_that_can_be_reache
         if not task.goal.holds(state)
         for skill in task.skills
     )
-    assert (counts.states, counts.questions) == (len(arrows), expected)
-    assert counts.executions_by_state == counts.questions
-    assert counts.checks == counts.executions <= counts.questions
-    assert counts.checks + counts.hits == counts.questions
+    assert (counts.states, counts.queries) == (len(arrows), expected)
+    assert counts.executions_by_state == counts.queries
+    assert counts.checks == counts.executions <= counts.queries
+    assert counts.checks + counts.hits == counts.queries
     assert counts.complete
 
 
@@ -50,7 +50,7 @@ def test_what_the_step_limit_rules_out_is_not_asked():
     ]
     task = make_task(facts, skills, goal=("done",), step_limit=2)
     counts = enumerate_feasibility(Feasibility(task))
-    assert (counts.states, counts.questions) == (2, 2)
+    assert (counts.states, counts.queries) == (2, 2)
 
 
 def test_an_infeasible_skill_leads_nowhere_and_an_unknown_one_is_counted():
@@ -59,7 +59,7 @@ def test_an_infeasible_skill_leads_nowhere_and_an_unknown_one_is_counted():
     answers = {"infeasible": Verdict.infeasible("no"), "unknown": Verdict.unknown("no idea")}
     for status, verdict in answers.items():
         counts = enumerate_feasibility(Feasibility(task, [fake_back_end(task, verdict)]))
-        assert (counts.states, counts.questions, counts.feasible) == (1, 1, 0)
+        assert (counts.states, counts.queries, counts.feasible) == (1, 1, 0)
         assert counts.unknown == (status == "unknown")
 
 

@@ -90,7 +90,7 @@ def test_a_circle_that_costs_nothing_is_no_way_to_the_goal() -> None:
 
 
 def test_what_may_end_astray_is_no_way_to_the_goal_either() -> None:
-    """The cheap move misses one time in ten for good, so that the dear one counts."""
+    """The cheap move misses one time in ten for good, so that the expensive one counts."""
     moves = [(0, 1.0, [(0.9, 2), (0.1, 1)]), (0, 7.0, [(1.0, 2)])]
     assert least(walk_of(moves, 3)) == pytest.approx(7.0)
 

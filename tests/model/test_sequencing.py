@@ -150,7 +150,7 @@ def test_on_random_boards_its_precedence_is_that_of_the_derived_chart(content, c
     task = assembly(content)
     setup = Setup(collision=("precedence",) if charted and task.chart else ("aabb",))
     chart = derive_chart(make_model(task, setup).feasibility)
-    assume(not (chart.impossible or chart.undecided or chart.conditional or chart.circle))
+    assume(not (chart.impossible or chart.undecided or chart.conditional or chart.cycle))
     try:
         problem = SequencingProblem.from_model(make_model(task, setup))
     except NotASequencing as error:

@@ -152,15 +152,17 @@ def test_an_interrupted_comparison_leaves_out_the_rest(board_task):
 
 
 def test_a_warm_cache_spares_dear_checks(tmp_path):
-    """A second run asks a dear back end nothing, and finds the same."""
+    """A second run asks an expensive back end nothing, and finds the same."""
     made = []
 
-    def dear(task):
-        made.append(fake_back_end(task, Verdict.feasible(), dear=True))
+    def expensive(task):
+        made.append(fake_back_end(task, Verdict.feasible(), expensive=True))
         return [made[-1]]
 
     results = [
-        solve(two_roads_task(), "exact", FakeSetup(make=dear), cache=DiskVerdictCache(tmp_path))
+        solve(
+            two_roads_task(), "exact", FakeSetup(make=expensive), cache=DiskVerdictCache(tmp_path)
+        )
         for _ in range(2)
     ]
     assert results[0].steps == results[1].steps
@@ -189,14 +191,14 @@ def test_a_search_shows_what_it_asks_of_expensive_back_ends():
     """With its own figures, through the stop."""
     shown = []
     stop = Stop(on_progress=shown.append)
-    setup = FakeSetup(make=lambda task: [fake_back_end(task, Verdict.feasible(), dear=True)])
+    setup = FakeSetup(make=lambda task: [fake_back_end(task, Verdict.feasible(), expensive=True)])
     result = solve(two_roads_task(), "exact", setup, stop=stop)
-    asked = [progress.asked for progress in shown if progress.asked is not None]
+    asked = [progress.queries for progress in shown if progress.queries is not None]
     assert asked[-1].checks == result.checks > 0
     assert asked[0].checks == asked[-1].to_go == 0
     quiet = []
     solve(two_roads_task(), "exact", FakeSetup(), stop=Stop(on_progress=quiet.append))
-    assert all(progress.asked is None for progress in quiet)
+    assert all(progress.queries is None for progress in quiet)
 
 
 def test_a_plan_takes_as_long_as_the_back_ends_say():

@@ -23,8 +23,8 @@ from skillplan.views.tables.chain import (
     chain_tables,
 )
 from skillplan.views.tables.listing import listing_table
-from skillplan.views.tables.rendering import render
-from skillplan.views.tables.table import as_csv
+from skillplan.views.text.rendering import render
+from skillplan.views.text.table import as_csv
 from swarm_situations import base_task
 
 TWO, ONE = base_task(66, 42), base_task(42, 29)
@@ -135,9 +135,9 @@ class TestStatus:
     def test_an_upper_level_that_is_not_optimal_takes_the_proof_away(self) -> None:
         """Even where the last level's sum meets a bound over all choices."""
         upper, bound = TWO.replace(stage="goals"), Account(lower_bound=1.0)
-        dearer = part(upper, Status.SOLVED, cost=4.0, optimum=2.0, lower_bound=2.0)
-        assert Status.SOLVED is chain(dearer, part(ONE), account=bound).status
-        assert not chain(dearer, part(ONE), account=bound).proved_by_level
+        costlier = part(upper, Status.SOLVED, cost=4.0, optimum=2.0, lower_bound=2.0)
+        assert Status.SOLVED is chain(costlier, part(ONE), account=bound).status
+        assert not chain(costlier, part(ONE), account=bound).proved_by_level
         assert Status.OPTIMAL is chain(part(upper), part(ONE), account=bound).status
 
     def test_stages_that_are_the_best_one_by_one_need_not_be_the_best_together(self) -> None:

@@ -15,9 +15,9 @@ from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.errors import OptionError
 from skillplan.model.policy_value import roll_out
 from skillplan.pipeline.run import make_model, solve
-from skillplan.records import policy_file
-from skillplan.records.policy_file import policy_document, read_policy, start_state
 from skillplan.records.result import Result
+from skillplan.records.stored import policy_file
+from skillplan.records.stored.policy_file import policy_document, read_policy, start_state
 from skillplan.solvers.solution import Policy
 from skillplan.task.task import Task
 from swarm_situations import SWING_S, base_task

@@ -15,7 +15,7 @@ from skillplan.records.origin import Origin
 from skillplan.records.result import Result, Status, tolerance
 from skillplan.task.task import Task
 from skillplan.views.tables.results import comparison_table, plan_table
-from skillplan.views.tables.wording import number, percent
+from skillplan.views.text.wording import number, percent
 
 STEP = Step(0, "pick(a)", 3, (0.0, 0.0, 0.1), None, 2.0, 4.5, None)
 

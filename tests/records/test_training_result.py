@@ -26,9 +26,9 @@ from skillplan.records.training.published_runs import TABLE_III, published_runs
 from skillplan.records.training.result import RandomBaseline, Sampling, TrainingResult
 from skillplan.solvers.learning.learner import Episode
 from skillplan.task.task import Task
-from skillplan.views.tables.layouts import layouts_table
-from skillplan.views.tables.table import as_csv, as_markdown
-from skillplan.views.tables.training import training_tables
+from skillplan.views.tables.learning.layouts import layouts_table
+from skillplan.views.tables.learning.training import training_tables
+from skillplan.views.text.table import as_csv, as_markdown
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BEST = 1.8670860141568904

@@ -213,7 +213,7 @@ def test_extra_tool_changes_that_cost_nothing_are_not_made():
 
 
 def test_of_equal_costs_it_takes_the_fewest_skills():
-    """One dear skill rather than two that cost the same together."""
+    """One expensive skill rather than two that cost the same together."""
     facts = Facts(("half", "done"))
     skills = [
         make_skill(facts, "first", forbids=("half",), add=("half",), cost=0.1),

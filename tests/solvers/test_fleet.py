@@ -294,7 +294,7 @@ class TestParts:
         corridor = Bench(1, 9, 0.34)
         problem = problem_of(task_of(corridor, {"a": (0, 8), "b": (8, 0)}))
         result = search_with_restarts(problem, random.Random(0), never, restarts=3, max_nodes=10**6)
-        assert (True, ()) == (result.complete, result.ways)
+        assert (True, ()) == (result.complete, result.plans)
         search = ConfigurationSearch(problem, random.Random(0), never)
         assert search.run(3) is None
         assert not search.exhausted

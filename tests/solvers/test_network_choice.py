@@ -5,7 +5,7 @@ import pytest
 
 from situations import fake_back_end, make_skill, make_task, model_of, retry_task, two_roads_task
 from skillplan.env.observation import Observation
-from skillplan.solvers.learning.network_choice import NetworkChoice, policy_on_its_way
+from skillplan.solvers.learning.network_choice import NetworkChoice, reachable_policy
 from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.task.state import Facts
 from skillplan.task.verdict import Verdict
@@ -77,7 +77,7 @@ class TestPolicyOnItsWay:
     def follow(self, task, *names, mask="applicable", back_end=None):
         model = model_of(task, *([back_end] if back_end else []))
         network = preferring(task, *names)
-        return named(policy_on_its_way(model, NetworkChoice(network, model, "markov", mask)))
+        return named(reachable_policy(model, NetworkChoice(network, model, "markov", mask)))
 
     def test_it_knows_what_to_do_up_to_the_goal_and_nothing_off_its_way(self, task):
         assert {(): "to_a", ("a",): "a_to_b", ("b",): "finish"} == self.follow(task, "to_a")

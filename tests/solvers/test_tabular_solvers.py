@@ -15,7 +15,7 @@ from skillplan.records.result import Status
 from skillplan.solvers import compiled as compiled_module
 from skillplan.solvers.compiled import compiled
 from skillplan.solvers.learning.episode_kernels import random_bits
-from skillplan.solvers.mdp.tabular_solver import payments
+from skillplan.solvers.mdp.tabular_solver import learner_rewards
 from skillplan.solvers.stop import Stop
 from skillplan.task.state import Facts
 from skillplan.testing import lid_task
@@ -173,12 +173,12 @@ class TestPayments:
     def test_a_reward_scheme_is_paid_as_it_stands(self) -> None:
         model = make_model(base_task(66, 42))
         mdp = TabularMDP.from_model(model)
-        assert (payments(model, mdp, "reward").rewards == mdp.rewards).all()
+        assert (learner_rewards(model, mdp, "reward").rewards == mdp.rewards).all()
 
     def test_costs_are_paid_with_a_bonus_that_no_plan_can_outweigh(self) -> None:
         model = make_model(lid_task())
         mdp = TabularMDP.from_model(model)
-        paid = payments(model, mdp, "reward")
+        paid = learner_rewards(model, mdp, "reward")
         at_goal = mdp.goal[mdp.successors]
         assert (paid.rewards[~at_goal] == -mdp.costs[~at_goal]).all()
         bonus = paid.rewards[at_goal] + mdp.costs[at_goal]

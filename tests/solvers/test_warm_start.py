@@ -58,7 +58,7 @@ def test_the_solver_knows_the_plan_and_what_it_costs():
             )
         ),
     ],
-    ids=["dearer", "of no named cost", "nothing", "half a plan", "no policy", "dearer policy"],
+    ids=["costlier", "of no named cost", "nothing", "half a plan", "no policy", "costlier policy"],
 )
 def test_nothing_worse_is_returned(answer):
     """Whatever the solver is and however it answers."""
@@ -134,7 +134,7 @@ def test_exact_search_looks_at_less_from_a_good_plan(motor_drive_task):
 
 @given(small_tasks())
 def test_a_start_changes_no_optimum(task):
-    """On any task, and from the dearest plan that brute force meets first."""
+    """On any task, and from the costliest plan that brute force meets first."""
     cold = solve(task, "exact")
     if cold.status is not Status.OPTIMAL:
         return

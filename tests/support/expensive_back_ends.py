@@ -87,7 +87,7 @@ class ExpensiveEngine(_Ruled, Engine):
 
     name = "expensive-engine"
     expected_s = 0.5
-    dear = True
+    expensive = True
     Options = Options
 
 
@@ -96,7 +96,7 @@ class ExpensiveDetector(_Ruled, Detector):
 
     name = "expensive-detector"
     expected_s = 1.0
-    dear = True
+    expensive = True
     Options = Options
 
 

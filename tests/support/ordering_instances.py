@@ -74,7 +74,7 @@ def orderings(draw, least=2, most=9, kinds=KINDS):
 
 
 def all_orders(instance):
-    """Return every feasible order with its cost, dearest last: permutations, one by one."""
+    """Return every feasible order with its cost, costliest last: permutations, one by one."""
     n = instance.n
     pairs = np.argwhere(instance.before)
     found = []

@@ -16,7 +16,7 @@ from skillplan.files.json_file import json_text
 from skillplan.model.replay import replay
 from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.records.policy_file import fingerprint
+from skillplan.records.stored.policy_file import fingerprint
 from skillplan.records.task_difference import resolved_config
 from skillplan.records.training.metrics_file import METRICS, metrics_line
 from skillplan.records.training.network_policy_file import write_network

@@ -65,7 +65,7 @@ def make_task(facts, skills, *, initial=(), goal=(), step_limit=20, **more):
 
 
 def two_roads_task(**changes):
-    """Return a task with a cheap way of three skills and a dear one of two."""
+    """Return a task with a cheap way of three skills and an expensive one of two."""
     facts = Facts(("a", "b", "done"))
     skills = [
         make_skill(facts, "to_a", forbids=("a", "b", "done"), add=("a",), cost=1.0),

@@ -184,6 +184,11 @@ def untimed(text, command):
     words = command.split()
     if "pybullet" in command or "simulate" in words:
         lines = [re.sub(r" *-?\d+(\.\d+)?(e-\d+)?\b", " #", line) for line in lines]
+    if "cache" in words:
+        lines = [re.sub(r"^kept in .*", "kept in #", line) for line in lines]
+        lines = [
+            re.sub(r" +[\d.,]+(e-\d+)?( [kM]?B| s| min| h)?(?=  |$)", " #", line) for line in lines
+        ]
     if "compare" in words or "train" in words or "swarmitfix" in command:
         lines = [re.sub(r" *\b\d+\.\d{3,4}\b", " #", line) for line in lines]
     return lines

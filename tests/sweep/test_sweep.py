@@ -32,7 +32,7 @@ from skillplan.sweep.study_folder import StudyFolder
 from skillplan.sweep.study_run import StudyJob, do_run
 from skillplan.views.figures.figure_file import figure_bytes
 from skillplan.views.figures.sweep_figure import sweep_figure
-from skillplan.views.tables.sweep import setting_table, start_table
+from skillplan.views.tables.learning.sweep import setting_table, start_table
 
 CASES = Path(__file__).parents[2] / "configs" / "swarmitfix_cases.yaml"
 QUICK = [("episodes", "300")]
@@ -532,7 +532,9 @@ class TestKilling:
             where = ["--runs", "6", "--jobs", "2", "--out", str(tmp_path / folder)]
             return [*command, *values, *where, "--format", "json"]
 
+        begin_s = time.monotonic()
         done = subprocess.run(words("whole"), capture_output=True, text=True, check=True)
+        whole_s = time.monotonic() - begin_s
         whole = json.loads(done.stdout)
         rng = random.Random(7)
         for kill in range(kills):
@@ -543,7 +545,10 @@ class TestKilling:
             if kill % 2:
                 while noted() == before and process.poll() is None:
                     time.sleep(0.01)
-            time.sleep(rng.uniform(0.0, 0.2) if kill % 2 else rng.uniform(0.2, 2.2))
+            # Of the time that it takes here and now: a busy machine needs seconds to start.
+            time.sleep(
+                whole_s * rng.uniform(0.0, 0.1) if kill % 2 else whole_s * rng.uniform(0.1, 1.0)
+            )
             process.send_signal(signal.SIGKILL)
             process.wait()
         lines = noted()

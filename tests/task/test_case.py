@@ -99,19 +99,19 @@ def test_what_a_case_forbids_makes_the_skill_inapplicable():
     blocked = FACTS.of("at(0)", "blocked")
     assert not skill.applicable(blocked)
     assert list(skill.why_not(blocked).forbids) == ["blocked"]
-    verdict = Feasibility(corridor()).rule(skill, blocked)
+    verdict = Feasibility(corridor()).verdict(skill, blocked)
     assert verdict.reason == "needs not blocked"
 
 
 def test_where_no_case_fits_any_of_their_facts_would_do():
     skill = right(precondition=Condition(FACTS.none, FACTS.none))
-    verdict = Feasibility(corridor()).rule(skill, FACTS.of("at(4)"))
+    verdict = Feasibility(corridor()).verdict(skill, FACTS.of("at(4)"))
     assert verdict.reason == "needs one of at(0), at(1), at(2), at(3)"
 
 
 def test_its_verdict_rests_on_the_case_it_was_asked_about():
     state = FACTS.of("at(1)")
-    verdict = Feasibility(corridor()).rule(right(), state)
+    verdict = Feasibility(corridor()).verdict(right(), state)
     assert list(verdict.present) == ["at(1)"]
     assert verdict.applies_in(state)
     assert not verdict.applies_in(FACTS.of("at(2)"))

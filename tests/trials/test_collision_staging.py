@@ -16,9 +16,9 @@ from skillplan.trials.detector_trial import Truth
 from skillplan.trials.fault_injection import (
     INTRUDER,
     LEAST_HIT_M,
+    injected_collisions,
     is_possible,
     near_misses,
-    staged_collisions,
     standing_boxes,
 )
 
@@ -78,7 +78,7 @@ class TestStagedCollisions:
         self, board, skill
     ) -> None:
         """Whatever the side and the depth."""
-        trials = list(staged_collisions(board, *initial(board, skill)))
+        trials = list(injected_collisions(board, *initial(board, skill)))
         blocks = [one for one in trials if one.kind in ("beside", "light, beside", "tall")]
         assert 6 <= len(blocks)
         assert all(hits(trial, board) for trial in blocks)
@@ -90,7 +90,7 @@ class TestStagedCollisions:
         skill = board.skill("place(switch_1)")
         part = board.scene.body("switch_1")
         goal = world_boxes(part, part.placements[-1].pose)
-        for trial in staged_collisions(board, skill, state):
+        for trial in injected_collisions(board, skill, state):
             if "under the part" in trial.kind:
                 block = trial.task.scene.body(INTRUDER)
                 (box,) = world_boxes(block, block.placement(state).pose)
@@ -100,11 +100,11 @@ class TestStagedCollisions:
         """Only where they would really overlap: a bridge goes over what it spans."""
         placed = ("pick(pcb)", "place(pcb)", "pick(switch_1)", "place(switch_1)", "pick(switch_2)")
         state = after(board, *placed)
-        trials = staged_collisions(board, board.skill("place(switch_2)"), state)
+        trials = injected_collisions(board, board.skill("place(switch_2)"), state)
         said = [trial.staged for trial in trials if trial.kind == "place taken"]
         assert ["switch_1 stands where switch_2 belongs"] == said
         over = ("pick(pcb)", "place(pcb)", "pick(transformer)", "place(transformer)", "pick(brace)")
-        trials = staged_collisions(board, board.skill("place(brace)"), after(board, *over))
+        trials = injected_collisions(board, board.skill("place(brace)"), after(board, *over))
         assert not [trial for trial in trials if trial.kind == "place taken"]
 
     @settings(max_examples=examples(60))
@@ -117,7 +117,7 @@ class TestStagedCollisions:
                 continue
             before = is_possible(standing_boxes(task, task.initial))
             trials = [
-                *staged_collisions(task, skill, task.initial),
+                *injected_collisions(task, skill, task.initial),
                 *near_misses(task, skill, task.initial),
             ]
             for trial in trials:
@@ -135,7 +135,7 @@ class TestStagedCollisions:
         for skill in board.skills:
             if skill.applicable(board.initial):
                 following = skill.prediction.apply(board.initial)
-                for trial in staged_collisions(board, skill, board.initial):
+                for trial in injected_collisions(board, skill, board.initial):
                     if any(body.name == INTRUDER for body in trial.task.scene.bodies):
                         block = trial.task.scene.body(INTRUDER)
                         assert block.placement(board.initial)
@@ -146,7 +146,7 @@ class TestStagedCollisions:
     def test_staging_is_deterministic(self, board) -> None:
         """The same trials in the same order."""
         first, second = (
-            list(staged_collisions(board, *initial(board, "pick(brace)"))) for _ in range(2)
+            list(injected_collisions(board, *initial(board, "pick(brace)"))) for _ in range(2)
         )
         assert first == second
         assert len({trial.staged for trial in first}) == len(first)

@@ -10,7 +10,7 @@ from situations import assembly, config_content, fake_back_end
 from skillplan.collision.aabb import AabbDetector
 from skillplan.physics.engine import Engine
 from skillplan.physics.kinematic import KinematicEngine
-from skillplan.records.detectors import decisive, detectors_document, wrong_rulings
+from skillplan.records.execution.detectors import decisive, detectors_document, wrong_verdicts
 from skillplan.task.verdict import Verdict, VerdictStatus
 from skillplan.trials.detector_trial import Truth
 from skillplan.trials.detector_trials import CHART, try_detectors
@@ -128,7 +128,7 @@ class TestCounting:
             wrong = one["wrong_rulings"]
             assert one["false_alarms"] + one["misses"] + one["undecided"] == len(wrong)
             assert all(ruling["state"] for ruling in wrong)
-        assert 40 <= len(wrong_rulings(trials, "seer"))
+        assert 40 <= len(wrong_verdicts(trials, "seer"))
 
     def test_the_figures_that_decide_are_the_nearest_to_a_wrong_ruling(self, trials) -> None:
         """The largest on right executions, the smallest on collisions."""

@@ -11,14 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from skillplan.views.tables.column_widths import (
+from skillplan.views.text.column_widths import (
     DEFAULT_WIDTH,
     LEAST_WIDTH,
     output_width,
     table_layout,
 )
-from skillplan.views.tables.rendering import render
-from skillplan.views.tables.table import Column, ItemList, Table
+from skillplan.views.text.rendering import render
+from skillplan.views.text.table import Column, ItemList, Table
 
 
 class Screen(io.StringIO):

@@ -36,9 +36,9 @@ from skillplan.views.figures.learning_figure import (
     learning_figure,
 )
 from skillplan.views.figures.q_values_figure import StateValues, look, q_values_figure
-from skillplan.views.figures.rewards_figure import PaidStep, rewards_figure
+from skillplan.views.figures.rewards_figure import RewardStep, rewards_figure
 from skillplan.views.figures.swarmitfix.bench_canvas import bench_canvas
-from skillplan.views.figures.swarmitfix.fleet_figure import fleet_figure, ways_of
+from skillplan.views.figures.swarmitfix.fleet_figure import fleet_figure, paths_of
 from skillplan.views.figures.swarmitfix.gantt_figure import Bar, gantt_figure
 from skillplan.views.figures.swarmitfix.placement_figure import placement_figure
 from skillplan.views.figures.swarmitfix.placement_marks import (
@@ -95,7 +95,7 @@ def a_gantt(sequences: int = 3) -> Figure:
 
 def some_rewards(count: int = 4) -> Figure:
     steps = [
-        PaidStep(f"base-{i // 2 + 1}", f"B{i % 3}", f"C{i + 1}", i - 1.5) for i in range(count)
+        RewardStep(f"base-{i // 2 + 1}", f"B{i % 3}", f"C{i + 1}", i - 1.5) for i in range(count)
     ]
     return rewards_figure(steps, ["B0", "B1", "B2"], HEADING)
 
@@ -298,7 +298,9 @@ class TestPolicy:
         """With the action beside the position."""
         written = texts(a_policy())
         assert {BENCH.name(i) for i in range(78)} | {f"P{i}" for i in range(1, 53)} <= set(written)
-        assert {"x [m]", "y [m]", "steps to the goal", "goal", "way from the start"} <= set(written)
+        assert {"x [m]", "y [m]", "steps to the goal", "goal", "path from the start"} <= set(
+            written
+        )
 
     def test_names_too_small_to_read_are_left_out(self) -> None:
         """On a large bench there are arrows only."""
@@ -310,7 +312,7 @@ class TestPolicy:
         figure = policy_figure(BENCH, recommended, GOAL, HEADING, start=0)
         assert 1 == len(collection(figure, "policy-stays").get_offsets())
         assert {"B0: stay", "never gets to the goal"} <= set(texts(figure))
-        assert "way from the start" not in texts(figure)
+        assert "path from the start" not in texts(figure)
 
     @pytest.mark.parametrize(
         ("recommended", "message"),
@@ -392,7 +394,7 @@ class TestPlacement:
         """A trajectory of one point, ways without goals, a head without a size."""
         with pytest.raises(ValueError, match="at least two points"):
             placement_figure(BENCH, [(0, 0)], [], [], [], HEADING, closed=False)
-        with pytest.raises(ValueError, match="0 goals need as many ways"):
+        with pytest.raises(ValueError, match="0 goals need as many paths"):
             placement_figure(BENCH, [(0, 0), (1, 1)], [], [], [[1]], HEADING, closed=False)
         with pytest.raises(ValueError, match="side must be > 0"):
             HeadMark((0.0, 0.0), 0.0, 0.0, True)
@@ -477,10 +479,33 @@ class TestRewards:
         with pytest.raises(ValueError, match="no step"):
             rewards_figure([], ["B0"], HEADING)
         with pytest.raises(ValueError, match="'B9' is none"):
-            rewards_figure([PaidStep("t", "B9", "", 0.0)], ["B0"], HEADING)
+            rewards_figure([RewardStep("t", "B9", "", 0.0)], ["B0"], HEADING)
+
+    def test_small_rewards_are_seen_beside_a_large_one(self) -> None:
+        """On a logarithmic axis each bar is as high as a twentieth of it at least."""
+        rewards = [-0.0038, -0.014, -0.021, 10.0]
+        steps = [RewardStep("t", "B0", "", reward) for reward in rewards]
+        axes = rewards_figure(steps, ["B0"], HEADING).axes[0]
+        assert "reward [-], log scale" == axes.get_ylabel()
+        heights = [bar.get_window_extent().height for bar in axes.patches]
+        assert min(heights) > axes.get_window_extent().height / 20
+
+    def test_rewards_of_like_size_keep_a_linear_axis(self) -> None:
+        assert "linear" == some_rewards().axes[0].get_yscale()
 
 
 class TestLearning:
+    @pytest.mark.parametrize(("most", "shown"), [(7.0, {"6", "7"}), (40.0, {"10", "20"})])
+    def test_a_short_axis_is_labelled_with_plain_numbers(
+        self, most: float, shown: set[str]
+    ) -> None:
+        """Between powers of ten too, and never by a formula."""
+        episodes = np.arange(1.0, 50.0)
+        curve = LearningCurve("set 1", episodes, np.linspace(most, 5.5, 98).reshape(2, 49))
+        written = set(texts(learning_figure([LearningPanel("board", (curve,))], HEADING)))
+        assert shown <= written
+        assert not any("mathdefault" in text or "$" in text for text in written)
+
     def test_both_sets_and_the_fewest_steps_are_named(self) -> None:
         """On axes with units."""
         written = set(texts(some_learning()))
@@ -552,17 +577,17 @@ class TestFleet:
         assert 2 == written.count("1")
         assert 1 == written.count("2")
 
-    def test_a_way_says_when_a_robot_is_where(self) -> None:
+    def test_a_path_says_when_a_robot_is_where(self) -> None:
         """A robot that waits has no entry for that step."""
-        ways = ways_of({"a": 1, "b": 5}, [[("a", 2)], [("b", 6), ("a", 3)]])
-        assert {"a": [(0, 1), (1, 2), (2, 3)], "b": [(0, 5), (2, 6)]} == ways
+        paths = paths_of({"a": 1, "b": 5}, [[("a", 2)], [("b", 6), ("a", 3)]])
+        assert {"a": [(0, 1), (1, 2), (2, 3)], "b": [(0, 5), (2, 6)]} == paths
 
     def test_robots_must_be_known(self) -> None:
         """By where they start."""
         with pytest.raises(ValueError, match="at least one robot"):
-            ways_of({}, [])
+            paths_of({}, [])
         with pytest.raises(ValueError, match="'b' moves"):
-            ways_of({"a": 1}, [[("b", 2)]])
+            paths_of({"a": 1}, [[("b", 2)]])
 
 
 def test_a_run_has_a_seed() -> None:

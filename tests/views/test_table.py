@@ -8,8 +8,8 @@ import re
 
 import pytest
 
-from skillplan.views.tables.rendering import render
-from skillplan.views.tables.table import Column, Table, as_csv, as_markdown
+from skillplan.views.text.rendering import render
+from skillplan.views.text.table import Column, Table, as_csv, as_markdown
 
 AWKWARD = ["a,b", 'say "so"', "two\nlines", "a | b", "[bold]x[/bold]", "`code`", "back\\slash"]
 

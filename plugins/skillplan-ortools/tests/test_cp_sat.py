@@ -123,7 +123,7 @@ def test_what_is_no_sequencing_problem_is_refused_in_words():
 
 
 def test_the_structure_is_recognised_once(monkeypatch):
-    """Asking physics twice would be dear."""
+    """Asking physics twice would be expensive."""
     from skillplan.model.sequencing import SequencingProblem
 
     asked = []

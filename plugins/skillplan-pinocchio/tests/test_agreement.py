@@ -41,7 +41,7 @@ class Order:
         """Return the first verdict on the skills of an element that is not feasible, or None."""
         if (done, element) not in self._known:
             verdicts = (
-                self.feasibility.rule(skill, state_of(self.task, done, skill))
+                self.feasibility.verdict(skill, state_of(self.task, done, skill))
                 for skill in skills_of(self.task, element)
             )
             self._known[done, element] = next((v for v in verdicts if not v.is_feasible), None)

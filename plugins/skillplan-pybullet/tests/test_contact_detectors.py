@@ -98,7 +98,7 @@ class TestBoth:
     def test_a_collision_is_named_before_the_disorder_it_causes(self) -> None:
         """Detectors are asked before the engine."""
         assert all(one.expected_s < PybulletEngine.expected_s for one in DETECTORS)
-        assert all(one.dear for one in DETECTORS)
+        assert all(one.expensive for one in DETECTORS)
 
 
 class TestFrameMeans:

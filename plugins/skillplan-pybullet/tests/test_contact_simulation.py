@@ -8,11 +8,11 @@ import pytest
 
 from situations import assembly, config_content
 from skillplan.checks.single_check import check, introduce
-from skillplan.records.detectors import decisive
+from skillplan.records.execution.detectors import decisive
 from skillplan.task.verdict import VerdictStatus
 from skillplan.trials.detector_trial import Truth
 from skillplan.trials.detector_trials import try_detectors
-from skillplan.trials.fault_injection import staged_collisions
+from skillplan.trials.fault_injection import injected_collisions
 from skillplan_pybullet.contact_force import ContactForceDetector
 from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
@@ -106,7 +106,7 @@ def test_a_verdict_is_the_same_bit_for_bit_wherever_it_applies(task, detectors) 
 @pytest.mark.parametrize("kind", ["beside", "light, beside", "tall", "too deep"])
 def test_a_hand_that_hits_something_is_caught(task, kind) -> None:
     """A finger, the palm, a light block, the table."""
-    trials = staged_collisions(task, task.skill("pick(switch_1)"), task.initial)
+    trials = injected_collisions(task, task.skill("pick(switch_1)"), task.initial)
     trial = next(one for one in trials if one.kind == kind)
     pairs = ContactPairsDetector(trial.task)
     introduce([pairs])

@@ -26,7 +26,7 @@ def test_physics_proves_the_optimum_of_the_chart(name: str) -> None:
 
 @pytest.mark.slow(reason="executions of a board with uncertain grasps")
 def test_physics_gives_the_expected_cost_of_the_chart() -> None:
-    """By the outcome in which the grasp holds; no proof is audited where asking is dear."""
+    """By the outcome in which the grasp holds; no proof is audited where asking is expensive."""
     task = load_problem(CONFIGS / "inverter_grasps.yaml").task
     simulated = solve(task, "value-iteration", PHYSICS)
     assert simulated.status == "solved"

@@ -37,9 +37,9 @@ def engine(task) -> PybulletEngine:
 class TestConformance(EngineSuite):
     engine = "pybullet"
 
-    def questions(self, task: Task) -> Iterator[tuple[Skill, State]]:
+    def queries(self, task: Task) -> Iterator[tuple[Skill, State]]:
         """A sample: every question is a simulation."""
-        yield from random.Random(4).sample(list(super().questions(task)), examples(12, fewest=4))
+        yield from random.Random(4).sample(list(super().queries(task)), examples(12, fewest=4))
 
 
 class TestThePapersBoard:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 from skillplan.chart.partial_order import cycle, orderable
 from skillplan.chart.precedence_query import Relation
-from skillplan.collision.boxes import WorldBox, contact_area, world_boxes
-from skillplan.collision.precedence import PrecedenceDetector
-from skillplan.task.scene import Body
+from skillplan.task.scene import Body, Box, Pose
 from skillplan.task.task import Task
+
+# From where to where something reaches along x, y and z [m].
+_Extent = list[tuple[float, float]]
 
 # Coordinates of a file are rounded: so far apart two faces still touch [m].
 _TOUCH_M = 5e-4
@@ -143,12 +145,12 @@ class _Reasons:
         """Return what a relation follows from: what is in the way first."""
         if self._is_line(relation):
             return (Cause("line", f"{relation.before} before {relation.after}"),)
-        element, other = self._sides(relation)
-        own = Cause(self._phase(relation, element), element)
+        component, other = self._sides(relation)
+        own = Cause(self._phase(relation, component), component)
         if self._starts(relation, other):
             return Cause("start", other), own
         if other == relation.before:
-            # The element belongs on the other one, or needs it otherwise.
+            # The component belongs on the other one, or needs it otherwise.
             return own, Cause("goal", other)
         return Cause("goal", other), own
 
@@ -156,24 +158,25 @@ class _Reasons:
         """Return why a relation holds."""
         if self._is_line(relation):
             return _Clause("the chart", "puts", relation.before, f"before {relation.after}")
-        element, other = self._sides(relation)
-        skill = str(relation.evidence.get("skill", element))
+        component, other = self._sides(relation)
+        skill = str(relation.evidence.get("skill", component))
         if other == relation.before and self._starts(relation, other):
-            if self._rests(other, element, "start"):
-                return _Clause(other, "lies", "on", element, "at the start")
+            if self._rests(other, component, "start"):
+                return _Clause(other, "lies", "on", component, "at the start")
             return _Clause(other, "is in the way", "of", skill, "at its start")
         if other == relation.before:
-            if self._rests(element, other, "goal"):
-                return _Clause(element, "belongs", "on", other)
+            if self._rests(component, other, "goal"):
+                return _Clause(component, "belongs", "on", other)
             return _Clause(relation.reason)
         if self._starts(relation, other):
             return _Clause(relation.reason)
-        if self._rests(other, element, "goal") and self._phase(relation, element) == "goal":
-            return _Clause(other, "belongs", "on", element)
+        if self._rests(other, component, "goal") and self._phase(relation, component) == "goal":
+            return _Clause(other, "belongs", "on", component)
         return _Clause(other, "is in the way", "of", skill, "at its goal")
 
     def _is_line(self, relation: Relation) -> bool:
-        return relation.evidence.get("stage") == PrecedenceDetector.name
+        """Whether a hand-made chart says so, which names both sides in its evidence."""
+        return {"before", "after"} <= set(relation.evidence)
 
     def _sides(self, relation: Relation) -> tuple[str, str]:
         """Return the component whose skill fails, and the other one."""
@@ -181,12 +184,12 @@ class _Reasons:
             return relation.before, relation.after
         return relation.after, relation.before
 
-    def _phase(self, relation: Relation, element: str) -> str:
+    def _phase(self, relation: Relation, component: str) -> str:
         """Return whether the skill takes the component from its start or brings it to its goal."""
         name = relation.evidence.get("skill")
         skill = next((one for one in self.task.skills if one.name == name), None)
-        goal = self.task.operations.get(element)
-        brings = skill is None or goal in skill.prediction.add
+        goal = self.task.operations.get(component)
+        brings = skill is None or (goal is not None and goal in skill.prediction.add)
         return "goal" if brings else "start"
 
     def _starts(self, relation: Relation, other: str) -> bool:
@@ -200,14 +203,30 @@ class _Reasons:
         if above is None or below is None:
             return False
         feet, tops = self._boxes(above, phase), self._boxes(below, phase)
-        return any(contact_area(foot, top, _TOUCH_M) for foot in feet for top in tops)
+        return any(_stands_on(foot, top) for foot in feet for top in tops)
 
-    def _boxes(self, body: Body, phase: str) -> tuple[WorldBox, ...]:
+    def _boxes(self, body: Body, phase: str) -> list[_Extent]:
         goal = self.task.operations.get(body.name)
         for placement in body.placements:
-            held = (
-                placement.fact == goal if phase == "goal" else placement.fact in self.task.initial
-            )
-            if held:
-                return world_boxes(body, placement.pose)
-        return ()
+            starts = placement.fact in self.task.initial
+            if starts if phase == "start" else placement.fact == goal:
+                return [_extent(box, placement.pose) for box in body.boxes]
+        return []
+
+
+def _extent(box: Box, pose: Pose) -> _Extent:
+    """Return from where to where a body's box reaches along each axis [m], turned as it stands."""
+    cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    (x, y, z), (width, depth, height) = box.centre, box.size
+    centre = (cos * x - sin * y, sin * x + cos * y, z)
+    size = (abs(cos) * width + abs(sin) * depth, abs(sin) * width + abs(cos) * depth, height)
+    middles = [origin + offset for origin, offset in zip(pose.position, centre, strict=True)]
+    return [(at - extent / 2, at + extent / 2) for at, extent in zip(middles, size, strict=True)]
+
+
+def _stands_on(foot: _Extent, top: _Extent) -> bool:
+    """Whether a box stands on another, at least in part."""
+    touches = abs(foot[2][0] - top[2][1]) <= _TOUCH_M
+    return touches and all(
+        max(foot[axis][0], top[axis][0]) < min(foot[axis][1], top[axis][1]) for axis in (0, 1)
+    )

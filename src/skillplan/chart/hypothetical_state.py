@@ -1,4 +1,4 @@
-"""States that need not be reachable, in which back ends are asked about skills."""
+"""States that need not be reachable, in which back ends check skills."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 
 
-class Imagination:
-    """States that need not be reachable: chosen elements done, the others untouched.
+class HypotheticalStates:
+    """States that need not be reachable: chosen components done, the others untouched.
 
     Attributes
     ----------
@@ -24,26 +24,26 @@ class Imagination:
         self.stands = {fact for robot in task.scene.robots for fact in robot.places}
         self._owner = self._own_facts()
         self._own: dict[str, list[str]] = {}
-        for fact, element in self._owner.items():
-            self._own.setdefault(element, []).append(fact)
+        for fact, component in self._owner.items():
+            self._own.setdefault(component, []).append(fact)
         self._makers: dict[str, list[Skill]] = {}
         for skill in task.skills:
             for fact in skill.prediction.add:
                 self._makers.setdefault(fact, []).append(skill)
         self._finished = self._finished_facts()
 
-    def chain(self, element: str) -> list[Skill]:
-        """Return the skills that bring one element, and no other, to its goal, in order."""
-        fact = self.task.operations[element]
+    def chain(self, component: str) -> list[Skill]:
+        """Return the skills that bring one component, and no other, to its goal, in order."""
+        fact = self.task.operations[component]
         skills: list[Skill] = []
         self._bring(self.task.initial, fact, skills)
-        return [skill for skill in skills if element in skill.parameters.values()]
+        return [skill for skill in skills if component in skill.parameters.values()]
 
     def before(self, skill: Skill, done: Iterable[str]) -> State:
-        """Return a state in which `skill` is applicable and the elements in `done` are done."""
+        """Return a state in which `skill` is applicable and the components in `done` are done."""
         bits = self.task.initial.bits
-        for element in done:
-            own, after = self._finished[element]
+        for component in done:
+            own, after = self._finished[component]
             bits = bits & ~own | after
         state = self.task.facts.state(bits)
         for name in skill.precondition.requires:
@@ -54,34 +54,34 @@ class Imagination:
     def settled(self, skill: Skill, before: Iterable[str], after: Iterable[str]) -> set[str]:
         """Return the facts that are certain where a skill is applicable in a good order."""
         certain = {*skill.precondition.requires, *skill.precondition.forbids}
-        return certain.union(*(self._own.get(element, ()) for element in {*before, *after}))
+        return certain.union(*(self._own.get(component, ()) for component in {*before, *after}))
 
     def owner(self, fact: str) -> str | None:
-        """Return the element that a fact is about, or None."""
+        """Return the component that a fact is about, or None."""
         return self._owner.get(fact)
 
-    def elements(self, verdict: Verdict) -> set[str]:
-        """Return the elements that the facts of a verdict are about."""
+    def components(self, verdict: Verdict) -> set[str]:
+        """Return the components that the facts of a verdict are about."""
         facts = [*(verdict.present or ()), *(verdict.absent or ())]
         return {self._owner[fact] for fact in facts if fact in self._owner}
 
     def _own_facts(self) -> dict[str, str]:
-        """Return the element of every fact named after one; not where the arm stands."""
+        """Return the component of every fact named after one; not where the arm stands."""
         found = {}
         for fact in self.task.facts.names:
-            element = fact.rpartition("(")[2].rstrip(")")
-            if element in self.task.operations and fact not in self.stands:
-                found[fact] = element
+            component = fact.rpartition("(")[2].rstrip(")")
+            if component in self.task.operations and fact not in self.stands:
+                found[fact] = component
         return found
 
     def _finished_facts(self) -> dict[str, tuple[int, int]]:
-        """Return, by element, the bits of its own facts and those of them that hold when done."""
+        """Return, by component, the bits of its own facts and those of them that hold when done."""
         own = dict.fromkeys(self.task.operations, 0)
-        for fact, element in self._owner.items():
-            own[element] |= self.task.facts.bit(fact)
+        for fact, component in self._owner.items():
+            own[component] |= self.task.facts.bit(fact)
         return {
-            element: (mask, self._bring(self.task.initial, goal, []).bits & mask)
-            for (element, goal), mask in zip(
+            component: (mask, self._bring(self.task.initial, goal, []).bits & mask)
+            for (component, goal), mask in zip(
                 self.task.operations.items(), own.values(), strict=True
             )
         }

@@ -23,7 +23,7 @@ def closure(pairs: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
 
 
 class ClosedRelation:
-    """What comes before what in whatever number of steps, element by element.
+    """What comes before what in whatever number of steps, component by component.
 
     Parameters
     ----------
@@ -37,16 +37,16 @@ class ClosedRelation:
         for one, other in pairs:
             before.setdefault(other, set()).add(one)
             after.setdefault(one, set()).add(other)
-        self._before = {element: frozenset(others) for element, others in before.items()}
-        self._after = {element: frozenset(others) for element, others in after.items()}
+        self._before = {component: frozenset(others) for component, others in before.items()}
+        self._after = {component: frozenset(others) for component, others in after.items()}
 
-    def before(self, element: str) -> frozenset[str]:
-        """Return what comes before an element."""
-        return self._before.get(element, frozenset())
+    def before(self, component: str) -> frozenset[str]:
+        """Return what comes before a component."""
+        return self._before.get(component, frozenset())
 
-    def after(self, element: str) -> frozenset[str]:
-        """Return what comes after an element."""
-        return self._after.get(element, frozenset())
+    def after(self, component: str) -> frozenset[str]:
+        """Return what comes after a component."""
+        return self._after.get(component, frozenset())
 
 
 def reduction(pairs: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
@@ -58,7 +58,7 @@ def reduction(pairs: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
         after.setdefault(one, set()).add(other)
 
     def follows(one: str, other: str) -> bool:
-        # By way of an element strictly between the two, on no cycle with either.
+        # By way of a component strictly between the two, on no cycle with either.
         return (other, one) not in closed and any(
             (via, other) in closed and (via, one) not in closed and (other, via) not in closed
             for via in after[one]
@@ -70,7 +70,7 @@ def reduction(pairs: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:
 def cycle(pairs: Iterable[tuple[str, str]]) -> tuple[str, ...]:
     """Return the shortest cycle: each comes before the next, ending with the first; or none.
 
-    Of several of one length, it is the one of the element named first.
+    Of several of one length, it is the one of the component named first.
     """
     after: dict[str, list[str]] = {}
     for one, other in pairs:
@@ -84,7 +84,7 @@ def cycle(pairs: Iterable[tuple[str, str]]) -> tuple[str, ...]:
 
 
 def _cycle_through(start: str, after: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
-    """Return a shortest cycle through an element by breadth-first search, or none."""
+    """Return a shortest cycle through a component by breadth-first search, or none."""
     came: dict[str, str] = {}
     queue = [start]
     for one in queue:
@@ -101,12 +101,12 @@ def _cycle_through(start: str, after: Mapping[str, Sequence[str]]) -> tuple[str,
     return ()
 
 
-def orderable(elements: Iterable[str], pairs: Iterable[tuple[str, str]]) -> set[str]:
-    """Return the elements that are neither on a cycle nor after one."""
+def orderable(components: Iterable[str], pairs: Iterable[tuple[str, str]]) -> set[str]:
+    """Return the components that are neither on a cycle nor after one."""
     closed = closure(pairs)
     stuck = {one for one, other in closed if one == other}
     return {
-        element
-        for element in elements
-        if element not in stuck and not any((one, element) in closed for one in stuck)
+        component
+        for component in components
+        if component not in stuck and not any((one, component) in closed for one in stuck)
     }

@@ -1,7 +1,7 @@
-"""A precedence relation derived by asking back ends, instead of drawn by hand.
+"""A precedence relation derived by querying back ends, instead of drawn by hand.
 
-For every element of the product the operations that bring it to its goal are imagined in
-states in which other elements are done or not. ``a before b`` where b's operation fails for
+For every component of the product the operations that bring it to its goal are considered in
+states in which other components are done or not. ``a before b`` where b's operation fails for
 want of a, or a's operation fails because b is in the way.
 """
 
@@ -11,9 +11,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from skillplan.chart.conflict import conflict_lines
-from skillplan.chart.hypothetical_state import Imagination
-from skillplan.chart.partial_order import ClosedRelation, closure, cycle
-from skillplan.chart.precedence_query import Inquiry, Questions, Relation, inquire
+from skillplan.chart.hypothetical_state import HypotheticalStates
+from skillplan.chart.partial_order import ClosedRelation, closure
+from skillplan.chart.partial_order import cycle as shortest_cycle
+from skillplan.chart.precedence_query import (
+    CheckSteps,
+    PrecedenceQuery,
+    Relation,
+    run_queries,
+)
 from skillplan.checks.feasibility import Feasibility
 from skillplan.task.task import Task
 
@@ -27,7 +33,7 @@ class DerivedChart:
     Parameters
     ----------
     relations
-        Derived, in the order of the task's elements.
+        Derived, in the order of the task's components.
     hand_made
         The task file's chart; None where it has none.
     missing
@@ -35,12 +41,12 @@ class DerivedChart:
     extra
         Derived pairs that do not follow from the hand-made ones.
     impossible
-        Skills that are feasible in no imagined state, with the reason.
+        Skills that are feasible in no hypothetical state, with the reason.
     conditional
         Skills that depend on more than the relation says, such as on one of two supports or on
         where the arm comes from, and the facts that matter: what is no precedence relation.
     undecided
-        Skills about which a back end does not know, or that depend on the other elements in
+        Skills about which a back end does not know, or that depend on the other components in
         too many ways to be worked out.
     """
 
@@ -53,15 +59,15 @@ class DerivedChart:
     undecided: tuple[str, ...] = ()
 
     @property
-    def circle(self) -> tuple[str, ...]:
+    def cycle(self) -> tuple[str, ...]:
         """The shortest cycle of components before each other; none where there is an order."""
-        return cycle((r.before, r.after) for r in self.relations)
+        return shortest_cycle((r.before, r.after) for r in self.relations)
 
     @property
     def contradiction(self) -> tuple[str, ...]:
         """A cycle of derived and hand-made pairs together; none where they agree on an order."""
         derived = [(r.before, r.after) for r in self.relations]
-        return cycle([*derived, *(self.hand_made or ())])
+        return shortest_cycle([*derived, *(self.hand_made or ())])
 
     def obstacle(self, task: Task) -> str | None:
         """Return why no order can exist, in at most three lines, or None where one may.
@@ -77,42 +83,40 @@ class DerivedChart:
 
 
 def derive_chart(feasibility: Feasibility) -> DerivedChart:
-    """Ask back ends for the precedence relation of their task."""
+    """Query back ends for the precedence relation of their task."""
     task = feasibility.task
     found: dict[tuple[str, str], Relation] = {}
     impossible: dict[str, str] = {}
     undecided: list[str] = []
-    imagination = Imagination(task)
-    inquiries = [
-        Inquiry(imagination, element, skill)
-        for element in task.operations
-        for skill in imagination.chain(element)
+    hypothetical = HypotheticalStates(task)
+    queries = [
+        PrecedenceQuery(hypothetical, component, skill)
+        for component in task.operations
+        for skill in hypothetical.chain(component)
     ]
-    for inquiry, why in zip(
-        inquiries, inquire(feasibility, [*map(_derive, inquiries)]), strict=True
-    ):
+    for query, why in zip(queries, run_queries(feasibility, [*map(_derive, queries)]), strict=True):
         if why is None:
-            undecided.append(inquiry.skill.name)
+            undecided.append(query.skill.name)
         elif why:
-            impossible[inquiry.skill.name] = why
-        for relation in inquiry.found:
+            impossible[query.skill.name] = why
+        for relation in query.found:
             found.setdefault((relation.before, relation.after), relation)
     derived = closure(found)
     left = [
-        inquiry
-        for inquiry in inquiries
-        if inquiry.skill.name not in (*undecided, *impossible)
-        and (inquiry.element, inquiry.element) not in derived
+        query
+        for query in queries
+        if query.skill.name not in (*undecided, *impossible)
+        and (query.component, query.component) not in derived
     ]
     conditional: dict[str, tuple[str, ...]] = {}
     order = ClosedRelation(derived)
-    questions = [inquiry.beyond(order) for inquiry in left]
-    for inquiry, more in zip(left, inquire(feasibility, questions), strict=True):
+    steps = [query.beyond(order) for query in left]
+    for query, more in zip(left, run_queries(feasibility, steps), strict=True):
         if more is None:
-            undecided.append(inquiry.skill.name)
+            undecided.append(query.skill.name)
         elif more:
-            conditional[inquiry.skill.name] = more
-    rank = {element: i for i, element in enumerate(task.operations)}
+            conditional[query.skill.name] = more
+    rank = {component: i for i, component in enumerate(task.operations)}
     relations = tuple(sorted(found.values(), key=lambda r: (rank[r.before], rank[r.after])))
     hand_made = tuple((line.before, line.after) for line in task.chart)
     by_hand = closure(hand_made)
@@ -127,11 +131,11 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
     )
 
 
-def _derive(inquiry: Inquiry) -> Questions[str]:
+def _derive(query: PrecedenceQuery) -> CheckSteps[str]:
     """Find the relations that follow from a skill; return why it is never feasible, or nothing."""
-    needed = yield from inquiry.feasible_set()
+    needed = yield from query.feasible_set()
     if needed is None:
-        verdict = yield from inquiry.ask(frozenset())
+        verdict = yield from query.check(frozenset())
         return f"{verdict.stage}: {verdict.reason}"
-    yield from inquiry.relations(needed)
+    yield from query.relations(needed)
     return ""

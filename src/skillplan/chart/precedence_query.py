@@ -6,20 +6,20 @@ from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
-from skillplan.chart.hypothetical_state import Imagination
+from skillplan.chart.hypothetical_state import HypotheticalStates
 from skillplan.chart.partial_order import ClosedRelation
 from skillplan.checks.feasibility import PRECONDITION
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict, VerdictStatus
 
-# So many states are imagined for one skill before it is given up as undecided.
-_MOST_QUESTIONS = 5_000
+# So many states are considered for one skill before it is given up as undecided.
+_MOST_QUERIES = 5_000
 
 _T = TypeVar("_T")
 
-# Yields what is asked and is sent the verdict.
-Questions = Generator[tuple[Skill, State], Verdict, _T]
+# Yields what is queried and is sent the verdict.
+CheckSteps = Generator[tuple[Skill, State], Verdict, _T]
 
 
 @dataclass(frozen=True)
@@ -45,88 +45,88 @@ class Relation:
     component: str = ""
 
 
-class Ruler(Protocol):
-    """Rules on skills in states, several at once."""
+class Checker(Protocol):
+    """Decides about skills in states, several at once."""
 
-    def rule_all(self, questions: Sequence[tuple[Skill, State]], /) -> list[Verdict]:
+    def verdicts(self, queries: Sequence[tuple[Skill, State]], /) -> list[Verdict]:
         """Return the verdicts, in order."""
 
 
 class Undecided(Exception):
-    """Raised where a back end does not know, or an inquiry does not come to an end."""
+    """Raised where a back end does not know, or a query does not come to an end."""
 
 
-def inquire(ruler: Ruler, inquiries: Sequence[Questions[_T]]) -> list[_T | None]:
-    """Return what several inquiries come to, all carried on at once; None of one undecided.
+def run_queries(checker: Checker, queries: Sequence[CheckSteps[_T]]) -> list[_T | None]:
+    """Return what several queries come to, all carried on at once; None of one undecided.
 
     Raises
     ------
     BackEndError
         If a back end fails.
     """
-    found: list[_T | None] = [None] * len(inquiries)
-    said: dict[int, Verdict | None] = dict.fromkeys(range(len(inquiries)))
+    found: list[_T | None] = [None] * len(queries)
+    said: dict[int, Verdict | None] = dict.fromkeys(range(len(queries)))
     while said:
-        asked = {}
+        requests = {}
         for index, verdict in said.items():
-            inquiry = inquiries[index]
+            query = queries[index]
             try:
-                asked[index] = next(inquiry) if verdict is None else inquiry.send(verdict)
+                requests[index] = next(query) if verdict is None else query.send(verdict)
             except StopIteration as end:
                 found[index] = end.value
             except Undecided:
                 continue
-        said = dict(zip(asked, ruler.rule_all(list(asked.values())), strict=True))
+        said = dict(zip(requests, checker.verdicts(list(requests.values())), strict=True))
     return found
 
 
-class Inquiry:
-    """What is asked about one skill of one element.
+class PrecedenceQuery:
+    """What is checked of one skill of one component.
 
     Attributes
     ----------
     found
-        What must precede and follow the element, as far as it has been worked out.
+        What must precede and follow the component, as far as it has been worked out.
     """
 
-    def __init__(self, imagination: Imagination, element: str, skill: Skill) -> None:
-        self.imagination = imagination
-        self.element = element
+    def __init__(self, hypothetical: HypotheticalStates, component: str, skill: Skill) -> None:
+        self.hypothetical = hypothetical
+        self.component = component
         self.skill = skill
-        self.order = list(imagination.task.operations)
-        self.asked = 0
+        self.order = list(hypothetical.task.operations)
+        self.count = 0
         self.found: list[Relation] = []
-        self._rank = {element: i for i, element in enumerate(self.order)}
+        self._rank = {component: i for i, component in enumerate(self.order)}
         self._feasible = Verdict.feasible()
 
-    def ask(self, done: frozenset[str]) -> Questions[Verdict]:
-        """Return the verdict on the skill where exactly these elements are done."""
-        self.asked += 1
-        if self.asked > _MOST_QUESTIONS:
+    def check(self, done: frozenset[str]) -> CheckSteps[Verdict]:
+        """Return the verdict on the skill where exactly these components are done."""
+        self.count += 1
+        if self.count > _MOST_QUERIES:
             raise Undecided
-        verdict = yield self.skill, self.imagination.before(self.skill, done)
+        verdict = yield self.skill, self.hypothetical.before(self.skill, done)
         if verdict.status is VerdictStatus.UNKNOWN:
             raise Undecided
         return verdict
 
     def feasible_set(
         self, done: frozenset[str] = frozenset(), undone: frozenset[str] = frozenset()
-    ) -> Questions[frozenset[str] | None]:
-        """Return elements with which done the skill is feasible, or None.
+    ) -> CheckSteps[frozenset[str] | None]:
+        """Return components with which done the skill is feasible, or None.
 
         An infeasible verdict rules out every state that agrees on its facts, so that in any
-        feasible one an element it blames differs: depth-first search over which.
+        feasible one a component it blames differs: depth-first search over which.
 
         Parameters
         ----------
         done, undone
-            Elements that must, and must not, be done.
+            Components that must, and must not, be done.
         """
-        verdict = yield from self.ask(done)
+        verdict = yield from self.check(done)
         if verdict.is_feasible:
             self._feasible = verdict
             return done
-        blamed = self.imagination.elements(verdict) - {self.element} - done - undone
+        blamed = self.hypothetical.components(verdict) - {self.component} - done - undone
         for other in sorted(blamed, key=self._rank.__getitem__):
             found = yield from self.feasible_set(done | {other}, undone)
             if found is not None:
@@ -134,35 +134,35 @@ class Inquiry:
             undone |= {other}
         return None
 
-    def relations(self, needed: frozenset[str]) -> Questions[None]:
-        """Find what must precede and follow the element, given the feasible set just found."""
+    def relations(self, needed: frozenset[str]) -> CheckSteps[None]:
+        """Find what must precede and follow the component, given the feasible set just found."""
         for fact in self.skill.precondition.forbids:
-            other = self.imagination.owner(fact)
-            if other not in (None, self.element):
-                # Another element's untouched start, such as a part lying on this one.
+            other = self.hypothetical.owner(fact)
+            if other not in (None, self.component):
+                # Another component's untouched start, such as a part lying on this one.
                 self._need(str(other), f"not {fact}")
         for fact in self.skill.precondition.requires:
-            other = self.imagination.owner(fact)
-            goal = None if other is None else self.imagination.task.operations[other]
-            if other not in (None, self.element) and fact == goal:
-                # Another element, finished: every state that is imagined has it done.
+            other = self.hypothetical.owner(fact)
+            goal = None if other is None else self.hypothetical.task.operations[other]
+            if other not in (None, self.component) and fact == goal:
+                # Another component, finished: every state that is considered has it done.
                 self._need(str(other), fact)
         verdicts: dict[str, Verdict] = {}
         feasible = self._feasible
         for other in self.order:
             done = needed ^ {other}
             # What the feasible verdict does not rest on cannot change it.
-            if other == self.element or feasible.applies_in(
-                self.imagination.before(self.skill, done)
+            if other == self.component or feasible.applies_in(
+                self.hypothetical.before(self.skill, done)
             ):
                 continue
-            verdict = yield from self.ask(done)
+            verdict = yield from self.check(done)
             if not verdict.is_feasible:
                 verdicts[other] = verdict
         fixed = yield from self._fixed(needed, verdicts)
         for other, verdict in verdicts.items():
             if other in fixed:
-                pair = (other, self.element) if other in needed else (self.element, other)
+                pair = (other, self.component) if other in needed else (self.component, other)
                 self.found.append(self._relation(*pair, verdict))
 
     def _need(self, other: str, literal: str) -> None:
@@ -170,22 +170,22 @@ class Inquiry:
         name = self.skill.name
         evidence = {"skill": name, "stage": PRECONDITION, "facts": [literal]}
         reason = f"{name} needs {literal}"
-        self.found.append(Relation(other, self.element, reason, evidence, self.element))
+        self.found.append(Relation(other, self.component, reason, evidence, self.component))
 
     def _fixed(
         self, needed: frozenset[str], verdicts: Mapping[str, Verdict]
-    ) -> Questions[frozenset[str]]:
-        """Return the elements that must be as they are in a feasible set for there to be any.
+    ) -> CheckSteps[frozenset[str]]:
+        """Return the components that must be as they are in a feasible set for there to be any.
 
         Parameters
         ----------
         needed
             The feasible set.
         verdicts
-            Infeasible ones where just one element is otherwise, by that element.
+            Infeasible ones where just one component is otherwise, by that component.
         """
         blamed = {
-            other: self.imagination.elements(verdict) - {self.element, other}
+            other: self.hypothetical.components(verdict) - {self.component, other}
             for other, verdict in verdicts.items()
         }
         fixed: frozenset[str] = frozenset()
@@ -204,18 +204,18 @@ class Inquiry:
             fixed |= frozenset(sure)
         return fixed
 
-    def beyond(self, derived: ClosedRelation) -> Questions[tuple[str, ...]]:
+    def beyond(self, derived: ClosedRelation) -> CheckSteps[tuple[str, ...]]:
         """Return the facts that matter to the skill beyond a relation, closed under transitivity.
 
-        Where exactly what must precede the element is done, the skill has to be feasible, and
+        Where exactly what must precede the component is done, the skill has to be feasible, and
         to stay so whatever else is done in an order that respects the relation. What a verdict
-        rests on need not change it: every element that it names is tried both ways.
+        rests on need not change it: every component that it names is tried both ways.
         """
-        before, after = derived.before(self.element), derived.after(self.element)
-        verdict = yield from self.ask(before)
+        before, after = derived.before(self.component), derived.after(self.component)
+        verdict = yield from self.check(before)
         if not verdict.is_feasible:
             return tuple(sorted(verdict.facts))
-        settled = self.imagination.settled(self.skill, before, after)
+        settled = self.hypothetical.settled(self.skill, before, after)
         matter: dict[str, None] = {}
         yield from self._vary(before, frozenset(), verdict, settled, derived, matter)
         return (
@@ -231,26 +231,26 @@ class Inquiry:
         settled: set[str],
         derived: ClosedRelation,
         matter: dict[str, None],
-    ) -> Questions[None]:
-        """Try each element that a feasible verdict names the other way; note what changes it."""
+    ) -> CheckSteps[None]:
+        """Try each component that a feasible verdict names the other way; note what changes it."""
         open_facts = self._open_facts(verdict, settled)
         for fact in open_facts:
-            if self.imagination.owner(fact.removeprefix("not ")) is None:
+            if self.hypothetical.owner(fact.removeprefix("not ")) is None:
                 matter.setdefault(fact)
         for other in sorted(
-            self.imagination.elements(verdict) - tried - done - {self.element},
+            self.hypothetical.components(verdict) - tried - done - {self.component},
             key=self._rank.__getitem__,
         ):
             named = [
                 fact
                 for fact in open_facts
-                if self.imagination.owner(fact.removeprefix("not ")) == other
+                if self.hypothetical.owner(fact.removeprefix("not ")) == other
             ]
             if not named:
                 continue
             tried |= {other}
             first = derived.before(other)
-            changed = yield from self.ask(done | {other} | first)
+            changed = yield from self.check(done | {other} | first)
             if not changed.is_feasible:
                 matter.update(dict.fromkeys(named))
             else:
@@ -279,5 +279,5 @@ class Inquiry:
     def _relation(self, before: str, after: str, verdict: Verdict) -> Relation:
         evidence = {"skill": self.skill.name, "stage": verdict.stage, "facts": verdict.facts}
         return Relation(
-            before, after, verdict.reason, {**evidence, **verdict.evidence}, self.element
+            before, after, verdict.reason, {**evidence, **verdict.evidence}, self.component
         )

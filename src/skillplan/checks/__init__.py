@@ -1,1 +1,1 @@
-"""Verdicts of back ends: asked for once, reused, kept on disk. It never knows about solvers."""
+"""Verdicts of back ends: queried once, reused, kept on disk. It never knows about solvers."""

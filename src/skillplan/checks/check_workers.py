@@ -1,4 +1,4 @@
-"""Back ends asked in processes of their own: several checks at once, and none harms another."""
+"""Back ends queried in processes of their own: several checks at once, and none harms another."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from pydantic import BaseModel
 
-from skillplan.checks.single_check import Asking, Checked, check, introduce
+from skillplan.checks.single_check import Checked, CheckRequest, check, introduce
 from skillplan.errors import BackEndError, raised_by, traceback_text
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
@@ -29,14 +29,14 @@ class Conversation(Protocol):
     def wanted(self) -> bool:
         """Whether the check that it waits for still matters."""
 
-    def go_on(self, said: Checked | None) -> Asking | None:
+    def go_on(self, said: Checked | None) -> CheckRequest | None:
         """Return what is to be checked next, given what was said to the last; None at the end."""
 
     def fail(self, error: BackEndError) -> None:
-        """Take it that a back end failed on what was to be checked; nothing more is asked."""
+        """Take it that a back end failed on what was to be checked; nothing more is queried."""
 
 
-# What a process starts from, is asked, and answers.
+# What a process starts from, is queried, and answers.
 _Content = tuple[Task, list[tuple[type[BackEnd], BaseModel]]]
 _Job = tuple[int, int, int]
 _Fields = tuple[str, str, str, int, int, dict[str, Any], float]
@@ -61,7 +61,7 @@ class _Pending:
     """A conversation that waits for a check, and how many processes that check has cost."""
 
     conversation: Conversation
-    asking: Asking
+    request: CheckRequest
     lost: int = 0
 
 
@@ -73,7 +73,7 @@ class CheckWorkers:
     Parameters
     ----------
     task
-        The task whose skills are asked about.
+        The task whose skills are checked.
     back_ends
         In the order of their indices; each process makes its own of the same classes and
         options.
@@ -105,7 +105,7 @@ class CheckWorkers:
         weakref.finalize(self, self._executor.close)
 
     def close(self) -> None:
-        """End the processes; another question starts new ones."""
+        """End the processes; another query starts new ones."""
         self._executor.close()
         self._idle.clear()
         self._busy.clear()
@@ -168,9 +168,9 @@ class CheckWorkers:
         return self._executor.start(_prepare, self._content, _WHAT)
 
     def _give(self, worker: Worker, pending: _Pending) -> None:
-        asking = pending.asking
+        request = pending.request
         self._busy[worker] = pending
-        worker.take((asking.back_end, self.task.action(asking.skill), asking.state.bits))
+        worker.take((request.back_end, self.task.action(request.skill), request.state.bits))
 
     def _hear(self, worker: Worker, waiting: deque[_Pending]) -> None:
         """Take what a process says, and go on with the conversation that it is for."""
@@ -188,7 +188,7 @@ class CheckWorkers:
             following = None
         else:
             following = _go_on(pending.conversation, self._checked(said.content))
-        if following is not None and following.asking.goes_on:
+        if following is not None and following.request.goes_on:
             self._give(worker, following)
             return
         del self._busy[worker]
@@ -206,11 +206,13 @@ class CheckWorkers:
         if pending.lost == 1:
             waiting.appendleft(pending)
             return
-        asking = pending.asking
+        request = pending.request
         reason = f"the process that checked it was ended by {_named(ended)}, twice"
         unknown = Verdict.unknown(reason)
-        name = self.back_ends[asking.back_end].name
-        following = _go_on(pending.conversation, Checked(unknown.grounded(asking.state, name), 0.0))
+        name = self.back_ends[request.back_end].name
+        following = _go_on(
+            pending.conversation, Checked(unknown.grounded(request.state, name), 0.0)
+        )
         if following is not None:
             waiting.append(following)
 
@@ -229,8 +231,8 @@ class CheckWorkers:
 
 
 def _go_on(conversation: Conversation, said: Checked | None) -> _Pending | None:
-    asking = conversation.go_on(said)
-    return None if asking is None else _Pending(conversation, asking)
+    request = conversation.go_on(said)
+    return None if request is None else _Pending(conversation, request)
 
 
 def _named(ended: Ended) -> str:

@@ -7,10 +7,10 @@ from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from skillplan.checks.query_batch import QuestionBatch
+from skillplan.checks.query_batch import QueryBatch
 from skillplan.checks.single_check import (
-    Asking,
     Checked,
+    CheckRequest,
     IntroducedBackEnds,
     check,
     execution_time_s,
@@ -35,16 +35,16 @@ _MOST_NAMED = 12
 
 @dataclass(frozen=True, slots=True)
 class CheckCount:
-    """How far the asking has come, for people who wait.
+    """How far the checks have come, for people who wait.
 
     Parameters
     ----------
     checks
-        Questions for which at least one back end had to work.
+        Queries for which at least one back end had to work.
     hits
-        Questions answered from kept verdicts alone.
+        Queries answered from kept verdicts alone.
     to_go
-        Questions of the batch under way that are not answered yet.
+        Queries of the batch under way that are not answered yet.
     """
 
     checks: int
@@ -66,34 +66,34 @@ def introduced(back_ends: Iterable[BackEnd]) -> IntroducedBackEnds:
 
 
 class Feasibility:
-    """Rules on skills by asking back ends, each only for what is not known yet.
+    """Decides about skills by querying back ends, each only for what is not known yet.
 
     Parameters
     ----------
     task
-        The task whose skills are asked about.
+        The task whose skills are checked.
     back_ends
-        Asked in ascending order of their `expected_s`.
+        Queried in ascending order of their `expected_s`.
     cache
         Where verdicts are kept; a fresh one in memory by default.
     jobs
-        From 2 on, dear back ends are asked in so many processes at once. Neither verdicts nor
+        From 2 on, expensive back ends check in so many processes at once. Neither verdicts nor
         what is counted depends on it.
     on_check
-        Called before and after every question that a dear back end has to work for.
+        Called before and after every query that an expensive back end has to work for.
 
     Attributes
     ----------
     checks
-        Questions for which at least one back end had to work.
+        Queries for which at least one back end had to work.
     hits
-        Questions answered from kept verdicts alone.
+        Queries answered from kept verdicts alone.
     executions
-        Questions for which a dear back end had to work; any back end where none is dear.
+        Queries for which an expensive back end had to work; any back end where none is expensive.
     reached
-        Questions that came as far as such a back end, be it that what it said was known.
-    asked
-        How often each back end was asked.
+        Queries that came as far as such a back end, be it that what it said was known.
+    queried
+        How often each back end was queried.
 
     Raises
     ------
@@ -121,71 +121,71 @@ class Feasibility:
         self.hits = 0
         self.executions = 0
         self.reached = 0
-        self.asked: Counter[str] = Counter({back_end.name: 0 for back_end in self.back_ends})
+        self.queried: Counter[str] = Counter({back_end.name: 0 for back_end in self.back_ends})
         self._to_go = 0
-        dear = any(back_end.dear for back_end in self.back_ends)
-        self._on_check = on_check if dear else None
+        expensive = any(back_end.expensive for back_end in self.back_ends)
+        self._on_check = on_check if expensive else None
         self._workers: CheckWorkers | None = None
-        if dear and jobs > 1:
+        if expensive and jobs > 1:
             # Here and not above: whoever needs no processes must not pay for importing this.
             from skillplan.checks.check_workers import CheckWorkers
 
             self._workers = CheckWorkers(task, self.back_ends, jobs)
-        # Each with whether it is worth counting, and whether it is asked in another process.
+        # Each with whether it is worth counting, and whether it is queried in another process.
         self._chain = tuple(
-            (index, back_end, back_end.dear or not dear, back_end.dear and jobs > 1)
+            (index, back_end, back_end.expensive or not expensive, back_end.expensive and jobs > 1)
             for index, back_end in enumerate(self.back_ends)
         )
         self._timers = tuple(filter(tells_time, self.back_ends))
         self._durations_s: dict[tuple[str, int], float | None] = {}
         self._stand_bits = _stand_bits(task) if self._timers else 0
 
-    def rule(self, skill: Skill, state: State) -> Verdict:
+    def verdict(self, skill: Skill, state: State) -> Verdict:
         """Return the verdict on `skill` in `state`.
 
         Raises
         ------
         BackEndError
-            If a back end raises instead of ruling, or returns something else than a verdict.
+            If a back end raises, or returns something else than a verdict.
         """
         if self._workers is not None:
-            return self.rule_all([(skill, state)])[0]
+            return self.verdicts([(skill, state)])[0]
         self._to_go = 1
-        return _result_of(self._ruling(skill, state))
+        return _result_of(self._checking(skill, state))
 
-    def rule_all(
+    def verdicts(
         self,
-        questions: Sequence[tuple[Skill, State]],
+        queries: Sequence[tuple[Skill, State]],
         poll: Callable[[], None] = lambda: None,
     ) -> list[Verdict]:
         """Return the verdicts on several skills in states, in order.
 
-        The same verdicts, and as many checks, as from asking one after the other: of one skill
-        only one question is under way at a time, as its verdict may answer the others.
+        The same verdicts, and as many checks, as from querying one after the other: of one skill
+        only one query is under way at a time, as its verdict may answer the others.
 
         Parameters
         ----------
-        questions
+        queries
             Pairs of skill and state.
         poll
-            Called now and then; what it raises ends the asking.
+            Called now and then; what it raises ends the checks.
 
         Raises
         ------
         BackEndError
-            If a back end raises instead of ruling, or returns something else than a verdict: of
-            the first question for which one does.
+            If a back end raises, or returns something else than a verdict: of the first query
+            for which one does.
         SkillplanError
             If processes cannot be started.
         """
-        self._to_go = len(questions)
+        self._to_go = len(queries)
         if self._workers is None:
             verdicts = []
-            for skill, state in questions:
+            for skill, state in queries:
                 poll()
-                verdicts.append(_result_of(self._ruling(skill, state)))
+                verdicts.append(_result_of(self._checking(skill, state)))
             return verdicts
-        batch = QuestionBatch(self._ruling, questions)
+        batch = QueryBatch(self._checking, queries)
         self._workers.hold(batch.lanes, poll)
         return batch.verdicts()
 
@@ -197,7 +197,7 @@ class Feasibility:
         first = Verdict.feasible(condition.requires, condition.forbids)
         return [
             first.grounded(state, PRECONDITION),
-            *(self._ask(back_end, skill, state) for back_end in self.back_ends),
+            *(self._query(back_end, skill, state) for back_end in self.back_ends),
         ]
 
     @property
@@ -208,7 +208,7 @@ class Feasibility:
     def duration_s(self, skill: Skill, state: State) -> float | None:
         """Return how long the first back end that knows says a skill takes [s], or None.
 
-        Asked once for every place that the robots stand at and tool that they hold.
+        Queried once for every place that the robots stand at and tool that they hold.
 
         Raises
         ------
@@ -222,7 +222,7 @@ class Feasibility:
         return self._durations_s[key]
 
     def close(self) -> None:
-        """End the processes that were started; another question starts new ones."""
+        """End the processes that were started; another query starts new ones."""
         if self._workers is not None:
             self._workers.close()
 
@@ -244,8 +244,8 @@ class Feasibility:
             {"amiss": names},
         )
 
-    def _ruling(self, skill: Skill, state: State) -> Generator[Asking, Checked, Verdict]:
-        """Rule on a skill, yielding what is to be asked in another process."""
+    def _checking(self, skill: Skill, state: State) -> Generator[CheckRequest, Checked, Verdict]:
+        """Decide about a skill, yielding what is to be queried in another process."""
         if not skill.applicable(state):
             self._to_go -= 1
             return self._inapplicable(skill, state)
@@ -262,9 +262,9 @@ class Feasibility:
                 if counts and not executed:
                     executed = True
                     self._report()
-                self.asked[back_end.name] += 1
+                self.queried[back_end.name] += 1
                 if apart:
-                    checked = yield Asking(index, skill, state, goes_on)
+                    checked = yield CheckRequest(index, skill, state, goes_on)
                     goes_on = True
                 else:
                     checked = check(back_end, skill, state)
@@ -288,11 +288,11 @@ class Feasibility:
             self._report()
         return verdict
 
-    def _ask(self, back_end: BackEnd, skill: Skill, state: State) -> Verdict:
+    def _query(self, back_end: BackEnd, skill: Skill, state: State) -> Verdict:
         known = self.cache.find(back_end, skill, state)
         if known is not None:
             return known
-        self.asked[back_end.name] += 1
+        self.queried[back_end.name] += 1
         checked = check(back_end, skill, state)
         self.cache.keep(back_end, skill, checked, state)
         return checked.verdict
@@ -302,10 +302,10 @@ class Feasibility:
             self._on_check(CheckCount(self.checks, self.hits, self._to_go))
 
 
-def _result_of(ruling: Generator[Asking, Checked, Verdict]) -> Verdict:
-    """Return what a ruling comes to that asks nobody in another process."""
+def _result_of(checking: Generator[CheckRequest, Checked, Verdict]) -> Verdict:
+    """Return what a check comes to that needs nobody in another process."""
     try:
-        next(ruling)
+        next(checking)
     except StopIteration as end:
         verdict: Verdict = end.value
         return verdict

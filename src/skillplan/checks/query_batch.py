@@ -1,31 +1,31 @@
-"""Questions asked at once, so that no answer is worked out twice."""
+"""Queries answered at once, so that no answer is worked out twice."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 
-from skillplan.checks.single_check import Asking, Checked
+from skillplan.checks.single_check import Checked, CheckRequest
 from skillplan.errors import BackEndError
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
 
 # Yields what is to be checked and is sent what was said; returns the verdict.
-Ruling = Generator[Asking, Checked, Verdict]
+Checking = Generator[CheckRequest, Checked, Verdict]
 
 
-class QuestionBatch:
-    """Questions and their verdicts.
+class QueryBatch:
+    """Queries and their verdicts.
 
-    Those about one skill are asked one after the other, as the verdict on the first may answer
+    Those about one skill are queried one after the other, as the verdict on the first may answer
     the rest; no verdict says anything about another skill.
 
     Parameters
     ----------
     rule
-        Begins a ruling.
-    questions
+        Begins to check.
+    queries
         Pairs of skill and state.
 
     Attributes
@@ -35,82 +35,82 @@ class QuestionBatch:
     """
 
     def __init__(
-        self, rule: Callable[[Skill, State], Ruling], questions: Sequence[tuple[Skill, State]]
+        self, rule: Callable[[Skill, State], Checking], queries: Sequence[tuple[Skill, State]]
     ) -> None:
         self._rule = rule
-        self._questions = questions
+        self._queries = queries
         self._verdicts: dict[int, Verdict] = {}
         self._errors: dict[int, BackEndError] = {}
         by_skill: dict[str, list[int]] = {}
-        for position, (skill, _) in enumerate(questions):
+        for position, (skill, _) in enumerate(queries):
             by_skill.setdefault(skill.name, []).append(position)
         self.lanes = [Lane(self, positions) for positions in by_skill.values()]
 
-    def begin(self, position: int) -> Ruling:
-        """Begin to rule on a question."""
-        return self._rule(*self._questions[position])
+    def begin(self, position: int) -> Checking:
+        """Begin to decide about a query."""
+        return self._rule(*self._queries[position])
 
     def settle(self, position: int, verdict: Verdict) -> None:
-        """Note the verdict on a question."""
+        """Note the verdict on a query."""
         self._verdicts[position] = verdict
 
     def fail(self, position: int, error: BackEndError) -> None:
-        """Note that a back end failed on a question."""
+        """Note that a back end failed on a query."""
         self._errors[position] = error
 
     def matters(self, position: int) -> bool:
-        """Whether no earlier question has failed."""
+        """Whether no earlier query has failed."""
         return not self._errors or position < min(self._errors)
 
     def verdicts(self) -> list[Verdict]:
-        """Return the verdicts in the order of the questions, once all lanes have come to an end.
+        """Return the verdicts in the order of the queries, once all lanes have come to an end.
 
         Raises
         ------
         BackEndError
-            That of the first question on which a back end failed.
+            That of the first query on which a back end failed.
         """
         if self._errors:
             raise self._errors[min(self._errors)]
-        return [self._verdicts[position] for position in range(len(self._questions))]
+        return [self._verdicts[position] for position in range(len(self._queries))]
 
 
 class Lane:
-    """The questions of a batch about one skill, in order.
+    """The queries of a batch about one skill, in order.
 
     Parameters
     ----------
     batch
-        Whose questions they are.
+        Whose queries they are.
     positions
         Their positions in it.
     """
 
-    def __init__(self, batch: QuestionBatch, positions: Sequence[int]) -> None:
+    def __init__(self, batch: QueryBatch, positions: Sequence[int]) -> None:
         self._batch = batch
         self._left = deque(positions)
         self._at = -1
-        self._ruling: Ruling | None = None
+        self._checking: Checking | None = None
 
     @property
     def wanted(self) -> bool:
         """Whether an answer still matters."""
         return self._batch.matters(self._at)
 
-    def go_on(self, said: Checked | None) -> Asking | None:
+    def go_on(self, said: Checked | None) -> CheckRequest | None:
         """Return what is to be checked next, given what was said to the last; None at the end."""
         while True:
             try:
-                if self._ruling is not None and said is not None:
-                    return self._ruling.send(said)
+                if self._checking is not None and said is not None:
+                    return self._checking.send(said)
                 if not self._left or not self._batch.matters(self._left[0]):
                     return None
                 self._at = self._left.popleft()
-                self._ruling = self._batch.begin(self._at)
-                return next(self._ruling)
+                self._checking = self._batch.begin(self._at)
+                return next(self._checking)
             except StopIteration as end:
                 self._batch.settle(self._at, end.value)
-                self._ruling = None
+                self._checking = None
             except BackEndError as error:
                 self.fail(error)
                 return None

@@ -1,4 +1,4 @@
-"""One question to one back end: whatever it does wrong is said in words that name it."""
+"""One query to one back end: whatever it does wrong is said in words that name it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Checked:
 
 
 @dataclass(frozen=True, slots=True)
-class Asking:
+class CheckRequest:
     """A check to be made.
 
     Parameters
@@ -50,10 +50,10 @@ class Asking:
     back_end
         Index of the back end.
     skill, state
-        What it is asked.
+        What it is queried.
     goes_on
-        Whether another back end was just asked the same: then the process that did it is the
-        one to ask, for what it may remember.
+        Whether another back end was just queried the same: then the process that did it is the
+        one to query, for what it may remember.
     """
 
     back_end: int
@@ -96,12 +96,12 @@ def introduce(back_ends: Sequence[BackEnd]) -> IntroducedBackEnds:
 
 
 def check(back_end: BackEnd, skill: Skill, state: State) -> Checked:
-    """Ask a back end about a skill that is applicable in a state.
+    """Query a back end about a skill that is applicable in a state.
 
     Raises
     ------
     BackEndError
-        If it raises instead of ruling, returns something else than a verdict, or its verdict
+        If it raises instead of checking, returns something else than a verdict, or its verdict
         rests on facts that do not hold.
     """
     begin_s = time.perf_counter()

@@ -142,7 +142,7 @@ class _DiskShelf(_Shelf):
             except FileNotFoundError:
                 continue
             except (OSError, ValueError):
-                # What cannot be trusted is asked again.
+                # What cannot be trusted is queried again.
                 self._dropped.append(path)
                 with suppress(OSError):
                     path.unlink()
@@ -150,7 +150,7 @@ class _DiskShelf(_Shelf):
 
 
 class DiskVerdictCache(VerdictCache):
-    """A cache that also keeps the verdicts of dear back ends in a folder, each in its own file.
+    """A cache that also keeps verdicts of expensive back ends in a folder, each in its own file.
 
     Several processes may use one folder at a time, and be killed: what one has kept, all find.
     A folder that cannot be written costs reuse between runs and a warning, never a run.
@@ -173,7 +173,7 @@ class DiskVerdictCache(VerdictCache):
         self._writable = True
 
     def keep(self, back_end: BackEnd, skill: Skill, checked: Checked, state: State) -> None:
-        """Keep what was said in memory and, of a dear back end, on disk."""
+        """Keep what was said in memory and, of an expensive back end, on disk."""
         super().keep(back_end, skill, checked, state)
         shelf = self._shelf(back_end, skill)
         decided = checked.verdict.status is not VerdictStatus.UNKNOWN
@@ -188,7 +188,7 @@ class DiskVerdictCache(VerdictCache):
                 )
 
     def _new_shelf(self, back_end: BackEnd, skill: Skill) -> _Shelf:
-        if not back_end.dear:
+        if not back_end.expensive:
             return _Shelf()
         folder = key_folder(self.folder, back_end, skill)
         return _DiskShelf(folder, back_end.task.facts, self.dropped)

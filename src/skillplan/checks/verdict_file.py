@@ -1,4 +1,4 @@
-"""One verdict in a file of its own: what was asked, what was said, and a checksum of it all."""
+"""One verdict in a file of its own: what was queried, what was said, and a checksum of it all."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ class VerdictRecord:
     key
         Hash of all that the answer depends on; the name of the file's folder.
     task, skill
-        What was asked about, by name.
+        What was queried on, by name.
     back_end, version
         Who said it.
     options
         The back end's, as JSON values.
     state
-        The facts of the whole state that it was asked in.
+        The facts of the whole state that it was queried in.
     took_s
         Time of the check [s], >= 0.
     status, reason, stage, present, absent, evidence
@@ -107,7 +107,7 @@ class VerdictRecord:
         ------
         ValueError
             If a fact is unknown, or the verdict makes no sense or does not apply in the state
-            that it was asked in.
+            that it was queried in.
         """
         if not all(name in facts for name in (*self.present, *self.absent, *self.state)):
             raise ValueError("a kept verdict rests on unknown facts")

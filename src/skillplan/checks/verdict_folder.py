@@ -74,7 +74,7 @@ class VerdictFolder:
         found = []
         for back_end in back_ends:
             own = []
-            for skill in back_end.task.skills if back_end.dear else ():
+            for skill in back_end.task.skills if back_end.expensive else ():
                 folder = key_folder(self.root, back_end, skill)
                 paths = (folder / name for name in _names(folder) if is_verdict_file(name))
                 own += [kept for kept in map(_kept, paths) if kept is not None]

@@ -1,4 +1,4 @@
-"""Kept verdicts put to the test: asked anew in the states that they were made in."""
+"""Kept verdicts put to the test: queried anew in the states that they were made in."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from skillplan.checks.check_workers import CheckWorkers
 from skillplan.checks.feasibility import Feasibility
-from skillplan.checks.single_check import Asking, Checked, check
+from skillplan.checks.single_check import Checked, CheckRequest, check
 from skillplan.checks.verdict_folder import KeptVerdict
 from skillplan.errors import BackEndError
 from skillplan.task.task import Task
@@ -67,12 +67,12 @@ def put_to_the_test(
     stopped: Callable[[], bool] = lambda: False,
     on_trial: Callable[[], None] = lambda: None,
 ) -> list[Trial]:
-    """Ask fresh back ends in the states that kept verdicts were made in.
+    """Query fresh back ends in the states that kept verdicts were made in.
 
     Parameters
     ----------
     feasibility
-        Its back ends are asked, in the order of the indices in `drawn`; none of its verdicts
+        Its back ends are queried, in the order of the indices in `drawn`; none of its verdicts
         are used.
     drawn
         What to try.
@@ -104,8 +104,8 @@ def put_to_the_test(
         for trial in trials:
             if stopped():
                 break
-            asking = trial.asking
-            trial.go_on(check(back_ends[asking.back_end], asking.skill, asking.state))
+            request = trial.request
+            trial.go_on(check(back_ends[request.back_end], request.skill, request.state))
     for trial in trials:
         if trial.error is not None:
             raise trial.error
@@ -126,7 +126,7 @@ class _Trying:
         self.kept = kept
         self.said = record.verdict(task.facts)
         state = task.facts.of(*record.state)
-        self.asking = Asking(index, task.skills[task.action(record.skill)], state)
+        self.request = CheckRequest(index, task.skills[task.action(record.skill)], state)
         self.outcome: Trial | None = None
         self.error: BackEndError | None = None
         self._on_trial = on_trial
@@ -135,9 +135,9 @@ class _Trying:
     def wanted(self) -> bool:
         return True
 
-    def go_on(self, said: Checked | None) -> Asking | None:
+    def go_on(self, said: Checked | None) -> CheckRequest | None:
         if said is None:
-            return self.asking
+            return self.request
         self.outcome = Trial(self.kept, said.verdict, _differences(self.said, said.verdict))
         self._on_trial()
         return None

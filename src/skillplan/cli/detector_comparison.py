@@ -8,7 +8,7 @@ from skillplan.cli.counting import counting
 from skillplan.cli.options import BackEnds, Reading, split_names
 from skillplan.cli.output import emit
 from skillplan.errors import EXIT_INTERRUPTED, EXIT_SOLVED, OptionError
-from skillplan.records.detectors import detectors_document
+from skillplan.records.execution.detectors import detectors_document
 from skillplan.trials.detector_trials import try_detectors
 from skillplan.views.tables.detectors import detectors_tables
 

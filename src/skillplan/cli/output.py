@@ -16,8 +16,8 @@ from skillplan.files.atomic_file import write_whole
 from skillplan.files.output_path import output_path, refusing
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result, Status
-from skillplan.views.tables.rendering import render
-from skillplan.views.tables.table import Table
+from skillplan.views.text.rendering import render
+from skillplan.views.text.table import Table
 
 
 def emit(

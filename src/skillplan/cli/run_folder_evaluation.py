@@ -69,8 +69,8 @@ def evaluate_run_folders(paths: Sequence[str], wanted: Wanted, style: str) -> in
     from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
     from skillplan.records.training.run_folder import RunFolder
     from skillplan.records.training.trainings import trainings_document
-    from skillplan.views.tables.training import training_tables
-    from skillplan.views.tables.trainings import trainings_table
+    from skillplan.views.tables.learning.training import training_tables
+    from skillplan.views.tables.learning.trainings import trainings_table
 
     results, interrupted = [], False
     for folder in [RunFolder(path) for path in paths]:

@@ -49,7 +49,7 @@ def stoppable(
 
 @contextmanager
 def showing_checks(label: str) -> Iterator[Callable[[CheckCount], None] | None]:
-    """Yield what shows on a terminal how far the asking of dear back ends has come, or None."""
+    """Yield what shows on a terminal how far expensive checks have come, or None."""
     with _display(label) as show:
         if isinstance(show, _Silent):
             yield None
@@ -85,7 +85,7 @@ def figures_text(progress: Progress) -> str:
     gap = relative_gap(progress.best_cost, progress.lower_bound)
     if gap is not None:
         parts.append(f"gap {100 * gap:.2f} %")
-    asked = progress.asked
+    asked = progress.queries
     if progress.nodes or asked is None:
         parts.append(f"{progress.nodes:,} nodes")
         if progress.nodes_per_s is not None:

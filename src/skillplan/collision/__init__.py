@@ -1,1 +1,1 @@
-"""Collision detectors: rule on a skill's motion. They know tasks, never physics or solvers."""
+"""Collision detectors: check a skill's motion. They know tasks, never physics or solvers."""

@@ -1,6 +1,6 @@
 """Axis-aligned boxes along a skill's motion, and a support under what it leaves behind.
 
-The motion is a travel at safe height and, at every via point, a vertical approach and retreat.
+The motion is a transfer at safe height and, at every via point, a vertical approach and retreat.
 A skill is infeasible where a moving box runs into a body, or where what it places or fastens
 has nothing beneath it: a part left in the air drops and ends elsewhere than predicted.
 """
@@ -52,7 +52,7 @@ class _Hit:
 
 @dataclass(frozen=True, slots=True)
 class _Ground:
-    """What would bear a placed body: the facts of its supporters and where they touch."""
+    """What would support a placed body: the facts of its supporters and where they touch."""
 
     body: str
     on_table: bool
@@ -61,8 +61,8 @@ class _Ground:
 
 
 @dataclass(frozen=True, slots=True)
-class _Course:
-    """Everything that can befall a skill on one way, worked out once."""
+class _SweptMotion:
+    """Everything that can befall a skill on one path, worked out once."""
 
     present: State
     absent: State
@@ -71,7 +71,7 @@ class _Course:
 
 
 class AabbDetector(Detector):
-    """Rule on swept axis-aligned boxes and on supports."""
+    """Checks swept axis-aligned boxes, and what supports them."""
 
     name = "aabb"
     expected_s = 1e-4
@@ -94,7 +94,7 @@ class AabbDetector(Detector):
 
     def __init__(self, task: Task, options: Options | None = None) -> None:
         super().__init__(task, options)
-        self._courses: dict[tuple[str, int], _Course] = {}
+        self._swept_motions: dict[tuple[str, int], _SweptMotion] = {}
         self._placed = tuple(
             (body, placement, world_boxes(body, placement.pose))
             for body in task.scene.bodies
@@ -110,13 +110,13 @@ class AabbDetector(Detector):
             )
 
     def check(self, skill: Skill, state: State) -> Verdict:
-        """Rule on the motion of `skill`; see :meth:`BackEnd.check`."""
+        """Check the motion of `skill`; see :meth:`BackEnd.check`."""
         facts = self.task.facts
         if skill.motion is None:
             return Verdict.feasible(facts.none, facts.none)
-        course = self._course(skill, state)
-        present, absent = course.present, course.absent
-        for hit in course.hits:
+        swept = self._swept_motion(skill, state)
+        present, absent = swept.present, swept.absent
+        for hit in swept.hits:
             fact = facts.of(hit.fact)
             if hit.fact in state:
                 return Verdict.infeasible(
@@ -130,7 +130,7 @@ class AabbDetector(Detector):
                     },
                 )
             absent |= fact
-        for ground in course.grounds:
+        for ground in swept.grounds:
             bearers = [contact for contact in ground.contacts if contact[0] in state]
             present |= facts.of(*(contact[0] for contact in bearers))
             absent |= facts.of(*(c[0] for c in ground.contacts if c[0] not in state))
@@ -150,7 +150,7 @@ class AabbDetector(Detector):
                 )
         return Verdict.feasible(present, absent)
 
-    def _course(self, skill: Skill, state: State) -> _Course:
+    def _swept_motion(self, skill: Skill, state: State) -> _SweptMotion:
         assert skill.motion is not None
         robot = self.task.scene.robot(skill.motion.robot)
         place_fact, place = robot.place(state)
@@ -171,18 +171,18 @@ class AabbDetector(Detector):
                 if state.bits & route.when.bits == route.when.bits
             )
         key = (skill.name, present.bits)
-        course = self._courses.get(key)
-        if course is None:
+        swept = self._swept_motions.get(key)
+        if swept is None:
             visits = skill.motion.visits(state)
             sweeps = tuple(self._sweeps(robot, place, tool, visits, skill.motion.carries))
-            course = _Course(
+            swept = _SweptMotion(
                 present,
                 absent,
                 tuple(self._hits(sweeps)),
                 tuple(self._grounds(visits)) if self.options.check_support else (),
             )
-            self._courses[key] = course
-        return course
+            self._swept_motions[key] = swept
+        return swept
 
     def _sweeps(
         self,
@@ -192,7 +192,7 @@ class AabbDetector(Detector):
         visits: tuple[Visit, ...],
         carries: str | None,
     ) -> Iterator[_Sweep]:
-        """Yield what moves where: travel, approach and retreat of every visit, in order."""
+        """Yield what moves where: transfer, approach and retreat of every visit, in order."""
         here = place
         for visit in visits:
             if visit.event is Event.DRIVE:
@@ -200,9 +200,9 @@ class AabbDetector(Detector):
             x_m, y_m, z_m = visit.position
             safe_m = max(robot.safe_height_m, z_m)
             above: Point = (x_m, y_m, safe_m)
-            travel: Point = (x_m - here[0], y_m - here[1], 0.0)
+            transfer: Point = (x_m - here[0], y_m - here[1], 0.0)
             at_height: Point = (here[0], here[1], safe_m)
-            yield from self._moving("the travel", tool, carries, at_height, travel, visit)
+            yield from self._moving("the travel", tool, carries, at_height, transfer, visit)
             down: Point = (0.0, 0.0, z_m - safe_m)
             yield from self._moving("the approach", tool, carries, above, down, visit)
             if visit.event is Event.GRASP:
@@ -262,7 +262,7 @@ class AabbDetector(Detector):
         return (placed for placed in self._placed if placed[0].name not in spares)
 
     def _grounds(self, visits: tuple[Visit, ...]) -> Iterator[_Ground]:
-        """Yield what has to bear each body that the motion leaves behind."""
+        """Yield what has to support each body that the motion leaves behind."""
         tolerance_m = self.options.tolerance_m
         for visit in visits:
             if visit.event not in (Event.RELEASE, Event.DRIVE):

@@ -36,8 +36,8 @@ class PrecedenceDetector(Detector):
         super().__init__(task, options)
         self._lines: dict[str, list[Precedence]] = {}
         for line in task.chart:
-            for element in (line.before, line.after):
-                self._lines.setdefault(element, []).append(line)
+            for component in (line.before, line.after):
+                self._lines.setdefault(component, []).append(line)
         self._elements = {skill.name: self._element(skill) for skill in task.skills}
 
     def refuses(self) -> str | None:
@@ -47,42 +47,42 @@ class PrecedenceDetector(Detector):
         return None
 
     def check(self, skill: Skill, state: State) -> Verdict:
-        """Rule on the operation that `skill` performs; see :meth:`BackEnd.check`."""
+        """Check the operation that `skill` performs; see :meth:`BackEnd.check`."""
         facts = self.task.facts
-        element = self._elements[skill.name]
+        component = self._elements[skill.name]
         needed, blocked = facts.none, facts.none
-        if element is not None:
-            for line in self._lines.get(element, ()):
-                if line.after == element:
+        if component is not None:
+            for line in self._lines.get(component, ()):
+                if line.after == component:
                     fact = self.task.operations[line.before]
                     needed |= facts.of(fact)
                     if fact not in state:
                         return Verdict.infeasible(
-                            f"the chart puts {line.before} before {element}, and {fact} "
+                            f"the chart puts {line.before} before {component}, and {fact} "
                             "does not hold",
                             needed - facts.of(fact),
                             blocked | facts.of(fact),
-                            {"before": line.before, "after": element},
+                            {"before": line.before, "after": component},
                         )
-                elif line.before == element:
+                elif line.before == component:
                     fact = self.task.operations[line.after]
                     if fact in state:
                         return Verdict.infeasible(
-                            f"the chart puts {element} before {line.after}, and {fact} "
+                            f"the chart puts {component} before {line.after}, and {fact} "
                             "holds already",
                             needed | facts.of(fact),
                             blocked,
-                            {"before": element, "after": line.after},
+                            {"before": component, "after": line.after},
                         )
                     blocked |= facts.of(fact)
         return Verdict.feasible(needed, blocked)
 
     def _element(self, skill: Skill) -> str | None:
-        """Return the element of the chart whose operation `skill` performs."""
+        """Return the component of the chart whose operation `skill` performs."""
         added = skill.prediction.add
-        for element, fact in self.task.operations.items():
+        for component, fact in self.task.operations.items():
             if fact in added:
-                return element
+                return component
         if self.options.hold_back_picks and skill.kind == "pick":
             return skill.parameters["part"]
         return None

@@ -6,7 +6,6 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import resources
 from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -61,7 +60,7 @@ class Account:
     appendix
         Tables that are saved but not shown, by the name of the file.
     lower_bound
-        No way through the file's main tasks costs less in all, however the stages before are
+        No path through the file's main tasks costs less in all, however the stages before are
         planned; None where nothing is proved.
     bound_given
         The same, but given the plans of the stages before.
@@ -201,7 +200,7 @@ class Domain(ABC):
         plans
             Names of skills by the name of the task that they solve.
         refinement
-            How often the upper levels were asked for a finer plan since a solver that does not
+            How often the upper levels made a finer plan since a solver that does not
             search them failed below; empty is returned where there is none finer.
 
         Raises
@@ -270,6 +269,8 @@ class Domain(ABC):
         OptionError
             If there is none.
         """
+        from importlib import resources  # only a starter pays for importing this
+
         package = sys.modules[type(self).__module__].__package__
         file = resources.files(package or "skillplan") / f"starter{self.starter_suffix}"
         if not file.is_file():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from skillplan.env.presentation import MaskKind
+from skillplan.env.env_options import MaskKind
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.state import State
 
@@ -17,13 +17,13 @@ def allowed_actions(
     Parameters
     ----------
     model
-        The model; back ends are not asked by way of it.
+        The model; back ends are not queried by way of it.
     state
         The state.
     mask
         ``none`` allows all; ``applicable`` those whose preconditions hold; ``feasible`` those
         of them that are feasible, too. The latter allows none in a goal: nothing follows it,
-        and back ends need not be asked.
+        and back ends need not be queried.
     feasible
         Whether an applicable action is feasible; called for the mask ``feasible`` only.
     """

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
-from skillplan.env.presentation import ObservationKind, checked_name
+from skillplan.env.env_options import ObservationKind, checked_name
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Literal, Task

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.env.action_mask import allowed_actions
+from skillplan.env.env_options import MaskKind, checked_name
 from skillplan.env.observation import Observation
-from skillplan.env.presentation import MaskKind, checked_name
-from skillplan.env.reward import Payment
+from skillplan.env.reward import RewardFunction
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import State
@@ -23,7 +23,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
     """A task as seen by a learner: Moller et al., section 4.2.
 
     An action is a skill's number. A skill that is not applicable, not feasible, or on which back
-    ends cannot rule ends the episode where it is and pays the reward of the infeasible; reaching
+    ends cannot decide ends the episode where it is with the reward of the infeasible; reaching
     the goal ends it; reaching the step limit truncates it.
 
     The info of a step holds
@@ -48,7 +48,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
     mask
         ``none``, ``applicable`` or ``feasible``: see `allowed_actions`.
     objective
-        ``reward`` or ``cost``: see `Payment`.
+        ``reward`` or ``cost``: see `RewardFunction`.
     render_mode
         None, or ``ansi`` for one line of text.
 
@@ -80,7 +80,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         self.render_mode = render_mode
         self._observation = Observation.of(model.task, observation)
         self._mask: MaskKind = checked_name("mask", mask, MaskKind)
-        self._payment = Payment.of(model.task, objective)
+        self._reward_function = RewardFunction.of(model.task, objective)
         self.features = self._observation.features
         self.observation_space = self._observation.space
         self.action_space = gymnasium.spaces.Discrete(len(model.task.skills))
@@ -120,7 +120,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         observation
             Float32, shape (width,).
         reward
-            What it pays.
+            Its reward.
         terminated
             Whether the task is completed, or the skill could not be executed.
         truncated
@@ -158,14 +158,22 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         if not verdict.is_feasible:
             self._over = True
             info = {**self._info(), **said}
-            return self._observation.encode(before), self._payment.infeasible, True, False, info
+            return (
+                self._observation.encode(before),
+                self._reward_function.infeasible,
+                True,
+                False,
+                info,
+            )
         cost = skill.cost.at(before)
         self._cost += cost
         self._state = self._outcome(skill, before).apply(before)
         goal = self.model.is_goal(self._state)
         late = not goal and self._steps >= self.model.step_limit
         self._over = goal or late
-        reward = self._payment.of_step(before, skill.name, cost, goal=goal, out_of_time=late)
+        reward = self._reward_function.of_step(
+            before, skill.name, cost, goal=goal, out_of_time=late
+        )
         info = {**self._info(), **said, "cost": cost}
         return self._observation.encode(self._state), float(reward), goal, late, info
 
@@ -177,7 +185,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         return f"step {self._steps}, {cost}{self._last}; {self._state}"
 
     def close(self) -> None:
-        """End the processes that back ends were asked in."""
+        """End the processes that back ends were queried in."""
         self.model.feasibility.close()
 
     def _info(self) -> dict[str, Any]:
@@ -189,7 +197,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
         return self.model.verdict(self._state, self.model.task.skills[action]).is_feasible
 
     def _outcome(self, skill: Skill, state: State) -> Outcome:
-        """Return what comes of a skill; chance is asked only where there is any."""
+        """Return what comes of a skill; chance is queried only where there is any."""
         outcomes = skill.outcomes_in(state)
         if len(outcomes) == 1:
             return outcomes[0]

@@ -12,10 +12,10 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from skillplan.env.env_options import MaskKind, checked_name
 from skillplan.env.env_record import PlaceRecord
 from skillplan.env.model_family import family_observations
-from skillplan.env.presentation import MaskKind, checked_name
-from skillplan.env.reward import Payment
+from skillplan.env.reward import RewardFunction
 from skillplan.env.transition_table import OUT_OF_TIME, TransitionTable
 from skillplan.model.skill_model import SkillModel
 
@@ -27,7 +27,7 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
     """One or several models of equal shape, done at many places at once.
 
     An action is a skill's number. A skill that is not applicable, not feasible, or on which back
-    ends cannot rule ends the episode where it is and pays the reward of the infeasible; reaching
+    ends cannot decide ends the episode where it is with the reward of the infeasible; reaching
     the goal ends it; reaching the step limit truncates it. Rewards are those of
     `skillplan.env.reward`; nothing shapes them.
 
@@ -60,10 +60,10 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         ``paper``, ``markov`` or ``layout``: see `Observation`.
     mask
         What is allowed: ``none`` limits nothing; ``applicable`` the skills whose preconditions
-        hold, for which no back end is asked; ``feasible`` those that back ends allow, too, which
-        are asked about all of them.
+        hold, for which no back end is queried; ``feasible`` those that back ends allow, too, which
+        check all of them.
     objective
-        ``reward`` or ``cost``: see `Payment`.
+        ``reward`` or ``cost``: see `RewardFunction`.
 
     Attributes
     ----------
@@ -106,8 +106,8 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         self.single_action_space = gymnasium.spaces.Discrete(len(tasks[0].skills))
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        payments = [Payment.of(task, objective) for task in tasks]
-        self._table = TransitionTable(self.models, observations, payments, allowed)
+        reward_functions = [RewardFunction.of(task, objective) for task in tasks]
+        self._table = TransitionTable(self.models, observations, reward_functions, allowed)
         self._starts = [self._table.number(i, one.initial) for i, one in enumerate(self.models)]
         self._generators: list[np.random.Generator] = []
         self._at = np.full(num_envs, -1, dtype=np.int64)
@@ -270,7 +270,7 @@ class SkillVectorEnv(gymnasium.vector.VectorEnv[Features, NDArray[np.int64], NDA
         return self._first_look()
 
     def close_extras(self, **kwargs: Any) -> None:
-        """End the processes that back ends were asked in."""
+        """End the processes that back ends were queried in."""
         for model in self.models:
             model.feasibility.close()
 

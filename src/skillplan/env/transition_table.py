@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.env.action_mask import allowed_actions
+from skillplan.env.env_options import MaskKind
 from skillplan.env.observation import Observation
-from skillplan.env.presentation import MaskKind
-from skillplan.env.reward import Payment
+from skillplan.env.reward import RewardFunction
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.state import State
 
@@ -25,10 +25,10 @@ _Array = TypeVar("_Array", bound=NDArray[np.generic])
 class TransitionTable:
     """States that were found and what came of the actions that were taken in them.
 
-    States and outcomes have numbers, in the order in which they were found. A model is asked
+    States and outcomes have numbers, in the order in which they were found. A model is queried
     once for every pair of state and action, when it is first wanted. Arrays by state have a
     row for every state of every model, arrays by outcome one for every outcome; row 0 of the
-    latter stands for what has not been asked yet. They are replaced when they grow.
+    latter stands for what has not been queried yet. They are replaced when they grow.
 
     Parameters
     ----------
@@ -36,8 +36,8 @@ class TransitionTable:
         At least one; of equal actions.
     observations
         What is observed of the states of each.
-    payments
-        What is paid in each.
+    reward_functions
+        The rewards in each.
     mask
         What a choice is limited to.
 
@@ -51,10 +51,10 @@ class TransitionTable:
         By state, shapes (states, width) and (states, actions): what is observed of it and which
         actions are allowed; once it has been observed.
     outcomes
-        By state and action: the first outcome; 0 where the model has not been asked yet.
+        By state and action: the first outcome; 0 where the model has not been queried yet.
     following, costs, rewards, late_rewards, ends
         By outcome: the next state; the cost of the skill, 0 of one that could not be executed;
-        what is paid, and what where the step limit is reached by it; how the episode ends.
+        the reward, and that where the step limit is reached by it; how the episode ends.
     chances, cumulated
         By outcome: of how many it is the first, and the probability of it and those before it
         together.
@@ -64,12 +64,12 @@ class TransitionTable:
         self,
         models: Sequence[SkillModel],
         observations: Sequence[Observation],
-        payments: Sequence[Payment],
+        reward_functions: Sequence[RewardFunction],
         mask: MaskKind,
     ) -> None:
         self.models = tuple(models)
         self._observations = tuple(observations)
-        self._payments = tuple(payments)
+        self._reward_functions = tuple(reward_functions)
         self._mask = mask
         self._states: list[State] = []
         self._numbers: list[dict[State, int]] = [{} for _ in models]
@@ -114,7 +114,7 @@ class TransitionTable:
     def first_outcomes(
         self, states: NDArray[np.int64], actions: NDArray[np.int64]
     ) -> NDArray[np.int64]:
-        """Return the first outcome of actions in states, shape (n,), asking what is not known.
+        """Return the first outcome of actions in states, shape (n,), querying what is not known.
 
         Parameters
         ----------
@@ -166,7 +166,7 @@ class TransitionTable:
         Raises
         ------
         BackEndError
-            If a back end fails; back ends are asked only for the mask ``feasible``.
+            If a back end fails; back ends are queried only for the mask ``feasible``.
         SearchStopped
             If the learner should have stopped long ago.
         """
@@ -184,33 +184,41 @@ class TransitionTable:
             self._observed[number] = True
 
     def _feasible(self, number: int, action: int) -> bool:
-        # Asked first: the arrays may grow meanwhile.
+        # Queried first: the arrays may grow meanwhile.
         first = self._first_outcome(number, action)
         return bool(self.ends[first] != INFEASIBLE)
 
     def _first_outcome(self, number: int, action: int) -> int:
-        """Return the first outcome of an action in a state; the model is asked where need be."""
+        """Return the first outcome of an action in a state; the model is queried where need be."""
         known = int(self.outcomes[number, action])
         if known:
             return known
         index = int(self.model_of[number])
-        model, payment, state = self.models[index], self._payments[index], self._states[number]
+        model, reward_function, state = (
+            self.models[index],
+            self._reward_functions[index],
+            self._states[number],
+        )
         skill = model.task.skills[action]
         first = self._n_outcomes
         if not model.verdict(state, skill).is_feasible:
-            self._add_outcome(number, 0.0, payment.infeasible, payment.infeasible, INFEASIBLE, 1.0)
+            self._add_outcome(
+                number, 0.0, reward_function.infeasible, reward_function.infeasible, INFEASIBLE, 1.0
+            )
         else:
             cost, total = skill.cost.at(state), 0.0
             for outcome in skill.outcomes_in(state):
                 following = outcome.apply(state)
                 goal = model.is_goal(following)
-                paid, late = (
-                    payment.of_step(state, skill.name, cost, goal=goal, out_of_time=out_of_time)
+                reward, late = (
+                    reward_function.of_step(
+                        state, skill.name, cost, goal=goal, out_of_time=out_of_time
+                    )
                     for out_of_time in (False, not goal)
                 )
                 total += outcome.probability
                 end = COMPLETE if goal else GOES_ON
-                self._add_outcome(self.number(index, following), cost, paid, late, end, total)
+                self._add_outcome(self.number(index, following), cost, reward, late, end, total)
             self.chances[first] = self._n_outcomes - first
             self.has_chances = self.has_chances or self._n_outcomes - first > 1
         self.outcomes[number, action] = first

@@ -21,7 +21,7 @@ from skillplan.model.replay import Replay, replay
 from skillplan.model.skill_model import SkillModel
 from skillplan.records.certificate import Claim, Outcome
 from skillplan.records.result import Status, tolerance
-from skillplan.records.result_file import StoredClaims
+from skillplan.records.stored.result_file import StoredClaims
 from skillplan.solvers.stop import Stop, relative_gap
 
 REPLAY = "replay"
@@ -175,8 +175,8 @@ def _least_cost(stored: StoredClaims, model: SkillModel, stop: Stop) -> LeastCos
     if not model.task.deterministic:
         return _least_expected_cost(model)
     by_orders = "dynamic program" in stored.bound_method or stored.solver == "subset-dp"
-    dear = any(back_end.dear for back_end in model.feasibility.back_ends)
-    if dear:
+    expensive = any(back_end.expensive for back_end in model.feasibility.back_ends)
+    if expensive:
         # To recognise jobs takes verdicts on all orders, whatever the time limit.
         return least_cost_of_states(model, stop)
     first, second = (_by_states, _by_orders) if by_orders else (_by_orders, _by_states)

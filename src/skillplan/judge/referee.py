@@ -167,7 +167,7 @@ def _judge_expectation(
 
     A sequence of skills cannot refute such a claim, only another policy can.
     """
-    least, doubt = None, "where asking is dear, a proof under chance is not audited"
+    least, doubt = None, "where asking is expensive, a proof under chance is not audited"
     if audit:
         least, doubt = _least(model)
     if least is not None and claimed > least + tolerance(least):
@@ -202,7 +202,7 @@ def counterexample(model: SkillModel, bound: float) -> list[Skill] | None:
     Parameters
     ----------
     model
-        A model on which asking is cheap.
+        A model on which checks are cheap.
     bound
         A claimed lower bound.
 
@@ -223,7 +223,7 @@ def counterexample(model: SkillModel, bound: float) -> list[Skill] | None:
             continue
         done.add(state)
         if model.is_goal(state):
-            return _way(came, state)
+            return _path(came, state)
         if steps == model.step_limit:
             continue
         looked_at += len(model.task.skills)
@@ -265,7 +265,7 @@ def _refuted(result: Result, reason: str) -> Result:
     return replace(result, status=Status.WRONG, reason=reason, **cleared)
 
 
-def _way(came: Mapping[State, tuple[State, Skill]], state: State) -> list[Skill]:
+def _path(came: Mapping[State, tuple[State, Skill]], state: State) -> list[Skill]:
     skills = []
     while state in came:
         state, skill = came[state]

@@ -120,35 +120,35 @@ def least_cost_of_states(
 ) -> LeastCost:
     """Return the least cost of a plan within the step limit, state by state in order of cost.
 
-    Of several ways to a state all are kept of which none is both cheaper and shorter.
+    Of several paths to a state all are kept of which none is both cheaper and shorter.
 
     Parameters
     ----------
     model
-        A deterministic model; it is asked about every state that is cheaper than the goal.
+        A deterministic model; it is queried on every state that is cheaper than the goal.
     over
         Polled once in a while; the method is given up once it is true.
     most_states
-        The most ways to states that are looked at.
+        The most paths to states that are looked at.
 
     Raises
     ------
     BackEndError
         If a back end fails.
     """
-    # The way to a state: its last step and the way before that; for the initial state None.
-    start: _Way | None = None
-    queue: list[tuple[float, int, int, State, _Way | None]] = [(0.0, 0, 0, model.initial, start)]
+    # The path to a state: its last step and the path before that; for the initial state None.
+    start: _Path | None = None
+    queue: list[tuple[float, int, int, State, _Path | None]] = [(0.0, 0, 0, model.initial, start)]
     shortest: dict[State, int] = {}
     pushed = looked_at = 0
     try:
         while queue and not model.stats.unknown:
-            cost, steps, _, state, way = heapq.heappop(queue)
+            cost, steps, _, state, path = heapq.heappop(queue)
             if shortest.get(state, model.step_limit + 1) <= steps:
                 continue
             shortest[state] = steps
             if model.is_goal(state):
-                return LeastCost(STATES, cost, _skills(way))
+                return LeastCost(STATES, cost, _skills(path))
             looked_at += 1
             if looked_at > most_states:
                 return LeastCost(STATES, why_not=f"too large, more than {most_states:,} states")
@@ -160,7 +160,7 @@ def least_cost_of_states(
                 if shortest.get(step.next_state, model.step_limit + 1) <= steps + 1:
                     continue
                 pushed += 1
-                entry = (cost + step.cost, steps + 1, pushed, step.next_state, (step, way))
+                entry = (cost + step.cost, steps + 1, pushed, step.next_state, (step, path))
                 heapq.heappush(queue, entry)
     except SearchStopped:
         return LeastCost(STATES, why_not=_STOPPED)
@@ -169,12 +169,12 @@ def least_cost_of_states(
     return LeastCost(STATES, math.inf)
 
 
-_Way = tuple[Transition, "_Way | None"]
+_Path = tuple[Transition, "_Path | None"]
 
 
-def _skills(way: _Way | None) -> tuple[str, ...]:
+def _skills(path: _Path | None) -> tuple[str, ...]:
     names = []
-    while way is not None:
-        step, way = way
+    while path is not None:
+        step, path = path
         names.append(step.skill.name)
     return tuple(reversed(names))

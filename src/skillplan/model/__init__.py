@@ -1,1 +1,1 @@
-"""The lazy skill-transition model: the only floor that asks back ends."""
+"""The lazy skill-transition model: the only floor that queries back ends."""

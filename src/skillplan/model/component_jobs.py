@@ -1,6 +1,6 @@
-"""Jobs: the runs of skills that bring one element of a product each to its goal.
+"""Jobs: the runs of skills that bring one component of a product each to its goal.
 
-What is worked out here needs no back end: which facts only an element's own skills change, that
+What is worked out here needs no back end: which facts only a component's own skills change, that
 those skills follow each other without anything between, and what holds right after the last.
 """
 
@@ -25,11 +25,11 @@ from skillplan.task.task import Task
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """The skills that must follow each other to finish one element.
+    """The skills that must follow each other to finish one component.
 
     Parameters
     ----------
-    element
+    component
         What is finished.
     chain
         At least one skill.
@@ -44,7 +44,7 @@ class Job:
         Bits of the facts that are nobody's own and hold after the last skill.
     """
 
-    element: str
+    component: str
     chain: tuple[Skill, ...]
     own: int
     stages: tuple[int, ...]
@@ -53,7 +53,7 @@ class Job:
 
     @property
     def change(self) -> int:
-        """Own bits that differ between the element's being done and not."""
+        """Own bits that differ between the component's being done and not."""
         return self.stages[0] ^ self.stages[-1]
 
 
@@ -71,7 +71,7 @@ class ElementJobs:
     Attributes
     ----------
     jobs
-        In the order of the task's elements; also those of elements that are not in the goal.
+        In the order of the task's components; also those of components that are not in the goal.
     goal
         Indices of the jobs that the goal asks for.
     connectors
@@ -104,7 +104,7 @@ class ElementJobs:
         self.jobs = tuple(self._job(name, chain, own[name]) for name, chain in chains.items())
         wanted = {fact for fact in task.goal.requires if fact not in task.initial}
         self.goal = tuple(
-            i for i, job in enumerate(self.jobs) if task.operations[job.element] in wanted
+            i for i, job in enumerate(self.jobs) if task.operations[job.component] in wanted
         )
         self._check_connectors()
         self._check_runs()
@@ -122,7 +122,7 @@ class ElementJobs:
         return holds | self._constant & self._initial, lacks | self._constant & ~self._initial
 
     def _named_bits(self) -> dict[str, int]:
-        """Return the bits of the facts named after each element that no cost depends on."""
+        """Return the bits of the facts named after each component that no cost depends on."""
         basis, depended = CostBasis(), 0
         for skill in self._live:
             bits = basis.bits(skill.cost)
@@ -132,31 +132,31 @@ class ElementJobs:
         return {name: bits & ~depended for name, bits in named_bits(self.task).items()}
 
     def _chains(self) -> dict[str, tuple[Skill, ...]]:
-        """Return the skills of each element that is not done from the start, in order."""
+        """Return the skills of each component that is not done from the start, in order."""
         task = self.task
         goal = task.goal.requires.bits
-        facts = {element: task.facts.bit(fact) for element, fact in task.operations.items()}
+        facts = {component: task.facts.bit(fact) for component, fact in task.operations.items()}
         if goal & ~reduce(or_, facts.values(), 0) or task.goal.forbids.bits:
-            raise self.no("its goal is not just to finish elements of the product")
+            raise self.no("its goal is not just to finish components of the product")
         if len(set(facts.values())) != len(facts):
-            raise self.no("one fact finishes several elements")
+            raise self.no("one fact finishes several components")
         makers: dict[int, list[Skill]] = {}
         for skill in self._live:
             for bit in each_bit(skill.prediction.add.bits):
                 makers.setdefault(bit.bit_length(), []).append(skill)
         chains = {}
-        for element, bit in facts.items():
+        for component, bit in facts.items():
             if bit & self._initial:
                 undoing = [s.name for s in self._live if bit & s.prediction.delete.bits]
                 if undoing:
-                    fact = task.operations[element]
+                    fact = task.operations[component]
                     raise self.no(f"{fact} holds from the start and {undoing[0]} ends it")
             elif bit & goal or makers.get(bit.bit_length()):
-                chains[element] = self._chain(bit, self._named[element], makers)
+                chains[component] = self._chain(bit, self._named[component], makers)
         return chains
 
     def _chain(self, bit: int, named: int, makers: dict[int, list[Skill]]) -> tuple[Skill, ...]:
-        """Return the skills that must follow each other to bring about a fact of an element."""
+        """Return the skills that must follow each other to bring about a fact of a component."""
         chain: list[Skill] = []
         while True:
             found = makers.get(bit.bit_length(), [])
@@ -176,32 +176,35 @@ class ElementJobs:
 
     def _connectors(self, chains: dict[str, tuple[Skill, ...]]) -> tuple[Skill, ...]:
         inside: dict[str, str] = {}
-        for element, chain in chains.items():
+        for component, chain in chains.items():
             for skill in chain:
                 if skill.name in inside:
-                    raise self.no(f"{skill.name} is part of {inside[skill.name]} and {element}")
-                inside[skill.name] = element
+                    raise self.no(f"{skill.name} is part of {inside[skill.name]} and {component}")
+                inside[skill.name] = component
         return tuple(skill for skill in self._live if skill.name not in inside)
 
     def _own_bits(self, chains: dict[str, tuple[Skill, ...]]) -> dict[str, int]:
-        """Return the bits of the facts that are named after an element and its skills' alone."""
+        """Return the bits of the facts that are named after a component and its skills' alone."""
         touched = {
-            element: reduce(or_, (effects(skill) for skill in chain), 0)
-            for element, chain in chains.items()
+            component: reduce(or_, (effects(skill) for skill in chain), 0)
+            for component, chain in chains.items()
         }
         shared = reduce(or_, (effects(skill) for skill in self.connectors), 0)
         seen = 0
         for bits in touched.values():
             shared |= seen & bits
             seen |= bits
-        own = {element: self._named[element] & bits & ~shared for element, bits in touched.items()}
-        for element, bits in own.items():
-            fact = self.task.operations[element]
+        own = {
+            component: self._named[component] & bits & ~shared
+            for component, bits in touched.items()
+        }
+        for component, bits in own.items():
+            fact = self.task.operations[component]
             if not self.task.facts.bit(fact) & bits:
-                raise self.no(f"{fact} is changed by more than the skills of {element}")
+                raise self.no(f"{fact} is changed by more than the skills of {component}")
         return own
 
-    def _job(self, element: str, chain: tuple[Skill, ...], own: int) -> Job:
+    def _job(self, component: str, chain: tuple[Skill, ...], own: int) -> Job:
         """Return a job; refuse one whose skills need not, or cannot, be done in order and once."""
         stages = [self._initial & own]
         for skill in chain:
@@ -214,17 +217,17 @@ class ElementJobs:
                 if enabled and turn != position:
                     raise self.no(f"{skill.name} may be done again, or before its turn")
                 if not enabled and turn == position:
-                    raise self.no(f"{skill.name} cannot follow what {element} needs before")
-        bit = self.task.facts.bit(self.task.operations[element])
+                    raise self.no(f"{skill.name} cannot follow what {component} needs before")
+        bit = self.task.facts.bit(self.task.operations[component])
         if any(stage & bit for stage in stages[:-1]) or not stages[-1] & bit:
-            raise self.no(f"{chain[-1].name} is not what finishes {element}")
+            raise self.no(f"{chain[-1].name} is not what finishes {component}")
         known = []
         holds = lacks = 0
         for skill in chain:
             holds |= skill.precondition.requires.bits & self.situation
             lacks |= skill.precondition.forbids.bits & self.situation | self._excluded(holds)
             if holds & lacks:
-                raise self.no(f"{skill.name} cannot follow what {element} needs before")
+                raise self.no(f"{skill.name} cannot follow what {component} needs before")
             known.append((holds, lacks))
             holds, lacks = self._after(holds, lacks, skill)
         after = self._constant & self._initial | holds
@@ -232,7 +235,7 @@ class ElementJobs:
         if unsure:
             fact = self.task.facts.names_of(unsure)[0]
             raise self.no(f"whether {fact} holds after {chain[-1].name} depends on what was before")
-        return Job(element, chain, own, tuple(stages), tuple(known), after)
+        return Job(component, chain, own, tuple(stages), tuple(known), after)
 
     def _after(self, holds: int, lacks: int, skill: Skill) -> tuple[int, int]:
         """Return what of the situation is known right after a skill, given what was before."""

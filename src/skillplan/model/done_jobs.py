@@ -98,7 +98,7 @@ def closed(
     try:
         order = list(TopologicalSorter(direct).static_order())
     except CycleError as error:
-        names = (structure.jobs[i].element for i in error.args[1])
+        names = (structure.jobs[i].component for i in error.args[1])
         raise structure.no(f"it has no order, {' before '.join(names)}") from None
     all_before, all_after = dict.fromkeys(order, 0), dict.fromkeys(order, 0)
     for i in order:

@@ -13,22 +13,22 @@ from skillplan.task.verdict import VerdictStatus
 
 @dataclass(frozen=True, slots=True)
 class Enumeration:
-    """What asking everything came to.
+    """What querying everything came to.
 
     Parameters
     ----------
     states
-        States asked about.
-    questions
+        States queried on.
+    queries
         Pairs of such a state and an applicable skill.
     feasible, unknown
-        Questions with these verdicts.
+        Queries with these verdicts.
     checks
-        Questions for which at least one back end had to work.
+        Queries for which at least one back end had to work.
     hits
-        Questions answered from kept verdicts alone.
+        Queries answered from kept verdicts alone.
     executions
-        Questions for which a dear back end had to work; any back end where none is dear.
+        Queries for which an expensive back end had to work; any back end where none is expensive.
     executions_by_state
         What it would have been with verdicts kept by state and skill instead of by facts.
     complete
@@ -41,7 +41,7 @@ class Enumeration:
     """
 
     states: int
-    questions: int
+    queries: int
     feasible: int
     unknown: int
     checks: int
@@ -53,15 +53,15 @@ class Enumeration:
     def __post_init__(self) -> None:
         counts = [getattr(self, name) for name in self.__slots__ if name != "complete"]
         if min(counts) < 0:
-            raise ValueError("There cannot be fewer than 0 states, questions or checks.")
+            raise ValueError("There cannot be fewer than 0 states, queries or checks.")
 
 
 def enumerate_feasibility(
     feasibility: Feasibility, stopped: Callable[[], bool] = lambda: False
 ) -> Enumeration:
-    """Ask about every state that feasible skills lead to within the step limit.
+    """Query about every state that feasible skills lead to within the step limit.
 
-    Breadth first, all states of one distance at once. Where the task is done, nothing is asked
+    Breadth first, all states of one distance at once. Where the task is done, nothing is queried
     any more.
 
     Parameters
@@ -69,7 +69,7 @@ def enumerate_feasibility(
     feasibility
         The chain of checks, fresh.
     stopped
-        Whether to stop; asked several times a second. What is under way is given up then.
+        Whether to stop; queried several times a second. What is under way is given up then.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def enumerate_feasibility(
     task = feasibility.task
     level = list(dict.fromkeys((task.initial, *task.starts)))
     seen = set(level)
-    states = questions = feasible = unknown = 0
+    states = queries = feasible = unknown = 0
     complete = True
 
     def poll() -> None:
@@ -96,12 +96,12 @@ def enumerate_feasibility(
         ]
         try:
             poll()
-            verdicts = feasibility.rule_all(asked, poll)
+            verdicts = feasibility.verdicts(asked, poll)
         except _Stopped:
             complete = False
             break
         states += len(level)
-        questions += len(asked)
+        queries += len(asked)
         unknown += sum(verdict.status is VerdictStatus.UNKNOWN for verdict in verdicts)
         following: dict[State, None] = {}
         for (skill, state), verdict in zip(asked, verdicts, strict=True):
@@ -115,7 +115,7 @@ def enumerate_feasibility(
             break
     return Enumeration(
         states,
-        questions,
+        queries,
         feasible,
         unknown,
         feasibility.checks,
@@ -127,4 +127,4 @@ def enumerate_feasibility(
 
 
 class _Stopped(Exception):
-    """Raised where asking is given up."""
+    """Raised where querying is given up."""

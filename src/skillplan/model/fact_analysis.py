@@ -68,13 +68,13 @@ def exclusive_bits(task: Task) -> dict[int, int]:
 
 
 def named_bits(task: Task) -> dict[str, int]:
-    """Return the bits of the facts named after each element; not of where an arm stands."""
+    """Return the bits of the facts named after each component; not of where an arm stands."""
     stands = {fact for robot in task.scene.robots for fact in robot.places}
-    named = {element: task.facts.bit(fact) for element, fact in task.operations.items()}
+    named = {component: task.facts.bit(fact) for component, fact in task.operations.items()}
     for fact in task.facts.names:
-        element = fact.rpartition("(")[2].rstrip(")")
-        if element in named and fact not in stands:
-            named[element] |= task.facts.bit(fact)
+        component = fact.rpartition("(")[2].rstrip(")")
+        if component in named and fact not in stands:
+            named[component] |= task.facts.bit(fact)
     return named
 
 

@@ -18,7 +18,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict, VerdictStatus
 
-# So many situations may be met between two jobs, and states imagined for one skill there.
+# So many situations may be met between two jobs, and states hypothetical for one skill there.
 _MOST_SITUATIONS = 1_000
 _MOST_QUESTIONS = 1_000
 
@@ -51,11 +51,11 @@ class JobConnections:
     Parameters
     ----------
     model
-        Asked whether the skills between jobs are feasible.
+        Queried whether the skills between jobs are feasible.
     structure
         The jobs of its task.
     sets
-        The states in which it is asked.
+        The states in which it is queried.
 
     Attributes
     ----------
@@ -119,14 +119,14 @@ class JobConnections:
         if self._begun_in[job] < 0:
             structure = self._structure
             start = self._facts.state(structure.task.initial.bits & structure.situation)
-            raise structure.no(f"nothing leads to {structure.jobs[job].element} from {start}")
+            raise structure.no(f"nothing leads to {structure.jobs[job].component} from {start}")
         return self._begun_in[job]
 
     def _from(self, situation: int) -> tuple[NDArray[np.float64], list[tuple[str, ...]]]:
         """Return the cost of coming from a situation to each job and doing it, and the ways."""
         stops = self._stops(situation)
         costs = np.stack([stop.cost + self._row(stop.situation) for stop in stops])
-        # Of equally dear ways the first found, which has the least to go.
+        # Of equally expensive ways the first found, which has the least to go.
         chosen = costs.argmin(axis=0)
         least = costs[chosen, np.arange(len(chosen))]
         if -1 in self._begun_in:

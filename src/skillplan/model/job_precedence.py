@@ -1,7 +1,7 @@
 """What must be done before and after each job, from preconditions and back ends' verdicts.
 
-Nothing comes between the skills of a job, so that while it is done every other element is either
-done or not. A verdict names the facts it rests on: it holds for every set of done elements that
+Nothing comes between the skills of a job, so that while it is done every other component is either
+done or not. A verdict names the facts it rests on: it holds for every set of done components that
 agrees on those. So few questions prove that a skill is feasible for exactly those sets that an
 order leaves open; where they prove anything else, the model is refused.
 """
@@ -10,22 +10,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from skillplan.chart.precedence_query import Questions, Undecided
+from skillplan.chart.precedence_query import CheckSteps, Undecided
 from skillplan.model.done_jobs import DoneSets
 from skillplan.model.fact_analysis import each_bit
 from skillplan.task.verdict import Verdict, VerdictStatus
 
-# So many states are imagined for one job before the model is given up.
+# So many states are considered for one job before the model is given up.
 _MOST_QUESTIONS = 5_000
 
 
-class JobInquiry:
-    """What back ends are asked about the skills of one job.
+class JobQuery:
+    """What back ends check the skills of one job.
 
     Parameters
     ----------
     sets
-        The states that are imagined.
+        The states that are considered.
     job
         Index of the job.
     situation
@@ -47,7 +47,7 @@ class JobInquiry:
         self._begins = list(self._beginnings(situation))
         self.before, self.after = sets.demands(job)
 
-    def feasible_sets(self) -> Questions[bool]:
+    def feasible_sets(self) -> CheckSteps[bool]:
         """Find jobs with which done each skill is feasible, and what of that there is no way round.
 
         Raises
@@ -59,7 +59,7 @@ class JobInquiry:
             yield from self._settle(position)
         return True
 
-    def relations(self) -> Questions[bool]:
+    def relations(self) -> CheckSteps[bool]:
         """Find the other jobs that must be done before this one, and those that must not.
 
         Raises
@@ -78,7 +78,7 @@ class JobInquiry:
 
     def beyond(
         self, closed_before: Mapping[int, int], closed_after: Mapping[int, int]
-    ) -> Questions[bool]:
+    ) -> CheckSteps[bool]:
         """Demand that the skills are feasible in every order that respects the relation.
 
         Parameters
@@ -107,7 +107,7 @@ class JobInquiry:
             kept = situation & ~outcome.delete.bits
             situation = kept | outcome.add.bits & self._structure.situation
 
-    def _ask(self, position: int, done: int) -> Questions[Verdict]:
+    def _check(self, position: int, done: int) -> CheckSteps[Verdict]:
         """Return the verdict on a skill of the job where exactly these others are done."""
         self._asked += 1
         skill, structure = self.job.chain[position], self._structure
@@ -131,7 +131,7 @@ class JobInquiry:
     def _blamed(self, verdict: Verdict) -> int:
         return self._sets.named(verdict) & ~(1 << self._index)
 
-    def _settle(self, position: int) -> Questions[None]:
+    def _settle(self, position: int) -> CheckSteps[None]:
         """Find jobs with which done a skill is feasible that agree with what is known by now."""
         if position in self._found:
             done, named = self._found[position]
@@ -141,7 +141,7 @@ class JobInquiry:
                 return
         found = yield from self._feasible(position, self.before, self.after, sure=True)
         if found is None:
-            verdict = yield from self._ask(position, self.before)
+            verdict = yield from self._check(position, self.before)
             no_order = "in no order" if self.before | self.after else "never"
             why = f"{verdict.stage}: {verdict.reason}"
             name = self.job.chain[position].name
@@ -150,7 +150,7 @@ class JobInquiry:
 
     def _feasible(
         self, position: int, done: int, undone: int, *, sure: bool = False
-    ) -> Questions[tuple[int, int] | None]:
+    ) -> CheckSteps[tuple[int, int] | None]:
         """Return jobs with which done a skill is feasible, and those its verdict names, or None.
 
         An infeasible verdict rules out every set that agrees with what it names, so that any
@@ -166,7 +166,7 @@ class JobInquiry:
             Whether these are certain to be so: then what alone is left to differ must, too.
         """
         while True:
-            verdict = yield from self._ask(position, done)
+            verdict = yield from self._check(position, done)
             blamed = self._blamed(verdict)
             if verdict.is_feasible:
                 return done, blamed
@@ -185,7 +185,7 @@ class JobInquiry:
             undone |= other
         return None
 
-    def _necessary(self, position: int) -> Questions[None]:
+    def _necessary(self, position: int) -> CheckSteps[None]:
         """Find which of the jobs that a feasible verdict names have to be as they are.
 
         No others can have to be: the verdict holds whatever they are.
@@ -193,7 +193,7 @@ class JobInquiry:
         done, named = self._found[position]
         blamed: dict[int, int] = {}
         for other in each_bit(named & ~(self.before | self.after)):
-            verdict = yield from self._ask(position, done ^ other)
+            verdict = yield from self._check(position, done ^ other)
             if not verdict.is_feasible:
                 blamed[other] = self._blamed(verdict) & ~other
         while blamed:
@@ -213,9 +213,9 @@ class JobInquiry:
 
     def _cover(
         self, position: int, done: int, never: int, closed_before: Mapping[int, int]
-    ) -> Questions[None]:
+    ) -> CheckSteps[None]:
         """Demand that a skill is feasible with these done, and whatever else but some jobs."""
-        verdict = yield from self._ask(position, done)
+        verdict = yield from self._check(position, done)
         if not verdict.is_feasible:
             facts = ", ".join(verdict.facts)
             name = self.job.chain[position].name

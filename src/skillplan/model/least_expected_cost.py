@@ -97,7 +97,7 @@ def least_expected_cost(model: SkillModel, limit: int) -> float | None:
     Parameters
     ----------
     model
-        Asked about every skill that is applicable in a reachable state.
+        Queried about every skill that is applicable in a reachable state.
     limit
         The most states to look at, >= 1.
 

@@ -135,7 +135,7 @@ class MultiAgentProblem:
 
     @classmethod
     def from_model(cls, model: SkillModel) -> MultiAgentProblem:
-        """Recognise the structure in a model; asks no back end.
+        """Recognise the structure in a model; queries no back end.
 
         Raises
         ------

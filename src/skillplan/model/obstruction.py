@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from skillplan.chart.conflict import conflict_lines
-from skillplan.chart.hypothetical_state import Imagination
+from skillplan.chart.hypothetical_state import HypotheticalStates
 from skillplan.chart.precedence_query import Relation
 from skillplan.checks.feasibility import PRECONDITION
 from skillplan.model.skill_model import SkillModel
@@ -84,7 +84,7 @@ def obstruction(model: SkillModel, most_states: int = 20_000) -> str | None:
     ]
     if not blocked:
         return None
-    hypothetical = Imagination(model.task)
+    hypothetical = HypotheticalStates(model.task)
     relations = [
         *_needs(model, hypothetical, reached),
         *(
@@ -125,13 +125,15 @@ def _matters(model: SkillModel, skill: Skill, seen: set[State]) -> bool:
     return any(all(fact not in state for state in seen) for fact in gained)
 
 
-def _component(hypothetical: Imagination, skill: Skill) -> str | None:
+def _component(hypothetical: HypotheticalStates, skill: Skill) -> str | None:
     """Return the component that a skill brings on its way, or None."""
     operations = hypothetical.task.operations
     return next((one for one in skill.parameters.values() if one in operations), None)
 
 
-def _needs(model: SkillModel, hypothetical: Imagination, reached: _Reached) -> Iterator[Relation]:
+def _needs(
+    model: SkillModel, hypothetical: HypotheticalStates, reached: _Reached
+) -> Iterator[Relation]:
     """Yield what skills that can be tried nowhere forbid of other components' starts."""
     for skill in model.task.skills:
         component = _component(hypothetical, skill)
@@ -146,13 +148,15 @@ def _needs(model: SkillModel, hypothetical: Imagination, reached: _Reached) -> I
                 yield Relation(str(other), component, reason, evidence, component)
 
 
-def _relations(hypothetical: Imagination, skill: Skill, verdict: Verdict) -> Iterator[Relation]:
+def _relations(
+    hypothetical: HypotheticalStates, skill: Skill, verdict: Verdict
+) -> Iterator[Relation]:
     """Yield what a skill that fails wherever it is tried says of the order.
 
     Only a verdict that blames a single other component says so.
     """
     component = _component(hypothetical, skill)
-    others = hypothetical.elements(verdict) - {component}
+    others = hypothetical.components(verdict) - {component}
     if component is None or len(others) != 1:
         return
     (other,) = others
@@ -164,14 +168,14 @@ def _relations(hypothetical: Imagination, skill: Skill, verdict: Verdict) -> Ite
 
 
 def _sentences(
-    hypothetical: Imagination, blocked: list[Skill], tries: dict[str, _Tries]
+    hypothetical: HypotheticalStates, blocked: list[Skill], tries: dict[str, _Tries]
 ) -> list[str]:
     """Return a sentence for each skill that does not fail for another's sake, two at most."""
     failing = {_component(hypothetical, skill) for skill in blocked}
     roots = []
     for skill in blocked:
         own = {_component(hypothetical, skill)}
-        if not (hypothetical.elements(tries[skill.name].verdict) - own) & failing:
+        if not (hypothetical.components(tries[skill.name].verdict) - own) & failing:
             roots.append(skill)
     named = (roots or blocked)[:_MOST_NAMED]
     lines = [_sentence(skill, tries[skill.name]) for skill in named]

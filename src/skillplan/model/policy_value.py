@@ -59,7 +59,7 @@ def evaluate_policy(model: SkillModel, choose: Callable[[State], Skill | None]) 
     Parameters
     ----------
     model
-        A model, asked about every step that the policy takes.
+        A model, queried on every step that the policy takes.
     choose
         The policy: the skill it takes in a state, or None where it has none.
 

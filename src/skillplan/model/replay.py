@@ -30,7 +30,7 @@ class Step:
     duration_s
         Time it takes [s].
     reward
-        What a learner is paid; None where the task has no reward scheme.
+        The reward; None where the task has no reward scheme.
     place
         The place where it ends, of a skill that walks.
     """
@@ -84,7 +84,7 @@ class Replay:
     violations
         Empty if feasible and complete.
     penalty
-        What a learner is paid for the skill that could not be executed, else 0; None where the
+        The reward of the skill that could not be executed, else 0; None where the
         task has no reward scheme.
     """
 
@@ -152,7 +152,7 @@ def replay(model: SkillModel, skills: Sequence[Skill]) -> Replay:
 
 
 def _step(model: SkillModel, index: int, transition: Transition, over: bool) -> Step:
-    """Return the record of a step; once the episode is over, nothing is paid any more."""
+    """Return the record of a step; once the episode is over, there are no rewards any more."""
     task, state, skill = model.task, transition.state, transition.skill
     start = goal = place = None
     if skill.motion is not None:

@@ -1,7 +1,7 @@
 """A model as a sequential ordering problem: jobs, costs between them, and precedence.
 
 Escudero (1988): an asymmetric path through all jobs that respects a precedence relation. A job
-is the run of skills that brings one element of the product to its goal, such as pick and place;
+is the run of skills that brings one component of the product to its goal, such as pick and place;
 what a tool change costs is part of the way from one job to the next. Models that do not have
 this structure are refused in words.
 """
@@ -16,14 +16,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.chart.precedence_query import Questions, inquire
+from skillplan.chart.precedence_query import CheckSteps, run_queries
 from skillplan.model.component_jobs import ElementJobs
 from skillplan.model.done_jobs import DoneSets, closed, members
 from skillplan.model.job_connections import JobConnections
-from skillplan.model.job_precedence import JobInquiry
+from skillplan.model.job_precedence import JobQuery
 from skillplan.model.skill_model import SkillModel
 
-# What a way may be dearer for leaving a job out, as rounding has it.
+# What a way may be costlier for leaving a job out, as rounding has it.
 _TOLERANCE = 1e-9
 
 
@@ -37,7 +37,7 @@ class SequencingProblem:
     Parameters
     ----------
     jobs
-        Names of the n elements.
+        Names of the n components.
     skills
         The skills of every job.
     first
@@ -124,7 +124,7 @@ class SequencingProblem:
 
     @classmethod
     def from_model(cls, model: SkillModel) -> SequencingProblem:
-        """Recognise the structure in a model; the precedence relation is asked of its back ends.
+        """Recognise the structure in a model; the precedence relation is queried of its back ends.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class SequencingProblem:
             if job in index and (source < 0 or source in index)
         }
         return cls(
-            tuple(structure.jobs[job].element for job in chosen),
+            tuple(structure.jobs[job].component for job in chosen),
             tuple(tuple(skill.name for skill in structure.jobs[job].chain) for job in chosen),
             costs[0, chosen],
             costs[np.ix_([1 + job for job in chosen], chosen)],
@@ -163,57 +163,57 @@ def _precedence(
     model: SkillModel, structure: ElementJobs, sets: DoneSets, connections: JobConnections
 ) -> dict[int, int]:
     """Return, by each job that every plan does, the set of those that must come before it."""
-    inquiries: dict[int, JobInquiry] = {}
+    queries: dict[int, JobQuery] = {}
 
-    def ask(questions: Mapping[int, Questions[bool]]) -> None:
-        answers = inquire(model, list(questions.values()))
-        for job, answered in zip(questions, answers, strict=True):
+    def ask(steps: Mapping[int, CheckSteps[bool]]) -> None:
+        answers = run_queries(model, list(steps.values()))
+        for job, answered in zip(steps, answers, strict=True):
             if not answered:
-                name = structure.jobs[job].element
+                name = structure.jobs[job].component
                 raise structure.no(f"the order around {name} could not be worked out")
 
     todo = set(structure.goal)
     while todo:
-        new = {job: JobInquiry(sets, job, connections.begun_in(job)) for job in sorted(todo)}
-        inquiries |= new
-        ask({job: inquiry.feasible_sets() for job, inquiry in new.items()})
-        # What one job says of another need not be asked of that.
-        _exchange(inquiries)
-        ask({job: inquiry.relations() for job, inquiry in new.items()})
-        _exchange(inquiries)
+        new = {job: JobQuery(sets, job, connections.begun_in(job)) for job in sorted(todo)}
+        queries |= new
+        ask({job: query.feasible_sets() for job, query in new.items()})
+        # What one job says of another need not be queried of that.
+        _exchange(queries)
+        ask({job: query.relations() for job, query in new.items()})
+        _exchange(queries)
         # What is not in the goal, but needed for it, is done in every plan, too.
-        needed = {other for inquiry in inquiries.values() for other in members(inquiry.before)}
-        todo = needed - set(inquiries)
-    before = {job: inquiry.before for job, inquiry in inquiries.items()}
+        needed = {other for query in queries.values() for other in members(query.before)}
+        todo = needed - set(queries)
+    before = {job: query.before for job, query in queries.items()}
     all_before, all_after = closed(structure, before)
-    left_out = sum(1 << job for job in range(len(structure.jobs)) if job not in inquiries)
-    for job in inquiries:
+    left_out = sum(1 << job for job in range(len(structure.jobs)) if job not in queries)
+    for job in queries:
         all_after[job] |= left_out
-    ask({job: inquiry.beyond(all_before, all_after) for job, inquiry in inquiries.items()})
+    ask({job: query.beyond(all_before, all_after) for job, query in queries.items()})
     return before
 
 
-def _exchange(inquiries: Mapping[int, JobInquiry]) -> None:
+def _exchange(queries: Mapping[int, JobQuery]) -> None:
     """Have each of two jobs that every plan does know which of them comes first."""
-    for job, inquiry in inquiries.items():
-        for other in members(inquiry.before):
-            if other in inquiries:
-                inquiries[other].after |= 1 << job
-        for other in members(inquiry.after):
-            if other in inquiries:
-                inquiries[other].before |= 1 << job
+    for job, query in queries.items():
+        for other in members(query.before):
+            if other in queries:
+                queries[other].after |= 1 << job
+        for other in members(query.after):
+            if other in queries:
+                queries[other].before |= 1 << job
 
 
 def _check_left_out(structure: ElementJobs, done: set[int], costs: NDArray[np.float64]) -> None:
     """Demand that it never pays to do what nothing asks for.
 
     Then every plan that does it can do without, at no more cost: nothing needs it, and from any
-    job before it there is a way to any after it that is no dearer.
+    job before it there is a way to any after it that is no costlier.
     """
     for job in sorted(set(range(len(structure.jobs))) - done):
         around = costs[:, [job]] + costs[[1 + job], :]
         around[:, job] = around[1 + job, :] = math.inf
         np.fill_diagonal(around[1:], math.inf)
         if not (costs <= around + _TOLERANCE).all():
-            element = structure.jobs[job].element
-            raise structure.no(f"{element} is not in the goal, and doing it might pay")
+            component = structure.jobs[job].component
+            raise structure.no(f"{component} is not in the goal, and doing it might pay")

@@ -1,6 +1,6 @@
 """The lazy skill-transition model: what every solver consumes.
 
-*Applicable* is symbolic and free; *feasible* asks back ends, and only when a solver asks.
+*Applicable* is symbolic and free; *feasible* queries back ends, and only when a solver queries.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Transition:
 
 @dataclass(slots=True)
 class ModelStats:
-    """What was asked of a model: states expanded, checks made, verdicts reused, unknown met."""
+    """What was queried of a model: states expanded, checks made, verdicts reused, unknown met."""
 
     states: int = 0
     checks: int = 0
@@ -71,7 +71,7 @@ class ModelStats:
 
 
 class SkillModel:
-    """Task plus feasibility, asked lazily.
+    """Task plus feasibility, queried lazily.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class SkillModel:
 
     @property
     def stats(self) -> ModelStats:
-        """What has been asked so far."""
+        """What has been queried so far."""
         return ModelStats(
             states=self._expanded,
             checks=self.feasibility.checks,
@@ -129,7 +129,7 @@ class SkillModel:
         ]
 
     def verdict(self, state: State, skill: Skill) -> Verdict:
-        """Return the verdict on `skill` in `state`, asking back ends for what is not known.
+        """Return the verdict on `skill` in `state`, querying back ends for what is not known.
 
         Raises
         ------
@@ -139,15 +139,15 @@ class SkillModel:
             If the solver should have stopped long ago.
         """
         self._cut_off()
-        verdict = self.feasibility.rule(skill, state)
+        verdict = self.feasibility.verdict(skill, state)
         if verdict.status is VerdictStatus.UNKNOWN:
             self._unknown += 1
         return verdict
 
-    def rule_all(self, questions: Sequence[tuple[Skill, State]], /) -> list[Verdict]:
+    def verdicts(self, queries: Sequence[tuple[Skill, State]], /) -> list[Verdict]:
         """Return the verdicts on several skills in states, in order; raises as `verdict`."""
         self._cut_off()
-        verdicts = self.feasibility.rule_all(questions, self._cut_off)
+        verdicts = self.feasibility.verdicts(queries, self._cut_off)
         self._unknown += sum(v.status is VerdictStatus.UNKNOWN for v in verdicts)
         return verdicts
 
@@ -194,7 +194,7 @@ class SkillModel:
         if found is None:
             skills = self.applicable(state)
             asked = [(skill, state) for skill in skills]
-            verdicts = self.rule_all(asked)
+            verdicts = self.verdicts(asked)
             found = tuple(
                 self.transition(state, skill)
                 for skill, verdict in zip(skills, verdicts, strict=True)

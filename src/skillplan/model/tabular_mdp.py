@@ -41,7 +41,7 @@ class TabularMDP:
     successors, probabilities
         State index and probability of every outcome, shape (k,).
     rewards
-        What a learner is paid for every outcome, shape (k,): by the task's reward scheme, or
+        The reward of every outcome, shape (k,): by the task's reward scheme, or
         minus the cost where it has none.
 
     Raises
@@ -87,11 +87,11 @@ class TabularMDP:
         Parameters
         ----------
         model
-            Asked about every skill that is applicable in a reachable state.
+            Queried about every skill that is applicable in a reachable state.
         limit
             The most states to hold, >= 1.
         stop
-            Asked before every state whether to give up; None for never.
+            Queried before every state whether to give up; None for never.
 
         Raises
         ------

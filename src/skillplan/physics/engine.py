@@ -6,7 +6,7 @@ from skillplan.task.back_end import BackEnd
 
 
 class Engine(BackEnd):
-    """Executes a skill's motion and rules on whether it brings about what is predicted.
+    """Executes a skill's motion and checks whether it brings about what is predicted.
 
     The verdict is infeasible where the robot cannot follow the motion or the world afterwards
     is not ``scene.at(next_state)`` within tolerance; the evidence holds the figure.

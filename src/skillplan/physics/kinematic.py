@@ -23,7 +23,7 @@ class KinematicEngine(Engine):
     expected_s = 1e-6
 
     def check(self, skill: Skill, state: State) -> Verdict:
-        """Rule on the via points of `skill`; see :meth:`BackEnd.check`."""
+        """Check the via points of `skill`; see :meth:`BackEnd.check`."""
         facts = self.task.facts
         present = facts.none
         if skill.motion is None:

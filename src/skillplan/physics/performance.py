@@ -179,5 +179,5 @@ class Performer(ABC):
         note
             Called with a row of the trace 60 times a simulated second.
         stopped
-            Asked often; once true, the plan ends after the skill under way.
+            Called often; once true, the plan ends after the skill under way.
         """

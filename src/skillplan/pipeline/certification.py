@@ -15,7 +15,7 @@ from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.records.certificate import Certificate, Claim, Outcome
 from skillplan.records.result import Status, tolerance
-from skillplan.records.result_file import (
+from skillplan.records.stored.result_file import (
     StoredPart,
     StoredResult,
     other_task,
@@ -43,7 +43,7 @@ def certify(
     stop
         When to give up second proofs; by default never.
     cache
-        Where verdicts of dear back ends are kept; a fresh one in memory by default.
+        Where verdicts of expensive back ends are kept; a fresh one in memory by default.
 
     Raises
     ------

@@ -63,7 +63,7 @@ def solve_chain(
     cache
         Where verdicts are kept; a fresh one in memory by default.
     jobs
-        In how many processes dear back ends are asked; 1 for this one.
+        In how many processes expensive back ends are queried; 1 for this one.
 
     Raises
     ------

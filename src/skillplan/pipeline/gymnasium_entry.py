@@ -35,7 +35,7 @@ def make_env(
     task
         A task file, or a task.
     physics, collision
-        The engine and the detectors that are asked, the latter as a sequence or with commas
+        The engine and the detectors that are queried, the latter as a sequence or with commas
         between; by default those that the task file chooses.
     options
         Plugin name to option values, such as ``{"aabb": {"clearance_m": 0.002}}``.

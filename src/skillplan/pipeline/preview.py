@@ -78,7 +78,7 @@ def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool)
         task.name,
         names,
         len(chart.relations),
-        chart.circle,
+        chart.cycle,
         chart.impossible,
         tuple(_obstacles(chart, task, names)),
     )

@@ -1,6 +1,6 @@
 """Plugins by kind and name, found through entry points and imported only when used.
 
-Built-ins register the same way as anybody's. What is broken is reported where it is asked
+Built-ins register the same way as anybody's. What is broken is reported where it is queried
 for, and by ``skillplan plugins``; it never takes the tool down.
 """
 
@@ -26,6 +26,22 @@ KINDS = {
     "physics": "skillplan.physics.engine:Engine",
     "collision": "skillplan.collision.detector:Detector",
     "solver": "skillplan.solvers.solver:Solver",
+}
+
+# Words that users try, to the plugin that they mean where no name is near.
+_MEANT = {
+    "solver": {
+        "optimal": "exact",
+        "astar": "exact",
+        "a*": "exact",
+        "best": "auto",
+        "default": "auto",
+        "brute-force": "exhaustive",
+        "held-karp": "subset-dp",
+        "dynamic-programming": "value-iteration",
+    },
+    "physics": {"bullet": "pybullet", "none": "kinematic"},
+    "collision": {"chart": "precedence", "boxes": "aabb"},
 }
 
 
@@ -62,7 +78,8 @@ def load(kind: str, name: str) -> type[Any]:
     """
     found = _providers(kind).get(name)
     if not found:
-        raise PluginError(f"Unknown {kind} {name!r}. {name_hint(name, names(kind))}")
+        meant = _MEANT.get(kind, {}).get(name.casefold(), name)
+        raise PluginError(f"Unknown {kind} {name!r}. {name_hint(meant, names(kind))}")
     if len(found) > 1:
         owners = " and ".join(_owner(entry) for entry in found)
         raise PluginError(f"The {kind} {name!r} is provided by {owners}. Uninstall one of them.")

@@ -16,16 +16,16 @@ from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.origin import Origin
-from skillplan.records.policy_file import policies_path, read_policy
 from skillplan.records.result import Result, Status
-from skillplan.records.result_file import (
+from skillplan.records.stored.policy_file import read_policy
+from skillplan.records.stored.result_file import (
     StoredClaims,
     StoredPart,
     StoredResult,
     other_task,
     read_result,
-    result_path,
 )
+from skillplan.records.stored.result_folder import policies_path, result_path
 from skillplan.solvers.solution import Plan, Policy, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task.task import Task

@@ -45,7 +45,13 @@ def make_feasibility(
     on_check: Callable[[CheckCount], None] | None = None,
     back_ends: Sequence[BackEnd] | None = None,
 ) -> Feasibility:
-    """Return the chain of checks for a task; parameters are those of `make_model`."""
+    """Return the chain of checks for a task.
+
+    Parameters
+    ----------
+    task, setup, cache, jobs, on_check, back_ends
+        As in `make_model`.
+    """
     made = setup.back_ends(task) if back_ends is None else back_ends
     return Feasibility(task, made, cache, jobs=jobs, on_check=on_check)
 
@@ -220,7 +226,13 @@ def attempt(
     start: Plan | None = None,
     back_ends: Sequence[BackEnd] | None = None,
 ) -> Attempt:
-    """Let a solver work on a task; parameters and errors are those of `solve`."""
+    """Let a solver work on a task; errors are those of `solve`.
+
+    Parameters
+    ----------
+    task, solver, setup, seed, stop, cache, jobs, start, back_ends
+        As in `solve`.
+    """
     stop = Stop() if stop is None else stop
     if isinstance(solver, str):
         solver = make_solver(solver, setup.options.get(solver, {}), stop)
@@ -327,7 +339,7 @@ def grade(task: Task, made: Attempt, setup: Setup, cache: VerdictCache, *, jobs:
 
 def expensive(back_ends: Iterable[BackEnd]) -> tuple[BackEnd, ...]:
     """Return the back ends whose verdicts are worth keeping."""
-    return tuple(back_end for back_end in back_ends if back_end.dear)
+    return tuple(back_end for back_end in back_ends if back_end.expensive)
 
 
 def _bound_method(solver: str, granted: Grade, solution: Solution) -> str:
@@ -340,9 +352,9 @@ def _bound_method(solver: str, granted: Grade, solution: Solution) -> str:
 
 
 def _why_infeasible(model: SkillModel, *, charted: bool) -> str:
-    """Return what stands against every plan: what fails in every state, or a circle of orders.
+    """Return what stands against every plan: what fails in every state, or a cycle.
 
-    A chart asks about states that the search did not meet; dear back ends are not asked that.
+    A chart needs states that the search did not meet; expensive back ends are not queried there.
     """
     task = model.task
     if charted and task.deterministic and len(task.operations) <= _MOST_CHARTED:

@@ -21,7 +21,7 @@ BACK_END_KINDS = ("physics", "collision")
 
 @dataclass(frozen=True)
 class Setup:
-    """Which back ends are asked, and the options given for plugins by name.
+    """Which back ends are queried, and the options given for plugins by name.
 
     Parameters
     ----------
@@ -67,13 +67,13 @@ class Setup:
         return Origin(file, part, changes, self.physics, self.collision, self.options)
 
     def physics_choice(self, task: Task) -> BackEndChoice:
-        """Return the engine that will be asked."""
+        """Return the engine that will be queried."""
         named = self.physics or (task.physics.name if task.physics else DEFAULT_PHYSICS)
         declared = task.physics if task.physics and task.physics.name == named else None
         return declared or BackEndChoice(named)
 
     def collision_choices(self, task: Task) -> list[BackEndChoice]:
-        """Return the detectors that will be asked."""
+        """Return the detectors that will be queried."""
         declared = {choice.name: choice for choice in task.collision}
         named = self.collision or tuple(declared)
         if not named:
@@ -116,7 +116,7 @@ def _make_back_end(
 def _willing(kind: str, name: str, task: Task) -> BackEnd | None:
     """Return a back end that only the command line names, if it may have faults to tell.
 
-    One that is unknown, broken or refuses the task is told of when it is made to be asked, with
+    One that is unknown, broken or refuses the task is told of when it is made to be queried, with
     the options that the command line gives it.
     """
     try:
@@ -155,8 +155,8 @@ def load_problem(
     ----------
     path
         The file.
-    asked
-        Names of the back ends that will be asked by kind, ``physics`` or ``collision``, where
+    queried
+        Names of the back ends that will be queried by kind, ``physics`` or ``collision``, where
         that is not left to the file: what else it chooses of a kind need not be installed. What
         they find wrong with the file's bodies and skills is told, too.
     changes
@@ -167,7 +167,7 @@ def load_problem(
     ------
     TaskError
         With every fault of the file, also of the back ends that it chooses, and those that the
-        back ends which will be asked find in it.
+        back ends which will be queried find in it.
     BackEndError
         If a back end fails to start.
     """
@@ -181,7 +181,7 @@ class _BackEndChecks(FileChecks):
 
     Parameters
     ----------
-    asked
+    queried
         As in `load_problem`.
 
     Attributes

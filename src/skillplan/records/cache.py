@@ -135,16 +135,16 @@ class CacheTest:
 
 @dataclass(frozen=True)
 class CacheFilling:
-    """What asking everything came to.
+    """What checking everything came to.
 
     Parameters
     ----------
     task
-        What was asked about.
+        What was checked.
     back_ends
-        Names of those asked.
+        Names of those queried.
     counts
-        Of states, questions and checks.
+        Of states, queries and checks.
     wall_s
         Time it took [s].
     folder
@@ -167,7 +167,7 @@ class CacheFilling:
             "back_ends": list(self.back_ends),
             "folder": None if self.folder is None else str(self.folder),
             "states": counts.states,
-            "questions": counts.questions,
+            "questions": counts.queries,
             "feasible": counts.feasible,
             "unknown": counts.unknown,
             "checks": counts.checks,

@@ -31,7 +31,7 @@ class ChainPart:
     task, result
         The task and the referee's row.
     optimum
-        The cost that exact search proved for this task; None where it was not asked or found
+        The cost that exact search proved for this task; None where it was not run or found
         no proof.
     reused
         Whether a policy stored for an earlier task answered, without planning anew.
@@ -185,10 +185,10 @@ class ChainResult:
 
     @property
     def lower_bound(self) -> float | None:
-        """No way through the main parts costs less, however the stages before are planned.
+        """No path through the main parts costs less, however the stages before are planned.
 
         None where stages before were planned and nothing is proved across them: other plans of
-        theirs, even of the same cost, may leave cheaper ways.
+        theirs, even of the same cost, may leave cheaper paths.
         """
         if not self.complete or self.account.lower_bound is not None:
             return self.account.lower_bound
@@ -198,7 +198,7 @@ class ChainResult:
 
     @property
     def bound_given(self) -> float | None:
-        """No way through the main parts costs less, given the plans of the stages before."""
+        """No path through the main parts costs less, given the plans of the stages before."""
         if not self.complete or self.account.bound_given is not None:
             return self.account.bound_given
         return self._sum_of_bounds()

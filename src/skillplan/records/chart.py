@@ -26,7 +26,7 @@ def chart_document(chart: DerivedChart, task: Task, back_ends: Sequence[str]) ->
         "extra": [{"before": r.before, "after": r.after, "reason": r.reason} for r in chart.extra],
         "impossible": dict(chart.impossible),
         "undecided": list(chart.undecided),
-        "circle": list(chart.circle),
+        "circle": list(chart.cycle),
         "contradiction": list(chart.contradiction),
         "conditional": {skill: list(facts) for skill, facts in chart.conditional.items()},
     }

@@ -21,9 +21,9 @@ class Checked:
     problem
         What was loaded.
     back_ends
-        Names of the back ends that each of its tasks will ask.
+        Names of the back ends that each of its tasks will query.
     errata
-        What the published source prints wrongly, where that was asked for.
+        What the published source prints wrongly, where that was wanted.
     preview
         What is known of it before anything is solved.
     """

@@ -25,7 +25,7 @@ class Evaluation:
     walked
         The replay.
     best
-        What a solver found and proved on the same task, or None where it was not asked.
+        What a solver found and proved on the same task, or None where none was run.
     """
 
     task: Task

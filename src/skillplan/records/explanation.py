@@ -23,7 +23,7 @@ class Explanation:
     Parameters
     ----------
     task, skill, state
-        What was asked.
+        What is explained.
     stages
         One verdict a stage, cheapest first, also beyond the first that fails.
     files

@@ -59,7 +59,7 @@ class Draft:
     cost_unit
         The unit of the task's metric.
     states, expanded, checks, cache_hits, wall_s
-        What the solver asked of the model, and how long it took [s].
+        How often the solver queried the model, and how long it took [s].
     interrupted
         Whether the user ended the search.
     trace

@@ -59,7 +59,7 @@ class Result:
     reason
         Why it is no better than the status says; empty for an optimal plan.
     states, expanded, checks, cache_hits, wall_s
-        What the solver asked of the model, and how long it took [s], the referee not counted.
+        How often the solver queried the model, and how long it took [s], the referee not counted.
     trace
         Figures of the search.
     policy

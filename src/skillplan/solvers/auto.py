@@ -1,7 +1,7 @@
-"""The choice of a solver: what suits a model is tried, and the choice is said in words.
+"""Automatic choice of a solver: tries what suits a model and says which and why.
 
-Nothing heavy is imported before a search of the model itself has failed to prove its optimum
-quickly, so that small boards are solved at once.
+Nothing heavy is imported before exact search has failed to prove its optimum quickly, so that
+small boards are solved at once.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
 from skillplan.task import back_end
 
-# Up to here a search of the model itself is tried first, and so many arrows are looked at.
+# Up to so many operations exact search is tried first, with at most so many labels.
 _SMALL = 24
 _LABELS = 6_000
 
@@ -59,14 +59,14 @@ class AutoSolver(Solver):
         found = _with_bound(found, solution)
         found = _because(found, f"portfolio, as it puts jobs into an order; {after}")
         if found.plan is None and not found.proved and not self.stop():
-            # Every order met has too many skills: only the model itself knows of the limit.
+            # Every order found has too many skills; only exact search knows the step limit.
             return self._by(
                 ExactSolver(stop=self.stop), model, seed, "exact, as the step limit binds"
             )
         return found
 
     def _try_exact(self, model: SkillModel, seed: int) -> Solution:
-        """Search the model itself for a while; what it finds and proves counts in any case."""
+        """Run exact search with few labels; its plan and its bound count in any case."""
         trial = Trial(self.stop)
         options = ExactSolver.Options(max_labels=_LABELS)
         return ExactSolver(options, trial).solve(model, seed=seed)
@@ -77,7 +77,7 @@ class AutoSolver(Solver):
 
 
 class Trial(Stop):
-    """The stop of a search on the side: what it finds is told on, its own limits are not.
+    """The stop of a trial search: passes plans and bounds on, but not its own limits.
 
     Parameters
     ----------
@@ -95,18 +95,18 @@ class Trial(Stop):
         return super().__call__() or self._whole()
 
     def incumbent(self, plan: Plan) -> None:
-        """Keep a plan, and tell it on."""
+        """Keep a plan, and pass it on."""
         super().incumbent(plan)
         self._whole.incumbent(plan)
 
     def bound(self, lower_bound: float, nodes: int | None = None) -> None:
-        """Keep a bound, and tell it on."""
+        """Keep a bound, and pass it on."""
         super().bound(lower_bound, nodes)
         self._whole.bound(lower_bound, nodes)
 
 
 def _with_bound(found: Solution, trial: Solution) -> Solution:
-    """Return a solution with the better of its own bound and that of a trial before."""
+    """Return a solution with the better of its own bound and that of the trial."""
     if trial.lower_bound is None or trial.lower_bound <= (found.lower_bound or 0.0):
         return found
     method = {"bound_method": trial.trace["bound_method"]}

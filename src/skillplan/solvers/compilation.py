@@ -1,6 +1,6 @@
-"""Who is told when kernels have to be compiled: nobody, unless a program wants to be.
+"""Listeners to the compilation of kernels; there are none unless a program adds one.
 
-It imports nothing, so that a program can ask to be told before it knows whether it needs numba.
+It imports nothing, so that a program can listen before it knows whether it needs numba.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ _listeners: list[Callable[[str], None]] = []
 
 
 def on_compilation(listener: Callable[[str], None]) -> Callable[[], None]:
-    """Have a listener called with the name of every kernel that is about to be compiled.
+    """Call a listener with the name of every kernel that is about to be compiled.
 
-    One that is kept from an earlier time is loaded, not compiled, and not told of.
+    A kernel that is loaded from the cache is not reported.
 
     Parameters
     ----------
@@ -23,13 +23,13 @@ def on_compilation(listener: Callable[[str], None]) -> Callable[[], None]:
     Returns
     -------
     callable
-        Ends it.
+        Removes the listener.
     """
     _listeners.append(listener)
     return lambda: _listeners.remove(listener)
 
 
-def tell(kernel: str) -> None:
-    """Tell all listeners that a kernel is about to be compiled."""
+def notify(kernel: str) -> None:
+    """Report to all listeners that a kernel is about to be compiled."""
     for listener in list(_listeners):
         listener(kernel)

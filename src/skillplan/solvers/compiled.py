@@ -1,8 +1,8 @@
-"""The decorator of functions that are compiled, once per machine.
+"""The decorator of kernels: numba compiles them once per machine.
 
-What is compiled is kept beside the source where that can be written to, else in the user's cache
-folder (numba's rule; ``NUMBA_CACHE_DIR`` names another). Where neither can be, it is compiled
-anew in every process rather than not at all.
+The compiled code is kept beside the source where that folder can be written to, else in the
+user's cache folder (numba's rule; ``NUMBA_CACHE_DIR`` names another). Where neither can be
+written to, every process compiles again.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ R = TypeVar("R")
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Return the function compiled on its first call, from the cache if it has it.
 
-    Arguments are arrays and numbers, and tuples of them. A change of a function in one file is
-    not noticed by what was compiled of another: what calls each other stands together.
+    Arguments are arrays and numbers, and tuples of them. numba does not notice when a function
+    changes that a kernel of another file calls: keep those that call each other in one file.
     """
     try:
         return cast(Callable[P, R], njit(cache=True)(function))
@@ -33,17 +33,17 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
         return cast(Callable[P, R], njit(function))
 
 
-class _Teller(event.Listener):  # type: ignore[misc]
-    """Tells of every kernel of this project that numba compiles."""
+class _CompilationListener(event.Listener):
+    """Reports every kernel of this project that numba compiles."""
 
     def on_start(self, event: event.Event) -> None:
-        """Tell of a kernel before it is compiled."""
+        """Report a kernel before it is compiled."""
         function = event.data["dispatcher"].py_func
         if function.__module__.startswith("skillplan"):
-            compilation.tell(f"{function.__module__}.{function.__qualname__}")
+            compilation.notify(f"{function.__module__}.{function.__qualname__}")
 
     def on_end(self, event: event.Event) -> None:
-        """Say nothing more."""
+        """Report nothing."""
 
 
-event.register("numba:compile", _Teller())
+event.register("numba:compile", _CompilationListener())  # type: ignore[no-untyped-call]

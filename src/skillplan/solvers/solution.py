@@ -1,4 +1,4 @@
-"""What a solver hands to the referee: a plan or a policy, and what it claims of it."""
+"""A solver's answer: a plan or a policy, and the claims that the referee checks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Plan:
     skills
         Names, in order.
     cost
-        What the solver believes it costs; the referee compares. None where it makes no claim.
+        What the solver claims it costs; the referee checks it. None for no claim.
 
     Raises
     ------
@@ -40,7 +40,7 @@ class Plan:
 
 
 class Policy(Mapping[State, Skill]):
-    """A skill for every state that it knows.
+    """A mapping from states to skills; not every state need be in it.
 
     Parameters
     ----------
@@ -73,9 +73,9 @@ class Solution:
     found
         A plan, a policy (any mapping from states to skills), or None where nothing was found.
     lower_bound
-        No plan costs less, says the solver; None where it claims nothing.
+        Claimed lower bound on the cost of every plan; None for no claim.
     proved
-        With a plan: that none is better. Without: that there is none.
+        Whether a plan is claimed to be optimal or, without a plan, that there is none.
     trace
         Figures of the search worth showing, JSON values only.
 

@@ -51,11 +51,11 @@ class Solver(ABC):
 
     @property
     def replans(self) -> int:
-        """How often it may have the stages before its own planned anew, finer; 0 by default."""
+        """How often the stages before its own may be replanned, finer; 0 by default."""
         return 0
 
     def refuses(self, model: SkillModel) -> str | None:
-        """Return in words why this solver cannot serve the model; None if it can."""
+        """Return the reason why this solver cannot serve the model; None if it can."""
         return None
 
     @abstractmethod
@@ -68,7 +68,7 @@ class Solver(ABC):
         Parameters
         ----------
         model
-            What may be done where; asks back ends only for what is looked at.
+            The skill model; it queries back ends only for the transitions that are looked at.
         seed
             Governs all randomness: the same seed gives the same solution.
 

@@ -1,4 +1,4 @@
-"""When a search stops, and the best that is known when it does."""
+"""The stopping criterion of a search, with its incumbent and its best bound."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from skillplan.checks.feasibility import CheckCount
 from skillplan.solvers.solution import Plan
 from skillplan.workers.resident_memory import resident_bytes
 
-# A solver that polls returns long before; one that does not is stopped by the model.
+# A solver that polls returns long before; one that does not is stopped by the model [s].
 _GRACE_S = 1.0
 MEMORY_LIMIT = "memory limit"
-# Asking for the resident size takes microseconds; what a search takes in between is little.
+# Reading the resident size takes microseconds; a search allocates little in between.
 _MEMORY_EVERY_S = 0.01
 # Of the memory limit this part is kept for what follows the search: the plan and its replay.
 _KEPT_MEMORY = 32
-# Over this time the speed of a search is measured, so that it follows what goes on.
+# The speed of a search is measured over this time, so that it follows recent changes.
 _SPEED_OVER_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """A search in figures, for people who wait.
+    """The progress of a search in figures, for display.
 
     Parameters
     ----------
@@ -34,18 +34,18 @@ class Progress:
         The best bound so far, or None.
     nodes
         Nodes expanded or visited.
-    asked
-        What has been asked of dear back ends; None where there is none.
+    queries
+        How far the queries to expensive back ends have come; None where there are none.
     nodes_per_s
-        How many nodes come in a second at the moment [1/s]; None until that is measured.
+        Present speed of the search [nodes/s]; None until it is measured.
     decimals
-        How many a cost of this task is printed with; None where that is not known.
+        How many decimals a cost of this task is printed with; None where that is not known.
     """
 
     best_cost: float | None
     lower_bound: float | None
     nodes: int
-    asked: CheckCount | None = None
+    queries: CheckCount | None = None
     nodes_per_s: float | None = None
     decimals: int | None = None
 
@@ -60,12 +60,12 @@ def relative_gap(cost: float | None, lower_bound: float | None) -> float | None:
 
 
 def _rises(low: float, high: float) -> bool:
-    """Whether one figure is above another by more than rounding does."""
+    """Whether one figure exceeds another by more than rounding."""
     return high > low + 1e-9 * max(1.0, abs(low))
 
 
 class Stop:
-    """Says when to stop; keeps the incumbent and the bound, on which that may depend.
+    """Decides when to stop; keeps the incumbent and the bound, on which that may depend.
 
     Parameters
     ----------
@@ -78,9 +78,9 @@ class Stop:
         [s], > 0; None for no such limit.
     memory_limit_bytes
         Stop before this process holds more memory [B], > 0; None for no limit. A solver that
-        reserves much at once asks `memory_left_bytes` before.
+        allocates much at once calls `memory_left_bytes` before.
     on_progress
-        Called with the figures now and then.
+        Called with the progress at every new plan and bound.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class Stop:
         What is known so far; None until then. Where a plan was given to start from, `best` is
         that plan from the beginning.
     decimals
-        How many a cost of the task at hand is printed with; None where that is not known.
+        How many decimals a cost of this task is printed with; None where that is not known.
 
     Raises
     ------
@@ -115,7 +115,7 @@ class Stop:
             raise ValueError(f"Memory limit must be > 0 bytes, not {memory_limit_bytes}.")
         now_s = time.monotonic()
         self._deadline_s = math.inf if time_limit_s is None else now_s + time_limit_s
-        self._told_s: float | None = None
+        self._stopped_s: float | None = None
         self._own_reason: str | None = None
         self._gap = gap
         self._stall_s = math.inf if stall_s is None else stall_s
@@ -129,25 +129,25 @@ class Stop:
         self.lower_bound: float | None = None
         self.nodes = 0
         self.decimals: int | None = None
-        self._asked: CheckCount | None = None
+        self._queries: CheckCount | None = None
 
     def __call__(self) -> bool:
         """Whether to stop now; solvers poll this once in a while."""
-        if self._told_s is not None:
+        if self._stopped_s is not None:
             return True
         now_s = time.monotonic()
         if self.interrupted or now_s >= self._deadline_s or self._close_enough():
-            self._told_s = now_s
+            self._stopped_s = now_s
         elif self._memory_short(now_s):
             self.end(MEMORY_LIMIT)
         elif self.best is not None and now_s >= self._improved_s + self._stall_s:
             self.end("stalled")
-        return self._told_s is not None
+        return self._stopped_s is not None
 
     def renew(self) -> None:
         """Forget the best plan and the bound, for the next task of a chain.
 
-        The time goes on, and an interruption stays.
+        The clock runs on, and an interruption stays.
         """
         self.best = None
         self.lower_bound = None
@@ -156,10 +156,10 @@ class Stop:
         self._improved_s = time.monotonic()
         self._speed = _Speed(self._improved_s)
         if not self.interrupted and time.monotonic() < self._deadline_s:
-            self._told_s = None
+            self._stopped_s = None
 
     def within(self, time_limit_s: float) -> Stop:
-        """Return a stop for a search on the side, which ends no later than this one."""
+        """Return a stop for a subordinate search, which ends no later than this one."""
         left_s = self._deadline_s - time.monotonic()
         return Stop(
             time_limit_s=max(1e-3, min(time_limit_s, left_s)),
@@ -167,29 +167,29 @@ class Stop:
         )
 
     def interrupt(self) -> None:
-        """Ask the search to stop and hand over the best it has."""
+        """Request that the search stop and return its best."""
         self.interrupted = True
 
     def end(self, reason: str) -> None:
-        """Say that the solver ends its search for a reason of its own, such as a limit."""
+        """Stop for a reason of the solver's own, such as a limit."""
         self._own_reason = reason
-        if self._told_s is None:
-            self._told_s = time.monotonic()
+        if self._stopped_s is None:
+            self._stopped_s = time.monotonic()
 
     def overdue(self) -> bool:
-        """Whether a solver should have stopped long ago."""
+        """Whether a solver has not stopped long after it should have."""
         now_s = time.monotonic()
         if self._own_reason == MEMORY_LIMIT and self.memory_left_bytes() == 0:
-            # More patience would be paid in memory.
+            # Waiting any longer would take more memory.
             return True
-        if self._told_s is None:
+        if self._stopped_s is None:
             # A pending gap is no reason to cut a solver off: time, memory, interruption are.
             if self.interrupted or now_s >= self._deadline_s:
-                self._told_s = now_s
+                self._stopped_s = now_s
             elif self._memory_short(now_s):
                 self.end(MEMORY_LIMIT)
             return False
-        return now_s > self._told_s + _GRACE_S
+        return now_s > self._stopped_s + _GRACE_S
 
     @property
     def memory_limit_bytes(self) -> int | None:
@@ -199,7 +199,7 @@ class Stop:
     def memory_left_bytes(self) -> int | None:
         """Return how much memory may still be taken [B], >= 0.
 
-        None where there is no limit, or where the system does not tell what is held.
+        None where there is no limit, or where the system does not report what is held.
         """
         if self._memory_limit_bytes is None:
             return None
@@ -208,24 +208,24 @@ class Stop:
 
     @property
     def limited(self) -> bool:
-        """Whether there is a time limit, so that whoever can may use it up."""
+        """Whether there is a time limit, which an anytime solver may use up."""
         return math.isfinite(self._deadline_s)
 
     @property
     def reason(self) -> str | None:
         """Why the search was stopped, or None while it was not."""
-        if self._told_s is None:
+        if self._stopped_s is None:
             return None
         if self.interrupted:
             return "interrupted"
         if self._own_reason is not None:
             return self._own_reason
-        return "time limit" if self._told_s >= self._deadline_s else "gap reached"
+        return "time limit" if self._stopped_s >= self._deadline_s else "gap reached"
 
     def incumbent(self, plan: Plan) -> None:
-        """Keep a feasible plan if it costs less than the best so far; it must name its cost."""
+        """Keep a feasible plan if it costs less than the best so far; it must have a cost."""
         if plan.cost is None:
-            raise ValueError("An incumbent must name its cost.")
+            raise ValueError("An incumbent must have a cost.")
         if self.best is None or self.best.cost is None or plan.cost < self.best.cost:
             if self.best is None or self.best.cost is None or _rises(plan.cost, self.best.cost):
                 self._improved_s = time.monotonic()
@@ -244,9 +244,9 @@ class Stop:
             self.lower_bound = lower_bound
         self._report()
 
-    def checked(self, asked: CheckCount) -> None:
-        """Take note of how far the asking of dear back ends has come, and show it."""
-        self._asked = asked
+    def checked(self, queries: CheckCount) -> None:
+        """Record how far the queries to expensive back ends have come, and report it."""
+        self._queries = queries
         self._report()
 
     def _close_enough(self) -> bool:
@@ -256,7 +256,7 @@ class Stop:
         return gap is not None and gap <= self._gap
 
     def _memory_short(self, now_s: float) -> bool:
-        """Whether little of the memory is left; asked once in a while only."""
+        """Whether little memory is left; measured once in a while only."""
         if self._memory_limit_bytes is None or now_s < self._memory_due_s:
             return False
         self._memory_due_s = now_s + _MEMORY_EVERY_S
@@ -268,12 +268,12 @@ class Stop:
             cost = None if self.best is None else self.best.cost
             speed = self._speed.at(time.monotonic(), self.nodes)
             self._on_progress(
-                Progress(cost, self.lower_bound, self.nodes, self._asked, speed, self.decimals)
+                Progress(cost, self.lower_bound, self.nodes, self._queries, speed, self.decimals)
             )
 
 
 class _Speed:
-    """How fast a count rises, from one measurement to the next."""
+    """The rate at which a count rises, between two measurements."""
 
     def __init__(self, now_s: float) -> None:
         self._since_s = now_s
@@ -281,7 +281,7 @@ class _Speed:
         self._per_s: float | None = None
 
     def at(self, now_s: float, count: int) -> float | None:
-        """Take note of a count and return the speed [1/s], or None while there is none."""
+        """Record a count and return the rate [1/s], or None while there is none."""
         passed_s = now_s - self._since_s
         if passed_s >= _SPEED_OVER_S:
             self._per_s = max(0, count - self._count) / passed_s

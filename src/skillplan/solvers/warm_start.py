@@ -1,4 +1,4 @@
-"""A plan that a search starts from: walked first, and never given up for a worse one."""
+"""Warm start: a known plan is replayed first, and never given up for a worse one."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from skillplan.solvers.stop import Stop
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 
-# Two ways of adding up a cost may differ by so much, as a fraction of it.
+# Two orders of summation may make a cost differ by so much, as a fraction of it.
 _ROUNDING = 1e-9
 
 
 def search_from(
     start: Plan, model: SkillModel, search: Callable[[], Solution], stop: Stop
 ) -> Solution:
-    """Replay a plan, let a solver know of it, and return nothing that costs more.
+    """Replay a plan, hand it to a solver as its incumbent, and return nothing that costs more.
 
-    What a solver claims to have proved stays claimed: if the start plan refutes it, the referee
-    will say so. The trace says under ``start`` what became of the plan.
+    The solver's claims are kept: if the start plan refutes them, the referee reports that. The
+    trace says under ``start`` what became of the plan.
 
     Parameters
     ----------
@@ -35,50 +35,50 @@ def search_from(
     search
         Runs the solver.
     stop
-        The solver's.
+        The stop of the solver.
 
     Raises
     ------
     OptionError
-        If the plan names a skill that the task does not have, or the task is one of chance,
-        where no fixed sequence is a plan.
+        If the plan names a skill that the task does not have, or the task is stochastic: no
+        fixed sequence is a plan then.
     BackEndError
         If a back end fails.
     """
     task = model.task
     if not task.deterministic:
         raise OptionError(f"A plan to start from is of no use under chance, as in {task.name}.")
-    walked = replay(model, [task.skill(name) for name in start.skills])
-    if walked.violations:
-        fault = walked.violations[0]
+    replayed = replay(model, [task.skill(name) for name in start.skills])
+    if replayed.violations:
+        fault = replayed.violations[0]
         where = f"step {fault.step + 1} ({fault.skill})" if fault.skill else "the end"
         words = f"the plan given is not used, it fails at {where}: {fault.stage}: {fault.reason}"
         solution = search()
     else:
-        words = f"from a plan of {task.cost_text(walked.cost)}"
-        known = Plan(start.skills, walked.cost)
+        words = f"from a plan of {task.cost_text(replayed.cost)}"
+        known = Plan(start.skills, replayed.cost)
         stop.incumbent(known)
         solution = search()
-        if _costs_less(walked.cost, solution, model):
+        if _costs_less(replayed.cost, solution, model):
             solution = replace(solution, found=known)
     return replace(solution, trace={**solution.trace, "start": words})
 
 
 def _costs_less(known: float, solution: Solution, model: SkillModel) -> bool:
-    """Whether a known cost is less than a solution's, or that is no whole plan."""
+    """Whether a known cost is below a solution's, or the solution is no complete plan."""
     found = solution.found
     if found is None:
         return True
     cost = found.cost if isinstance(found, Plan) else None
     if cost is None:
         try:
-            walked = replay(model, _skills(found, model))
+            replayed = replay(model, _skills(found, model))
         except OptionError:
-            # What is no plan of this task at all, the referee names and refuses.
+            # A plan that is none of this task is rejected by the referee.
             return False
-        if not walked.complete:
+        if not replayed.complete:
             return True
-        cost = walked.cost
+        cost = replayed.cost
     return known < cost - _ROUNDING * max(1.0, abs(cost))
 
 

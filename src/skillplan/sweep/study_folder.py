@@ -20,10 +20,11 @@ from skillplan.files.growing_file import GrowingFile
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.strict_json import parse_json
 from skillplan.records import schemas
+from skillplan.records.stored.result_folder import MANIFEST
 from skillplan.records.sweep.plan import SweepPlan, same
 from skillplan.records.sweep.record import SweepRecord, record_of
 
-MANIFEST, RUNS = "manifest.json", "runs.jsonl"
+RUNS, RESULT, STARTS = "runs.jsonl", "sweep.json", "starts.csv"
 _MOST_BYTES = 1024**3
 
 # What a study may differ in from the one that is resumed, in words.

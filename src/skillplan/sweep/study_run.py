@@ -10,8 +10,8 @@ from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import OptionError, SkillplanError
 from skillplan.pipeline.run import attempt, grade, solve, warm_cache
 from skillplan.pipeline.setup import Setup
-from skillplan.records.policy_file import start_state
 from skillplan.records.result import Result, Status
+from skillplan.records.stored.policy_file import start_state
 from skillplan.records.sweep.record import StartOutcome, SweepRecord
 from skillplan.solvers.stop import Stop
 from skillplan.task.state import State

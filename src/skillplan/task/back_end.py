@@ -24,12 +24,12 @@ class Options(BaseModel):
 
 
 class BackEnd(ABC):
-    """Rules on whether a skill can be executed in a state.
+    """Decides about whether a skill can be executed in a state.
 
     Parameters
     ----------
     task
-        The task whose skills are asked about.
+        The task whose skills are checked.
     options
         An instance of `Options`; None for the defaults.
 
@@ -40,15 +40,15 @@ class BackEnd(ABC):
     version
         Changes whenever an answer may; part of the key of verdicts kept on disk.
     expected_s
-        Order of magnitude of the time one check takes [s]: cheaper back ends are asked first.
-    dear
+        Order of magnitude of the time one check takes [s]: cheaper back ends are queried first.
+    expensive
         Whether its verdicts are worth keeping on disk.
     """
 
     name: ClassVar[str]
     version: ClassVar[str] = "1"
     expected_s: ClassVar[float] = 1e-5
-    dear: ClassVar[bool] = False
+    expensive: ClassVar[bool] = False
     Options: ClassVar[type[BaseModel]] = Options
 
     def __init__(self, task: Task, options: BaseModel | None = None) -> None:
@@ -68,7 +68,7 @@ class BackEnd(ABC):
         return {}
 
     def beside(self, others: Sequence[BackEnd]) -> None:
-        """Learn which back ends are asked beside this one; told once, before the first check."""
+        """Learn which back ends are queried beside this one; told once, before the first check."""
         return
 
     @property
@@ -88,7 +88,7 @@ class BackEnd(ABC):
 
     @abstractmethod
     def check(self, skill: Skill, state: State) -> Verdict:
-        """Rule on one execution.
+        """Decide about one execution.
 
         Parameters
         ----------
@@ -101,5 +101,5 @@ class BackEnd(ABC):
         -------
         Verdict
             With the facts it rests on, where the back end can say. The same for the same
-            arguments, whatever was asked before.
+            arguments, whatever was queried before.
         """

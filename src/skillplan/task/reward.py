@@ -1,4 +1,4 @@
-"""Rewards of a task: what a learner is paid, in exactly one term a step."""
+"""Rewards of a task, in exactly one term a step."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from skillplan.task.state import State
 
 
 class Reward(Protocol):
-    """What a learner is paid."""
+    """The rewards of a task."""
 
     @property
     def infeasible(self) -> float:
@@ -76,7 +76,13 @@ class DistanceReward:
     def of_step(
         self, state: State, skill: str, cost: float, *, goal: bool, out_of_time: bool
     ) -> float:
-        """Return the reward of a step; see `Reward.of_step`."""
+        """Return the reward of a step.
+
+        Parameters
+        ----------
+        state, skill, cost, goal, out_of_time
+            As in `Reward.of_step`.
+        """
         return (self.complete if goal else 0.0) - self._numbers[
             (state.bits & self._mask).bit_length()
         ]
@@ -147,7 +153,13 @@ class RewardScheme:
     def of_step(
         self, state: State, skill: str, cost: float, *, goal: bool, out_of_time: bool
     ) -> float:
-        """Return the reward of a step; see `Reward.of_step`."""
+        """Return the reward of a step.
+
+        Parameters
+        ----------
+        state, skill, cost, goal, out_of_time
+            As in `Reward.of_step`.
+        """
         if goal:
             return self.complete
         if out_of_time:

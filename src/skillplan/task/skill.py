@@ -99,7 +99,7 @@ class Skill:
     agents
         The robots it occupies, at least one.
     precondition
-        Where it is *applicable*: symbolic, free to ask.
+        Where it is *applicable*: symbolic, free to query.
     outcomes
         The *prediction*; probabilities sum to 1, the nominal outcome first. Empty where
         `cases` are given.

@@ -118,7 +118,7 @@ class Task:
     observation
         The bits a learner sees, in order; all facts where empty.
     operations
-        Element of the product to the fact that its operation brings about, such as
+        Component of the product to the fact that its operation brings about, such as
         ``pcb`` to ``placed(pcb)``: what precedence relations are about.
     chart
         The hand-made precedence relation over operations.
@@ -175,13 +175,13 @@ class Task:
         for literal in self.observation:
             if literal.fact not in self.facts:
                 raise ValueError(f"Task {self.name!r}: unknown fact {literal.fact!r} observed.")
-        for element, fact in self.operations.items():
+        for component, fact in self.operations.items():
             if fact not in self.facts:
-                raise ValueError(f"Task {self.name!r}: {element!r} has unknown fact {fact!r}.")
+                raise ValueError(f"Task {self.name!r}: {component!r} has unknown fact {fact!r}.")
         for line in self.chart:
-            for element in (line.before, line.after):
-                if element not in self.operations:
-                    raise ValueError(f"Task {self.name!r}: chart names unknown {element!r}.")
+            for component in (line.before, line.after):
+                if component not in self.operations:
+                    raise ValueError(f"Task {self.name!r}: chart names unknown {component!r}.")
         for fact in self.places:
             if fact not in self.facts:
                 raise ValueError(f"Task {self.name!r}: unknown fact {fact!r} is a place.")

@@ -78,7 +78,7 @@ class GroupTraining:
             self._judge = self._models[0]
             if plan.task is not plan.layouts[0]:
                 self._judge = make_model(plan.task, plan.setup, cache, overdue)
-            self._expensive = any(one.dear for one in self._judge.feasibility.back_ends)
+            self._expensive = any(one.expensive for one in self._judge.feasibility.back_ends)
             self._before = self._reported = progress or NO_PROGRESS
             lengths = {} if checkpoint is None else checkpoint.lengths
             for run in self._runs:
@@ -217,7 +217,7 @@ class GroupTraining:
             models.append(self._judge)
         checkers = [model.feasibility for model in models]
         before, here_s = self._before, time.monotonic() - self._begun_s
-        names = dict.fromkeys([*before.asked, *(name for one in checkers for name in one.asked)])
+        names = dict.fromkeys([*before.asked, *(name for one in checkers for name in one.queried)])
         return GroupProgress(
             steps=max(self._kept_steps, 0),
             failures={self._runs[at]: why for at, why in sorted(self._training.failed.items())},
@@ -227,7 +227,7 @@ class GroupTraining:
             hits=before.hits + sum(one.hits for one in checkers),
             executions=before.executions + sum(one.executions for one in checkers),
             asked={
-                name: before.asked.get(name, 0) + sum(one.asked[name] for one in checkers)
+                name: before.asked.get(name, 0) + sum(one.queried[name] for one in checkers)
                 for name in names
             },
         )

@@ -8,7 +8,7 @@ from typing import Literal
 
 from skillplan.env.observation import Observation
 from skillplan.model.skill_model import SkillModel
-from skillplan.records.policy_file import fingerprint
+from skillplan.records.stored.policy_file import fingerprint
 from skillplan.records.training.network_policy_file import write_network
 from skillplan.records.training.outcome import GreedyRollOut
 from skillplan.records.training.run_folder import run_path

@@ -89,7 +89,7 @@ class Trainer:
         stored = RunFolder(path)
         before = [stored.progress(group) for group in range(len(plan.groups))]
         elapsed_s = max((one.elapsed_s for one in before if one is not None), default=0.0)
-        expensive = any(back_end.dear for back_end in plan.setup.back_ends(plan.task))
+        expensive = any(back_end.expensive for back_end in plan.setup.back_ends(plan.task))
         # Proved first, it must not spare the runs the checks they have to make themselves.
         optimum = None if expensive else self._prove(VerdictCache())
         jobs = [GroupJob(plan, path, group, elapsed_s) for group in range(len(plan.groups))]

@@ -21,7 +21,7 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
 from skillplan.trials.detector_trial import Trial, Truth
-from skillplan.trials.fault_injection import near_misses, staged_collisions
+from skillplan.trials.fault_injection import injected_collisions, near_misses
 from skillplan.trials.wrong_orders import wrong_orders
 
 CHART = "the hand-made chart"
@@ -132,7 +132,7 @@ def try_detectors(
         for trial in chain(
             _chosen(legitimate, near_misses, staged),
             wrong_orders(task, legitimate),
-            _chosen(legitimate, staged_collisions, staged),
+            _chosen(legitimate, injected_collisions, staged),
         ):
             asked = back_ends
             if trial.task is not task:

@@ -29,7 +29,7 @@ LEAST_HIT_M = 0.003
 _TOUCH_M = 1e-5
 
 
-def staged_collisions(task: Task, skill: Skill, state: State) -> Iterator[Trial]:
+def injected_collisions(task: Task, skill: Skill, state: State) -> Iterator[Trial]:
     """Yield executions of a skill in which something collides.
 
     Parameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from skillplan.chart.hypothetical_state import Imagination
+from skillplan.chart.hypothetical_state import HypotheticalStates
 from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_boxes
 from skillplan.task.motion import Event, Visit
 from skillplan.task.scene import Pose
@@ -25,7 +25,7 @@ def wrong_orders(task: Task, legitimate: Sequence[Trial]) -> Iterator[Trial]:
     Where something else is done besides, the part in the hand may come down on it; where
     nothing bears what is set down, it falls without touching anything.
     """
-    imagination = Imagination(task)
+    hypothetical = HypotheticalStates(task)
     told: set[tuple[str, str, frozenset[str]]] = set()
     for trial in legitimate:
         skill = trial.skill
@@ -38,7 +38,7 @@ def wrong_orders(task: Task, legitimate: Sequence[Trial]) -> Iterator[Trial]:
         for others in dict.fromkeys([frozenset(), *fewer, *more]):
             if others == done:
                 continue
-            state = imagination.before(skill, others)
+            state = hypothetical.before(skill, others)
             standing = standing_boxes(task, state)
             if not is_possible(standing):
                 continue

@@ -237,7 +237,7 @@ class TestYaml:
             ),
             (
                 "[[0, 1, 2, 3], [-1, 0, -1, 3], [-1, -1, 0, 3], [-1, -1, -1, 0]]",
-                "3:44: costs[2][1]: the order goes round in a circle: node 1 before 2 before 1. "
+                "3:44: costs[2][1]: the order has a cycle: node 1 before 2 before 1. "
                 "Write a cost for one of these -1.",
             ),
         ],
@@ -265,7 +265,7 @@ class TestNodeOrder:
         """Each before the next; what only follows it is left out."""
         costs = open_costs(7)
         costs[2][4] = costs[4][3] = costs[3][2] = costs[5][2] = -1
-        assert (2, 3, 4) == NodeOrder(costs).circle
+        assert (2, 3, 4) == NodeOrder(costs).cycle
 
     @given(st.permutations(range(1, 9)), st.sets(st.tuples(st.integers(0, 7), st.integers(0, 7))))
     def test_closing_and_reducing_undo_each_other(
@@ -277,7 +277,7 @@ class TestNodeOrder:
             if a < b:
                 costs[labels[b]][labels[a]] = -1
         order = NodeOrder(costs)
-        assert () == order.circle
+        assert () == order.cycle
         for sets in (order.before, order.immediate):
             again = [[-1 if members >> j & 1 else 1 for j in range(10)] for members in sets]
             assert order.before == NodeOrder(again).before

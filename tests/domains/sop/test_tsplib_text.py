@@ -264,7 +264,7 @@ CASES = {
     ),
     "a circle": (
         spoilt("-1  0  4 5\n-1  6  0 7", "-1  0 -1 5\n-1 -1  0 7"),
-        "11:4: costs[2][1]: the order goes round in a circle: node 1 before 2 before 1. Write a "
+        "11:4: costs[2][1]: the order has a cycle: node 1 before 2 before 1. Write a "
         "cost for one of these -1.",
     ),
     "something before the start": (
@@ -298,8 +298,8 @@ CASES = {
         "1:1: is empty. Give a TSPLIB header and EDGE_WEIGHT_SECTION, or a square matrix.",
     ),
     "prose": (
-        "Dear all,\nhere it is.\n",
-        "1:1: must be 'KEYWORD: value', EDGE_WEIGHT_SECTION or a number, not 'Dear all,'.",
+        "Expensive all,\nhere it is.\n",
+        "1:1: must be 'KEYWORD: value', EDGE_WEIGHT_SECTION or a number, not 'Expensive all,'.",
     ),
     "YAML": (
         "kind: sop\nname: x\ncosts:\n- [0, 1]\n- [-1, 0]\n",

@@ -16,9 +16,9 @@ from skillplan.domains.swarmitfix.heads.heads import (
     HeadRules,
     even_heads,
     normal_yaw,
+    path_between,
     same_yaw,
     vertex_heads,
-    way_between,
 )
 from skillplan.domains.swarmitfix.trajectory.path_elements import Arc, Line
 from skillplan.domains.swarmitfix.trajectory.workpiece import Segment, Workpiece
@@ -176,13 +176,13 @@ def test_no_segment_has_no_parts() -> None:
         even_heads(STRAIGHT, 0)
 
 
-def test_the_way_between_heads_follows_the_trajectory() -> None:
+def test_the_path_between_heads_follows_the_trajectory() -> None:
     arc = Workpiece.from_elements(
         (0.0, 0.0), [Arc(end=(2.0, 0.0), through=(1.0, 1.0))], closed=True, chord_tolerance_m=1e-4
     )
     corners = vertex_heads(arc, RULES)
     middle = even_heads(arc.segments[0], 2)
-    way = way_between(arc, [corners[0], *middle, *corners[1:]])
+    way = path_between(arc, [corners[0], *middle, *corners[1:]])
     assert way(0, 0.0) == (0.0, 0.0)
     assert way(0, 0.5) == pytest.approx(
         (1 - math.cos(math.pi / 4), math.sin(math.pi / 4)), abs=1e-3

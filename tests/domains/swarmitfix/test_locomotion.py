@@ -179,12 +179,12 @@ class TestTimeline:
         assert [1.0, 3.0, 4.0] == [phase.duration_s for phase in phases]
 
     def test_a_way_without_a_support_is_refused(self) -> None:
-        with pytest.raises(ValueError, match="there are 2 ways and 1 supports"):
+        with pytest.raises(ValueError, match="there are 2 paths and 1 supports"):
             timeline(BENCH, [(), ()], [(0.0, 0.0)], home=HOME)
 
     def test_a_way_from_elsewhere_is_refused(self) -> None:
         way = shortest_way(BENCH, 0, 5)
-        with pytest.raises(ValueError, match="stands in C66, but its way goes on from C1"):
+        with pytest.raises(ValueError, match="stands in C66, but its path goes on from C1"):
             timeline(BENCH, [way], [(0.0, 0.0)], home=HOME)
 
     def test_a_step_that_is_no_swing_is_refused(self) -> None:
@@ -193,7 +193,7 @@ class TestTimeline:
 
     def test_a_step_that_leads_elsewhere_is_refused(self) -> None:
         action = action_between("C66", "C54")
-        with pytest.raises(ValueError, match="leads to C54; the way says it leads to C1"):
+        with pytest.raises(ValueError, match="leads to C54; the path says it leads to C1"):
             timeline(BENCH, [((action, HOME, 0),)], [(0.0, 0.0)], home=HOME)
 
 

@@ -53,5 +53,5 @@ def test_what_cannot_follow_is_no_order():
 def test_a_circle_is_refused():
     """By the instance."""
     costs = [[math.inf, 2.0], [3.0, math.inf]]
-    with pytest.raises(ValueError, match="circle"):
+    with pytest.raises(ValueError, match="cycle"):
         JobOrders(problem_of([1.0, 1.0], costs, {(0, 1), (1, 0)}))

@@ -107,7 +107,7 @@ def test_a_circle_is_no_precedence():
     for circle in ([(1, 2), (2, 1)], [(1, 2), (2, 3), (3, 1)], [(3, 0)], [(4, 2)]):
         relation = before.copy()
         relation[tuple(np.array(circle).T)] = True
-        with pytest.raises(ValueError, match="circle"):
+        with pytest.raises(ValueError, match="cycle"):
             OrderingInstance(costs, relation)
 
 

@@ -27,7 +27,7 @@ def never():
     return False
 
 
-def ignore(*news):
+def ignore(*shared):
     """Whatever it is."""
 
 

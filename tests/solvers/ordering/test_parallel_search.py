@@ -16,12 +16,12 @@ from sequencing_problems import SOP
 from skillplan.model.sequencing import SequencingProblem
 from skillplan.pipeline.run import make_model, solve
 from skillplan.solvers.ordering import parallel_search
-from skillplan.solvers.ordering.incumbents import News
+from skillplan.solvers.ordering.incumbents import SharedIncumbent
 from skillplan.solvers.ordering.instance import OrderingInstance
 from skillplan.solvers.ordering.job_orders import JobOrders
 from skillplan.solvers.ordering.parallel_search import ParallelSearch, emphases
 from skillplan.solvers.ordering.portfolio import METHODS, OrderingSearch
-from skillplan.solvers.ordering.search_worker import Share, ShareSearch, Word
+from skillplan.solvers.ordering.search_worker import Share, ShareSearch, Update
 from skillplan.solvers.stop import Stop
 from sop_instances import BEST_KNOWN, instance
 
@@ -115,13 +115,13 @@ class TestNews:
         """As if it had been found here."""
         known = OrderingSearch(ordering("br17.10"), seed=1)
         known.run()
-        news = [News(known.order)]
+        shared = [SharedIncumbent(known.order)]
         orders = []
         search = OrderingSearch(
             known.instance,
             ("subset-dp",),
             on_order=lambda order, cost: orders.append(cost),
-            news=lambda: news.pop() if news else None,
+            shared=lambda: shared.pop() if shared else None,
         )
         search.run()
         assert search.proved
@@ -131,8 +131,8 @@ class TestNews:
         """With the name of what proved it."""
         known = OrderingSearch(ordering("br17.10"), seed=1)
         known.run()
-        news = News(known.order, known.bound, "word of mouth")
-        search = OrderingSearch(known.instance, ("local-search",), news=lambda: news)
+        shared = SharedIncumbent(known.order, known.bound, "word of mouth")
+        search = OrderingSearch(known.instance, ("local-search",), shared=lambda: shared)
         search.run()
         assert search.proved
         assert search.effort.bound_method == "word of mouth"
@@ -143,7 +143,7 @@ class TestNews:
         given = ordering("br17.10")
         wrong = np.concatenate(([0], np.arange(given.n - 2, 0, -1), [given.n - 1]))
         assert not given.feasible(wrong)
-        search = OrderingSearch(given, news=lambda: News(wrong))
+        search = OrderingSearch(given, shared=lambda: SharedIncumbent(wrong))
         search.run()
         assert search.proved
         assert given.feasible(search.order)
@@ -346,7 +346,7 @@ class TestShares:
         known = OrderingSearch(ordering("ESC25"), seed=1)
         known.run()
         share = ShareSearch(Share(known.instance, ("subset-dp",), 0, None, None, None))
-        share.hear(Word(known.order, 0.0, "", None))
+        share.receive(Update(known.order, 0.0, "", None))
         deadline_s = time.monotonic() + PATIENCE_S
         while not (found := share.finding()).ended:
             assert time.monotonic() < deadline_s

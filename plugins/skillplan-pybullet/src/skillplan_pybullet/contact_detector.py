@@ -41,7 +41,7 @@ class ContactDetector(Detector):
 
     # A little less than the engine: a collision is named before the disorder that it causes.
     expected_s = 0.5
-    dear = True
+    expensive = True
 
     Options: ClassVar[type[back_end.Options]] = WindowOptions
 

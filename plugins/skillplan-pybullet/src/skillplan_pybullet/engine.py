@@ -42,7 +42,7 @@ class PybulletEngine(Engine, Performer):
     name = "pybullet"
     version = "3"
     expected_s = 0.6
-    dear = True
+    expensive = True
 
     class Options(ExecutionSettings):
         """Options of motion and of what counts as done."""

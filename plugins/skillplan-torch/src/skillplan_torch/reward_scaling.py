@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.env.reward import Payment
+from skillplan.env.reward import RewardFunction
 from skillplan.env.transition_table import COMPLETE, GOES_ON, OUT_OF_TIME
 from skillplan.task.task import Task
 
@@ -45,7 +45,7 @@ class RewardScaling:
     @classmethod
     def of(cls, task: Task, objective: str, *, counts_last: bool) -> RewardScaling:
         """Return how rewards of a task are split."""
-        rewards = Payment.of(task, objective)
+        rewards = RewardFunction.of(task, objective)
         by_scheme = rewards.scheme is not None
         per_cost = float(getattr(task.reward, "per_cost", 0.0)) if by_scheme else 0.0
         late = rewards.out_of_time
@@ -72,7 +72,7 @@ class RewardScaling:
         )
 
 
-def _losses(task: Task, rewards: Payment) -> Iterator[float]:
+def _losses(task: Task, rewards: RewardFunction) -> Iterator[float]:
     """Yield what every skill would lose where the task starts, as far as it can go."""
     start = task.initial
     for skill in task.skills:

@@ -149,7 +149,7 @@ def fill(
     ):
         counts = enumerate_feasibility(checks, lambda: bool(requests))
     names = [back_end.name for back_end in checks.back_ends]
-    kept = any(back_end.dear for back_end in checks.back_ends)
+    kept = any(back_end.expensive for back_end in checks.back_ends)
     folder = cache.folder if cache is not None and kept else None
     filling = CacheFilling(loaded, names, counts, time.perf_counter() - begin_s, folder)
     emit(style, filling.document(), [filling_table(filling)], failed=not counts.complete)
@@ -179,7 +179,10 @@ def clear(
     root = warm_cache().folder
     what = "everything" if problem is None else f"what was kept for {problem.name}"
     if not yes and sys.stdin.isatty():
-        typer.confirm(f"Remove {what} in {root}?", abort=True, err=True)
+        # Not Typer's own question: part of it goes to stdout, where JSON stands alone.
+        print(f"Remove {what} in {root}? [y/N]: ", end="", file=sys.stderr, flush=True)
+        if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+            raise typer.Abort
     try:
         names = None if problem is None else {one.name for one in problem.tasks}
         removed = VerdictFolder(root).clear(names)

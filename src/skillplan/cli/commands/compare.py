@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import typer
@@ -80,17 +81,7 @@ def command(
     right by the hand-made chart, and collisions injected into the task: false alarms, misses
     and the figures that decide.
     """
-    from contextlib import ExitStack
-    from dataclasses import replace
-
-    from skillplan.cli.output import emit, exit_code
     from skillplan.errors import OptionError
-    from skillplan.pipeline.chain import solver_names
-    from skillplan.pipeline.comparison import compare_solvers
-    from skillplan.pipeline.run import check_solver
-    from skillplan.records import schemas
-    from skillplan.solvers.stop import Stop
-    from skillplan.views.tables.solved import comparison_tables
 
     if (solvers is None) == (detectors is None):
         raise OptionError("Give either --solvers or --detectors.")
@@ -114,7 +105,35 @@ def command(
     names = tuple(split_names(solvers or ""))
     if not names:
         raise OptionError("--solvers names no solver.")
-    problem = reading.problem(task, back_ends)
+    run = _Run(names, limits, seed, jobs, warm)
+    return _compare(task, reading, back_ends, run, style)
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """Which solvers are compared, and how they run."""
+
+    names: tuple[str, ...]
+    limits: Limits
+    seed: int
+    jobs: int
+    warm: bool
+
+
+def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style: str) -> int:
+    """Run solvers on a task, print their rows, and return the exit code."""
+    from contextlib import ExitStack
+
+    from skillplan.cli.output import emit, exit_code
+    from skillplan.pipeline.chain import solver_names
+    from skillplan.pipeline.comparison import compare_solvers
+    from skillplan.pipeline.run import check_solver
+    from skillplan.records import schemas
+    from skillplan.solvers.stop import Stop
+    from skillplan.views.tables.solved import comparison_tables
+
+    names = run.names
+    problem = reading.problem(path, back_ends)
     last = problem.tasks[-1]
     every = tuple(dict.fromkeys(each for name in names for each in solver_names(name)))
     setup = back_ends.setup(last, every)
@@ -124,20 +143,26 @@ def command(
 
         def make_stop(name: str) -> Stop:
             waiting.pop_all().close()
-            return waiting.enter_context(limits.stoppable(name))
+            return waiting.enter_context(run.limits.stoppable(name))
 
         title = f"{problem.name}: {setup.physics_choice(last).name} physics, collision "
         title += ",".join(choice.name for choice in setup.collision_choices(last)) or "none"
-        title += ", warm cache" if warm else ", cold cache"
+        title += ", warm cache" if run.warm else ", cold cache"
         results = compare_solvers(
-            problem, names, setup, seed=seed, make_stop=make_stop, warm=warm, jobs=jobs
+            problem,
+            names,
+            setup,
+            seed=run.seed,
+            make_stop=make_stop,
+            warm=run.warm,
+            jobs=run.jobs,
         )
     tables = comparison_tables(results, title, last.metric.decimals)
-    origin = setup.origin(task, None, reading.settings())
+    origin = setup.origin(path, None, reading.settings())
     not_run = list(names[len(results) :])
     document = {
         "schema": schemas.COMPARISON,
-        "warm": warm,
+        "warm": run.warm,
         "not_run": not_run,
         "rows": [replace(result, origin=origin).document() for result in results],
     }

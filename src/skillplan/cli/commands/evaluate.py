@@ -88,7 +88,8 @@ class Replayed:
             If not just one of them is given, or something does not fit the task.
         """
         from skillplan.errors import OptionError
-        from skillplan.records.policy_file import policies_path, read_policy, start_state
+        from skillplan.records.stored.policy_file import read_policy, start_state
+        from skillplan.records.stored.result_folder import policies_path
 
         if (self.sequence is None) == (self.policy_file is None):
             raise OptionError("Give either --sequence or --policy.")
@@ -205,7 +206,7 @@ def command(
     alone. Back ends are those of the training. Several are shown side by side.
     """
     from skillplan.errors import OptionError
-    from skillplan.records.result_file import is_result, run_folder
+    from skillplan.records.stored.result_folder import is_result, run_folder
 
     folders = [run_folder(one) for one in inputs]
     if len(inputs) > 1 and None in folders:
@@ -218,8 +219,8 @@ def command(
         refuse_given(ctx, ("part",), "is for a task file, not for a folder of runs")
         wanted = Wanted(roll_outs, reading, back_ends, checking, seed, time_limit_s)
         return evaluate_run_folders([one for one in folders if one is not None], wanted, style)
-    refuse_given(ctx, _RUN_ONLY, "is for a folder of runs")
     if is_result(inputs[0]):
+        refuse_given(ctx, _RUN_ONLY, "is for a folder of runs, not for a result")
         refuse_given(ctx, _REPLAYED, "is for a task file; a result holds its own plan")
         loaded = load(
             inputs[0],
@@ -232,6 +233,7 @@ def command(
         task, plan = loaded.planned()
         skills = task.parse_sequence(",".join(plan))
         return _evaluate(task, loaded.setup, skills, checking, time_limit_s, style)
+    refuse_given(ctx, _RUN_ONLY, "is for a folder of runs, not for a task file")
     refuse_given(ctx, _RECORDED, "is for a result or a folder of runs, not for a task file")
     task = reading.task(inputs[0], back_ends)
     setup = back_ends.setup(task, (DEFAULT_SOLVER,))

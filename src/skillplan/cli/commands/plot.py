@@ -152,7 +152,7 @@ def command(
     with the task, the back ends and the options of the result. The curves of several RUNs stand
     in one figure.
     """
-    from skillplan.records.result_file import is_result, run_folder
+    from skillplan.records.stored.result_folder import is_result, run_folder
 
     sources, figure = _split(inputs)
     folders = [run_folder(one) for one in sources]

@@ -80,17 +80,21 @@ def command(
     from skillplan.cli.output import as_json, emit, exit_code, prepare_folder, save
     from skillplan.pipeline.chain import solver_names
     from skillplan.pipeline.solve_problem import solve_problem
-    from skillplan.records.policy_file import POLICIES, policy_document, solved_tasks
-    from skillplan.records.result_file import PLAN, RESULT, start_plan
+    from skillplan.records.stored.policy_file import policy_document, solved_tasks
+    from skillplan.records.stored.result_folder import PLAN, POLICIES, RESULT
     from skillplan.views.tables.solved import saved_tables, solved_tables
-    from skillplan.views.tables.table import as_csv
+    from skillplan.views.text.table import as_csv
 
     part = reading.part
     problem = reading.problem(task, back_ends)
     solver = solver or problem.domain.default_solver(problem.config)
     last = problem.tasks[-1] if part is None else problem.part(part)
     setup = back_ends.setup(problem.tasks[-1], solver_names(solver))
-    plan = None if start is None else start_plan(start, problem, part)
+    plan = None
+    if start is not None:
+        from skillplan.records.stored.result_file import start_plan
+
+        plan = start_plan(start, problem, part)
     folder = prepare_folder(out)
     with limits.stoppable(solver, gap) as stop:
         result = solve_problem(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +14,8 @@ from skillplan.cli.options import BACK_ENDS, OUTPUT, TASK, BackEnds, PartReading
 from skillplan.cli.result_input import RESULT_HELP, load
 
 if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.cli.counting import Count
+    from skillplan.physics.performance import Sample
     from skillplan.pipeline.setup import Setup
     from skillplan.task.skill import Skill
     from skillplan.task.task import Task
@@ -116,9 +119,9 @@ def command(
     from skillplan.cli.showing import blamed, performer
     from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
     from skillplan.files.output_path import output_path
-    from skillplan.physics.performance import Performance, Sample
-    from skillplan.records.simulation import Simulation, applicable_part
-    from skillplan.records.trace_file import SUFFIXES, trace_file
+    from skillplan.physics.performance import Performance
+    from skillplan.records.execution.simulation import Simulation, applicable_part
+    from skillplan.records.execution.trace_file import SUFFIXES, trace_file
     from skillplan.views.tables.simulation import simulation_tables
     from skillplan.views.video_file import VIDEOS, video_file
 
@@ -138,17 +141,7 @@ def command(
             bodies = [body.name for body in loaded.scene.bodies]
             row = stack.enter_context(trace_file(table, bodies, "--trace"))
         count = stack.enter_context(counting("skills", len(skills)))
-        under_way: list[str] = []
-
-        def note(sample: Sample) -> None:
-            # While the world settles no skill is under way.
-            if sample.skill and under_way[-1:] != [sample.skill]:
-                if under_way:
-                    count.one_more()
-                under_way.append(sample.skill)
-            if row is not None:
-                row(sample)
-
+        note = _Notes(count, row)
         performance = Performance((), (), 0.0, 0)
         begin_s = time.perf_counter()
         if possible:
@@ -180,12 +173,30 @@ def command(
     return EXIT_SOLVED if good else EXIT_NO_PLAN
 
 
+class _Notes:
+    """Counts the skills that are over, and writes every sample into the trace, if there is one."""
+
+    def __init__(self, count: Count, row: Callable[[Sample], None] | None) -> None:
+        self._count, self._row = count, row
+        self._under_way = ""
+
+    def __call__(self, sample: Sample) -> None:
+        """Take note of a sample."""
+        # While the world settles no skill is under way.
+        if sample.skill and sample.skill != self._under_way:
+            if self._under_way:
+                self._count.one_more()
+            self._under_way = sample.skill
+        if self._row is not None:
+            self._row(sample)
+
+
 def _load(
     path: str, sequence: str | None, back_ends: BackEnds, reading: PartReading
 ) -> tuple[Task, Setup, tuple[Skill, ...]]:
     """Return task, setup and plan; of engines the one chosen, or the file's, or else pybullet."""
     from skillplan.errors import OptionError
-    from skillplan.records.result_file import is_result
+    from skillplan.records.stored.result_folder import is_result
 
     stored = is_result(path)
     if stored and sequence is not None:

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -23,6 +23,9 @@ from skillplan.cli.options import (
     solver_option,
     split_names,
 )
+
+if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.records.sweep.result import SweepResult
 
 STUDY = "Study"
 _DESIGNS = ("one-at-a-time", "grid")
@@ -162,17 +165,11 @@ def command(
 
     from skillplan.cli.counting import counting
     from skillplan.cli.output import as_json, emit, save
-    from skillplan.errors import (
-        EXIT_INTERRUPTED,
-        EXIT_NO_PLAN,
-        EXIT_SOLVED,
-        OptionError,
-        SkillplanError,
-    )
+    from skillplan.errors import OptionError
     from skillplan.sweep.parameter_study import do_study, plan_study
-    from skillplan.sweep.study_folder import StudyFolder
-    from skillplan.views.tables.sweep import setting_table, start_table
-    from skillplan.views.tables.table import as_csv
+    from skillplan.sweep.study_folder import RESULT, STARTS, StudyFolder
+    from skillplan.views.tables.learning.sweep import setting_table, start_table
+    from skillplan.views.text.table import as_csv
 
     out, part, starts = kept.out, reading.part, split_names(study.starts or "")
     if kept.resume and out is None:
@@ -211,21 +208,11 @@ def command(
             on_run=lambda record: count.one_more(),
         )
         if folder is not None:
-            save(folder.path, "sweep.json", as_json(result.document()))
-            save(folder.path, "starts.csv", as_csv(start_table(result)))
+            save(folder.path, RESULT, as_json(result.document()))
+            save(folder.path, STARTS, as_csv(start_table(result)))
     if picture is not None and len(result.records) > len(result.failed):
-        from skillplan.views.figures.figure_file import save_figure
-        from skillplan.views.figures.sweep_figure import sweep_figure
-
-        try:
-            save_figure(sweep_figure(result), picture)
-        except SkillplanError as error:
-            raise OptionError(str(error).replace("--out", "--plot", 1)) from None
-    code = EXIT_SOLVED
-    if result.interrupted:
-        code = EXIT_INTERRUPTED
-    elif not any(outcome.arrived for record in result.records for outcome in record.outcomes):
-        code = EXIT_NO_PLAN
+        _draw(result, picture)
+    code = _exit_code(result)
     tables = [setting_table(result), *([start_table(result)] if style == "csv" else [])]
     emit(style, result.document(), tables, failed=code != 0 or bool(result.failed))
     return code
@@ -242,6 +229,28 @@ def _split(entries: Iterable[str], solver: str) -> tuple[list[tuple[str, str]], 
         else:
             others.append(entry)
     return values, others
+
+
+def _exit_code(result: SweepResult) -> int:
+    """Return the exit code: whether any run arrived anywhere."""
+    from skillplan.errors import EXIT_INTERRUPTED, EXIT_NO_PLAN, EXIT_SOLVED
+
+    if result.interrupted:
+        return EXIT_INTERRUPTED
+    arrived = any(outcome.arrived for record in result.records for outcome in record.outcomes)
+    return EXIT_SOLVED if arrived else EXIT_NO_PLAN
+
+
+def _draw(result: SweepResult, path: Path) -> None:
+    """Draw what a study shows."""
+    from skillplan.errors import OptionError, SkillplanError
+    from skillplan.views.figures.figure_file import save_figure
+    from skillplan.views.figures.sweep_figure import sweep_figure
+
+    try:
+        save_figure(sweep_figure(result), path)
+    except SkillplanError as error:
+        raise OptionError(str(error).replace("--out", "--plot", 1)) from None
 
 
 def _picture(plot: str) -> Path:

@@ -162,7 +162,7 @@ def command(
     from skillplan.training.trainer import Trainer, next_folder
     from skillplan.training.training_folder import TrainingFolder
     from skillplan.training.training_plan import plan_training
-    from skillplan.views.tables.training import training_tables
+    from skillplan.views.tables.learning.training import training_tables
 
     if resume and out is None:
         raise OptionError("--resume needs --out DIR, the folder of the training to go on with.")

@@ -99,7 +99,7 @@ def _cycles(config: AssemblyConfig) -> Iterator[Issue]:
         }
         cycle = _cycle(beneath)
         if cycle:
-            message = f"parts stand on each other in a circle: {' on '.join(cycle)}."
+            message = f"parts stand on each other in a cycle: {' on '.join(cycle)}."
             yield Issue(message, ("parts", cycle[0], key))
     before: dict[str, list[str]] = {}
     for line in config.chart:
@@ -114,7 +114,7 @@ def _cycles(config: AssemblyConfig) -> Iterator[Issue]:
             for i, line in enumerate(config.chart)
             if line.before == order[0] and order[1] in line.after
         )
-        yield Issue(f"the chart runs in a circle: {' before '.join(order)}.", ("chart", index))
+        yield Issue(f"the chart has a cycle: {' before '.join(order)}.", ("chart", index))
 
 
 def _cycle(predecessors: Mapping[str, list[str]]) -> list[str]:

@@ -3,7 +3,7 @@
 The five skills of Table I of Moller et al.: pick, place, load, offload, fasten. An action's
 cost is the planar distance from where the action before it ended to its own goal (section 4.2).
 A grasp may fail, which leaves the part where it lies; where the arm then goes to look for it
-anew, the skill after counts that way, too.
+anew, the skill after counts that path, too.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ class RobotConfig(Strict):
     home_m: Planar = Field(description="where the tip stands at the start, x y [m]")
     reach_m: Length = Field(0.855, description="greatest distance from base to tip [m]")
     safe_height_m: Length = Field(
-        0.15, description="height of the lowest carried point while travelling [m]"
+        0.15, description="height of the lowest carried point between two places [m]"
     )
     travel_speed_m_per_s: Annotated[float, Field(ge=1e-3, le=100)] = Field(
         0.25, description="planar speed between skills [m/s]"
@@ -45,7 +45,7 @@ class RobotConfig(Strict):
 
 
 class DurationsConfig(Strict):
-    """What each skill takes at its place, the travel to it not counted."""
+    """What each skill takes at its place, the path to it not counted."""
 
     pick: Duration = Field(3.0, description="grasp a part [s]")
     place: Duration = Field(3.0, description="set a part down [s]")

@@ -23,7 +23,7 @@ class SkillDraft:
     ends_at
         The place where the arm stands then.
     routes
-        What the arm visits, by the fact that selects the route; None for a single one. The way
+        What the arm visits, by the fact that selects the route; None for a single one. The path
         along them is what the skill costs.
     parameters
         What it is about, for people and engines.

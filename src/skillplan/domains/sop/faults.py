@@ -37,11 +37,11 @@ def _order_faults(config: SopConfig) -> Iterator[Issue]:
     if not faultless:
         return
     order = NodeOrder(costs)
-    if order.circle:
-        first, *others = order.circle
+    if order.cycle:
+        first, *others = order.cycle
         after = others[0] if others else first
         message = (
-            f"the order goes round in a circle: node {_way((*order.circle, first))}. "
+            f"the order has a cycle: node {_path((*order.cycle, first))}. "
             f"Write a cost for one of these {BEFORE}."
         )
         yield Issue(message, ("costs", after, first))
@@ -55,7 +55,7 @@ def _order_faults(config: SopConfig) -> Iterator[Issue]:
         yield Issue(message, ("costs", last, early[0]))
 
 
-def _way(nodes: Iterable[int]) -> str:
+def _path(nodes: Iterable[int]) -> str:
     texts = [str(node) for node in nodes]
     if len(texts) > 2 * _MOST_NAMED:
         texts = [*texts[:_MOST_NAMED], "...", *texts[-_MOST_NAMED:]]

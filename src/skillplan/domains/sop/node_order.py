@@ -34,9 +34,9 @@ class NodeOrder:
 
     @cached_property
     def sequence(self) -> list[int]:
-        """The nodes in an order that keeps the relation, as far as there is no circle.
+        """The nodes in an order that keeps the relation, as far as there is no cycle.
 
-        Nodes in a circle, and those after one, are left out.
+        Nodes in a cycle, and those after one, are left out.
         """
         # Where the relation is closed, what has more before it comes later.
         likely = sorted(range(len(self.direct)), key=lambda node: self.direct[node].bit_count())
@@ -48,14 +48,14 @@ class NodeOrder:
         return likely
 
     def _sorted(self) -> list[int]:
-        """Return the nodes that are in no circle, and not after one, by counting down."""
+        """Return the nodes that are in no cycle, and not after one, by counting down."""
         after: list[list[int]] = [[] for _ in self.direct]
         for node, before in enumerate(self.direct):
             for other in nodes_of(before):
                 after[other].append(node)
         waiting = [before.bit_count() for before in self.direct]
         free = [node for node, count in enumerate(waiting) if not count]
-        for node in free:  # which grows on the way
+        for node in free:  # which grows on the path
             for other in after[node]:
                 waiting[other] -= 1
                 if not waiting[other]:
@@ -63,7 +63,7 @@ class NodeOrder:
         return free
 
     @cached_property
-    def circle(self) -> tuple[int, ...]:
+    def cycle(self) -> tuple[int, ...]:
         """Nodes of which each comes before the next, and the last before the first; or none.
 
         The lowest of them stands first.
@@ -74,26 +74,26 @@ class NodeOrder:
         if not rest:
             return ()
         # Every node that is left has one before it that is left, too.
-        way = [(rest & -rest).bit_length() - 1]
-        seen = {way[0]: 0}
+        path = [(rest & -rest).bit_length() - 1]
+        seen = {path[0]: 0}
         while True:
-            before = self.direct[way[-1]] & rest
+            before = self.direct[path[-1]] & rest
             node = (before & -before).bit_length() - 1
             if node in seen:
-                found = way[seen[node] :][::-1]
+                found = path[seen[node] :][::-1]
                 lowest = found.index(min(found))
                 return (*found[lowest:], *found[:lowest])
-            seen[node] = len(way)
-            way.append(node)
+            seen[node] = len(path)
+            path.append(node)
 
     @cached_property
     def before(self) -> list[int]:
-        """By node, all that come before it; of a relation without circles."""
+        """By node, all that come before it; of a relation without cycles."""
         return self._closure[0]
 
     @cached_property
     def immediate(self) -> list[int]:
-        """By node, those before it with none between them and it; of one without circles."""
+        """By node, those before it with none between them and it; of one without cycles."""
         return self._closure[1]
 
     @cached_property

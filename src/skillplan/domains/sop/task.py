@@ -44,7 +44,7 @@ def sop_task(config: SopConfig, sha256: str) -> Task:
     order = NodeOrder(config.costs)
     nothing = ConstantCost(0.0)
     skills = []
-    for node, column in enumerate(_ways_to(config, order)):
+    for node, column in enumerate(_costs_to(config, order)):
         if node == 0:
             continue
         own = facts.state(visited[node])
@@ -77,7 +77,7 @@ def sop_task(config: SopConfig, sha256: str) -> Task:
     )
 
 
-def _ways_to(config: SopConfig, order: NodeOrder) -> list[list[int]]:
+def _costs_to(config: SopConfig, order: NodeOrder) -> list[list[int]]:
     """Return by node what coming from each other costs, `NEVER` where the order rules it out.
 
     One cannot come from what comes after, nor from what comes before with something between.

@@ -20,7 +20,7 @@ from skillplan.task.task import Task
 
 
 class SwarmitfixDomain(Domain):
-    """Heads, goals and ways of walking bases that support sheet metal from below."""
+    """Heads, goals and paths of walking bases that support sheet metal from below."""
 
     kind = "swarmitfix"
     Config = SwarmitfixConfig

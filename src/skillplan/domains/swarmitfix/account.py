@@ -221,7 +221,7 @@ def _goals_listing(
 
 
 def _phases(job: Job) -> tuple[Phase, ...] | None:
-    """Return the five steps of every sequence, or None while ways of the base are missing."""
+    """Return the five steps of every sequence, or None while paths of the base are missing."""
     paths: list[BasePath] = []
     here = job.home
     for number, goal in enumerate(job.goals, start=1):

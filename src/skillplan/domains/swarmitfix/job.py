@@ -1,4 +1,4 @@
-"""The hierarchy of one trajectory: heads, goals of the base, ways of the base.
+"""The hierarchy of one trajectory: heads, goals of the base, paths of the base.
 
 Veeramani and Muthuswamy, Fig. 3. Each level is grounded from what the one above it gave; a level
 that has not been solved yet stands in with its proved optimum, so that the whole chain can be
@@ -14,9 +14,9 @@ from functools import cached_property, lru_cache
 from skillplan.domains.swarmitfix.base.goal_choice import Choice, GoalRule, choose
 from skillplan.domains.swarmitfix.base.goals import (
     GoalSet,
+    PathBetween,
     ReachRules,
     UnreachableSupport,
-    WayBetween,
     goal_sets,
     inward_side,
     preferring,
@@ -29,8 +29,8 @@ from skillplan.domains.swarmitfix.heads.heads import (
     Head,
     HeadRules,
     even_heads,
+    path_between,
     vertex_heads,
-    way_between,
 )
 from skillplan.domains.swarmitfix.heads.task import (
     fewest,
@@ -171,9 +171,9 @@ class Job:
     def goal_sets(self) -> tuple[GoalSet, ...]:
         """The positions that can hold each support."""
         closed = self.workpiece.closed
-        sets = goal_sets(self.bench, self._supports, self.reach, closed, self._way)
+        sets = goal_sets(self.bench, self._supports, self.reach, closed, self._path)
         if not closed:
-            # The last support has no next one; whoever serves the way to it holds it, too.
+            # The last support has no next one; whoever serves the path to it holds it, too.
             end = sets[-1].e2
             sets = (*sets, replace(sets[-1], index=len(self.heads) - 1, e1=end, e2=end))
         if self.config.base.prefer_reachable:
@@ -195,15 +195,15 @@ class Job:
     def unreachable(self) -> tuple[UnreachableSupport, ...]:
         """Return every pair of supports that no position serves."""
         closed = self.workpiece.closed
-        return unreachable(self.bench, self._supports, self.reach, closed, self._way)
+        return unreachable(self.bench, self._supports, self.reach, closed, self._path)
 
     @property
     def _supports(self) -> list[Point2]:
         return [head.position for head in self.heads]
 
     @property
-    def _way(self) -> WayBetween:
-        return way_between(self.workpiece, self.heads)
+    def _path(self) -> PathBetween:
+        return path_between(self.workpiece, self.heads)
 
     @cached_property
     def choice(self) -> Choice:
@@ -243,7 +243,7 @@ class Job:
         return self.bench.position(self.config.base.home)
 
     def tasks(self, sha256: str) -> list[Task]:
-        """Return the chain: heads of every segment, goals, and a way to every goal."""
+        """Return the chain: heads of every segment, goals, and a path to every goal."""
         config = self.config
         if config.robots is not None:
             made = [

@@ -52,7 +52,7 @@ class BenchConfig(Strict):
 
 
 class HeadsConfig(Strict):
-    """The triangular heads that bear the sheet along the trajectory."""
+    """The triangular heads that support the sheet along the trajectory."""
 
     side_m: Length = Field(0.10, description="side of the equilateral head [m]")
     max_gap_m: Length = Field(0.20, description="longest stretch of the trajectory left bare [m]")
@@ -107,7 +107,7 @@ class BaseConfig(Strict):
     prefer_reachable: bool = Field(
         True,
         description="whether positions from which the legs of the PKM cannot hold the support are "
-        "left out where others remain; Eqs 1-4 do not ask",
+        "left out where others remain; Eqs 1-4 do not check that",
     )
     goal_choice: GoalRule = Field(
         "whole-trajectory",
@@ -227,7 +227,7 @@ class SwarmitfixConfig(Strict):
         None, description="the path of the tool; left out: base.goals or robots is given"
     )
     heads: HeadsConfig = Field(
-        default_factory=HeadsConfig, description="the heads that bear the sheet"
+        default_factory=HeadsConfig, description="the heads that support the sheet"
     )
     base: BaseConfig = Field(
         default_factory=BaseConfig, description="where the base starts and may stand"

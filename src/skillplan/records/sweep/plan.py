@@ -75,7 +75,7 @@ class Start:
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """A parameter study as it was asked for.
+    """A parameter study as it was planned.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class SweepPlan:
     solver
         Who is studied.
     physics, collision
-        Back ends that are asked.
+        Back ends that are queried.
     design
         One of `DESIGNS`: every option varied alone around the centre, or all combinations.
     axes

@@ -71,7 +71,7 @@ class SweepResult:
     Parameters
     ----------
     plan
-        What was asked.
+        What was studied.
     records
         Runs in any order, at most one for each setting and seed.
     interrupted
@@ -136,10 +136,10 @@ class SweepResult:
         ]
         arrived = [run for run in runs if all(one.arrived for one in run)]
         optima = {one.name: one.optimum for one in self.plan.starts}
-        asked = list(optima) if start is None else [start]
+        starts = list(optima) if start is None else [start]
         excess = None
         best = None
-        if all(optima[name] is not None for name in asked):
+        if all(optima[name] is not None for name in starts):
             above = [sum(_above(one, optima[one.start]) for one in run) for run in arrived]
             best = sum(all(_above(one, optima[one.start]) == 0.0 for one in run) for run in arrived)
             excess = mean(above)

@@ -184,7 +184,7 @@ class RunOutcome:
     best, last
         Its policies, followed greedily; None where there is none.
     sampled
-        Roll-outs of the policy it stands for, each action drawn by its score; None where none
+        Roll-outs of its reported policy, each action drawn by its score; None where none
         were made.
     training
         What its episodes came to; None where nobody knows.
@@ -200,7 +200,7 @@ class RunOutcome:
 
     @property
     def greedy(self) -> GreedyRollOut | None:
-        """The roll-out of the policy that the run stands for: the best one, or else the last."""
+        """The roll-out of the run's reported policy: the best evaluated one, or else the last."""
         return self.last if self.best is None else self.best
 
     @property

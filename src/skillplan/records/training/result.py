@@ -65,13 +65,13 @@ class TrainingResult:
     optimum
         What the task costs at least.
     physics, collision
-        The back ends asked.
+        The back ends queried.
     baseline
         What chance alone achieves; None where nobody tried.
     sampling
         How roll-outs were drawn; None where success rates are those of the training.
     checks, executions
-        Questions that back ends were asked, and skills that an engine has executed for them.
+        Queries that back ends answered, and skills that an engine has executed for them.
     wall_s
         How long it all took [s].
     steps_per_s

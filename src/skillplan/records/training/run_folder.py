@@ -1,4 +1,4 @@
-"""The folder of training runs as it is read: what was asked, what was noted, what was learned.
+"""The folder of training runs as it is read: settings, metrics and what was learned.
 
 Whatever is wrong with a file is one error that names it and says what to do. How a folder comes
 about, and survives whatever ends the program, is the business of `skillplan.training`.
@@ -16,11 +16,12 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from skillplan.errors import OptionError
 from skillplan.files.json_file import read_checked, read_document
 from skillplan.records import schemas
+from skillplan.records.stored.result_folder import MANIFEST as MANIFEST
+from skillplan.records.stored.result_folder import RESULT as RESULT
 from skillplan.records.training.metrics_file import METRICS, FiguresRecord, read_metrics
 from skillplan.records.training.network_policy_file import StoredNetwork, read_network
 from skillplan.solvers.learning.learner import Episode
 
-MANIFEST, RESULT = "manifest.json", "result.json"
 TASK_CONFIG = "task.json"
 PROGRESS, CHECKPOINT = "progress.json", "checkpoint.safetensors"
 _REMEDY = "Bring the file back from a copy, or train anew in another folder"
@@ -50,7 +51,7 @@ class Family(_Part):
 
 
 class RunManifest(_Part):
-    """What was asked, and with what: the document ``skillplan.run/1``."""
+    """The settings of a training: the document ``skillplan.run/1``."""
 
     task: TaskReference
     solver: str
@@ -91,7 +92,7 @@ class RunManifest(_Part):
 
     @property
     def objective(self) -> str:
-        """What the environment pays."""
+        """What the rewards are made from."""
         return str(self.options["objective"])
 
 
@@ -108,7 +109,7 @@ class GroupProgress(_Part):
     checks: int = Field(ge=0)
     hits: int = Field(ge=0)
     executions: int = Field(ge=0)
-    asked: dict[str, int] = Field(description="how often each back end was asked")
+    asked: dict[str, int] = Field(description="how often each back end was queried")
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ class StoredRun:
     episodes, figures
         What it noted, in order.
     policy
-        What it stands for; None while it has neither finished nor been interrupted.
+        Its reported policy; None while it has neither finished nor been interrupted.
     last
         What it had learned last; None likewise.
     failure
@@ -187,7 +188,7 @@ class RunFolder:
     path
         The folder.
     manifest
-        What was asked.
+        The settings of the training.
     config
         The task file's content as it was read, defaults included.
 

@@ -1,4 +1,4 @@
-"""Learning from episodes: tabular control, and the interface of deep learners.
+"""Reinforcement learning: tabular control from episodes, and the interface of deep learners.
 
 It never queries back ends.
 """

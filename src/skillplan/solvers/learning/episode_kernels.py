@@ -1,9 +1,10 @@
-"""Compiled episodes of tabular control: temporal differences and Monte Carlo.
+"""Kernels of tabular control: TD(0) updates of SARSA and Q-learning, and first-visit Monte Carlo.
 
-Sutton and Barto, "Reinforcement Learning: An Introduction" (2018), sections 5.3, 6.4 and 6.5;
-Veeramani and Muthuswamy, Table 2. Random numbers come from the kernels' own generator, so that a
-seed means the same with every version of every library. All kernels stand in one file because
-numba does not notice when a function that another file's kernel calls has changed.
+The updates stand in `td_episodes` and `monte_carlo_episodes`. Sutton and Barto, "Reinforcement
+Learning: An Introduction" (2018), sections 5.3, 6.4 and 6.5; Veeramani and Muthuswamy, Table 2.
+Random numbers come from the kernels' own generator, so that a seed gives the same result with
+every version of every library. All kernels stand in one file because numba does not notice when a
+function that another file's kernel calls has changed.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Stream = NDArray[np.uint64]
 
-# What a temporal difference is taken to: the update rule of `td_episodes`.
+# The target of a temporal difference: the update rule of `td_episodes`.
 SARSA, EXPECTED_SARSA, Q_LEARNING = 0, 1, 2
 
 # SplitMix64: Steele, Lea and Flood, "Fast splittable pseudorandom number generators" (2014).
@@ -30,18 +31,18 @@ _S11, _S27, _S30, _S31, _S32 = (np.uint64(shift) for shift in (11, 27, 30, 31, 3
 
 
 class Environment(NamedTuple):
-    """What episodes run in; offsets as in `TabularMDP`.
+    """The environment of episodes; offsets as in `TabularMDP`.
 
     Parameters
     ----------
     rows, outcomes, successors, probabilities
         Those of a `TabularMDP`.
     rewards
-        Paid for every outcome, shape (k,).
+        Reward of every outcome, shape (k,).
     ends
         Whether an episode ends in a state, shape (n,).
     final
-        What a state in which it ends is worth, shape (n,): 0 at the goal.
+        Value of a state in which an episode ends, shape (n,): 0 at the goal.
     starts
         States in which an episode may begin, at least one.
     """
@@ -57,7 +58,7 @@ class Environment(NamedTuple):
 
 
 class Schedule(NamedTuple):
-    """How episodes are run; rates change linearly from `first` episode to last.
+    """Step size, exploration and length of episodes; rates change linearly by episode.
 
     Parameters
     ----------
@@ -144,7 +145,7 @@ def td_episodes(
     stream: Stream,
     lengths: Integers,
 ) -> None:
-    """Run as many episodes as `lengths` has places, updating values after every step.
+    """Run `len(lengths)` episodes with a TD(0) update after every step.
 
     Parameters
     ----------
@@ -163,7 +164,7 @@ def td_episodes(
     lengths
         Filled with the steps of every episode.
     """
-    # Unpacked here: to hand the tuples on costs, in counted references, four times the rest.
+    # Unpacked here: passing tuples on makes numba count references, four times as slow.
     rows, outcomes, successors, probabilities, rewards, ends, final, starts = env
     gamma, max_steps = schedule.gamma, schedule.max_steps
     best = np.empty(len(ends), dtype=np.int64)
@@ -191,7 +192,7 @@ def td_episodes(
                     ahead = (1.0 - epsilon) * ahead + epsilon * mean
             value = before + alpha * (rewards[outcome] + gamma * ahead - before)
             q[taken] = value
-            # Most updates leave the best row what it was, and need not look for it.
+            # Most updates do not change the best row, so that it need not be searched for.
             if taken == best[state]:
                 if value < before:
                     best[state] = _greedy(q, rows[state], rows[state + 1])
@@ -213,14 +214,15 @@ def monte_carlo_episodes(
     q: Floats,
     seen: Integers,
     taken: Integers,
-    paid: Floats,
+    received: Floats,
     stream: Stream,
     lengths: Integers,
 ) -> None:
-    """Run as many episodes as `lengths` has places, updating values after each of them.
+    """Run `len(lengths)` episodes of Monte Carlo control, with updates after each of them.
 
     First-visit Monte Carlo control with exploring starts: an episode begins with a random row of
-    a random state, and values are moved towards what followed the first visit of each row.
+    a random state, and values are moved towards the return that followed the first visit of each
+    row.
 
     Parameters
     ----------
@@ -228,7 +230,7 @@ def monte_carlo_episodes(
         As in `td_episodes`.
     seen
         Scratch, shape (m,): the step at which a row was first taken in this episode, -1 outside.
-    taken, paid
+    taken, received
         Scratch for the rows and rewards of an episode, shape (max_steps,).
     """
     rows, outcomes, successors, probabilities, rewards, ends, final, starts = env
@@ -243,7 +245,7 @@ def monte_carlo_episodes(
         value = 0.0
         while True:
             outcome = _outcome(outcomes, probabilities, row, stream)
-            taken[steps], paid[steps] = row, rewards[outcome]
+            taken[steps], received[steps] = row, rewards[outcome]
             if seen[row] < 0:
                 seen[row] = steps
             steps += 1
@@ -256,7 +258,7 @@ def monte_carlo_episodes(
             best = _greedy(q, rows[state], rows[state + 1])
             row = _explore(rows, state, best, epsilon, stream)
         for step in range(steps - 1, -1, -1):
-            value = paid[step] + gamma * value
+            value = received[step] + gamma * value
             row = taken[step]
             if seen[row] == step:
                 q[row] += alpha * (value - q[row])

@@ -1,4 +1,4 @@
-"""What learners by episodes have in common: rates, chunks, and what they record for curves."""
+"""Base of tabular learners (SARSA, Q-learning, Monte Carlo): schedules and learning curves."""
 
 from __future__ import annotations
 
@@ -13,15 +13,20 @@ from pydantic import Field
 from skillplan.model.skill_model import SkillModel
 from skillplan.model.tabular_mdp import TabularMDP
 from skillplan.solvers.learning.episode_kernels import Environment, Schedule
-from skillplan.solvers.mdp.tabular_solver import TabularOptions, TabularSolver, payments, policy_of
+from skillplan.solvers.mdp.tabular_solver import (
+    TabularOptions,
+    TabularSolver,
+    learner_rewards,
+    policy_of,
+)
 from skillplan.solvers.solution import Policy, Solution
 
-# Whoever waits for a stop waits for a chunk: about a millisecond on a small task.
+# Episodes between two polls of the stop: about a millisecond on a small task.
 _CHUNK = 1_000
 
 
 class EpisodicOptions(TabularOptions):
-    """What every learner by episodes can be told; the defaults are those of the paper."""
+    """Options of every tabular learner; the defaults are those of the paper."""
 
     episodes: int = Field(default=35_000, ge=1, le=100_000_000, description="episodes to run [-]")
     gamma: float = Field(
@@ -85,7 +90,7 @@ class FallingStepOptions(EpisodicOptions):
 
 
 class EpisodicSolver(TabularSolver):
-    """Learns the value of every row from random episodes, which begin in any state."""
+    """Learns action values from random episodes, which begin in any state."""
 
     Options = EpisodicOptions
     options: EpisodicOptions
@@ -100,7 +105,7 @@ class EpisodicSolver(TabularSolver):
         stream: NDArray[np.uint64],
         lengths: NDArray[np.int64],
     ) -> None:
-        """Run as many episodes as `lengths` has places; see `episode_kernels.td_episodes`."""
+        """Run `len(lengths)` episodes; see `episode_kernels.td_episodes`."""
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Learn, and return the greedy policy for all states."""
@@ -113,7 +118,7 @@ class EpisodicSolver(TabularSolver):
         stream = np.array([seed % 2**64], dtype=np.uint64)
         lengths = np.zeros(self.options.episodes, dtype=np.int64)
         record = _Record(model, mdp, self.options)
-        # No episode is run, but what is not compiled yet is compiled now.
+        # No episode is run; this compiles the kernel before time is measured.
         self.run_episodes(env, schedule, 0, q, stream, lengths[:0])
         done, learning_s = 0, 0.0
         while done < len(lengths) and not self.stop():
@@ -130,15 +135,15 @@ class EpisodicSolver(TabularSolver):
 
     def _environment(self, model: SkillModel, mdp: TabularMDP) -> Environment:
         choices = np.diff(mdp.rows)
-        paid = payments(model, mdp, self.options.objective)
+        rewards = learner_rewards(model, mdp, self.options.objective)
         return Environment(
             mdp.rows,
             mdp.outcomes,
             mdp.successors,
             mdp.probabilities,
-            paid.rewards,
+            rewards.rewards,
             choices == 0,
-            np.where(mdp.goal, 0.0, paid.stuck),
+            np.where(mdp.goal, 0.0, rewards.stuck),
             np.flatnonzero(choices),
         )
 
@@ -187,7 +192,7 @@ class _Record:
         self._episodes: list[int] = []
         facts = [name.strip() for name in options.watch.split(",") if name.strip()]
         watched = model.task.facts.none
-        # The tasks of another stage of a chain know none of the facts meant.
+        # The tasks of other stages of a chain have none of these facts.
         if not model.task.stage or any(fact in model.task.facts for fact in facts):
             watched = model.task.facts.of(*facts)
         self._values: dict[str, dict[str, list[float]]] = {}

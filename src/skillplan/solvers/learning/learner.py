@@ -1,7 +1,7 @@
-"""Solvers that learn step by step, several runs side by side, and can be taken up again.
+"""The interface of deep learners: solvers that train several runs side by side and can resume.
 
-`skillplan train` drives them: it says how far to go, keeps what they hand over, and starts them
-again from there. They neither write files nor grade themselves.
+`skillplan train` drives them: it says how many steps to take, stores their snapshots, and resumes
+from these. They neither write files nor grade themselves.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from pydantic import BaseModel, Field
 
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.model.skill_model import SkillModel
-from skillplan.solvers.learning.network_choice import NetworkChoice, policy_on_its_way
+from skillplan.solvers.learning.network_choice import NetworkChoice, reachable_policy
 from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 
-# Whoever waits for a stop waits for so many steps.
+# Environment steps between two polls of the stop.
 _STRIDE_STEPS = 100
 
 End = Literal["complete", "infeasible", "out-of-time"]
@@ -29,7 +29,7 @@ End = Literal["complete", "infeasible", "out-of-time"]
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """An episode of training that has come to its end.
+    """An episode of training that has ended.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Episode:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """All that a training needs to go on as if it had never been interrupted.
+    """All that a training needs to resume as if it had never been interrupted.
 
     Parameters
     ----------
@@ -86,14 +86,14 @@ class Learned:
     Parameters
     ----------
     best
-        Of all policies that were followed without exploration during training the one that
-        completed the task at least cost; None where none did.
+        The best evaluated policy: of those followed without exploration during training the one
+        that completed the task at least cost; None where none did.
     last
-        As it is now.
+        The present policy.
     best_cost
-        What the best one cost; None without one.
+        Cost of the best one; None without one.
     best_step
-        After how many environment steps it was kept.
+        Environment steps after which it was kept; None without one.
     """
 
     last: NetworkPolicy
@@ -103,23 +103,23 @@ class Learned:
 
     @property
     def policy(self) -> NetworkPolicy:
-        """The policy that the run stands for: the best one, or else the last."""
+        """The run's reported policy: the best one, or else the last."""
         return self.last if self.best is None else self.best
 
 
 class Training(ABC):
-    """Several runs under way, one for every place of the environment; equal lengths.
+    """Several runs of equal length in training, one for each environment of the vector.
 
-    A run neither sees nor depends on those beside it: the same seed gives the same figures
-    alone and among others.
+    A run does not depend on the others: the same seed gives the same figures alone and among
+    others.
 
     Attributes
     ----------
     steps
         Environment steps done so far, in every run.
     failed
-        Why a run cannot go on, by its index: numbers that are not finite, for example. Its
-        episodes end there; the others go on.
+        Why a run cannot continue, by its index: numbers that are not finite, for example. It has
+        no further episodes; the others continue.
     """
 
     steps: int
@@ -127,11 +127,11 @@ class Training(ABC):
 
     @abstractmethod
     def advance(self, steps: int) -> list[Episode]:
-        """Do so many environment steps in every run; return the episodes that ended, in order."""
+        """Take so many environment steps in every run; return the episodes that ended, in order."""
 
     @abstractmethod
     def figures(self) -> list[dict[str, float]]:
-        """Return what is worth a curve for every run, such as ``loss``; since the last call."""
+        """Return metrics of every run since the last call, such as ``loss``."""
 
     @abstractmethod
     def learned(self, run: int) -> Learned:
@@ -139,11 +139,11 @@ class Training(ABC):
 
     @abstractmethod
     def snapshot(self) -> Snapshot:
-        """Return all that is needed to go on from here, the environment included."""
+        """Return all that is needed to resume from here, the environment included."""
 
     @abstractmethod
     def restore(self, snapshot: Snapshot) -> None:
-        """Go on from a snapshot of a training of the same solver, options, seeds and steps.
+        """Resume from a snapshot of a training of the same solver, options, seeds and steps.
 
         Raises
         ------
@@ -153,13 +153,13 @@ class Training(ABC):
 
 
 class LearnerOptions(BaseModel):
-    """What every learner can be told beside its own options."""
+    """Options of every learner, beside its own."""
 
     steps: int = Field(
         default=20_000,
         ge=1,
         le=1_000_000_000,
-        description="environment steps of a run; `train --steps` goes before it [-]",
+        description="environment steps of a run; `train --steps` takes precedence [-]",
     )
     observation: Literal["paper", "markov", "layout"] = Field(
         default="markov",
@@ -170,12 +170,12 @@ class LearnerOptions(BaseModel):
     mask: Literal["none", "applicable", "feasible"] = Field(
         default="applicable",
         description="what a choice is limited to: nothing; skills whose preconditions hold; "
-        "skills that back ends allow, which are asked about all of them [-]",
+        "skills that back ends find feasible, which are queried for all of them [-]",
     )
     objective: Literal["reward", "cost"] = Field(
         default="reward",
-        description="what the environment pays: the task's rewards, or minus its costs and what "
-        "the rewards say of failures [-]",
+        description="reward of the environment: the task's rewards, or minus its costs and the "
+        "rewards of failures [-]",
     )
 
 
@@ -187,22 +187,22 @@ class Learner(Solver):
 
     @abstractmethod
     def begin(self, env: SkillVectorEnv, seeds: Sequence[int], steps: int) -> Training:
-        """Return a training that is yet to do its first step.
+        """Return a training before its first step.
 
         Parameters
         ----------
         env
-            A place for every run; the training resets it.
+            One environment for every run; the training resets it.
         seeds
             One for every run; each governs all randomness of its run.
         steps
-            How many steps every run will do in all: schedules are laid out over them.
+            How many steps every run will take in all: schedules span them.
         """
 
     def resume(
         self, env: SkillVectorEnv, seeds: Sequence[int], steps: int, snapshot: Snapshot
     ) -> Training:
-        """Return a training that goes on from a snapshot, bit for bit.
+        """Return a training that resumes from a snapshot, bit for bit.
 
         Parameters
         ----------
@@ -221,7 +221,7 @@ class Learner(Solver):
         return training
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Train one run and return what its policy does wherever it comes to."""
+        """Train one run and return its policy in the states that it reaches."""
         options = self.options
         env = SkillVectorEnv(
             model,
@@ -252,4 +252,4 @@ class Learner(Solver):
         if training.failed:
             return Solution(trace={**trace, "reason": training.failed[0]})
         choose = NetworkChoice(training.learned(0).policy, model, options.observation, options.mask)
-        return Solution(policy_on_its_way(model, choose), trace=trace)
+        return Solution(reachable_policy(model, choose), trace=trace)

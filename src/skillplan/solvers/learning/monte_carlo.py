@@ -1,9 +1,10 @@
 """First-visit Monte Carlo control with exploring starts.
 
-Sutton and Barto (2018), section 5.3. With a mean over all returns, those of the first policies,
-which wander, weigh as much as those of the last; and with a constant probability of random
-actions, returns tell how well the robot recovers from them. Both keep a share of states from
-their best action. So the step size is a weight that forgets, and both rates fall linearly.
+Sutton and Barto (2018), section 5.3; the update stands in `episode_kernels.monte_carlo_episodes`.
+With a mean over all returns, those of the first policies, which wander, weigh as much as those of
+the last; and with a constant probability of random actions, returns measure how well the robot
+recovers from these. Both keep some states from their best action. So updates
+have a step size, which forgets old returns, and both rates fall linearly.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class MonteCarloSolver(EpisodicSolver):
             default=200,
             ge=1,
             le=1_000_000,
-            description="steps after which an episode is cut off: what follows from wandering "
+            description="steps after which an episode is cut off: returns of wandering "
             "must not outweigh the rest [-]",
         )
 
@@ -51,7 +52,21 @@ class MonteCarloSolver(EpisodicSolver):
         stream: NDArray[np.uint64],
         lengths: NDArray[np.int64],
     ) -> None:
-        """Run episodes of first-visit Monte Carlo."""
+        """Run episodes of first-visit Monte Carlo; see `episode_kernels.monte_carlo_episodes`.
+
+        Parameters
+        ----------
+        env, schedule
+            The environment and the rates of episodes.
+        begun
+            Episodes run before these, >= 0: rates continue from there.
+        q
+            Value of every row, shape (m,); changed.
+        stream
+            State of the generator of random numbers, shape (1,); changed.
+        lengths
+            Filled with the steps of every episode.
+        """
         episode_kernels.monte_carlo_episodes(
             env,
             schedule,

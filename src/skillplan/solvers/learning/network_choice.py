@@ -1,4 +1,4 @@
-"""What a network does in a state of a model."""
+"""The greedy policy of a network on a skill model."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.env.action_mask import allowed_actions
+from skillplan.env.env_options import MaskKind, checked_name
 from skillplan.env.observation import Observation
-from skillplan.env.presentation import MaskKind, checked_name
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.solvers.solution import Policy
@@ -26,9 +26,9 @@ class NetworkChoice:
     Parameters
     ----------
     network
-        Of as many inputs as are observed, and as many actions as there are skills.
+        As many inputs as are observed, as many actions as there are skills.
     model
-        Asked where the mask needs it.
+        The skill model; it is queried where the mask needs it.
     observation
         What is observed; ``paper``, ``markov`` or ``layout``.
     mask
@@ -58,17 +58,17 @@ class NetworkChoice:
         mask = np.zeros(len(skills), dtype=np.bool_)
 
         def feasible(action: int) -> bool:
-            # Asked about all at once, and kept by the model.
+            # All transitions are queried at once, and kept by the model.
             return any(arrow.skill is skills[action] for arrow in model.transitions(state))
 
         mask[list(allowed_actions(model, state, self._mask, feasible))] = True
         return mask
 
 
-def policy_on_its_way(model: SkillModel, choose: Callable[[State], Skill]) -> Policy:
-    """Return what a policy does in every state that it may come to from the initial one.
+def reachable_policy(model: SkillModel, choose: Callable[[State], Skill]) -> Policy:
+    """Return a policy in every state that it may reach from the initial one.
 
-    It is followed no longer than the step limit; a skill that is not feasible is left out.
+    It is followed up to the step limit; a skill that is not feasible is left out.
     """
     choices: dict[State, Skill] = {}
     level = [model.initial]

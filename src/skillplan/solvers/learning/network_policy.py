@@ -1,7 +1,7 @@
-"""A policy as a feed-forward network: from what is observed to a score for every action.
+"""A policy as a feed-forward network: from an observation to a score for every action.
 
-Whatever learned it, it answers with numpy alone, so that a stored policy needs neither the
-library it was trained with nor code of its own.
+It is evaluated with numpy alone, so that a stored policy needs neither the library that it was
+trained with nor code of its own.
 """
 
 from __future__ import annotations
@@ -137,9 +137,9 @@ def allowed_scores(scores: Vector, masks: NDArray[np.bool_] | None) -> Vector:
 
 
 def allowing(masks: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return masks, shape (n, actions), of which each allows something: all where it did nothing.
+    """Return masks, shape (n, actions), in which a row that allows no action allows all.
 
-    Whatever is done where nothing is allowed ends the episode.
+    Where nothing is allowed, any action ends the episode.
     """
     return masks | ~masks.any(axis=1, keepdims=True)
 

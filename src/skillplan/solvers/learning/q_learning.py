@@ -1,6 +1,7 @@
 """Off-policy temporal-difference control: Q-learning.
 
-Watkins, "Learning from delayed rewards" (1989); Sutton and Barto (2018), section 6.5.
+Watkins, "Learning from delayed rewards" (1989); Sutton and Barto (2018), section 6.5. The update,
+TD(0) towards the best next action, stands in `episode_kernels.td_episodes`.
 """
 
 from __future__ import annotations
@@ -44,5 +45,19 @@ class QLearningSolver(EpisodicSolver):
         stream: NDArray[np.uint64],
         lengths: NDArray[np.int64],
     ) -> None:
-        """Run episodes of Q-learning."""
+        """Run episodes of Q-learning; the update is in `episode_kernels.td_episodes`.
+
+        Parameters
+        ----------
+        env, schedule
+            The environment and the rates of episodes.
+        begun
+            Episodes run before these, >= 0: rates continue from there.
+        q
+            Value of every row, shape (m,); changed.
+        stream
+            State of the generator of random numbers, shape (1,); changed.
+        lengths
+            Filled with the steps of every episode.
+        """
         episode_kernels.td_episodes(env, schedule, Q_LEARNING, begun, q, stream, lengths)

@@ -1,6 +1,7 @@
 """On-policy temporal-difference control: SARSA.
 
-Veeramani and Muthuswamy, Table 2 and Eq. 10; Sutton and Barto (2018), sections 6.4 and 6.6.
+Veeramani and Muthuswamy, Table 2 and Eq. 10; Sutton and Barto (2018), sections 6.4 and 6.6. The
+update, TD(0) towards the next action taken, stands in `episode_kernels.td_episodes`.
 """
 
 from __future__ import annotations
@@ -39,6 +40,20 @@ class SarsaSolver(EpisodicSolver):
         stream: NDArray[np.uint64],
         lengths: NDArray[np.int64],
     ) -> None:
-        """Run episodes of SARSA."""
+        """Run episodes of SARSA; the update is in `episode_kernels.td_episodes`.
+
+        Parameters
+        ----------
+        env, schedule
+            The environment and the rates of episodes.
+        begun
+            Episodes run before these, >= 0: rates continue from there.
+        q
+            Value of every row, shape (m,); changed.
+        stream
+            State of the generator of random numbers, shape (1,); changed.
+        lengths
+            Filled with the steps of every episode.
+        """
         rule = EXPECTED_SARSA if self.options.expected else SARSA
         episode_kernels.td_episodes(env, schedule, rule, begun, q, stream, lengths)

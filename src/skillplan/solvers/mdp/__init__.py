@@ -1,1 +1,1 @@
-"""Dynamic programming on the arrays of a model; it never samples."""
+"""Markov decision processes: dynamic programming on the arrays of a model; it never samples."""

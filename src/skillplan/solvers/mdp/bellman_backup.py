@@ -1,4 +1,4 @@
-"""Bellman's equations on the arrays of a model, compiled: sweeps, evaluation, improvement.
+"""Bellman backups on the arrays of a model, compiled: sweeps, policy evaluation, improvement.
 
 Everything is minimised; a reward is a negative weight. Without discount this is the stochastic
 shortest path problem (Bertsekas and Tsitsiklis, "An analysis of stochastic shortest path
@@ -21,7 +21,7 @@ Booleans = NDArray[np.bool_]
 
 
 class Choices(NamedTuple):
-    """What may be done where, and what may come of it; offsets as in `TabularMDP`."""
+    """Actions by state and their outcomes; offsets as in `TabularMDP`."""
 
     rows: Integers
     outcomes: Integers
@@ -45,7 +45,7 @@ def _row_value(
     weight: float,
     gamma: float,
 ) -> float:
-    """Return what taking a row is worth until its state is left for another."""
+    """Bellman backup: return the value of taking a row until its state is left."""
     total, stay = weight, 0.0
     for outcome in range(outcomes[row], outcomes[row + 1]):
         following = successors[outcome]
@@ -108,7 +108,7 @@ def evaluate_deterministic(
 ) -> None:
     """Set `values` to those of a policy whose rows all have one outcome, exactly.
 
-    Every state is followed to one whose value is known, or round a circle, whose value has a
+    Every state is followed to one whose value is known, or round a cycle, whose value has a
     closed form; without discount it is infinite.
 
     Parameters
@@ -121,7 +121,7 @@ def evaluate_deterministic(
         Shape (n,); kept where there is no row, else changed.
     """
     n = len(values)
-    status = np.zeros(n, dtype=np.int8)  # 1 on the way at hand, 2 done
+    status = np.zeros(n, dtype=np.int8)  # 1 on the present path, 2 done
     path = np.empty(n, dtype=np.int64)
     for begin in range(n):
         state, length = begin, 0
@@ -165,7 +165,7 @@ def improve(
 ) -> int:
     """Switch to the best row wherever it beats the chosen one by more than `margin`.
 
-    Switching on less could lead from a proper policy into a circle that costs nothing.
+    Switching on less could lead from a proper policy into a cycle of zero cost.
 
     Parameters
     ----------
@@ -207,7 +207,17 @@ def tight_rows(
     values: Floats,
     margin: float,
 ) -> Booleans:
-    """Return which allowed rows are as good as the values of their states, within a margin."""
+    """Return which allowed rows are as good as the values of their states, within a margin.
+
+    Parameters
+    ----------
+    choices, allowed, weights, gamma
+        As in `sweep`.
+    values
+        Optimal value of every state, shape (n,).
+    margin
+        How much worse a row may be, >= 0.
+    """
     rows, out, to, p = choices
     tight = np.zeros(len(allowed), dtype=np.bool_)
     for state in range(len(values)):
@@ -224,15 +234,15 @@ def proper_policy(
 ) -> tuple[Integers, Integers, Booleans]:
     """Return a policy that reaches a goal with certainty, wherever one of the allowed rows does.
 
-    States are given up for which the allowed rows that cannot lead to a state given up before
-    lead to no goal, until none is left to give up (the states of *almost sure* reachability).
+    A state is removed if its goal cannot be reached by allowed rows that never lead to a removed
+    state, until none is left to remove (the states of *almost sure* reachability).
 
     Returns
     -------
     tuple
         Row of every state, -1 at goals and where no policy is proper, shape (n,); the states with
-        a row, those nearest to the goal first; and the allowed rows that lead to no state given
-        up, shape (m,).
+        a row, those nearest to the goal first; and the allowed rows that lead to no removed
+        state, shape (m,).
     """
     n, m = len(goal), len(allowed)
     # Outcomes that lead into each state, grouped by it, and the row and state of each row.

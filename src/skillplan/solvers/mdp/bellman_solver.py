@@ -1,4 +1,4 @@
-"""What policy iteration and value iteration have in common: objectives, ties and claims."""
+"""Base of policy iteration and value iteration: objectives, ties and claims."""
 
 from __future__ import annotations
 
@@ -15,7 +15,12 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.model.tabular_mdp import TabularMDP
 from skillplan.solvers.mdp.bellman_backup import Choices, proper_policy, sweep, tight_rows
 from skillplan.solvers.mdp.finite_horizon import plan_within
-from skillplan.solvers.mdp.tabular_solver import TabularOptions, TabularSolver, payments, policy_of
+from skillplan.solvers.mdp.tabular_solver import (
+    TabularOptions,
+    TabularSolver,
+    learner_rewards,
+    policy_of,
+)
 from skillplan.solvers.solution import Plan, Solution
 
 # Values that differ by less, as a fraction of the largest, are taken as equal.
@@ -79,7 +84,7 @@ class Minimisation:
 
 @dataclass(frozen=True)
 class Optimum:
-    """What came of it.
+    """The result of a minimisation.
 
     Parameters
     ----------
@@ -90,7 +95,7 @@ class Optimum:
     iterations
         Sweeps, or rounds of improvement, for the first criterion.
     finished
-        Whether it is the optimum; false if the solver was told to stop before.
+        Whether it is the optimum; false if the solver was stopped before.
     """
 
     values: NDArray[np.float64]
@@ -100,7 +105,7 @@ class Optimum:
 
 
 class BellmanSolver(TabularSolver):
-    """Solves Bellman's equations and claims what follows from them."""
+    """Solves Bellman's equations and claims the optimum that they prove."""
 
     Options = BellmanOptions
     options: BellmanOptions
@@ -160,14 +165,14 @@ class BellmanSolver(TabularSolver):
 
     def _most_reward(self, model: SkillModel, mdp: TabularMDP) -> Optimum:
         choices, gamma = Choices.of(mdp), self.options.gamma
-        paid = payments(model, mdp, "reward")
-        weights = -mdp.probabilities * paid.rewards
+        rewards = learner_rewards(model, mdp, "reward")
+        weights = -mdp.probabilities * rewards.rewards
         if len(weights):
             weights = np.add.reduceat(weights, mdp.outcomes[:-1])
         every = np.ones(len(mdp.actions), dtype=np.bool_)
         start = first_allowed(mdp.rows, every)
         order = np.flatnonzero(start >= 0)
-        values = np.where(mdp.goal | (start >= 0), 0.0, -paid.stuck)
+        values = np.where(mdp.goal | (start >= 0), 0.0, -rewards.stuck)
         deterministic = len(mdp.successors) == len(mdp.actions)
         found = self.minimise(
             Minimisation(choices, every, weights, gamma, start, order, values, deterministic)
@@ -200,7 +205,7 @@ class BellmanSolver(TabularSolver):
         short, complete = plan_within(mdp, model.step_limit, self.stop)
         if short is None:
             trace["reason"] = (
-                f"the cheapest way takes {len(rows)} skills, the limit is {model.step_limit}"
+                f"the cheapest plan takes {len(rows)} skills, the limit is {model.step_limit}"
             )
             return Solution(None, cost, proved=complete, trace=trace)
         plan = _plan(model, mdp, short)
@@ -212,21 +217,21 @@ class BellmanSolver(TabularSolver):
         values: NDArray[np.float64],
         allowed: NDArray[np.bool_] | None = None,
     ) -> tuple[int, bool]:
-        """Sweep until no value changes any more.
+        """Sweep until the values have converged.
 
         Parameters
         ----------
         task
             What is minimised.
         values
-            Where to begin; changed.
+            Initial values; changed.
         allowed
             Rows instead of the task's.
 
         Returns
         -------
         tuple
-            Number of sweeps, and whether values have converged; false if told to stop before.
+            Number of sweeps, and whether values have converged; false if stopped before.
         """
         allowed = task.allowed if allowed is None else allowed
         for sweeps in range(1, _MOST_SWEEPS + 1):
@@ -323,10 +328,10 @@ def _plan(model: SkillModel, mdp: TabularMDP, rows: list[int]) -> Plan:
 
 
 def _rehearsal(mdp: TabularMDP) -> TabularMDP:
-    """Return a model of two states, on which kernels are compiled before time is taken.
+    """Return a model of two states, on which kernels are compiled before time is measured.
 
-    It has chance, and costs that differ, where the other one has, so that all that is compiled
-    is needed.
+    It is stochastic, and has different costs, where the given model is and has, so that only
+    what is needed is compiled.
     """
     chance = len(mdp.successors) != len(mdp.actions)
     differ = len(mdp.costs) > 0 and bool((mdp.costs != mdp.costs[0]).any())

@@ -1,7 +1,7 @@
-"""The cheapest plan of at most so many steps, by one sweep a step.
+"""Finite-horizon dynamic programming: the cheapest plan of limited length, by one sweep a step.
 
-Needed only where the cheapest way of all is longer than the task allows: then what is best to do
-depends on how many steps are left, and no policy on states alone says it.
+Needed only where the cheapest plan is longer than the task allows: then the best action depends on
+how many steps are left, and no stationary policy gives it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from skillplan.model.tabular_mdp import TabularMDP
 
-# Choices that are remembered: states times steps.
+# Largest number of stored choices: states times steps.
 MOST_CELLS = 50_000_000
 
 
@@ -28,14 +28,14 @@ def plan_within(
     steps
         The most that the plan may have, >= 0.
     stop
-        Asked before every step whether to give up.
+        Called before every step; returns whether to stop.
 
     Returns
     -------
     list of int or None
-        Rows in order; None where there is no such plan, or it was not looked for to the end.
+        Rows in order; None where there is no such plan, or the search did not end.
     bool
-        Whether it was: false if told to stop, or where states times steps exceed `MOST_CELLS`.
+        Whether the search ended: false if stopped, or if states times steps exceed `MOST_CELLS`.
     """
     n = len(mdp.states)
     if n * steps > MOST_CELLS:

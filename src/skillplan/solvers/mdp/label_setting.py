@@ -1,8 +1,8 @@
-"""Cheapest ways from all states to a goal where nothing is left to chance, compiled.
+"""Label setting: shortest paths from all states of a deterministic model to a goal, compiled.
 
-States are settled in the order of what they cost: breadth first where all steps cost the same,
-else by Dijkstra's algorithm ("A note on two problems in connexion with graphs", 1959). Works on
-arrays alone, so that it serves lattices far larger than a model that is enumerated.
+States are settled in order of cost: breadth first where all steps cost the same, else by Dijkstra's
+algorithm ("A note on two problems in connexion with graphs", 1959). It works on arrays alone, so
+that it serves lattices far larger than an enumerated model.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from skillplan.solvers.compiled import compiled
 
 Integers = NDArray[np.int32]
 
-# Sums are whole numbers, of 1e-12 or more, so that the order of adding breaks no tie.
+# Sums are integers of a unit >= 1e-12, so that the order of summation breaks no tie.
 _FINEST = 1e-12
 _LARGEST_SUM = 2.0**62
 
 
 @dataclass(frozen=True, slots=True)
 class CostsToGo:
-    """What the way to the goal costs from every state, and how it begins.
+    """The shortest path to the goal from every state: its cost, and its first row.
 
     Parameters
     ----------
     costs
-        Least cost, infinite where no way leads to a goal, shape (n,).
+        Least cost, infinite where no path leads to a goal, shape (n,).
     ties
-        Least sum of tie weights among the cheapest ways, shape (n,).
+        Least sum of tie weights among the shortest paths, shape (n,).
     chosen
-        Row to take, of equals the lowest; -1 at goals and where no way leads to one, shape (n,).
+        Row to take, of equals the lowest; -1 at goals and where no path leads to one, shape (n,).
     """
 
     costs: NDArray[np.float64]
@@ -48,7 +48,7 @@ def costs_to_go(
     costs: NDArray[np.float64] | None = None,
     ties: NDArray[np.float64] | None = None,
 ) -> CostsToGo:
-    """Return the cheapest ways to the nearest goal; of equals, those of the least tie weight.
+    """Return the shortest paths to the nearest goal; of equals, those of the least tie weight.
 
     Time and memory grow linearly with the number of rows where all cost the same.
 
@@ -63,7 +63,7 @@ def costs_to_go(
     costs
         Cost of each row, >= 0, shape (m,); None for 1 each.
     ties
-        Weight of each row, >= 0, shape (m,), by which ways of equal cost are compared; None for
+        Weight of each row, >= 0, shape (m,), by which paths of equal cost are compared; None for
         no such weights.
 
     Raises
@@ -101,7 +101,7 @@ def costs_to_go(
 
 
 def _in_units(weights: NDArray[np.float64] | None, n: int) -> tuple[NDArray[np.int64], float]:
-    """Return weights as whole numbers of which n can be added, and the unit."""
+    """Return weights as integers of which n can be added, and the unit."""
     if weights is None or not len(weights):
         return np.empty(0, dtype=np.int64), 0.0
     unit = max(_FINEST, float(weights.max()) * (n + 1) / _LARGEST_SUM)
@@ -202,8 +202,8 @@ def _dijkstra(
 ) -> tuple[NDArray[Any], NDArray[np.int64], Integers]:
     """Settle states by cost, then tie weight, from a binary heap of states.
 
-    A way is only offered by a settled state to one that is not, so that what is chosen never
-    goes in a circle, whatever costs nothing.
+    Only a settled state relaxes the cost of one that is not, so that the chosen rows never form a
+    cycle, even at zero cost.
     """
     n = len(goal)
     begins, into, owners = _arcs_back(rows, successors, n)

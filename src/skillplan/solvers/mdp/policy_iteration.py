@@ -1,4 +1,4 @@
-"""Policy iteration: evaluate the policy, improve it wherever that pays, until nowhere.
+"""Policy iteration: alternates policy evaluation and policy improvement until neither changes.
 
 Howard, "Dynamic Programming and Markov Processes" (1960); the paper's baseline (Veeramani and
 Muthuswamy, Table 3).
@@ -17,7 +17,7 @@ from skillplan.solvers.mdp.bellman_solver import (
     first_allowed,
 )
 
-# What an improvement must be worth, as a fraction of the largest value.
+# Least improvement, as a fraction of the largest value.
 _WORTH = 1e-13
 
 
@@ -30,12 +30,12 @@ class PolicyIterationSolver(BellmanSolver):
         """What is optimised."""
 
     def minimise(self, task: Minimisation) -> Optimum:
-        """Improve the policy to start from.
+        """Improve the initial policy.
 
-        Without chance any policy will do, and the first action of every state is as good as
-        another: where it leads round in circles it is worth nothing, and improves. Under chance
-        that could last for ever, as two states may have to be improved at once; a proper policy
-        stays proper.
+        In a deterministic task any policy will do, such as the first action of every state: where
+        it runs in a cycle its cost is infinite, and it is improved. In a stochastic task that could
+        last for ever, as two states may have to be improved at once; there a proper policy is
+        taken, and stays proper.
         """
         chosen = task.start.copy()
         values = task.values.copy()

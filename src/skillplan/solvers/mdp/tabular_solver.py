@@ -1,4 +1,4 @@
-"""What solvers on arrays have in common: enumeration, refusal, policies for all states."""
+"""Base of tabular solvers: enumeration, refusal, policies for all states."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from skillplan.task import back_end
 
 
 class TabularOptions(back_end.Options):
-    """What every solver on arrays can be told."""
+    """Options of every tabular solver."""
 
     max_states: int = Field(
         default=DEFAULT_LIMIT,
@@ -50,7 +50,7 @@ class TabularSolver(Solver):
         except ModelTooLarge as error:
             return str(error)
         except SearchStopped:
-            return None  # whoever solves it will be told to stop, too
+            return None  # solving will stop for the same reason
         return None
 
     def mdp(self, model: SkillModel) -> TabularMDP:
@@ -61,7 +61,7 @@ class TabularSolver(Solver):
         ModelTooLarge
             If more states can be reached than may be held.
         SearchStopped
-            If the solver is told to stop meanwhile.
+            If the solver is stopped meanwhile.
         """
         if self._enumerated is None or self._enumerated[0] is not model:
             begin_s = time.perf_counter()
@@ -106,33 +106,42 @@ def policy_of(model: SkillModel, mdp: TabularMDP, chosen: NDArray[np.int64]) -> 
 
 
 @dataclass(frozen=True, slots=True)
-class Payments:
-    """What a learner is paid.
+class LearnerRewards:
+    """The rewards that a learner maximises.
 
     Parameters
     ----------
     rewards
         For every outcome, shape (k,).
     stuck
-        What a state is worth in which nothing can be done.
+        Value of a state without any action.
     """
 
     rewards: NDArray[np.float64]
     stuck: float
 
 
-def payments(model: SkillModel, mdp: TabularMDP, objective: str) -> Payments:
-    """Return the rewards of the task's scheme, or what stands for its costs.
+def learner_rewards(model: SkillModel, mdp: TabularMDP, objective: str) -> LearnerRewards:
+    """Return the rewards of the task's scheme, or rewards derived from its costs.
 
-    In a state in which nothing can be done a robot can only try what fails, for which a scheme
-    has a figure. Without a scheme, or for the objective ``cost``, minus the cost is paid and, at
-    the goal, a bonus as large as the dearest plan that the step limit allows: else it would be
-    best to go round for ever in a circle that costs nothing. Being stuck costs the same.
+    In a state without any action a robot can only try what fails, for which a scheme has a
+    reward. Without a scheme, or for the objective ``cost``, the reward is minus the cost, and at
+    the goal a bonus as large as the most expensive plan that the step limit allows: else an
+    endless cycle of zero cost would be optimal. Being stuck costs the same.
+
+    Parameters
+    ----------
+    model
+        The model that was enumerated.
+    mdp
+        Its arrays.
+    objective
+        ``reward`` or ``cost``.
     """
     reward = model.task.reward
     if objective == "reward" and reward is not None:
-        return Payments(mdp.rewards, reward.infeasible)
-    dearest = float(mdp.costs.max(initial=0.0)) or 1.0
-    bonus = dearest * model.step_limit
+        return LearnerRewards(mdp.rewards, reward.infeasible)
+    largest = float(mdp.costs.max(initial=0.0)) or 1.0
+    bonus = largest * model.step_limit
     costs = np.repeat(mdp.costs, np.diff(mdp.outcomes))
-    return Payments(np.where(mdp.goal[mdp.successors], bonus, 0.0) - costs, -bonus)
+    return LearnerRewards(np.where(mdp.goal[mdp.successors], bonus, 0.0) - costs, -bonus)

@@ -1,8 +1,7 @@
-"""Value iteration: sweep over Bellman's equations until no value changes.
+"""Value iteration: sweeps of Bellman backups until no value changes.
 
-Bellman, "Dynamic Programming" (1957). Where nothing is left to chance, costs need no more than
-one sweep if the states are settled in the order of what they cost; that is what `label_setting`
-does.
+Bellman, "Dynamic Programming" (1957). In a deterministic task one sweep is enough for costs if the
+states are settled in order of cost, as `label_setting` does.
 """
 
 from __future__ import annotations
@@ -29,17 +28,17 @@ class ValueIterationSolver(BellmanSolver):
         """What is optimised."""
 
     def least_cost(self, mdp: TabularMDP) -> Optimum:
-        """Settle every state once, in the order of its cost, where nothing is left to chance."""
+        """Settle every state once, in order of cost, where the task is deterministic."""
         if len(mdp.successors) != len(mdp.actions):
             return super().least_cost(mdp)
         found = costs_to_go(mdp.rows, mdp.successors, mdp.goal, mdp.costs, mdp.durations_s)
         return Optimum(found.costs, found.chosen.astype(np.int64), 1, True)
 
     def minimise(self, task: Minimisation) -> Optimum:
-        """Sweep, from the values of the policy to start from where nothing is discounted.
+        """Sweep; where nothing is discounted, from the values of the initial policy.
 
-        From above the values come down to those of the best proper policy, also where a circle
-        costs nothing; from below they could come to rest on the circle (Bertsekas and Yu,
+        From above, the values converge to those of the best proper policy, even if a cycle costs
+        nothing; from below they could converge to those of the cycle (Bertsekas and Yu,
         "Stochastic shortest path problems under weak conditions", 2016).
         """
         values = task.values.copy()

@@ -1,1 +1,1 @@
-"""Plans for several agents that share ground; it never knows what the agents are."""
+"""Multi-agent path finding (MAPF): plans for several agents; it never knows what the agents are."""

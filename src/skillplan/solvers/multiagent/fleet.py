@@ -1,4 +1,4 @@
-"""Several agents on shared ground: a sequence of their moves, and what of it runs at once."""
+"""Multi-agent path finding (MAPF): joint A* or LaCAM with MAPF-LNS; a plan and its schedule."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _MOST_ROUNDS = 1_000_000_000
 
 
 class FleetSolver(Solver):
-    """Bring several agents to their goals, none in another's way; two of them with a proof."""
+    """Bring several agents to their goals without conflicts; two of them with a proof."""
 
     name = "fleet"
 
@@ -45,26 +45,26 @@ class FleetSolver(Solver):
         )
         objective: Literal["swings", "makespan"] = Field(
             default="swings",
-            description="what counts first, the task's own cost or the number of parallel steps; "
+            description="the task's own cost or the number of parallel steps; "
             "the other breaks ties [-]",
         )
         restarts: int = Field(
             default=6,
             ge=0,
             le=1_000_000,
-            description="searches of the prioritised method after the first that found a way [-]",
+            description="searches of the prioritised method after the first that found a plan [-]",
         )
         rounds: int = Field(
             default=50,
             ge=0,
             le=10_000_000,
-            description="rounds of improvement, in each of which some agents plan anew; with a "
+            description="rounds of improvement, in each of which some agents are replanned; with a "
             "time limit as many as it allows [-]",
         )
         max_nodes: int = Field(
             default=2_000_000,
             ge=1,
-            description="joint places generated before the search ends, for the sake of memory [-]",
+            description="joint places generated before the search ends, to limit memory [-]",
         )
 
     options: Options
@@ -82,15 +82,15 @@ class FleetSolver(Solver):
         return None
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Search, ask back ends about the moves found, and search anew without those rejected.
+        """Search, let back ends check the plan's moves, and search again without rejected ones.
 
-        Moves that back ends reject are few or none as a rule, and asking about all of them
-        beforehand would cost more than the search.
+        Back ends reject few or no moves as a rule, and checking all of them beforehand would
+        cost more than the search.
         """
         return _Run(self, model, self._recognise(model), seed).solution()
 
     def _recognise(self, model: SkillModel) -> MultiAgentProblem:
-        """Return the problem of a model; the last one is kept, as it is asked for twice."""
+        """Return the problem of a model; the last one is kept, as it is needed twice."""
         if self._known is None or self._known[0] is not model:
             self._known = (model, MultiAgentProblem.from_model(model))
         return self._known[1]
@@ -142,7 +142,7 @@ class _Run:
                 return self._nothing(complete=False)
 
     def _independent_bounds(self) -> tuple[float, float]:
-        """Return the sum of the agents' least costs alone, and the longest of their ways."""
+        """Return the sum of the agents' least costs alone, and the longest of their paths."""
         starts = self.problem.starts
         costs = [self.problem.least_costs[i][starts[i]] for i in self.agents]
         lengths = [self.problem.fewest_moves[i][starts[i]] for i in self.agents]
@@ -157,7 +157,7 @@ class _Run:
         floor = result.floor if self.objective is Objective.SWINGS else self.bound_sum
         if result.steps is None:
             self.stop.bound(floor)
-            self._say_why(result.complete)
+            self._end_by_limit(result.complete)
             return _Found(None, result.complete, floor)
         return _Found(_schedule(result.steps), result.complete, floor)
 
@@ -171,14 +171,14 @@ class _Run:
         )
         self.figures["expanded"] += result.generated
         self.figures["searches"] += result.searches
-        if not result.ways:
-            self._say_why(result.complete)
+        if not result.plans:
+            self._end_by_limit(result.complete)
             return _Found(None, result.complete, self.bound_sum)
-        best = min(map(_schedule, result.ways), key=self._key)
+        best = min(map(_schedule, result.plans), key=self._key)
         return _Found(best, False, self.bound_sum)
 
     def _improved(self, found: _Found) -> ParallelSchedule:
-        """Return a schedule that is no worse; it may need moves that nobody was asked about."""
+        """Return a schedule that is no worse; some of its moves may be unchecked."""
         assert found.schedule is not None
         if found.complete or any(move.rejected for move in self.problem.all_moves()):
             return found.schedule
@@ -195,7 +195,7 @@ class _Run:
         return schedule.makespan, cost
 
     def _passes(self, schedule: ParallelSchedule) -> bool:
-        """Whether back ends let every move pass; the first that they reject is taken out."""
+        """Whether back ends accept every move; the first that they reject is removed."""
         state, task = self.model.initial, self.model.task
         moves = _in_sequence(schedule)
         for move in moves:
@@ -216,12 +216,12 @@ class _Run:
         cost = math.fsum(move.cost for move in moves)
         return Plan(tuple(move.skill for move in moves), cost)
 
-    def _say_why(self, complete: bool) -> None:
+    def _end_by_limit(self, complete: bool) -> None:
         if not complete and not self.stop():
             self.stop.end(f"limit of {self.options.max_nodes:,} joint places")
 
     def _nothing(self, complete: bool) -> Solution:
-        """Return that no better plan was found than the stop keeps, if any."""
+        """Return the incumbent of the stop, if any, where the search found no plan."""
         if complete:
             return Solution(None, None, proved=True, trace=self._trace(None))
         return Solution(self.stop.best, self.stop.lower_bound, trace=self._trace(None))

@@ -1,8 +1,8 @@
-"""Exact search over the places of all agents together.
+"""Joint A*: exact multi-agent search over the places of all agents together.
 
-A* (Hart, Nilsson and Raphael, 1968) whose arcs are synchronous steps: a set of moves of different
-agents that do not clash. Ways are ordered by cost, then by number of steps, or the other way
-round; what each agent needs alone bounds both, as a sum and as a maximum.
+A* (Hart, Nilsson and Raphael, 1968) whose edges are synchronous steps: a set of moves of different
+agents that do not clash. Paths are ordered by cost, then by number of steps, or vice versa. The
+cost and the steps that each agent needs alone bound both, as a sum and as a maximum.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ class JointResult:
     Parameters
     ----------
     steps
-        The moves of every synchronous step; None where no way was found.
+        The moves of every synchronous step; None where no plan was found.
     complete
-        Whether it ended by itself: the way is the best one, or there is none.
+        Whether the search ran to its end: the plan is optimal, or there is none.
     floor
-        No way is better in what counts first.
+        Lower bound on the objective.
     expanded
         Joint places expanded.
     """
@@ -53,18 +53,18 @@ def search_jointly(
     stop: Callable[[], bool],
     max_nodes: int,
 ) -> JointResult:
-    """Return the best way of all agents to their goals.
+    """Return the best joint plan of all agents to their goals.
 
     Parameters
     ----------
     problem
         Agents, places and moves.
     objective
-        What counts first: the sum of costs, or the number of steps.
+        The sum of costs, or the number of steps; the other breaks ties.
     stop
-        Polled once in a while; the search ends without a way once it is true.
+        Polled once in a while; the search ends without a plan once it is true.
     max_nodes
-        The most joint places to generate, for the sake of memory.
+        The most joint places to generate, to limit memory.
     """
     by_cost = objective is Objective.SWINGS
     costs, lengths = problem.least_costs, problem.fewest_moves
@@ -86,7 +86,7 @@ def search_jointly(
         if so_far != known[places]:
             continue
         if places == problem.goals:
-            return JointResult(_way(came, places), True, floor, expanded)
+            return JointResult(_path(came, places), True, floor, expanded)
         if (expanded % _POLL_EVERY == 0 and stop()) or len(known) > max_nodes:
             return JointResult(None, False, floor, expanded)
         expanded += 1
@@ -112,7 +112,7 @@ def search_jointly(
 def joint_steps(
     problem: MultiAgentProblem, places: tuple[int, ...], bits: int
 ) -> Iterator[tuple[Move, ...]]:
-    """Yield every set of moves that may be made at once, the empty one left out."""
+    """Yield every nonempty set of moves that may be made at once."""
     ready = [
         [move for move in problem.moves[agent][place] if move.passes(bits)]
         for agent, place in enumerate(places)
@@ -131,7 +131,7 @@ def joint_steps(
     return extend(0, ())
 
 
-def _way(
+def _path(
     came: dict[tuple[int, ...], tuple[tuple[int, ...], tuple[Move, ...]]],
     places: tuple[int, ...],
 ) -> tuple[tuple[Move, ...], ...]:

@@ -1,8 +1,8 @@
-"""Large neighbourhood search on the schedule of several agents.
+"""MAPF-LNS: large neighbourhood search on the schedule of several agents.
 
-After MAPF-LNS (Li et al., "Anytime multi-agent path finding via large neighborhood search",
-2021): a few agents are taken out of the schedule and planned anew, one after another, each on its
-best way through time among all that stay. What comes of it is kept where it is no worse.
+Li et al., "Anytime multi-agent path finding via large neighborhood search" (2021): a few agents are
+removed from the schedule and replanned one after another (prioritised planning), each on its best
+space-time path around all others. The result is kept where it is no worse.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 from skillplan.model.multi_agent import Move, MultiAgentProblem
 from skillplan.solvers.multiagent.joint_search import Objective
 
-Way = list[Move | None]
-"""What an agent does in every step; None where it waits."""
+Path = list[Move | None]
+"""An agent's move in every step; None where it waits."""
 Key = tuple[float, float, float]
 
-# Of two ways equal in what counts first, the other decides: its weight in the first's unit.
+# Weight of the second objective, which breaks ties, in the unit of the first.
 _TIE = 1e-4
 _NOISE = 1e-7
-# Steps beyond the present makespan that a way may take where fewer moves count.
+# Steps beyond the present makespan that a path may take where costs are minimised.
 _SLACK = 2
-_MOST_TAKEN_OUT = 4
+_MOST_REMOVED = 4
 
 
 class ScheduleImprovement:
@@ -36,9 +36,9 @@ class ScheduleImprovement:
     problem
         Agents, places and moves; none of the moves may be rejected depending on other agents.
     objective
-        What counts first.
+        The objective; the other one breaks ties.
     rng
-        Chooses whom to plan anew.
+        Chooses the agents to replan.
     stop
         Polled before every round.
 
@@ -56,15 +56,17 @@ class ScheduleImprovement:
         stop: Callable[[], bool],
     ) -> None:
         if any(move.rejected for move in problem.all_moves()):
-            raise ValueError("Ways through time know no moves rejected by where others stand.")
+            raise ValueError(
+                "A space-time path has no moves that are rejected depending on where others stand."
+            )
         self.problem = problem
         self.objective = objective
         self.rng = rng
         self.stop = stop
         self.rounds = 0
         noise = np.random.default_rng(rng.getrandbits(32))
-        self._ways_through = [
-            _WayThroughTime(problem, agent, objective, noise)
+        self._planners = [
+            _SpaceTimePlanner(problem, agent, objective, noise)
             for agent in range(len(problem.agents))
         ]
         self._floor = self._least_key()
@@ -77,36 +79,36 @@ class ScheduleImprovement:
         steps
             A schedule: moves that do not clash, by step.
         rounds
-            How often to take agents out, >= 0.
+            How often to remove and replan agents, >= 0.
         """
         agents = range(len(self.problem.agents))
-        ways: list[Way] = [[None] * len(steps) for _ in agents]
+        paths: list[Path] = [[None] * len(steps) for _ in agents]
         for t, step in enumerate(steps):
             for move in step:
-                ways[move.agent][t] = move
-        key = self._key(ways)
+                paths[move.agent][t] = move
+        key = self._key(paths)
         for index in range(rounds):
             if key[:2] <= self._floor or self.stop():
                 break
             self.rounds += 1
             makespan = self._makespan(key)
-            out = [index] if index < len(agents) else self._choose(ways)
+            out = [index] if index < len(agents) else self._choose(paths)
             if self.objective is Objective.MAKESPAN and index % 2:
                 makespan -= 1
-                out = self._with_the_late(out, ways, makespan)
-            changed = self._replan(ways, out, makespan)
+                out = self._with_the_late(out, paths, makespan)
+            changed = self._replan(paths, out, makespan)
             if changed is not None and (new := self._key(changed)) <= key:
-                ways, key = changed, new
-        chosen = [[way[t] for way in ways] for t in range(self._makespan(key))]
+                paths, key = changed, new
+        chosen = [[path[t] for path in paths] for t in range(self._makespan(key))]
         return [tuple(move for move in step if move is not None) for step in chosen]
 
-    def _choose(self, ways: list[Way]) -> list[int]:
-        """Return the agents to plan anew, those with the longest detours most often."""
-        agents = list(range(len(ways)))
-        count = self.rng.randint(1, min(_MOST_TAKEN_OUT, len(agents)))
+    def _choose(self, paths: list[Path]) -> list[int]:
+        """Return the agents to replan, those with the longest detours most often."""
+        agents = list(range(len(paths)))
+        count = self.rng.randint(1, min(_MOST_REMOVED, len(agents)))
         weights = [
-            1 + len(way) - way.count(None) - ahead.fewest
-            for way, ahead in zip(ways, self._ways_through, strict=True)
+            1 + len(path) - path.count(None) - ahead.fewest
+            for path, ahead in zip(paths, self._planners, strict=True)
         ]
         out: list[int] = []
         while len(out) < count:
@@ -115,36 +117,38 @@ class ScheduleImprovement:
                 out.append(agent)
         return out
 
-    def _with_the_late(self, out: list[int], ways: list[Way], makespan: int) -> list[int]:
+    def _with_the_late(self, out: list[int], paths: list[Path], makespan: int) -> list[int]:
         """Return these agents and all that still move after `makespan` steps, in any order."""
-        late = [agent for agent, way in enumerate(ways) if way[makespan] is not None]
+        late = [agent for agent, path in enumerate(paths) if path[makespan] is not None]
         out = list(dict.fromkeys([*late, *out]))
         self.rng.shuffle(out)
         return out
 
-    def _replan(self, ways: list[Way], out: list[int], makespan: int) -> list[Way] | None:
+    def _replan(self, paths: list[Path], out: list[int], makespan: int) -> list[Path] | None:
         slack = _SLACK if self.objective is Objective.SWINGS else 0
-        changed = [[*way[:makespan], *[None] * slack] for way in ways]
-        fixed = [agent for agent in range(len(ways)) if agent not in out]
+        changed = [[*path[:makespan], *[None] * slack] for path in paths]
+        fixed = [agent for agent in range(len(paths)) if agent not in out]
         for agent in out:
-            ahead = self._ways_through[agent]
-            way = ahead.best([(other, changed[other]) for other in fixed], makespan + slack)
-            if way is None:
+            ahead = self._planners[agent]
+            path = ahead.best([(other, changed[other]) for other in fixed], makespan + slack)
+            if path is None:
                 return None
-            changed[agent] = way
+            changed[agent] = path
             fixed.append(agent)
         return changed
 
-    def _key(self, ways: list[Way]) -> Key:
-        cost = sum(move.cost for way in ways for move in way if move is not None)
-        ends = [max((t + 1 for t, m in enumerate(way) if m is not None), default=0) for way in ways]
+    def _key(self, paths: list[Path]) -> Key:
+        cost = sum(move.cost for path in paths for move in path if move is not None)
+        ends = [
+            max((t + 1 for t, m in enumerate(path) if m is not None), default=0) for path in paths
+        ]
         if self.objective is Objective.SWINGS:
             return cost, max(ends), sum(ends)
         return max(ends), sum(ends), cost
 
     def _least_key(self) -> tuple[float, float]:
-        cost = sum(ahead.cheapest for ahead in self._ways_through)
-        fewest = [ahead.fewest for ahead in self._ways_through]
+        cost = sum(ahead.cheapest for ahead in self._planners)
+        fewest = [ahead.fewest for ahead in self._planners]
         if self.objective is Objective.SWINGS:
             return cost, max(fewest)
         return max(fewest), sum(fewest)
@@ -153,12 +157,11 @@ class ScheduleImprovement:
         return int(key[1] if self.objective is Objective.SWINGS else key[0])
 
 
-class _WayThroughTime:
-    """The best way of one agent among others whose ways are fixed.
+class _SpaceTimePlanner:
+    """The best space-time path of one agent around others whose paths are fixed.
 
-    Dynamic programming backwards through time, over all moves of the agent at once; waiting is
-    one more move from each place. What one other agent's doing blocks is kept, as a mask over
-    the moves.
+    Dynamic programming backwards in time, over all moves of the agent at once; waiting is one more
+    move from each place. The moves that another agent's move blocks are cached as a mask.
     """
 
     def __init__(
@@ -198,50 +201,50 @@ class _WayThroughTime:
             self.costs, self.step_cost = costs / unit * _TIE, 1.0
         self._blocked: dict[tuple[int, int], NDArray[np.bool_]] = {}
 
-    def best(self, others: list[tuple[int, Way]], steps: int) -> Way | None:
-        """Return the best way that ends at the goal within some steps, or None.
+    def best(self, others: list[tuple[int, Path]], steps: int) -> Path | None:
+        """Return the best path that ends at the goal within some steps, or None.
 
         Parameters
         ----------
         others
-            Pairs of another agent and its way, `steps` long.
+            Pairs of another agent and its path, `steps` long.
         steps
-            Length of the way, waiting at the goal included, >= 0.
+            Length of the path, waiting at the goal included, >= 0.
         """
         blocked = self._masks(others, steps)
         costs = self.costs + self.rng.random(len(self.costs)) * _NOISE
         at_goal = self.firsts[self.goal]
         ahead = np.full(len(self._places), np.inf)
         ahead[self.goal] = 0.0
-        ways = np.empty((steps, len(costs)))
+        values = np.empty((steps, len(costs)))
         stays = steps
         for t in range(steps - 1, -1, -1):
             if stays == t + 1 and not blocked[t, at_goal]:
                 stays = t
-            np.add(costs, ahead[self.ends], out=ways[t])
-            ways[t][blocked[t]] = np.inf
-            ahead = np.minimum.reduceat(ways[t], self.firsts[:-1]) + self.step_cost
+            np.add(costs, ahead[self.ends], out=values[t])
+            values[t][blocked[t]] = np.inf
+            ahead = np.minimum.reduceat(values[t], self.firsts[:-1]) + self.step_cost
             if stays == t:
                 ahead[self.goal] = 0.0
         if not np.isfinite(ahead[self.start]):
             return None
         place = self.start
-        way: Way = []
+        path: Path = []
         for t in range(steps):
             if place == self.goal and t >= stays:
-                return [*way, *[None] * (steps - t)]
+                return [*path, *[None] * (steps - t)]
             first, last = self.firsts[place], self.firsts[place + 1]
-            choice = int(first + np.argmin(ways[t, first:last]))
-            way.append(self.moves[choice])
+            choice = int(first + np.argmin(values[t, first:last]))
+            path.append(self.moves[choice])
             place = int(self.ends[choice])
-        return way
+        return path
 
-    def _masks(self, others: list[tuple[int, Way]], steps: int) -> NDArray[np.bool_]:
+    def _masks(self, others: list[tuple[int, Path]], steps: int) -> NDArray[np.bool_]:
         """Return which moves are blocked in every step, shape (steps, moves)."""
         blocked = np.zeros((steps, len(self.moves)), dtype=np.bool_)
-        for other, way in others:
+        for other, path in others:
             place = self.problem.starts[other]
-            for t, move in enumerate(way):
+            for t, move in enumerate(path):
                 blocked[t] |= self._blocked_by(other, place, move)
                 if move is not None:
                     place = move.end

@@ -1,1 +1,1 @@
-"""Jobs into an order at the least cost: the sequential ordering problem, compiled."""
+"""The sequential ordering problem (SOP), compiled: jobs into an order at the least cost."""

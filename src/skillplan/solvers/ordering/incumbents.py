@@ -1,4 +1,4 @@
-"""What a search did, and what it is told of others that search the same."""
+"""The effort of a search, and the incumbent and bound that concurrent searches share."""
 
 from __future__ import annotations
 
@@ -9,14 +9,22 @@ from skillplan.solvers.ordering.instance import Integers
 
 @dataclass
 class Effort:
-    """What the methods did, for the record.
+    """What the methods did, for the trace.
 
     Parameters
     ----------
     nodes
-        Ways, parts and orders looked at.
+        Labels, subproblems and orders looked at.
     bound_method
         In words, what proved the bound.
+    states
+        Labels of the dynamic program and the beam.
+    parts
+        Subproblems of branch and cut.
+    programs
+        Linear programs solved.
+    rounds
+        Rounds of the portfolio.
     """
 
     nodes: int = 0
@@ -28,13 +36,13 @@ class Effort:
 
 
 @dataclass(frozen=True)
-class News:
-    """What became known elsewhere.
+class SharedIncumbent:
+    """The best order and bound of concurrent searches.
 
     Parameters
     ----------
     order
-        An order, or None where there is none that is new.
+        The best order, or None where it is not new.
     bound
         No order costs less.
     bound_method

@@ -15,10 +15,10 @@ Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
-# Cost of an arc that no order takes, and the most that an arc may cost.
+# Cost of an arc that no order can take, and the most that an arc may cost.
 NO_ARC = 1e15
 MOST = 2.0**40
-# Sums of whole numbers up to here are told apart by bounds that are rounded.
+# Sums of integers up to here stay apart despite the rounding errors of bounds.
 _EXACT = 1e9
 
 
@@ -29,26 +29,26 @@ class OrderingInstance:
     Parameters
     ----------
     costs
-        Cost of going from node i to node j, shape (n, n), in [0, `MOST`]; inf where that cannot
-        be done. The diagonal is not looked at.
+        Cost of going from node i to node j, shape (n, n), in [0, `MOST`]; inf where that is
+        impossible. The diagonal is ignored.
     before
         Whether node i must come before node j, shape (n, n); closed by transitivity here.
 
     Attributes
     ----------
     costs
-        With `NO_ARC` wherever no order takes an arc.
+        With `NO_ARC` for every arc that no order can take.
     before
         The transitive closure, with node 0 before all and node n - 1 after all.
     step, offset
         Every order costs `offset` plus a multiple of `step`; the step is 0 where costs are not
-        whole numbers, or very large.
+        integers, or very large.
 
     Raises
     ------
     ValueError
         If the shapes do not fit, there are fewer than two nodes, a cost is out of range, or
-        the relation has a circle.
+        the relation has a cycle.
     """
 
     costs: Floats
@@ -64,7 +64,7 @@ class OrderingInstance:
         before[0, 1:] = before[:-1, n - 1] = True
         before = closed_relation(before)
         if before.diagonal().any():
-            raise ValueError("The precedence relation has a circle.")
+            raise ValueError("The precedence relation has a cycle.")
         arcs = _arcs(before) & (self.costs < np.inf)
         used = self.costs[arcs]
         if used.size and not (used.min() >= 0 and used.max() <= MOST):
@@ -86,14 +86,14 @@ class OrderingInstance:
         return float(self.costs[order[:-1], order[1:]].sum())
 
     def feasible(self, order: Integers) -> bool:
-        """Whether an order holds every node once, and none before what it comes after."""
+        """Whether an order holds every node once and respects precedence."""
         if sorted(order.tolist()) != list(range(self.n)):
             return False
         ranked = self.before[np.ix_(order, order)]
         return not np.tril(ranked).any() and self.cost(order) < NO_ARC
 
     def rounded_up(self, bound: float) -> float:
-        """Return the least cost that an order can have which is not below a bound.
+        """Return the least possible cost of an order that is not below a bound.
 
         Bounds are computed with rounding errors, for which some tolerance is left.
         """
@@ -120,7 +120,7 @@ def closed_relation(before: Booleans) -> Booleans:
 
 
 def _arcs(before: Booleans) -> Booleans:
-    """Return which arcs an order may take: not backwards, and not past what comes between."""
+    """Return which arcs an order may take: none against precedence, none that skips a node."""
     count = before.astype(np.float32)
     between = (count @ count) > 0.5
     arcs: Booleans = ~before.T & ~(before & between)

@@ -1,4 +1,4 @@
-"""A sequencing problem as an ordering of nodes, and back."""
+"""Conversion between a sequencing problem and an ordering of nodes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from skillplan.solvers.ordering.instance import (
 class JobOrders:
     """Orders of jobs as orders of nodes: node 0 is the initial state, node j + 1 is job j.
 
-    Where no job comes after all others, one more node that costs nothing does.
+    Where no job comes after all others, a node without cost is appended at the end.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class JobOrders:
     Raises
     ------
     ValueError
-        If there is no job, a cost is too large, or the precedence has a circle.
+        If there is no job, a cost is too large, or the precedence has a cycle.
     """
 
     problem: SequencingProblem
@@ -65,12 +65,12 @@ class JobOrders:
         object.__setattr__(self, "instance", OrderingInstance(costs, relation))
 
     def jobs(self, order: Integers) -> tuple[int, ...]:
-        """Return the order of jobs that an order of nodes stands for."""
+        """Return an order of nodes as an order of jobs."""
         known = len(self._nodes)
         return tuple(int(self._nodes[node - 1]) for node in order if 0 < node <= known)
 
     def nodes(self, order: Sequence[int]) -> Integers:
-        """Return the order of nodes that stands for an order of all jobs."""
+        """Return an order of all jobs as an order of nodes."""
         place = np.empty(len(self._nodes), dtype=np.int64)
         place[self._nodes] = np.arange(1, len(self._nodes) + 1)
         inner = place[np.asarray(order, dtype=np.int64)]

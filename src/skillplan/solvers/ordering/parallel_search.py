@@ -1,9 +1,9 @@
-"""A search with others beside it, in processes of their own.
+"""Parallel portfolio: concurrent searches in processes that share incumbents and bounds.
 
-This process searches as it would alone. The others stress one or the other method, each with a
-seed of its own, and whatever one finds or proves all know a moment later. So the cost that is
-proved does not depend on the number of processes; which of several equally cheap orders is found,
-and after how many nodes, does.
+This process searches as it would alone. The others emphasise one method or another, each with a
+seed of its own, and all learn a moment later what one of them finds or proves. So the proved cost
+does not depend on the number of processes; which of several equally cheap orders is found, and
+after how many nodes, does.
 """
 
 from __future__ import annotations
@@ -15,42 +15,42 @@ from typing import Any
 import numpy as np
 
 from skillplan.errors import SkillplanError
-from skillplan.solvers.ordering.incumbents import News
+from skillplan.solvers.ordering.incumbents import SharedIncumbent
 from skillplan.solvers.ordering.instance import Integers
 from skillplan.solvers.ordering.portfolio import METHODS, Method, OrderingSearch
-from skillplan.solvers.ordering.search_worker import Finding, Share, Word, prepare
+from skillplan.solvers.ordering.search_worker import Finding, Share, Update, prepare
 from skillplan.workers.executor import Ended, Executor, Worker, packed
 from skillplan.workers.resident_memory import resident_bytes_of
 from skillplan.workers.worker_processes import LocalProcesses
 
 _WHAT = "the search"
-# What is proved sooner is not worth a process.
+# A search that is proved sooner is not worth a process [s].
 _PATIENCE_S = 1.0
 _EVERY_S = 0.02
-# What a process takes before it searches, and what it needs to be of use [bytes].
+# Memory of a process before it searches, and the least that it needs [bytes].
 _PROCESS_BYTES = 400 * 1024**2
-# With less left, processes are given up [bytes].
+# With less memory left, processes are ended [bytes].
 _KEPT_BYTES = 64 * 1024**2
-# Between one process's seed and the next one's.
+# Difference of the seeds of two processes.
 _SEEDS = 1_000_003
 _EMPHASES: tuple[tuple[Method, ...], ...] = (
     ("local-search", "branch-and-cut"),
     ("local-search", "subset-dp", "tree-search"),
     ("local-search",),
 )
-# These take as much memory as they are given; they are given more than others.
-_HUNGRY = frozenset({"subset-dp", "tree-search"})
-_APPETITE = 4
+# Methods that use all memory that they may; they get a larger share than others.
+_MEMORY_BOUND = frozenset({"subset-dp", "tree-search"})
+_MEMORY_WEIGHT = 4
 
 
 @dataclass(eq=False)
 class _Other:
-    """A search beside this one, and what it was told and has told last."""
+    """A concurrent search: the last cost sent to it, and the last finding received."""
 
     process: Worker
     methods: tuple[Method, ...]
     seed: int
-    told_cost: float = np.inf
+    sent_cost: float = np.inf
     finding: Finding | None = None
 
     @property
@@ -62,17 +62,17 @@ class _Other:
 
 
 class ParallelSearch:
-    """A search and those beside it.
+    """A search and those that run concurrently.
 
-    A process that ends, whatever ends it, costs its share only: the others go on. So does one
-    that is given up because memory is short.
+    When a process ends for whatever reason, only its own share is lost, and the others continue.
+    The same holds for one that is ended because memory is short.
 
     Parameters
     ----------
     search
-        The search of this process; not begun. Its hooks are put through this one.
+        The search of this process, not begun. Its callbacks are replaced by those of this class.
     processes
-        How many there are, this one counted, >= 2.
+        How many processes there are, this one included, >= 2.
     seed
         Governs the randomness of all.
     executor
@@ -81,9 +81,9 @@ class ParallelSearch:
     Attributes
     ----------
     started
-        How many processes have been at work, this one counted.
+        How many processes have been started, this one included.
     lost
-        In words, what ended those that ended before their time.
+        Why each process that ended early did so, in words.
     """
 
     def __init__(
@@ -107,13 +107,13 @@ class ParallelSearch:
         self._proved = (0.0, "")
         self._memory_bytes = search.memory_bytes
         self._on_bound = search.on_bound
-        search.news = self._news
+        search.shared = self._shared
         search.memory_bytes = self._own_memory_bytes
-        search.on_bound = self._tell_bound
+        search.on_bound = self._report_bound
 
     @property
     def trace(self) -> dict[str, Any]:
-        """What to put on record: how many processes there were, and what became of some."""
+        """Figures for the trace: how many processes there were, and why some were lost."""
         trace: dict[str, Any] = {"processes": self.started}
         if self.lost:
             trace["lost_processes"] = self.lost
@@ -136,8 +136,8 @@ class ParallelSearch:
                 other.process.end(gently=False)
             self._others = []
 
-    def _news(self) -> News | None:
-        """Hear and tell what is new, once in a while."""
+    def _shared(self) -> SharedIncumbent | None:
+        """Exchange incumbents and bounds with the others, once in a while."""
         now_s = time.monotonic()
         if now_s < self._due_s:
             return None
@@ -154,7 +154,7 @@ class ParallelSearch:
         cost, order = self._best
         bound, method = self._proved
         if cost < self.search.cost or bound > self.search.bound:
-            return News(order if cost < self.search.cost else None, bound, method)
+            return SharedIncumbent(order if cost < self.search.cost else None, bound, method)
         return None
 
     def _start(self) -> None:
@@ -176,35 +176,35 @@ class ParallelSearch:
             self.started += 1
 
     def _attend(self, other: _Other) -> None:
-        """Hear what a process has to say, and answer."""
+        """Receive the answer of a process, and reply."""
         try:
-            said = other.process.answer()
+            answer = other.process.answer()
         except SkillplanError as error:
             self._lose(other, f"one failed: {error}")
             return
-        if isinstance(said, Ended):
-            self._lose(other, f"one was ended by {said.how}")
+        if isinstance(answer, Ended):
+            self._lose(other, f"one was ended by {answer.how}")
             return
         search = self.search
-        order = search.order if search.cost < other.told_cost else None
-        other.told_cost = search.cost
+        order = search.order if search.cost < other.sent_cost else None
+        other.sent_cost = search.cost
         memory_bytes = self._memory_of(other.methods)
-        if said is None:
+        if answer is None:
             other.process.take(
                 Share(
                     search.instance, other.methods, other.seed, search.rounds, order, memory_bytes
                 )
             )
             return
-        finding: Finding = said.content
+        finding: Finding = answer.content
         self._note(finding)
         other.finding = finding
         if finding.ended:
             if finding.ended != "proof":
                 self.lost.append(f"one ended: {finding.ended}")
-            self._give_up(other)
+            self._end(other)
             return
-        other.process.take(Word(order, search.bound, search.effort.bound_method, memory_bytes))
+        other.process.take(Update(order, search.bound, search.effort.bound_method, memory_bytes))
 
     def _note(self, finding: Finding) -> None:
         if finding.order is not None:
@@ -216,22 +216,22 @@ class ParallelSearch:
 
     def _lose(self, other: _Other, words: str) -> None:
         self.lost.append(words)
-        self._give_up(other)
+        self._end(other)
 
-    def _give_up(self, other: _Other) -> None:
+    def _end(self, other: _Other) -> None:
         self._others.remove(other)
         self._gone.append(other)
         other.process.end(gently=False)
 
     def _spare_memory(self) -> None:
-        """Give up the largest process where memory is short; this one needs it more."""
+        """End the largest process where memory is short."""
         left = self._left_bytes()
         if left is not None and left < _KEPT_BYTES and self._others:
             largest = max(self._others, key=lambda other: other.resident_bytes)
             self._lose(largest, "one was given up: memory limit")
 
     def _left_bytes(self) -> int | None:
-        """Return how much memory all processes together may still take, or None."""
+        """Return how much memory all processes together may still take [B], or None."""
         left = self._memory_bytes()
         if left is None:
             return None
@@ -241,29 +241,37 @@ class ParallelSearch:
         return self._memory_of(self.search.methods)
 
     def _memory_of(self, methods: tuple[Method, ...]) -> int | None:
-        """Return one process's part of what is left."""
+        """Return one process's share of the memory left [B], or None."""
         left = self._left_bytes()
         if left is None:
             return None
         everyone = [self.search.methods, *(other.methods for other in self._others)]
-        return int(left * _appetite(methods) / sum(map(_appetite, everyone)))
+        return int(left * _memory_weight(methods) / sum(map(_memory_weight, everyone)))
 
-    def _tell_bound(self, bound: float, nodes: int) -> None:
+    def _report_bound(self, bound: float, nodes: int) -> None:
         findings = [other.finding for other in (*self._others, *self._gone)]
         theirs = sum(found.effort.nodes for found in findings if found is not None)
         self._on_bound(bound, nodes + theirs)
 
 
 def emphases(methods: tuple[Method, ...], count: int) -> list[tuple[Method, ...]]:
-    """Return the methods of so many processes beside one that uses some methods.
+    """Return the methods of further processes, one entry for each.
 
-    Beside one that uses all, each stresses some of them, and later ones use all again. Beside one
-    that uses methods without randomness, which would do the same twice, they look for orders.
+    Where the first process uses all methods, each further one emphasises some of them, and later
+    ones use all again. Where it uses deterministic methods only, which would do the same work
+    twice, the others search for orders.
+
+    Parameters
+    ----------
+    methods
+        Those of the first process.
+    count
+        How many further processes there are, >= 0.
     """
     if set(methods) == set(METHODS):
         return [_EMPHASES[i] if i < len(_EMPHASES) else METHODS for i in range(count)]
     return [methods if "local-search" in methods else ("local-search",)] * count
 
 
-def _appetite(methods: tuple[Method, ...]) -> int:
-    return _APPETITE if _HUNGRY.intersection(methods) else 1
+def _memory_weight(methods: tuple[Method, ...]) -> int:
+    return _MEMORY_WEIGHT if _MEMORY_BOUND.intersection(methods) else 1

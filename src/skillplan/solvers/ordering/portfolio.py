@@ -1,9 +1,10 @@
-"""One search made of several methods, none of which is best everywhere.
+"""Algorithm portfolio for the sequential ordering problem; its methods share what they find.
 
-Local search for orders; a linear relaxation with cuts for a bound and for arcs that need not be
-looked at; then in turns, each time with more effort, dynamic programming over feasible subsets
-from both ends, a beam over the same subsets, and branch and cut. What one finds helps the others.
-All effort is counted, not timed, so that the same seed makes the same moves.
+Local search for orders; a linear relaxation with cuts for a bound and for reduced-cost fixing of
+arcs; then in turns, each time with more effort, bidirectional dynamic programming over feasible
+subsets (Held-Karp), beam search over the same subsets, and branch and cut. Incumbent, bound and
+fixed arcs are shared. All effort is counted, not timed, so that the same seed makes the same
+moves.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from skillplan.solvers.ordering.incumbents import Effort, News
+from skillplan.solvers.ordering.incumbents import Effort, SharedIncumbent
 from skillplan.solvers.ordering.instance import NO_ARC, Integers, OrderingInstance
 from skillplan.solvers.ordering.local_search.annealing import Annealing, cheapest_first
 from skillplan.solvers.ordering.relaxation.branch_and_cut import BranchAndCut
@@ -33,33 +34,34 @@ _MOVES = 1_000_000
 # Work of branch and cut, and of the relaxation over pairs, in the first round.
 _WORK = 40_000_000
 _PAIRS_WORK = 75_000_000
-# Where branch and cut has closed such a share of the gap, pairs are left alone.
+# Where branch and cut has closed such a share of the gap, the pair relaxation is skipped.
 _ENOUGH = 1 / 3
-# States of the dynamic program in the first round.
+# Labels of the dynamic program in the first round.
 _STATES = 1_200_000
-# So many turns pairs have to close such a share of the gap, and more than branch and cut does.
+# In so many turns the pair relaxation has to close such a share of the gap, and more than
+# branch and cut does.
 _TURNS = 2
 _WORTH = 0.2
-# With more pairs of nodes in either order, their relaxation takes too long to be of use.
+# With more pairs of nodes in either order, the pair relaxation takes too long to be of use.
 _MOST_PAIRS = 4_000
-# Where the dynamic program expects no more than so many times its states, it is worth waiting for.
+# Where the dynamic program expects at most so many times its labels, it is worth waiting for.
 _NEAR = 64
-# Of one state beside the words of its set; and of its line in the history of a beam [bytes].
+# Of one label beside the words of its set; and of its entry in the history of a beam [bytes].
 _STATE_BYTES = 32
 _HISTORY_BYTES = 6
-# So much of the memory that is left may be planned with.
+# Share of the remaining memory that may be allocated.
 _MEMORY_SHARE = 0.8
 
 
 class OrderingSearch:
-    """The search on one instance.
+    """The portfolio search on one instance.
 
     Parameters
     ----------
     instance
         The ordering.
     methods
-        Those that take part; the relaxation always does.
+        The methods in use; the linear relaxation always is.
     seed
         Governs all randomness.
     stop
@@ -72,8 +74,8 @@ class OrderingSearch:
         An order that is known already.
     rounds
         The most rounds; None for as many as it takes.
-    news
-        Returns what became known elsewhere since it was last asked, or None; asked as often as
+    shared
+        Returns what concurrent searches found since its last call, or None; called as often as
         `stop`.
 
     Attributes
@@ -83,7 +85,7 @@ class OrderingSearch:
     bound
         No order costs less; inf where there is no order at all.
     ended
-        Why the search gave up by itself; empty while it did not.
+        Why the search ended without a proof; empty while it did not.
     """
 
     def __init__(
@@ -98,30 +100,30 @@ class OrderingSearch:
         memory_bytes: Callable[[], int | None] = lambda: None,
         start: Integers | None = None,
         rounds: int | None = None,
-        news: Callable[[], News | None] = lambda: None,
+        shared: Callable[[], SharedIncumbent | None] = lambda: None,
     ) -> None:
         self.instance = instance
         self.methods = methods
         self.stop = stop
         self.on_order, self.on_bound = on_order, on_bound
         self.memory_bytes = memory_bytes
-        self.news = news
+        self.shared = shared
         self.effort = Effort()
         self.order: Integers | None = None
         self.cost = np.inf
         self.bound = 0.0
         self._annealing = Annealing(instance, seed)
         # How often in a row annealing has found nothing better.
-        self._barren = 0
+        self._stalled = 0
         self.rounds = rounds
         self.ended = ""
         self.duals: Duals | None = None
         self._branched: BranchAndCut | None = None
         self._pairs: PairRelaxation | None = None
         self._pairs_turns = 0
-        # What the relaxation proved before anything was branched on.
-        self._rooted = 0.0
-        # The search from both ends, and the duals that it rests on: goes on while they stay.
+        # The root bound: of the relaxation before branching.
+        self._root_bound = 0.0
+        # The bidirectional search, and the duals that it uses: it resumes while they stay the same.
         self._ends: TwoEndedSearch | None = None
         self._searched: Duals | None = None
         self._states = 0
@@ -148,9 +150,9 @@ class OrderingSearch:
             self.effort.rounds += 1
             exhausted = True
             if "local-search" in self.methods:
-                # Twice as long where it gained last time; the others make use of longer turns.
+                # Twice as long where it gained last time; other methods gain from longer turns.
                 longer = scale if len(self.methods) == 1 else min(scale, 2)
-                self._anneal(longer * _MOVES >> min(self._barren, longer - 1))
+                self._anneal(longer * _MOVES >> min(self._stalled, longer - 1))
                 exhausted = False
             if "tree-search" in self.methods and not self._over():
                 exhausted &= not self._beam(250 * (scale if len(self.methods) > 1 else scale**2))
@@ -176,13 +178,13 @@ class OrderingSearch:
         return min(_MOVES // 6, 2_000 * self.instance.n)
 
     def _over(self) -> bool:
-        """Whether to go no further; what became known elsewhere is taken over first."""
-        told = self.news()
-        if told is not None:
-            if told.order is not None:
-                self._keep(told.order)
-            if told.bound > self.bound:
-                self._raise(told.bound, told.bound_method)
+        """Whether to stop; incumbent and bound of concurrent searches are adopted first."""
+        received = self.shared()
+        if received is not None:
+            if received.order is not None:
+                self._keep(received.order)
+            if received.bound > self.bound:
+                self._raise(received.bound, received.bound_method)
             if self._branched is not None:
                 self._branched.cost = min(self._branched.cost, self.cost)
         return self.proved or self.stop()
@@ -194,7 +196,7 @@ class OrderingSearch:
             self.on_order(self.order, cost)
 
     def _raise(self, bound: float, method: str) -> None:
-        """Take note of a bound on every order."""
+        """Keep a bound on every order if it is the best."""
         if bound >= self.instance.cutoff(self.cost):
             bound = self.cost
         bound = min(self.cost, self.instance.rounded_up(bound))
@@ -204,28 +206,28 @@ class OrderingSearch:
         self.on_bound(self.bound, self.effort.nodes)
 
     def _anneal(self, iterations: int) -> None:
-        """Improve the best order, hot at first; in portions, so that it can be stopped."""
-        # Where there are few orders, seconds of it would be a waste.
+        """Improve the best order by annealing; in portions, so that it can be stopped."""
+        # Where there are few orders, many moves would be wasted.
         iterations = min(iterations, (100 << self.effort.rounds) * self.instance.n**3)
         order = self._begin if self.order is None else self.order
         known = self.cost
-        self._barren += 1
+        self._stalled += 1
         for best, moves in self._annealing.portions(order, self.cost, iterations):
             self.effort.nodes += moves
             self._keep(best)
             if self.cost < known:
-                self._barren = 0
+                self._stalled = 0
             self.on_bound(self.bound, self.effort.nodes)
             if self._over():
                 return
 
     def _relax(self, relaxation: CutRelaxation) -> None:
-        def told(duals: Duals) -> None:
+        def on_bound(duals: Duals) -> None:
             self._raise(duals.bound, "linear relaxation with precedence cuts")
 
-        self.duals = tighten(relaxation, self.instance.cutoff(self.cost), self._over, told)
-        told(self.duals)
-        self._rooted = self.duals.bound
+        self.duals = tighten(relaxation, self.instance.cutoff(self.cost), self._over, on_bound)
+        on_bound(self.duals)
+        self._root_bound = self.duals.bound
         relaxation.fix(self.duals, self.instance.cutoff(self.cost))
         self.effort.programs = relaxation.solves
 
@@ -237,14 +239,14 @@ class OrderingSearch:
 
     @property
     def _over_subsets(self) -> bool:
-        """Whether a method takes part that the relaxation over pairs helps."""
+        """Whether a method is in use that the pair relaxation helps."""
         return "subset-dp" in self.methods or "tree-search" in self.methods
 
     def _relax_pairs(self, relaxation: CutRelaxation, work: int) -> None:
-        """Go on with the relaxation over pairs, unless branch and cut is ahead of it."""
+        """Continue the pair relaxation, unless branch and cut has a better bound."""
         cutoff = self.instance.cutoff(self.cost)
         if self._pairs is None:
-            well_branched = self._rooted + _ENOUGH * (cutoff - self._rooted)
+            well_branched = self._root_bound + _ENOUGH * (cutoff - self._root_bound)
             if self.order is None or self._branched_bound >= well_branched:
                 return
             if open_pairs(self.instance).sum() // 2 > _MOST_PAIRS:
@@ -252,16 +254,16 @@ class OrderingSearch:
             self._pairs = PairRelaxation(relaxation)
         pairs = self._pairs
         if self._pairs_turns >= _TURNS:
-            little = self._pairs_bound < self._rooted + _WORTH * (cutoff - self._rooted)
+            little = self._pairs_bound < self._root_bound + _WORTH * (cutoff - self._root_bound)
             if little or self._pairs_bound < self._branched_bound:
                 pairs.exhausted = True
         if pairs.exhausted:
             return
 
-        def told(duals: Duals) -> None:
+        def on_bound(duals: Duals) -> None:
             self._raise(duals.bound, "linear relaxation over arcs and pairs")
 
-        pairs.run(work, cutoff, self._over, told)
+        pairs.run(work, cutoff, self._over, on_bound)
         self._pairs_turns += 1
         if pairs.duals is not None and pairs.duals.bound > self._known.bound:
             self.duals = pairs.duals
@@ -269,7 +271,7 @@ class OrderingSearch:
 
     @property
     def _pairs_bound(self) -> float:
-        """What the relaxation over pairs proved; -inf before it did."""
+        """The bound of the pair relaxation; -inf before there is one."""
         duals = None if self._pairs is None else self._pairs.duals
         return -np.inf if duals is None else duals.bound
 
@@ -278,24 +280,24 @@ class OrderingSearch:
         return -np.inf if self._branched is None else self._branched.bound
 
     def _subsets_lead(self) -> bool:
-        """Whether pairs are ahead of branch and cut, and they or the subsets may get further."""
+        """Whether the pair relaxation beats branch and cut, and it or the subsets may gain more."""
         pairs, ends = self._pairs, self._ends
         if pairs is None or self.effort.rounds == 1 or self._pairs_bound < self._branched_bound:
             return False
         return not pairs.exhausted or (ends is not None and ends.expected <= _NEAR * self._states)
 
-    def _allowed(self, wanted: int, sets: int, lines: int) -> int:
-        """Return how many of what is wanted memory allows, each of so many sets and lines."""
+    def _allowed(self, wanted: int, sets: int, entries: int) -> int:
+        """Return how many of the wanted labels memory allows, each of so many sets and entries."""
         left = self.memory_bytes()
         if left is None:
             return wanted
         words = (self.instance.n + 63) // 64
-        each = sets * (8 * words + _STATE_BYTES) + lines * _HISTORY_BYTES
+        each = sets * (8 * words + _STATE_BYTES) + entries * _HISTORY_BYTES
         return min(wanted, int(_MEMORY_SHARE * max(0, left) / each))
 
     def _two_ended(self, states: int) -> bool:
-        """Search from both ends; return whether more states would be allowed."""
-        # Either end may come to twice as many, most of them in one layer that is copied to grow.
+        """Search from both ends; return whether more labels would be allowed."""
+        # Either end may hold twice as many, most of them in one layer that is copied to grow.
         self._states = allowed = self._allowed(states, 10, 0)
         cutoff = self.instance.cutoff(self.cost)
         search = self._ends
@@ -312,8 +314,8 @@ class OrderingSearch:
         return allowed >= states
 
     def _beam(self, width: int) -> bool:
-        """Search with a beam; return whether a wider one would be allowed."""
-        # Two layers at a time, the tables and copies of one that grows; then only its history.
+        """Run a beam search; return whether a wider beam would be allowed."""
+        # Two layers at a time, the table and the copy of one that grows; then only its history.
         allowed = self._allowed(width, 10, self.instance.n)
         cutoff = self.instance.cutoff(self.cost)
         found = beam(
@@ -334,15 +336,15 @@ class OrderingSearch:
             self.cost,
             self._over,
             self._keep,
-            lambda bound, parts: self._raise(bound, "branch and cut"),
+            lambda bound, subproblems: self._raise(bound, "branch and cut"),
         )
 
     def _branch(self, branching: BranchAndCut, work: int) -> None:
         branching.cost = min(branching.cost, self.cost)
-        parts = branching.parts
+        subproblems = branching.subproblems
         branching.run(work)
-        self.effort.nodes += branching.parts - parts
-        self.effort.parts, self.effort.programs = branching.parts, branching.relaxation.solves
+        self.effort.nodes += branching.subproblems - subproblems
+        self.effort.parts, self.effort.programs = branching.subproblems, branching.relaxation.solves
         root = branching.root
         if root is not None and root.bound > self._known.bound:
             self.duals = root

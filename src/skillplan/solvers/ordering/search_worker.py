@@ -1,6 +1,6 @@
-"""One process's share of a search: it runs in a thread, and the process tells what comes of it.
+"""A worker of the parallel search: searches in a thread and reports its findings.
 
-Nothing heavy is imported with this module, so that whoever starts the process soon hears of it.
+Nothing heavy is imported with this module, so that the process answers soon after its start.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from typing import TYPE_CHECKING
 from skillplan.workers.resident_memory import resident_bytes
 
 if TYPE_CHECKING:
-    from skillplan.solvers.ordering.incumbents import Effort, News
+    from skillplan.solvers.ordering.incumbents import Effort, SharedIncumbent
     from skillplan.solvers.ordering.instance import Integers, OrderingInstance
     from skillplan.solvers.ordering.portfolio import Method, OrderingSearch
 
-# So long a process waits for something to tell; and so often it looks how much it holds.
+# How long a process waits for a new finding [s]; how often it reads its own memory [s].
 _EVERY_S = 0.02
 _MEMORY_EVERY_S = 0.01
 _MEMORY_LIMIT = "memory limit"
-# Of Linux: the signal that a process gets when the one that started it has ended.
+# Linux: option of prctl that sets the signal for when the parent process ends.
 _SET_PARENT_DEATH_SIGNAL = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """What a process is to search.
+    """The search that a process is to run.
 
     Parameters
     ----------
@@ -52,13 +52,13 @@ class Share:
 
 
 @dataclass(frozen=True, slots=True)
-class Word:
-    """What a process is told while it searches.
+class Update:
+    """What is sent to a process while it searches.
 
     Parameters
     ----------
     order, bound, bound_method
-        What is known by now; None where the order is not new.
+        Incumbent and bound of all processes; None where the order is not new.
     memory_bytes
         How much more memory it may take from now on [B], or None for no limit.
     """
@@ -71,16 +71,16 @@ class Word:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What a process tells.
+    """What a process reports.
 
     Parameters
     ----------
     order, bound, bound_method
-        What it knows by now; None where the order is not new.
+        Its incumbent and bound; None where the order is not new.
     effort
         What it has done so far.
     resident_bytes
-        The memory that it holds [B], or None where the system does not tell.
+        The memory that it holds [B], or None where the system does not report it.
     ended
         Why its search is over; empty while it is not.
     """
@@ -93,25 +93,25 @@ class Finding:
     ended: str
 
 
-def prepare(content: None) -> Callable[[Share | Word], Finding]:
-    """Return what begins a search when it is given a share, and tells of it at every word."""
+def prepare(content: None) -> Callable[[Share | Update], Finding]:
+    """Return the job handler: a share begins the search, every update is answered by a finding."""
     _end_with_parent()
-    # Imported before the first share is asked for, so that the search begins at once.
+    # Imported before the first share is requested, so that the search begins at once.
     import skillplan.solvers.ordering.portfolio
 
     assert skillplan.solvers.ordering.portfolio is not None
-    under_way: ShareSearch | None = None
+    search: ShareSearch | None = None
 
-    def tell(said: Share | Word) -> Finding:
-        nonlocal under_way
-        if isinstance(said, Share):
-            under_way = ShareSearch(said)
+    def respond(message: Share | Update) -> Finding:
+        nonlocal search
+        if isinstance(message, Share):
+            search = ShareSearch(message)
         else:
-            assert under_way is not None
-            under_way.hear(said)
-        return under_way.finding()
+            assert search is not None
+            search.receive(message)
+        return search.finding()
 
-    return tell
+    return respond
 
 
 def _end_with_parent() -> None:
@@ -132,9 +132,9 @@ class ShareSearch:
 
     def __init__(self, share: Share) -> None:
         self._changed = threading.Event()
-        self._heard: deque[Word] = deque()
+        self._updates: deque[Update] = deque()
         self._best: Integers | None = None
-        self._told: Integers | None = None
+        self._reported: Integers | None = None
         self._bound = (0.0, "")
         self._ended = ""
         self._search: OrderingSearch | None = None
@@ -144,22 +144,22 @@ class ShareSearch:
         self._allow(share.memory_bytes)
         threading.Thread(target=self._run, args=(share,), daemon=True).start()
 
-    def hear(self, word: Word) -> None:
-        """Hand what is known elsewhere to the search."""
-        self._allow(word.memory_bytes)
-        self._heard.append(word)
+    def receive(self, update: Update) -> None:
+        """Hand the incumbent and bound of other processes to the search."""
+        self._allow(update.memory_bytes)
+        self._updates.append(update)
 
     def finding(self) -> Finding:
-        """Return what there is to tell, as soon as there is anything new or after a while."""
+        """Return the present finding, as soon as there is anything new or after a while."""
         from skillplan.solvers.ordering.incumbents import Effort
 
         self._changed.wait(_EVERY_S)
         self._changed.clear()
-        # The order last: what is proved must never be ahead of what it was proved of.
+        # The order is read last: a proof must never be reported before the order that it is of.
         ended, (bound, method), order = self._ended, self._bound, self._best
         effort = Effort() if self._search is None else replace(self._search.effort)
-        fresh = order is not self._told
-        self._told = order
+        fresh = order is not self._reported
+        self._reported = order
         return Finding(
             order if fresh else None,
             bound,
@@ -183,7 +183,7 @@ class ShareSearch:
                 memory_bytes=self._left_bytes,
                 start=share.start,
                 rounds=share.rounds,
-                news=self._news,
+                shared=self._shared,
             )
             search.run()
             ended = "proof" if search.proved else search.ended or _MEMORY_LIMIT
@@ -204,18 +204,18 @@ class ShareSearch:
             self._bound = (bound, self._search.effort.bound_method)
             self._changed.set()
 
-    def _news(self) -> News | None:
-        """Return all that was heard since it was last asked for."""
-        from skillplan.solvers.ordering.incumbents import News
+    def _shared(self) -> SharedIncumbent | None:
+        """Return what was received since the last call, as one; None where nothing was."""
+        from skillplan.solvers.ordering.incumbents import SharedIncumbent
 
-        news = None
-        while self._heard:
-            word = self._heard.popleft()
-            order = word.order
-            if order is None and news is not None:
-                order = news.order
-            news = News(order, word.bound, word.bound_method)
-        return news
+        shared = None
+        while self._updates:
+            update = self._updates.popleft()
+            order = update.order
+            if order is None and shared is not None:
+                order = shared.order
+            shared = SharedIncumbent(order, update.bound, update.bound_method)
+        return shared
 
     def _allow(self, more_bytes: int | None) -> None:
         held = resident_bytes()
@@ -226,7 +226,7 @@ class ShareSearch:
         return None if most is None or held is None else max(0, most - held)
 
     def _short(self) -> bool:
-        """Whether more memory was held than is allowed; looked at once in a while only."""
+        """Whether more memory was held than is allowed; measured once in a while only."""
         now_s = time.monotonic()
         if not self._was_short and now_s >= self._look_s:
             self._look_s = now_s + _MEMORY_EVERY_S

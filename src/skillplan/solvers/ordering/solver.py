@@ -1,4 +1,4 @@
-"""Solvers of the sequential ordering problem that a model may be: one method each, or all.
+"""Solvers for models that are a sequential ordering problem: one method each, or all.
 
 What a job is and when a model has this structure, `model.sequencing` says; the methods are in
 `solvers.ordering`. numpy, numba and HiGHS are imported when the first model is looked at.
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from skillplan.model.sequencing import SequencingProblem
     from skillplan.solvers.ordering.portfolio import Method, OrderingSearch
 
-# Of the memory that is free where no limit is given.
+# Share of the free memory that is used where no limit is given.
 _SHARE = 0.7
 _PROOF_TOLERANCE = 1e-9
 
 
 class JobOrderSolver(Solver):
-    """Base of the solvers that put jobs into an order: recognises them, or refuses in words."""
+    """Base of the solvers that put jobs into an order: recognises them or says why not."""
 
     def refuses(self, model: SkillModel) -> str | None:
         """Return why not, where the model is no sequencing problem.
@@ -39,7 +39,7 @@ class JobOrderSolver(Solver):
         try:
             self.problem(model)
         except SearchStopped:
-            # The search ends for the same reason, and is asked for what it has.
+            # The search will end for the same reason and return what it has.
             return None
         except NotASequencing as error:
             if _obstacle(model) is not None:
@@ -49,7 +49,7 @@ class JobOrderSolver(Solver):
         return None
 
     def problem(self, model: SkillModel) -> SequencingProblem:
-        """Return the problem that a model is, worked out once.
+        """Return a model as a sequencing problem, derived once.
 
         Raises
         ------
@@ -89,12 +89,12 @@ class JobOrderSolver(Solver):
 
 
 class SequencingSolver(JobOrderSolver):
-    """Base of the solvers whose methods are those of `ordering_search`.
+    """Base of the solvers that run methods of the portfolio.
 
     Attributes
     ----------
     methods
-        Those of `ordering_search` that take part; all where it is empty.
+        Those of the portfolio that are in use; all where it is empty.
     """
 
     methods: ClassVar[tuple[Method, ...]] = ()
@@ -113,7 +113,7 @@ class SequencingSolver(JobOrderSolver):
     options: Options
 
     def search(self, problem: SequencingProblem, seed: int) -> Solution:
-        """Search with the methods; what is found and proved on the way is told at once."""
+        """Search with the methods; every better plan and bound is reported at once."""
         from skillplan.solvers.ordering.job_orders import JobOrders
         from skillplan.solvers.ordering.portfolio import METHODS, OrderingSearch
 
@@ -191,27 +191,27 @@ class SequencingSolver(JobOrderSolver):
 
 
 class PortfolioSolver(SequencingSolver):
-    """All methods in turns, with what one finds at hand for the others."""
+    """All methods in turns, which share incumbents, bounds and fixed arcs."""
 
     name = "portfolio"
 
 
 class SubsetDpSolver(SequencingSolver):
-    """Dynamic programming over feasible subsets from both ends: proves where order is tight."""
+    """Bidirectional dynamic programming over feasible subsets; proves where precedence is tight."""
 
     name = "subset-dp"
     methods = ("subset-dp",)
 
 
 class TreeSearchSolver(SequencingSolver):
-    """Beams over feasible subsets with completion bounds, each wider, the last a proof."""
+    """Beam search over feasible subsets with completion bounds; ever wider, until it is a proof."""
 
     name = "tree-search"
     methods = ("tree-search",)
 
 
 class LocalSearchSolver(SequencingSolver):
-    """Ruin and recreate with simulated annealing; its bound is the linear relaxation's."""
+    """Ruin and recreate (SISR) with simulated annealing; the linear relaxation is its bound."""
 
     name = "local-search"
     methods = ("local-search",)
@@ -229,7 +229,7 @@ class LocalSearchSolver(SequencingSolver):
 
 
 class BranchAndCutSolver(SequencingSolver):
-    """A linear relaxation with precedence cuts and branching: proves where order is loose."""
+    """Branch and cut with precedence cuts; proves where precedence is loose."""
 
     name = "branch-and-cut"
     methods = ("branch-and-cut",)

@@ -23,7 +23,7 @@ def warm_up() -> None:
     instance = _instance()
     for method in METHODS:
         OrderingSearch(instance, (method,), rounds=1).run()
-    # What a search turns to where those do not come to an end soon.
+    # A search turns to this only where the others do not soon prove its optimum.
     relaxation = CutRelaxation(instance, instance.costs < NO_ARC)
     PairRelaxation(relaxation).run(_WORK, np.inf, lambda: False, lambda duals: None)
 

@@ -1,4 +1,4 @@
-"""Search on the lazy model: exhaustive, exact, constraint satisfaction.
+"""Search on the lazy model: exhaustive, exact (A*), constraint satisfaction (CSP).
 
 It never queries back ends.
 """

@@ -1,9 +1,9 @@
-"""The planner that learning replaced: goals as a constraint satisfaction problem.
+"""Constraint satisfaction: depth-first backtracking with forward checking, the paper's baseline.
 
-Veeramani and Muthuswamy 2022, section 2: two consecutive goal positions of the base must have a
-docking pin in common; where the next has none, the planner goes back and plans anew, and may fail
-altogether. Choices are made depth first, the cheapest first, with forward checking: a choice is
-dropped at once where nothing that could follow it has anything in common with it.
+The planner that learning replaced (Veeramani and Muthuswamy 2022, section 2): two consecutive goal
+positions of the base must have a docking pin in common; where the next has none, the planner
+backtracks and replans, and may fail altogether. The cheapest choice is tried first. Forward
+checking drops a choice at once if nothing that could follow it has anything in common with it.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ class _Choice:
     name
         The skill; empty for the start.
     held
-        What it occupies, or else the one before.
+        What it occupies; if nothing, what the choice before holds.
     cost
-        Of it and all before it [units].
+        Cost up to and including it [units].
     following
-        What has not been tried after it.
+        Successors not tried yet.
     """
 
     name: str
@@ -56,13 +56,13 @@ class CspSolver(Solver):
     stage: ClassVar[str | None] = "goals"
 
     class Options(back_end.Options):
-        """How often to go back."""
+        """How often to replan."""
 
         replans: int = Field(
             default=3,
             ge=0,
             le=20,
-            description="how often the levels above may be planned anew, finer, where there is no "
+            description="how often the levels above may be replanned, finer, where there is no "
             "sequence [-]",
         )
 
@@ -85,7 +85,7 @@ class CspSolver(Solver):
         return None
 
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
-        """Search depth first; what is found is not claimed to be best, nor its absence proved.
+        """Search depth first; neither optimality nor the absence of a plan is claimed.
 
         The first choice is free, and skills that occupy nothing are let through. The trace holds
         ``backtracks``, and where there is no sequence ``failed_at``, the farthest choice after
@@ -102,7 +102,7 @@ class _Search:
         self.model = model
         self.visited = 0
         self.backtracks = 0
-        # The fewest choices after which a state was come to; to come again later is no use.
+        # Least depth at which a state was reached; to reach it again later is useless.
         self._seen: dict[_Key, int] = {}
         self._deepest = -1
         self._failed_at = ""

@@ -1,9 +1,9 @@
-"""Best-first search with proof, on the lazy model.
+"""Exact search with proof: lazy A* with a landmark bound.
 
-A* (Hart, Nilsson and Raphael, 1968) under the landmark bound, ordered by cost, then by number of
-skills, then by time. Edges are lazy (Dellin and Srinivasa, "A unifying formalism for shortest path
-problems with expensive edge evaluations", 2016): a back end is asked about a skill only when
-its arrow comes up for expansion, so that most arrows never cost a check.
+A* (Hart, Nilsson and Raphael, 1968) ordered by cost, then by number of skills, then by time. Edges
+are evaluated lazily (Dellin and Srinivasa, "A unifying formalism for shortest path problems with
+expensive edge evaluations", 2016): a back end checks a skill only when its edge comes up for
+expansion, so that most edges need no check.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _TIME_BITS = 40
 
 @dataclass(slots=True)
 class _Label:
-    """A way to a state: its cost [units], skills and time [us], and where it came from."""
+    """A path to a state: its cost [units], skills and time [us], and its parent."""
 
     state: State
     cost: int
@@ -49,12 +49,12 @@ class ExactSolver(Solver):
         max_labels: int = Field(
             default=2_000_000,
             ge=1,
-            description="arrows generated before the search ends with a bound, for the sake of "
-            "memory: 0.6 to 1 kB each [-]",
+            description="labels generated before the search ends with a bound: "
+            "0.6 to 1 kB of memory each [-]",
         )
         dives: bool = Field(
             default=True,
-            description="look for plans greedily on the way, so that there is one at any time [-]",
+            description="search greedily in between, so that there is a plan at any time [-]",
         )
 
     options: Options
@@ -71,8 +71,8 @@ class ExactSolver(Solver):
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Search without regard to the step limit first; that is a relaxation.
 
-        Where its optimum is too long, a second search keeps, for every state, all ways that
-        are not worse in both cost and length.
+        Where its optimum is too long, a second search keeps for every state all labels that are
+        not dominated in cost and length.
         """
         search = _Search(self, model)
         plan, proved = search.run(bounded=False)
@@ -93,11 +93,11 @@ class ExactSolver(Solver):
 
 
 class _Search:
-    """One task's search: what the two passes share.
+    """The search of one task: what its two passes share.
 
-    Labels are ordered by weight: the cost plus a toll for every skill, far below what matters
-    and far above what rounding does to ways of equal length. So ties go to fewer skills, and
-    what is still equal to less time, which weighs less than one unit of cost.
+    Labels are ordered by weight: the cost plus a toll for every skill, far below relevant costs
+    and far above the rounding errors of paths of equal length. So ties go to fewer skills, and
+    further ties to less time, which weighs less than one unit of cost.
     """
 
     def __init__(self, solver: ExactSolver, model: SkillModel) -> None:
@@ -157,7 +157,7 @@ class _Search:
         return (cost + self._toll * steps << _TIME_BITS) + time
 
     def _ahead(self, label: _Label, limit: int | None) -> int | None:
-        """Return the least weight of a plan by way of a label, or None where there is none."""
+        """Return the least weight of a plan through a label, or None where there is none."""
         cost, steps = self.bound(label.state)
         if cost < 0 or (limit is not None and label.steps + steps > limit):
             return None
@@ -165,13 +165,13 @@ class _Search:
         return None if self._incumbent is not None and ahead >= self._incumbent else ahead
 
     def _floor(self, ahead: int) -> float:
-        """Return the bound that the lightest open arrow proves on the cost of any plan."""
+        """Return the bound on every plan's cost that the lightest open label proves."""
         if self._incumbent is not None:
             ahead = min(ahead, self._incumbent)
         return max(0.0, from_units((ahead >> _TIME_BITS) - self._toll * self.model.step_limit))
 
     def _dominated(self, known: Sequence[_Label], label: _Label, bounded: bool) -> bool:
-        """Whether one of the known ways to a state is no worse than `label`."""
+        """Whether one of a state's known labels dominates `label`."""
         if bounded:
             return any(
                 k.steps <= label.steps and (k.cost, k.time) <= (label.cost, label.time)
@@ -229,7 +229,7 @@ class _Search:
                 stack.append(child)
 
     def _adopt(self, plan: Plan | None) -> None:
-        """Begin with a plan that is known already, as one that was given to start from."""
+        """Take a known plan, such as a warm start, as the incumbent."""
         if plan is None or self._plan is not None:
             return
         label = _Label(self.model.initial, 0, 0, 0, None, -1)

@@ -1,4 +1,4 @@
-"""Brute force over all feasible sequences up to the step limit, which it counts.
+"""Exhaustive search: enumerates and counts all feasible sequences up to the step limit.
 
 Moller et al., section 5.3: "determined through an exhaustive search". No sequence is pruned;
 a sequence ends where it reaches the goal.
@@ -7,6 +7,7 @@ a sequence ends where it reaches the goal.
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any
 
 from skillplan.model.skill_model import SkillModel, Transition
 from skillplan.solvers.solution import Plan, Solution
@@ -16,7 +17,7 @@ _TIE = 1e-12
 
 
 class ExhaustiveSolver(Solver):
-    """Walk every feasible sequence, depth first."""
+    """Enumerate every feasible sequence, depth first."""
 
     name = "exhaustive"
 
@@ -37,16 +38,15 @@ class ExhaustiveSolver(Solver):
         worst: dict[int, float] = {}
         complete: Counter[int] = Counter()
         visited = 1
-        # One frame for each skill of the sequence at hand: what can follow, and which is next.
+        # One frame for each skill of the present sequence: its successors, and which is next.
         frames: list[tuple[tuple[Transition, ...], float]] = []
         nexts: list[int] = []
         names: list[str] = []
-        at_goal = model.is_goal(model.initial)
-        if at_goal:
-            best, complete[0] = Plan((), 0.0), 1
-        else:
-            frames.append((model.transitions(model.initial), 0.0))
-            nexts.append(0)
+        if model.is_goal(model.initial):
+            trace = _trace(1, Counter({0: 1}), {}, {})
+            return Solution(Plan((), 0.0), 0.0, proved=True, trace=trace)
+        frames.append((model.transitions(model.initial), 0.0))
+        nexts.append(0)
         stopped = False
         while frames:
             if visited % 256 == 0 and self.stop():
@@ -82,25 +82,30 @@ class ExhaustiveSolver(Solver):
             if visited % 4096 == 0:
                 self.stop.bound(self._open_bound(frames, nexts, best_key[0]), visited)
         bound = self._open_bound(frames, nexts, best_key[0]) if stopped else best_key[0]
-        if at_goal:
-            bound = 0.0
-        trace = {
-            "visited": visited,
-            "bound_method": "enumeration of all sequences",
-            "sequences": complete.total(),
-            "sequences_by_length": dict(sorted(complete.items())),
-            "best_cost_by_length": dict(sorted(cheapest.items())),
-            "worst_cost_by_length": dict(sorted(worst.items())),
-        }
+        trace = _trace(visited, complete, cheapest, worst)
         return Solution(best, bound, proved=not stopped, trace=trace)
 
     @staticmethod
     def _open_bound(
         frames: list[tuple[tuple[Transition, ...], float]], nexts: list[int], best: float
     ) -> float:
-        """Return the least cost that a sequence not yet walked can have."""
+        """Return the least cost that a sequence not enumerated yet can have."""
         bound = best
         for (following, cost), index in zip(frames, nexts, strict=True):
             for step in following[index:]:
                 bound = min(bound, cost + step.cost)
         return bound
+
+
+def _trace(
+    visited: int, complete: Counter[int], cheapest: dict[int, float], worst: dict[int, float]
+) -> dict[str, Any]:
+    """Return the figures of a search: sequences visited, and costs of complete ones by length."""
+    return {
+        "visited": visited,
+        "bound_method": "enumeration of all sequences",
+        "sequences": complete.total(),
+        "sequences_by_length": dict(sorted(complete.items())),
+        "best_cost_by_length": dict(sorted(cheapest.items())),
+        "worst_cost_by_length": dict(sorted(worst.items())),
+    }

@@ -1,9 +1,9 @@
-"""An admissible bound on the cost to go, from the symbolic side of a task alone.
+"""Landmark heuristic: an admissible bound on the cost to go, from a task's symbols alone.
 
-A *landmark* is a skill that every plan from here must contain (Hoffmann, Porteous and
-Sebastia, "Ordered landmarks in planning", 2004): the only one to bring about a goal fact that
-is missing, and so on through its own preconditions. Each landmark costs at least the cheapest
-way to come to it from a skill that can directly precede it. No back end is asked.
+A *landmark* is a skill that every plan from here must contain (Hoffmann, Porteous and Sebastia,
+"Ordered landmarks in planning", 2004): the only achiever of a missing goal fact, and so on through
+its own preconditions. Each landmark costs at least what it costs after the cheapest of the skills
+that can directly precede it. No back end is queried.
 """
 
 from __future__ import annotations
@@ -15,30 +15,30 @@ from dataclasses import dataclass
 from skillplan.task.state import State
 from skillplan.task.task import Task
 
-# Costs are added up as whole numbers of this unit: sums do not depend on their order.
+# Costs are added as integers of this unit, so that sums do not depend on their order.
 COST_UNIT = 1e-15
 
 
 def to_units(cost: float) -> int:
-    """Return a cost in whole units."""
+    """Return a cost as an integer of units."""
     return round(cost / COST_UNIT)
 
 
 def from_units(units: int) -> float:
-    """Return a cost from whole units."""
+    """Return a cost from an integer of units."""
     return units / round(1 / COST_UNIT)
 
 
 @dataclass(frozen=True, slots=True)
 class _Outlook:
-    """What is still to come, by the facts that skills can require.
+    """The landmarks ahead, by the facts that skills can require.
 
     Parameters
     ----------
     landmarks
-        Skill indices, each with the least cost of coming to it from another skill [units].
+        Skill indices, each with its least cost after another skill [units].
     total
-        The sum of those costs.
+        The sum of those costs [units].
     """
 
     landmarks: dict[int, int]
@@ -67,7 +67,7 @@ class LandmarkBound:
         self._relevant = task.goal.requires.bits
         for requires in self._requires:
             self._relevant |= requires
-        self._ways = self._direct_ways()
+        self._predecessors = self._direct_predecessors()
         self._outlooks: dict[int, _Outlook | None] = {}
 
     def __call__(self, state: State) -> tuple[int, int]:
@@ -105,11 +105,11 @@ class LandmarkBound:
         landmarks = self._landmarks(bits, alive)
         costs = {}
         for k in landmarks:
-            costs[k] = next((cost for cost, j in self._ways[k] if j in alive), _NEVER)
+            costs[k] = next((cost for cost, j in self._predecessors[k] if j in alive), _NEVER)
         return _Outlook(costs, sum(costs.values()))
 
     def _relaxed(self, bits: int) -> tuple[set[int], int]:
-        """Return the skills and facts in reach if nothing true ever became false."""
+        """Return the skills and facts reachable under the delete relaxation."""
         alive: set[int] = set()
         waiting = list(range(len(self._requires)))
         while True:
@@ -161,17 +161,17 @@ class LandmarkBound:
             false |= self._rivals.get(bit, 0)
         return true, false & ~true
 
-    def _direct_ways(self) -> list[list[tuple[int, int]]]:
+    def _direct_predecessors(self) -> list[list[tuple[int, int]]]:
         """For every skill, the skills that can directly precede it, cheapest first."""
         after = []
         for skill, added in zip(self._task.skills, self._adds, strict=True):
-            # What is certain afterwards, whatever the state it was started in.
+            # What holds afterwards, whatever the state before.
             delete, add = skill.prediction.delete.bits, skill.prediction.add.bits
             may_delete = _union(outcome.delete for outcome in skill.effects)
             true = skill.precondition.requires.bits & ~may_delete | add
             false = skill.precondition.forbids.bits & ~added | delete
             after.append(self._known(true, false))
-        ways: list[list[tuple[int, int]]] = []
+        predecessors: list[list[tuple[int, int]]] = []
         for k, skill in enumerate(self._task.skills):
             found = []
             needs_true, needs_false = self._known(self._requires[k], self._forbids[k])
@@ -181,8 +181,8 @@ class LandmarkBound:
                 cost = skill.cost.least(true | needs_true, false | needs_false)
                 if math.isfinite(cost):
                     found.append((to_units(cost), j))
-            ways.append(sorted(found))
-        return ways
+            predecessors.append(sorted(found))
+        return predecessors
 
 
 def _union(sets: Iterable[State]) -> int:
@@ -192,7 +192,7 @@ def _union(sets: Iterable[State]) -> int:
     return bits
 
 
-# Entries of the table of outlooks, at some 100 bytes each, before it is begun anew.
+# Entries of the table of outlooks, at some 100 bytes each, before it is cleared.
 _MOST_KEPT = 5_000_000
-# Stands for "only from where one is": replaced by the cost from there, or a dead end.
+# No skill can precede it: the cost from the present state replaces this, else a dead end.
 _NEVER = 1 << 80

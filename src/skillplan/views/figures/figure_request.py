@@ -1,4 +1,4 @@
-"""What a figure is asked for, what has to be solved before it can be drawn, and what came of it."""
+"""What a figure is to show, what has to be solved before it can be drawn, and what came of it."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class FigureRequest:
-    """What the user asked for.
+    """What the user wants drawn.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ class FigureRequest:
         ]
 
     def walk(self) -> Task:
-        """Return the task meant: as named, or the first with a way to go.
+        """Return the task meant: as named, or the first that leads elsewhere.
 
         Raises
         ------

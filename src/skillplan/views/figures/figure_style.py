@@ -174,7 +174,17 @@ def _line(figure: Figure, left: float, down: float, text: str, **style: Any) -> 
 def axes_in(
     figure: Figure, left_in: float, bottom_in: float, width_in: float, height_in: float
 ) -> Axes:
-    """Return axes at a place of a figure, from its lower left corner [in]."""
+    """Return axes at a place of a figure.
+
+    Parameters
+    ----------
+    figure
+        Of a known size.
+    left_in, bottom_in
+        Where the lower left corner of the axes is, from that of the figure [in].
+    width_in, height_in
+        How large they are, > 0 [in].
+    """
     whole_w, whole_h = figure.get_size_inches()
     return figure.add_axes(
         (left_in / whole_w, bottom_in / whole_h, width_in / whole_w, height_in / whole_h)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -13,10 +13,12 @@ from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
+from PIL import Image as PillowImage
 
 from skillplan.collision.hulls import Hull, HullRole, HullScene
 from skillplan.physics.performance import Image
 from skillplan.task.motion import Point
+from skillplan.views.figures.figure_file import figure_bytes
 from skillplan.views.figures.figure_style import (
     BLUE,
     GREY,
@@ -24,7 +26,6 @@ from skillplan.views.figures.figure_style import (
     RED,
     SMALL_PT,
     Heading,
-    house_style,
     in_house_style,
     sheet,
 )
@@ -110,13 +111,9 @@ def figure_image(figure: Figure, dpi: int = 150) -> Image:
     dpi
         Dots per inch, > 0.
     """
-    with house_style():
-        figure.set_dpi(dpi)
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        width, height = canvas.get_width_height()
-        pixels = np.asarray(canvas.buffer_rgba())
-    return Image(width, height, pixels[:, :, :3].tobytes())
+    with PillowImage.open(io.BytesIO(figure_bytes(figure, ".png", dpi))) as opened:
+        picture = opened.convert("RGB")
+    return Image(*picture.size, picture.tobytes())
 
 
 def _draw(axes: Axes3D, hull: Hull) -> None:

@@ -102,7 +102,7 @@ class LearningPanel:
     Parameters
     ----------
     title
-        What is learnt.
+        What is learned.
     curves
         At most one for each set of parameters.
     fewest
@@ -222,7 +222,7 @@ def runs(request: FigureRequest) -> Sequence[Run]:
 
 
 def _tasks(request: FigureRequest) -> list[Task]:
-    """Return the task named, or the first two with a way to go, or the only one."""
+    """Return the task named, or the first two that lead elsewhere, or the only one."""
     if request.part is not None:
         return [request.problem.part(request.part)]
     return request.walks()[:_PANELS] or [request.problem.task]

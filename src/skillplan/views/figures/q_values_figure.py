@@ -1,4 +1,4 @@
-"""The values of all actions in some states, as they are learnt.
+"""The values of all actions in some states, as they are learned.
 
 Veeramani and Muthuswamy 2022, Fig. 7.
 """
@@ -188,7 +188,7 @@ def runs(request: FigureRequest) -> Sequence[Run]:
 
 
 def _task(request: FigureRequest) -> Task:
-    """Return the task named, or the first with a way to go, or the only one."""
+    """Return the task named, or the first that leads elsewhere, or the only one."""
     if request.part is None and not request.problem.is_chain:
         return request.problem.task
     return request.walk()

@@ -39,8 +39,8 @@ _MOST_RATIO = 100.0
 
 
 @dataclass(frozen=True, slots=True)
-class PaidStep:
-    """A step and what it was paid.
+class RewardStep:
+    """A step and its reward.
 
     Parameters
     ----------
@@ -49,9 +49,9 @@ class PaidStep:
     action
         Name of the skill.
     place
-        Where it ends; empty where it does not walk.
+        Where it ends; empty where the robot does not walk.
     reward
-        What is paid.
+        Its reward.
     """
 
     sequence: str
@@ -61,7 +61,7 @@ class PaidStep:
 
 
 @in_house_style
-def rewards_figure(steps: Sequence[PaidStep], actions: Sequence[str], heading: Heading) -> Figure:
+def rewards_figure(steps: Sequence[RewardStep], actions: Sequence[str], heading: Heading) -> Figure:
     """Draw actions above and rewards below, for every step.
 
     Parameters
@@ -103,7 +103,7 @@ def rewards_figure(steps: Sequence[PaidStep], actions: Sequence[str], heading: H
     return figure
 
 
-def _draw_actions(axes: Axes, steps: Sequence[PaidStep], actions: Sequence[str]) -> None:
+def _draw_actions(axes: Axes, steps: Sequence[RewardStep], actions: Sequence[str]) -> None:
     rows = [actions.index(step.action) for step in steps]
     axes.vlines(range(1, len(steps) + 1), -0.6, rows, color="#b9c7d3", linewidth=1.0, zorder=2)
     axes.plot(range(1, len(steps) + 1), rows, "o", color=BLUE, markersize=6, zorder=3)[0].set_gid(
@@ -115,7 +115,7 @@ def _draw_actions(axes: Axes, steps: Sequence[PaidStep], actions: Sequence[str])
     axes.tick_params(axis="x", length=0, labelbottom=False)
 
 
-def _draw_rewards(axes: Axes, steps: Sequence[PaidStep], wide_in: float) -> None:
+def _draw_rewards(axes: Axes, steps: Sequence[RewardStep], wide_in: float) -> None:
     rewards = [step.reward for step in steps]
     numbers = range(1, len(steps) + 1)
     bars = axes.bar(
@@ -168,11 +168,11 @@ def _reward_text(reward: float) -> str:
     return text.replace("-", "\N{MINUS SIGN}")
 
 
-def _tick(number: int, step: PaidStep) -> str:
+def _tick(number: int, step: RewardStep) -> str:
     return f"{number}\n{step.place}" if step.place else str(number)
 
 
-def _mark_sequences(upper: Axes, lower: Axes, steps: Sequence[PaidStep], wide_in: float) -> None:
+def _mark_sequences(upper: Axes, lower: Axes, steps: Sequence[RewardStep], wide_in: float) -> None:
     """Part the steps of one task from those of the next, and name the tasks above."""
     begins = [i for i, step in enumerate(steps) if i == 0 or step.sequence != steps[i - 1].sequence]
     if len(begins) == 1:
@@ -239,7 +239,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         [part.result for part in answer.main] if isinstance(answer, ChainResult) else [answer]
     )
     steps = [
-        PaidStep(result.task, step.skill, step.place or "", step.reward or 0.0)
+        RewardStep(result.task, step.skill, step.place or "", step.reward or 0.0)
         for result in results
         for step in result.steps
     ]

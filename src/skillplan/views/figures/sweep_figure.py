@@ -63,7 +63,7 @@ def sweep_figure(result: SweepResult) -> Figure:
     """Draw a study: shares and times by start, against the values of every option.
 
     Points stand side by side where starts share a value; bars are 95 % intervals. With the
-    design ``grid`` a point stands for all settings of its value.
+    design ``grid`` a point is the mean of all settings of its value.
 
     Parameters
     ----------
@@ -287,7 +287,7 @@ def _details(result: SweepResult) -> str:
     seeds: Sequence[int] = plan.seeds
     parts = [f"{len(seeds)} runs each, seeds {seeds[0]} to {seeds[-1]}"]
     if plan.design == GRID:
-        parts.append("all combinations; a point stands for all settings of its value")
+        parts.append("all combinations; a point is the mean of all settings of its value")
     else:
         parts.append(f"others at the centre (dotted): {setting_text(plan.centre)}")
     parts.append("bars are 95 % intervals")

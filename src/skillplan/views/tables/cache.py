@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from skillplan.records.cache import CacheFilling, CacheSurvey, CacheTest
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.text.table import Column, Table
 
 
 def survey_table(survey: CacheSurvey) -> Table:
@@ -72,19 +72,20 @@ def cache_test_table(test: CacheTest) -> Table:
         notes.append("every one of them is the same, bit for bit")
     if test.interrupted:
         notes.append("interrupted")
-    return Table(f"{test.task.name}: kept verdicts asked anew", columns, rows, notes)
+    return Table(f"{test.task.name}: kept verdicts checked anew", columns, rows, notes)
 
 
 def filling_table(filling: CacheFilling) -> Table:
     """Return the counts in one row."""
     counts = filling.counts
     columns = [
-        Column(name, right=True)
-        for name in ("states", "questions", "feasible", "executions", "by state", "s")
+        Column("states", right=True),
+        Column("questions", right=True, short="queries"),
+        *(Column(name, right=True) for name in ("feasible", "executions", "by state", "s")),
     ]
     figures = (
         counts.states,
-        counts.questions,
+        counts.queries,
         counts.feasible,
         counts.executions,
         counts.executions_by_state,
@@ -95,7 +96,7 @@ def filling_table(filling: CacheFilling) -> Table:
         "nothing is kept on disk" if filling.folder is None else f"kept in {filling.folder}",
     ]
     if counts.unknown:
-        notes.append(f"{counts.unknown:,} questions could not be decided")
+        notes.append(f"{counts.unknown:,} queries could not be decided")
     if not counts.complete:
         notes.append("interrupted: what was decided by then is kept")
     title = f"{filling.task.name}: complete feasibility by {', '.join(filling.back_ends)}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from skillplan.records.certificate import Certificate, Claim, Outcome
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.text.table import Column, Table
 
 # How claims were checked, by the label that stands in front; every other method is a proof.
 _LABELS = {"replay": "replay", "arithmetic": "figures", "grounding": "replay"}

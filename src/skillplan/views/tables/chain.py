@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.result import Result, Status
 from skillplan.views.tables.listing import listing_table
-from skillplan.views.tables.results import PROOF
-from skillplan.views.tables.table import Column, Table
-from skillplan.views.tables.wording import number, percent
+from skillplan.views.tables.results import PROOF, one_line
+from skillplan.views.text.table import Column, Table
+from skillplan.views.text.wording import number, percent
 
 
 def chain_tables(result: ChainResult) -> list[Table]:
@@ -64,7 +64,7 @@ def _because(result: ChainResult) -> str:
         if part.task.preset is None and not part.reused
     )
     beside = "" if own or result.status is not Status.OPTIMAL else " by the exact search beside it"
-    return beside + (f" ({result.reason})" if result.reason else "")
+    return beside + (f" ({one_line(result.reason)})" if result.reason else "")
 
 
 def appendix_tables(result: ChainResult) -> dict[str, Table]:
@@ -138,7 +138,7 @@ def chain_comparison_tables(results: Sequence[ChainResult], title: str) -> list[
             for result in results
         ],
         [
-            *(f"{result.solver}: {result.reason}" for result in results if result.reason),
+            *(f"{result.solver}: {one_line(result.reason)}" for result in results if result.reason),
             *_incomparable(results),
             *(
                 f"{result.solver}: replanned {result.replans} times, with heads closer together"

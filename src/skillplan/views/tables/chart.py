@@ -8,7 +8,7 @@ from skillplan.chart.conflict import conflict_lines
 from skillplan.chart.partial_order import closure, reduction
 from skillplan.chart.precedence_chart import DerivedChart
 from skillplan.task.task import Task
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.text.table import Column, Table
 
 
 def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Table:
@@ -49,7 +49,7 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
         for skill, facts in chart.conditional.items()
     ]
     notes += [f"{skill} could not be worked out" for skill in chart.undecided]
-    if chart.circle:
+    if chart.cycle:
         first, *others = conflict_lines(task, chart.relations)
         notes += [f"No order exists: {first}", *others]
     elif chart.contradiction:

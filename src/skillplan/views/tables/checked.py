@@ -5,7 +5,7 @@ from __future__ import annotations
 from skillplan.records.checked import Checked
 from skillplan.records.preview import Preview
 from skillplan.views.tables.listing import listing_table
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.text.table import Column, Table
 
 
 def checked_tables(checked: Checked) -> list[Table]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from skillplan.records.detectors import counts, decisive, wrong_rulings
+from skillplan.records.execution.detectors import counts, decisive, wrong_verdicts
 from skillplan.task.verdict import VerdictStatus
 from skillplan.trials.detector_trial import Truth
 from skillplan.trials.detector_trials import CHART, DetectorTrials
-from skillplan.views.tables.evidence_text import evidence_text
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.text.evidence_text import evidence_text
+from skillplan.views.text.table import Column, Table
 
 
 def detectors_tables(trials: DetectorTrials) -> list[Table]:
@@ -60,14 +60,14 @@ def detectors_tables(trials: DetectorTrials) -> list[Table]:
             evidence_text(ruling.verdicts[name].evidence) or "-",
         )
         for name in trials.detectors
-        for ruling in wrong_rulings(trials, name)
+        for ruling in wrong_verdicts(trials, name)
     ]
     if not wrong:
         return [summary]
-    headings = ["detector", "truth", "skill", "staged", "verdict"]
-    columns = [Column(heading) for heading in headings]
+    columns = [Column(heading) for heading in ("detector", "truth", "skill")]
+    columns += [Column("staged", short="injected fault"), Column("verdict")]
     columns += [Column("reason", below=True), Column("evidence", below=True)]
-    return [Table(f"{trials.task.name}: wrong rulings", columns, wrong), summary]
+    return [Table(f"{trials.task.name}: wrong verdicts", columns, wrong), summary]
 
 
 def _ruled_out(trials: DetectorTrials, name: str) -> str:

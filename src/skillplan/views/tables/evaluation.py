@@ -5,8 +5,8 @@ from __future__ import annotations
 from skillplan.records.evaluation import Evaluation
 from skillplan.records.result import tolerance
 from skillplan.views.tables.results import step_rows
-from skillplan.views.tables.table import Table
-from skillplan.views.tables.wording import percent, yes_no
+from skillplan.views.text.table import Table
+from skillplan.views.text.wording import percent, yes_no
 
 
 def evaluation_table(evaluation: Evaluation) -> Table:
@@ -28,7 +28,7 @@ def evaluation_table(evaluation: Evaluation) -> Table:
             notes += _bound_notes(evaluation)
         else:
             notes.append(
-                "deviation  none: under chance a sequence is one way that a policy may go, "
+                "deviation  none: under chance a sequence is one run that a policy may take, "
                 "here with every nominal outcome"
             )
     if walked.total_reward is not None:

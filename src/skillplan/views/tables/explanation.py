@@ -6,8 +6,8 @@ from skillplan.records.explanation import Explanation
 from skillplan.task.skill import Outcome
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan.views.tables.evidence_text import evidence_items, evidence_text
-from skillplan.views.tables.table import Column, ItemList, Table
+from skillplan.views.text.evidence_text import evidence_items, evidence_text
+from skillplan.views.text.table import Column, ItemList, Table
 
 _RESTS_ON = "rests on"
 

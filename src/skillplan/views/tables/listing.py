@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from skillplan.domains.domain import Listing
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.text.table import Column, Table
 
 
 def listing_table(listing: Listing) -> Table:

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from skillplan.records.plugin_info import PluginInfo
-from skillplan.views.tables.table import Column, Table
+from skillplan.views.text.table import Column, Table
 
 _BOUNDS = {
     "minimum": ">= ",
@@ -19,7 +19,7 @@ _BOUNDS = {
 
 
 def plugin_tables(infos: Sequence[PluginInfo], options: type[BaseModel] | None) -> list[Table]:
-    """Return the plugins and, where one was asked for, its options."""
+    """Return the plugins and, where there is one only, its options."""
     headings = ("kind", "name", "distribution", "version", "what it does")
     rows = [
         (

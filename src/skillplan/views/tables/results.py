@@ -9,8 +9,8 @@ from skillplan.model.replay import Step
 from skillplan.records.result import Result, Status
 from skillplan.task.motion import Point
 from skillplan.task.task import Metric, Task
-from skillplan.views.tables.table import Column, Table
-from skillplan.views.tables.wording import number, percent
+from skillplan.views.text.table import Column, Table
+from skillplan.views.text.wording import number, percent
 
 PROOF = {
     Status.OPTIMAL: "optimal, proved",

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from skillplan.physics.performance import PerformedSkill
-from skillplan.records.simulation import Simulation
-from skillplan.views.tables.evidence_text import evidence_text
-from skillplan.views.tables.table import Column, Table
-from skillplan.views.tables.wording import yes_no
+from skillplan.records.execution.simulation import Simulation
+from skillplan.views.text.evidence_text import evidence_text
+from skillplan.views.text.table import Column, Table
+from skillplan.views.text.wording import yes_no
 
 
 def simulation_tables(simulation: Simulation) -> list[Table]:

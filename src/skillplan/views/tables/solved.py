@@ -9,7 +9,7 @@ from skillplan.records.result import Result
 from skillplan.task.task import Task
 from skillplan.views.tables.chain import appendix_tables, chain_comparison_tables, chain_tables
 from skillplan.views.tables.results import comparison_table, plan_table
-from skillplan.views.tables.table import Table
+from skillplan.views.text.table import Table
 
 
 def solved_tables(result: Result | ChainResult, task: Task) -> list[Table]:

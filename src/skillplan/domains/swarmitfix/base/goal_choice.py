@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from skillplan.domains.swarmitfix.base.goals import GoalSet
 from skillplan.domains.swarmitfix.bench.bench import Bench
 
-# Above the time of any way round a bench [us]: 12 days.
+# Above the time of any path round a bench [us]: 12 days.
 _STEP = 1 << 40
 
 
@@ -92,7 +92,7 @@ class LeastSwings:
         return self._known[goal]
 
     def _least_times(self, steps: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the least times of the shortest ways, ring by ring around the goal."""
+        """Return the least times of the shortest paths, ring by ring around the goal."""
         times_us = np.zeros_like(steps)
         rings = np.argsort(steps, kind="stable")
         bounds = np.cumsum(np.bincount(steps))

@@ -2,7 +2,7 @@
 
 Veeramani and Muthuswamy 2022, section 4.1.2, Fig. 4, Eqs 1 to 4: the positions whose centroid
 lies in a quadrilateral over two consecutive supports, not too near to either. Often there are
-none; then the rules are relaxed to what the arm reaches, or the way between the supports is split,
+none; then the rules are relaxed to what the arm reaches, or the path between the supports is split,
 and every set says which.
 """
 
@@ -31,9 +31,9 @@ __all__ = [
     "MOST_SPLITS",
     "GoalSet",
     "How",
+    "PathBetween",
     "ReachRules",
     "UnreachableSupport",
-    "WayBetween",
     "candidates",
     "goal_sets",
     "inward_side",
@@ -44,9 +44,9 @@ __all__ = [
 ]
 
 MOST_SPLITS = 6
-"""The way between two supports is halved at most so often in a row."""
+"""The path between two supports is halved at most so often in a row."""
 
-WayBetween = Callable[[int, float], Point2]
+PathBetween = Callable[[int, float], Point2]
 
 
 class How(StrEnum):
@@ -57,12 +57,12 @@ class How(StrEnum):
     RELAXED = "relaxed"
     """Eqs 3 and 4 leave none; these are within the arm's true reach of both supports."""
     SPLIT = "split"
-    """Neither gives any for the whole way; it was halved, and this is a part of it."""
+    """Neither gives any for the whole path; it was halved, and this is a part of it."""
 
 
 @dataclass(frozen=True, slots=True)
 class GoalSet:
-    """The positions from which a base serves the way between two supports.
+    """The positions from which a base serves the path between two supports.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class GoalSet:
         The pair of supports, from 0: support `index` and the next. Parts of a split pair have
         the same.
     e1, e2
-        Where the way, or the part of it, begins and ends [m].
+        Where the path, or the part of it, begins and ends [m].
     positions
         At least one, rising.
     how
@@ -100,7 +100,7 @@ class GoalSet:
 
 
 class UnreachableSupport(ValueError):
-    """No position of the bench serves the way between two supports.
+    """No position of the bench serves the path between two supports.
 
     Attributes
     ----------
@@ -121,12 +121,12 @@ def goal_sets(
     supports: Sequence[Point2],
     rules: ReachRules,
     closed: bool,
-    way: WayBetween | None = None,
+    path: PathBetween | None = None,
 ) -> tuple[GoalSet, ...]:
     """Return the positions for every two consecutive supports, in the order of travel.
 
     Where Eqs 3 and 4 leave none, the positions within the arm's true reach of both supports
-    are taken. Where there are none of those, the way is halved with a support in its middle, and
+    are taken. Where there are none of those, the path is halved with a support in its middle, and
     each half is served like any other, as often as `MOST_SPLITS`.
 
     Parameters
@@ -139,8 +139,8 @@ def goal_sets(
         Where a base may stand.
     closed
         Whether the last support is paired with the first.
-    way
-        Gives the point that is a share in [0, 1] of the way from a support, by its number from
+    path
+        Gives the point that is a share in [0, 1] of the path from a support, by its number from
         0, to the next; by default on the straight line.
 
     Returns
@@ -156,7 +156,7 @@ def goal_sets(
     return tuple(
         part
         for index, e1, e2 in _pairs(supports, closed)
-        for part in _Pair(bench, rules, index, _way(way, index, e1, e2), len(supports)).sets()
+        for part in _Pair(bench, rules, index, _path(path, index, e1, e2), len(supports)).sets()
     )
 
 
@@ -184,13 +184,21 @@ def unreachable(
     supports: Sequence[Point2],
     rules: ReachRules,
     closed: bool,
-    way: WayBetween | None = None,
+    path: PathBetween | None = None,
 ) -> tuple[UnreachableSupport, ...]:
-    """Return what is wrong with every pair that `goal_sets` cannot serve."""
+    """Return what is wrong with every pair that `goal_sets` cannot serve.
+
+    Parameters
+    ----------
+    bench, supports, rules, closed
+        As in `goal_sets`.
+    path
+        As its `path`.
+    """
     found = []
     for index, e1, e2 in _pairs(supports, closed):
         try:
-            _Pair(bench, rules, index, _way(way, index, e1, e2), len(supports)).sets()
+            _Pair(bench, rules, index, _path(path, index, e1, e2), len(supports)).sets()
         except UnreachableSupport as error:
             found.append(error)
     return tuple(found)
@@ -201,25 +209,27 @@ def _pairs(supports: Sequence[Point2], closed: bool) -> Iterator[tuple[int, Poin
         yield index, supports[index], supports[(index + 1) % len(supports)]
 
 
-def _way(way: WayBetween | None, index: int, e1: Point2, e2: Point2) -> Callable[[float], Point2]:
-    """Return the point at a share of the way between two supports."""
+def _path(
+    path: PathBetween | None, index: int, e1: Point2, e2: Point2
+) -> Callable[[float], Point2]:
+    """Return the point at a share of the path between two supports."""
 
     def point(share: float) -> Point2:
-        if share in (0.0, 1.0) or way is None:
+        if share in (0.0, 1.0) or path is None:
             return ((1 - share) * e1[0] + share * e2[0], (1 - share) * e1[1] + share * e2[1])
-        return way(index, share)
+        return path(index, share)
 
     return point
 
 
 @dataclass(frozen=True)
 class _Pair:
-    """Two consecutive supports and the way between them."""
+    """Two consecutive supports and the path between them."""
 
     bench: Bench
     rules: ReachRules
     index: int
-    way: Callable[[float], Point2]
+    path: Callable[[float], Point2]
     n_supports: int
 
     @property
@@ -231,8 +241,8 @@ class _Pair:
         return self._halves(0.0, 1.0, 1) if found is None else [found]
 
     def _served(self, begin: float, end: float) -> GoalSet | None:
-        """Return the set of a part of the way without splitting it; None where it is empty."""
-        e1, e2, rules = self.way(begin), self.way(end), self.rules
+        """Return the set of a part of the path without splitting it; None where it is empty."""
+        e1, e2, rules = self.path(begin), self.path(end), self.rules
         positions = () if e1 == e2 else candidates(self.bench, e1, e2, rules)
         whole = end - begin == 1
         how, notes = How.EQ34, []
@@ -268,12 +278,12 @@ class _Pair:
         return found
 
     def _fault(self, begin: float, end: float) -> str:
-        """Return what stands against serving a part of the way that is not split any more."""
+        """Return what stands against serving a part of the path that is not split any more."""
         least_m, most_m = self.rules.reach_m
         need = f"the arm needs {least_m:g} to {most_m:g} m"
-        # A support itself says more than a point of a way that was split on its account.
+        # A support itself says more than a point of a path that was split on its account.
         for share in (0.0, 1.0, begin, end):
-            point = self.way(share)
+            point = self.path(share)
             away_m = distances_m(self.bench, point)
             if not in_reach(away_m, self.rules).any():
                 nearest = int(np.maximum(least_m - away_m, away_m - most_m).argmin())
@@ -284,6 +294,6 @@ class _Pair:
                 )
         return (
             f"Between {self.label} no position of the bench reaches both "
-            f"{shown(self.way(begin))} and {shown(self.way(end))}; {need}. Move the "
+            f"{shown(self.path(begin))} and {shown(self.path(end))}; {need}. Move the "
             "trajectory, or enlarge the bench."
         )

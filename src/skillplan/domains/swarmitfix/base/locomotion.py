@@ -2,7 +2,7 @@
 
 Between two supports the head is retracted, the PKM parks, the base swings while the PKM turns
 against it, the head approaches the next support and supports it (Veeramani and Muthuswamy 2022,
-section 3). The ways of the base are those of `base_path`.
+section 3). The paths of the base are those of `base_path`.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class Phase:
     Parameters
     ----------
     sequence
-        Index of the way from one support to the next, from 0.
+        Index of the path from one support to the next, from 0.
     step
         Which of the five.
     start_s, end_s
@@ -167,7 +167,7 @@ def timeline(
     *,
     home: int,
 ) -> tuple[Phase, ...]:
-    """Return the phases of every way from one support to the next, without a pause.
+    """Return the phases of every path from one support to the next, without a pause.
 
     Where the base stays, the PKM alone repositions the head: retract, approach, support. There
     is nothing to park for, as the base does not move.
@@ -177,7 +177,7 @@ def timeline(
     bench
         The lattice.
     sequences
-        The base's way to each goal position, as from `along`; empty where the base stays.
+        The base's path to each goal position, as from `along`; empty where the base stays.
     supports_m
         Where the head supports the sheet after each of them (x, y) [m].
     timings
@@ -188,13 +188,13 @@ def timeline(
     Raises
     ------
     ValueError
-        If the numbers of ways and supports differ, a way does not start where the one before
+        If the numbers of paths and supports differ, a path does not start where the one before
         ended, or a step is not a swing of the bench.
     """
     timings = timings or Timings()
     if len(sequences) != len(supports_m):
         raise ValueError(
-            f"Each way needs the support that it leads to, but there are {len(sequences)} ways "
+            f"Each path needs the support that it leads to, but there are {len(sequences)} paths "
             f"and {len(supports_m)} supports."
         )
     phases: list[Phase] = []
@@ -220,17 +220,18 @@ def timeline(
 
 
 def _detail(bench: Bench, base: int, step: BaseStep) -> SwingDetail:
-    """Return a step of a way by names, having checked that the base can take it."""
+    """Return a step of a path by names, having checked that the base can take it."""
     action, before, after = step
     if before != base:
         raise ValueError(
-            f"The base stands in {bench.name(base)}, but its way goes on from {bench.name(before)}."
+            f"The base stands in {bench.name(base)}, but its path goes on from "
+            f"{bench.name(before)}."
         )
     swing = bench.swing(before, action)
     if swing is None or swing.end != after:
         really = "is no swing" if swing is None else f"leads to {bench.name(swing.end)}"
         raise ValueError(
-            f"B{action} in {bench.name(before)} {really}; the way says it leads to "
+            f"B{action} in {bench.name(before)} {really}; the path says it leads to "
             f"{bench.name(after)}."
         )
     against = swing.angle_deg if swing.direction is Direction.CW else -swing.angle_deg

@@ -1,4 +1,4 @@
-"""Ways of the base: the positions that a plan of swings leads through."""
+"""Paths of the base: the positions that a plan of swings leads through."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BasePath = tuple[BaseStep, ...]
 
 
 def along(bench: Bench, start: int, skills: Sequence[str]) -> BasePath:
-    """Return the way of a plan (policy to path conversion; paper, section 4.1.3).
+    """Return the path of a plan (policy to path conversion; paper, section 4.1.3).
 
     Parameters
     ----------

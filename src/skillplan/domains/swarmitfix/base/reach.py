@@ -1,4 +1,4 @@
-"""Which positions serve the way between two supports: Eqs 1 to 4, and the arm's true reach.
+"""Which positions serve the path between two supports: Eqs 1 to 4, and the arm's true reach.
 
 Veeramani and Muthuswamy 2022, section 4.1.2, Fig. 4.
 """
@@ -128,7 +128,19 @@ def within_reach(bench: Bench, e1: Point2, e2: Point2, rules: ReachRules) -> tup
 def on_the_other_side(
     bench: Bench, e1: Point2, e2: Point2, rules: ReachRules, positions: Sequence[int]
 ) -> bool:
-    """Whether all of some positions lie beyond the trajectory, where bases are not meant to be."""
+    """Whether all of some positions lie beyond the trajectory, where bases are not meant to be.
+
+    Parameters
+    ----------
+    bench
+        The lattice.
+    e1, e2
+        Two consecutive supports [m].
+    rules
+        With the side of the trajectory on which bases stand.
+    positions
+        Their numbers.
+    """
     return not _on_side(bench, e1, e2, rules)[list(positions)].any()
 
 

@@ -37,7 +37,7 @@ class BaseGrounding:
     swing_s
         Time of a swing [s] by its angle [deg].
     step_limit
-        The most swings of a plan, >= 1; None for as many as a way round the whole bench takes.
+        The most swings of a plan, >= 1; None for as many as a path round the whole bench takes.
     """
 
     def __init__(

@@ -169,7 +169,7 @@ class Bench(PinLattice):
         """Return the fewest swings from every position to a goal, shape (positions,).
 
         Breadth-first search from the goal, a whole frontier at a time. Every swing can be undone
-        by one action, so that ways from the goal are as long as ways to it; and all positions are
+        by one action, so that paths from the goal are as long as paths to it; and all positions are
         connected. The cost grows linearly with the number of positions.
 
         Raises

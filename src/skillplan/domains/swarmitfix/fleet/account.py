@@ -1,4 +1,4 @@
-"""What is to be said of a solved fleet: ways, parallel steps, and whether a simulator agrees."""
+"""What is to be said of a solved fleet: paths, parallel steps, and whether a simulator agrees."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Move = tuple[str, int, int, int]
 
 
 def fleet_account(job: Job, document: Mapping[str, Any]) -> Account:
-    """Return every robot's way, and the steps in which swings can run side by side."""
+    """Return every robot's path, and the steps in which swings can run side by side."""
     bench, robots = job.bench, job.robots
     alone = {name: int(bench.distances(goal)[start]) for name, (start, goal) in robots.items()}
     known: dict[str, Any] = {

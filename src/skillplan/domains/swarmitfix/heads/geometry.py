@@ -1,4 +1,4 @@
-"""The geometry of triangular heads: what they bear of a segment, and which of them overlap."""
+"""The geometry of triangular heads: what they support of a segment, and which of them overlap."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _TOUCH_M = 1e-9
 
 
 class SupportedStretch:
-    """Which stretch of a segment a head bears: what of it lies within the triangle.
+    """Which stretch of a segment a head supports: what of it lies within the triangle.
 
     Of a curve it is the connected piece around the centre of the head, followed chord by chord.
 

@@ -104,7 +104,7 @@ class HeadGrid:
 
     @cached_property
     def stretches(self) -> NDArray[np.float64]:
-        """Where the stretch that each head bears begins and ends, shape (heads, 2) [m]."""
+        """Where the stretch that each head supports begins and ends, shape (heads, 2) [m]."""
         supported = SupportedStretch(self.segment, self.rules)
         nodes = range(self.last + 1)
         return np.array([supported.at(self.distance_m(n), self.yaw_rad(n)) for n in nodes])
@@ -132,7 +132,7 @@ class HeadGrid:
 
     @cached_property
     def arrows(self) -> dict[int, dict[int, float]]:
-        """What lies bare [m] by head and next head, of those on a way from first to last."""
+        """What lies bare [m] by head and next head, of those on a path from first to last."""
         limit_m = self.rules.max_gap_m + _TOLERANCE_M
         found: dict[int, dict[int, float]] = {}
         reached = {0}
@@ -193,14 +193,14 @@ class HeadGrid:
         to_go = {self.last: (0.0, 0, 0.0)}
         following: dict[int, int] = {}
         for node in sorted(self.arrows, reverse=True):
-            ways = []
+            paths = []
             for other, bare_m in self.arrows[node].items():
                 cost, count, uneven = to_go[other]
                 # Rounded, so that equal sums are equal whatever their order.
                 cost = round(cost + self.cost(node, other), 9)
                 uneven = round(uneven + bare_m**2, 9)
-                ways.append(((cost, count + 1, uneven), other))
-            to_go[node], following[node] = min(ways)
+                paths.append(((cost, count + 1, uneven), other))
+            to_go[node], following[node] = min(paths)
         found, node = [], 0
         while node != self.last:
             node = following[node]

@@ -1,4 +1,4 @@
-"""Heads: the equilateral triangles that bear the sheet from below along a tool trajectory.
+"""Heads: the equilateral triangles that support the sheet from below along a tool trajectory.
 
 Veeramani and Muthuswamy 2022, section 4.1.2: heads at the vertices first, then heads between them.
 The centre of a head lies on the trajectory. A third of a turn leaves a head as it was, so that
@@ -128,8 +128,8 @@ def same_yaw(one_rad: float, other_rad: float) -> bool:
 def vertex_heads(workpiece: Workpiece, rules: HeadRules) -> tuple[Head, ...]:
     """Return a head for every vertex, in the order of travel.
 
-    An axis of symmetry of the head lies on the bisector of the vertex, so that it bears as much
-    of the one segment as of the other. Of the two ways it can point the one is taken that bears
+    An axis of symmetry of the head lies on the bisector of the vertex, so that it supports as much
+    of the one segment as of the other. Of the two ways it can point the one is taken that supports
     more: a corner into the vertex angle where that is below 60 degrees, and a side otherwise. At
     an end of an open trajectory a corner points along its only segment.
     """
@@ -187,7 +187,7 @@ def even_heads(segment: Segment, subdivisions: int) -> tuple[Head, ...]:
     return tuple(heads)
 
 
-def way_between(workpiece: Workpiece, heads: Sequence[Head]) -> Callable[[int, float], Point2]:
+def path_between(workpiece: Workpiece, heads: Sequence[Head]) -> Callable[[int, float], Point2]:
     """Return a function that gives points of the trajectory between consecutive heads.
 
     Parameters
@@ -201,7 +201,7 @@ def way_between(workpiece: Workpiece, heads: Sequence[Head]) -> Callable[[int, f
     -------
     Callable
         Of the number of the first of two consecutive heads, from 0, and the share in [0, 1] of
-        the way to the next; the point [m].
+        the path to the next; the point [m].
     """
 
     def point(number: int, share: float) -> Point2:

@@ -111,6 +111,17 @@ def heads_of(
 ) -> tuple[Head, ...]:
     """Return the heads between the vertices that a plan of `head_task` places.
 
+    Parameters
+    ----------
+    segment
+        The segment that the heads support.
+    first, last
+        The heads at its ends.
+    rules
+        How heads may be placed.
+    plan
+        Names of skills, in order.
+
     Raises
     ------
     ValueError

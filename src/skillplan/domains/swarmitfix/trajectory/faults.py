@@ -67,7 +67,7 @@ def faults(
     chord_tolerance_m
         Greatest distance between a curve and its chords [m].
     outline
-        The bench: x low, y low, x high, y high [m]. None asks for no check against it.
+        The bench: x low, y low, x high, y high [m]. None for no check against it.
 
     Returns
     -------

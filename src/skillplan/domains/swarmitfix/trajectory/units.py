@@ -22,7 +22,7 @@ UNITS_M: Final[dict[UnitName, float]] = {
 DEFAULT_UNIT: Final[UnitName] = "mm"
 """The unit of a drawing or program that names none."""
 
-# No sheet that heads bear is smaller, and no bench larger.
+# No sheet that heads support is smaller, and no bench larger.
 _LEAST_EXTENT_M = 0.010
 _MOST_EXTENT_M = 10.0
 

@@ -1,4 +1,8 @@
-"""Annealings of orders in turn, each of another temper, in portions that can be stopped between."""
+"""Simulated annealing of orders, with several cooling schedules in turn.
+
+Kirkpatrick, Gelatt and Vecchi, "Optimization by simulated annealing" (1983); the moves are those
+of `ruin_and_recreate`. A run is made in portions, between which it can be stopped.
+"""
 
 from __future__ import annotations
 
@@ -10,23 +14,23 @@ from skillplan.solvers.ordering.instance import NO_ARC, Integers, OrderingInstan
 from skillplan.solvers.ordering.local_search.ruin_and_recreate import improve
 
 _NEAR = 40
-# Of the annealings in turn: the first heat as a share of the cost per node, and the share of
-# moves that shift a string as it is; and how far the heat falls.
-_TEMPERS = ((1.0, 0.5), (2.0, 0.9), (1.0, 0.9), (2.0, 0.3), (0.5, 0.6))
-_COOLS = 300.0
-# The same, and the share of moves that exchange arcs, where strings may well be turned round:
-# costs of the two directions differ by at most this share of them, and of all pairs of nodes at
-# most this share is in a precedence.
-_TURNING_COOLS, _TURNING_EXCHANGES = 60.0, 0.75
+# Of the runs in turn: the initial temperature as a share of the cost per node, and the share of
+# moves that shift a string as it is; and the factor by which the temperature falls.
+_SCHEDULES = ((1.0, 0.5), (2.0, 0.9), (1.0, 0.9), (2.0, 0.3), (0.5, 0.6))
+_COOLING = 300.0
+# The same factor, and the share of moves that exchange arcs, where reversing strings pays: costs
+# of the two directions differ by at most this share of them, and of all pairs of nodes at most
+# this share is in a precedence.
+_REVERSING_COOLING, _REVERSING_EXCHANGES = 60.0, 0.75
 _SKEW, _ORDERED = 0.2, 0.25
-# So many moves more an exchange of arcs counts for.
+# An exchange of arcs takes as long as so many more moves.
 _EXCHANGE_MOVES = 2
-# Moves times nodes of a portion of it: some tenths of a second.
+# Moves times nodes of a portion: some tenths of a second.
 _PORTION = 10_000_000
 
 
 def cheapest_first(instance: OrderingInstance) -> Integers:
-    """Return an order that goes to the cheapest open node that leaves a way on."""
+    """Return a greedy order: the cheapest node next whose predecessors have all been visited."""
     n = instance.n
     lacking = instance.before.sum(axis=0) - instance.before[0]
     order, done = [0], np.zeros(n, dtype=np.bool_)
@@ -59,8 +63,8 @@ def followers(instance: OrderingInstance) -> Integers:
     return follow
 
 
-def _turnable(instance: OrderingInstance) -> bool:
-    """Whether turning strings round changes costs little and is seldom forbidden."""
+def _reversible(instance: OrderingInstance) -> bool:
+    """Whether reversing strings changes costs little and is seldom forbidden."""
     costs, inner = instance.costs, instance.before[1:-1, 1:-1]
     both = (costs < NO_ARC) & (costs.T < NO_ARC)
     skew = np.abs(costs - costs.T)[both].sum()
@@ -68,7 +72,7 @@ def _turnable(instance: OrderingInstance) -> bool:
 
 
 class Annealing:
-    """Local search on one instance; goes on with the same random numbers from call to call.
+    """Local search on one instance; its random numbers continue from call to call.
 
     Parameters
     ----------
@@ -85,13 +89,13 @@ class Annealing:
         self._follow = followers(instance)
         used = instance.costs[instance.costs < NO_ARC]
         self._typical = float(used.mean()) if used.size else 1.0
-        turnable = _turnable(instance)
-        self._exchanges = _TURNING_EXCHANGES if turnable else 0.0
-        self._cools = _TURNING_COOLS if turnable else _COOLS
+        reversible = _reversible(instance)
+        self._exchanges = _REVERSING_EXCHANGES if reversible else 0.0
+        self._cooling = _REVERSING_COOLING if reversible else _COOLING
         self._turn = 0
 
     def portions(self, order: Integers, cost: float, moves: int) -> Iterator[tuple[Integers, int]]:
-        """Improve an order, hot at first; yield the best so far and the moves of each portion.
+        """Improve an order by one run; yield the best so far and the moves of each portion.
 
         Parameters
         ----------
@@ -104,13 +108,13 @@ class Annealing:
         """
         n = self._instance.n
         moves = int(moves / (1 + _EXCHANGE_MOVES * self._exchanges))
-        share, shifts = _TEMPERS[self._turn % len(_TEMPERS)]
+        share, shifts = _SCHEDULES[self._turn % len(_SCHEDULES)]
         self._turn += 1
-        heat = share * max(1e-9, min(cost, n * self._typical) / n)
+        initial = share * max(1e-9, min(cost, n * self._typical) / n)
         count = max(8, moves * n // _PORTION)
         now, best = order.copy(), order.copy()
         for portion in range(count):
-            hot = heat * self._cools ** (-portion / count)
+            temperature = initial * self._cooling ** (-portion / count)
             improve(
                 now,
                 best,
@@ -119,8 +123,8 @@ class Annealing:
                 self._near,
                 self._follow,
                 moves // count,
-                hot,
-                hot * self._cools ** (-1 / count),
+                temperature,
+                temperature * self._cooling ** (-1 / count),
                 self._exchanges,
                 shifts,
                 self._random,

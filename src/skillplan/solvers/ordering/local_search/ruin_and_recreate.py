@@ -1,9 +1,10 @@
-"""Local search: tear strings out of an order and put their nodes back where they cost least.
+"""Ruin and recreate by string removal (SISR), and 3-exchange: local search under precedence.
 
-Christiaens and Vanden Berghe, "Slack induction by string removals for vehicle routing problems"
-(2020), for one path under precedence. Or exchange arcs: the path-preserving 3-exchange of
-Gambardella and Dorigo (2000), and where costs hardly depend on the direction also with strings
-turned round; new arcs go to near nodes. Worse orders are accepted as in simulated annealing.
+SISR removes strings of an order and reinserts their nodes greedily: Christiaens and Vanden Berghe,
+"Slack induction by string removals for vehicle routing problems" (2020), for one path. The other
+move is the path-preserving 3-exchange of Gambardella and Dorigo (2000), and where costs hardly
+depend on the direction also with reversed strings; new arcs go to near nodes. Worse orders are
+accepted as in simulated annealing.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 Randoms = NDArray[np.uint64]
-# Of an order: the positions of the nodes, and what `_note` says of turning strings round.
+# Of an order: the positions of the nodes, and what `_note` says of reversing strings.
 Notes = tuple[Integers, Floats, Integers]
 
-# The ways to cut an order A B C D into strings and join them anew. Of each: the new arcs between
-# their six ends, which are numbered along the order; whether B and C change places, and whether
-# B and C are turned round. The last turns B and C as one.
+# The 3-exchanges of an order A B C D. Of each: the new arcs between the six ends of the strings,
+# which are numbered along the order; whether B and C are swapped, and whether B and C are
+# reversed. The last reverses B and C as one.
 _ARCS = np.array(
     [
         [[0, 3], [4, 1], [2, 5]],
@@ -60,7 +61,7 @@ def _insert(
     random: Randoms,
     blink: float,
 ) -> float:
-    """Put a node where it costs least, now and then overlooking a place; return the cost."""
+    """Insert a node where it costs least, with random blinks at positions; return the cost."""
     best, where, least, at = np.inf, -1, np.inf, -1
     for position in range(size - 1, 0, -1):
         # The node would stand before order[position].
@@ -68,7 +69,7 @@ def _insert(
         if before[there, node]:
             break
         if before[node, here]:
-            # It belongs further ahead than all places seen so far.
+            # It belongs further ahead than all positions seen so far.
             best, where, least, at = np.inf, -1, np.inf, -1
             continue
         added = costs[here, node] + costs[node, there] - costs[here, there]
@@ -94,17 +95,17 @@ def _cost(order: Integers, costs: Floats) -> float:
 
 
 @compiled
-def _write(trial: Integers, at: int, start: Integers, first: int, last: int, turned: bool) -> None:
-    """Write a string of one order into another, on demand the other way round."""
+def _write(trial: Integers, at: int, start: Integers, first: int, last: int, reverse: bool) -> None:
+    """Write a string of one order into another, reversed on demand."""
     for i in range(last - first + 1):
-        trial[at + i] = start[last - i] if turned else start[first + i]
+        trial[at + i] = start[last - i] if reverse else start[first + i]
 
 
 @compiled
 def _barred(
     start: Integers, before: Booleans, first: int, last: int, passed: int, step: int
 ) -> bool:
-    """Whether a string must not pass a node that comes before it (-1) or after it (1)."""
+    """Whether precedence forbids a string to pass a node before it (-1) or after it (1)."""
     for i in range(first, last + 1):
         if before[passed, start[i]] if step < 0 else before[start[i], passed]:
             return True
@@ -121,7 +122,7 @@ def _move_string(
     first: int,
     length: int,
 ) -> float:
-    """Write into `trial` the order with a string where it costs least but here; return its cost."""
+    """Move a string to the cheapest other position; write the order to `trial`, return its cost."""
     n = len(start)
     last = first + length - 1
     head, tail = start[first], start[last]
@@ -153,9 +154,9 @@ def _move_string(
 
 @compiled
 def _note(order: Integers, costs: Floats, follow: Integers, notes: Notes) -> None:
-    """Note that from i to j an order costs turning[j] - turning[i] more if turned round.
+    """Set `turning` and `reach`: reversing from i to j costs turning[j] - turning[i] more.
 
-    It may be turned if reach[j] <= i.
+    It is allowed if reach[j] <= i.
     """
     rank, turning, reach = notes
     reach[:] = 0
@@ -200,9 +201,9 @@ def _exchange_arcs(
     most: float,
     random: Randoms,
 ) -> float:
-    """Write into `trial` an order with three other arcs that costs less than `most` more.
+    """Exchange three arcs for others that cost less than `most` more, into `trial`.
 
-    Two of the new arcs go to near nodes. Return the cost, inf where no try came to that.
+    Two of the new arcs go to near nodes. Return the order's cost, inf where no try succeeded.
     """
     n = len(start)
     rank, turning, reach = notes
@@ -265,16 +266,36 @@ def improve(
     near: Integers,
     follow: Integers,
     iterations: int,
-    hot: float,
-    cold: float,
+    temperature: float,
+    last_temperature: float,
     exchanges: float,
     moves: float,
     random: Randoms,
 ) -> float:
     """Improve the order `start` in place, keep the best of all in `best`, return its cost.
 
-    `near` are the nearest nodes of each, `follow` those right after it by precedence, filled up
-    with -1.
+    Parameters
+    ----------
+    start
+        The order, shape (n,); changed in place.
+    best
+        The best order so far, shape (n,); changed in place.
+    costs, before
+        Those of an `OrderingInstance`.
+    near
+        The nearest nodes of each, shape (n, k).
+    follow
+        Nodes right after each by precedence, filled up with -1, shape (n, f).
+    iterations
+        Moves to make.
+    temperature, last_temperature
+        Of the first and of the last move, in the unit of costs, > 0.
+    exchanges
+        Share of moves that exchange arcs, in [0, 1].
+    moves
+        Of the others, the share that moves a string as it is, in [0, 1].
+    random
+        State of the generator, shape (1,); changed in place.
     """
     n = len(start)
     now, least = _cost(start, costs), _cost(best, costs)
@@ -286,13 +307,13 @@ def improve(
     trial, removed = np.empty_like(start), np.empty_like(start)
     gone = np.zeros(n, dtype=np.bool_)
     keys = np.empty(n)
-    cooling = (cold / hot) ** (1.0 / max(1, iterations))
+    cooling = (last_temperature / temperature) ** (1.0 / max(1, iterations))
     inner = n - 2
     longest = min(10.0, inner)
     strings = 40.0 / (1.0 + longest) - 1.0
     for _ in range(iterations):
-        hot *= cooling
-        most = -hot * np.log(_draw(random) + 1e-300)
+        temperature *= cooling
+        most = -temperature * np.log(_draw(random) + 1e-300)
         if _draw(random) < exchanges:
             if not noted:
                 _note(start, costs, follow, notes)
@@ -327,12 +348,12 @@ def improve(
                 if not gone[start[i]]:
                     trial[size] = start[i]
                     size += 1
-            way = _draw(random)
+            sorting = _draw(random)
             for i in range(count):
                 node = removed[i]
                 gone[node] = False
-                place = rank[node] if way < 0.75 else -rank[node]
-                keys[i] = _draw(random) if way < 0.5 else place
+                place = rank[node] if sorting < 0.75 else -rank[node]
+                keys[i] = _draw(random) if sorting < 0.5 else place
             chosen = np.argsort(keys[:count])
             for i in range(count):
                 _insert(trial, size, removed[chosen[i]], costs, before, random, 0.01)

@@ -1,7 +1,8 @@
-"""What follows from arcs that must be taken: more precedence, and fewer arcs.
+"""Constraint propagation on arcs and precedence: forced arcs add precedence, which removes arcs.
 
-Where i is left for j only, nothing comes between the two: what comes before j comes before i, and
-what comes after i comes after j. More precedence rules out more arcs, until nothing follows.
+Where j is the only successor left for i, nothing comes between the two: what comes before j comes
+before i, and what comes after i comes after j. More precedence removes more arcs, until a fixed
+point is reached.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ Booleans = NDArray[np.bool_]
 
 @compiled
 def _add(before: Booleans, one: int, other: int) -> bool:
-    """Add a pair to a closed relation and close it again; return whether it has no circle."""
+    """Add a pair to a closed relation and close it again; return whether it has no cycle."""
     n = len(before)
     for i in range(n):
         if i != one and not before[i, one]:
@@ -31,7 +32,7 @@ def _add(before: Booleans, one: int, other: int) -> bool:
 
 @compiled
 def _join(before: Booleans, i: int, j: int) -> int:
-    """Let j come right after i; return 1 where pairs were added, 0 where not, -1 for a circle."""
+    """Let j come right after i; return 1 where pairs were added, 0 where not, -1 for a cycle."""
     n = len(before)
     added = 0
     if not before[i, j]:
@@ -52,7 +53,7 @@ def _join(before: Booleans, i: int, j: int) -> int:
 
 @compiled
 def propagate(arcs: Booleans, before: Booleans) -> bool:
-    """Take away arcs that no order takes which takes arcs of these only.
+    """Remove arcs that no order of the remaining arcs takes, in place.
 
     Parameters
     ----------
@@ -71,27 +72,27 @@ def propagate(arcs: Booleans, before: Booleans) -> bool:
     while changed:
         changed = False
         for i in range(n - 1):
-            ways, only = 0, -1
+            choices, only = 0, -1
             for j in range(n):
                 if arcs[i, j]:
-                    ways += 1
+                    choices += 1
                     only = j
-            if ways == 0:
+            if choices == 0:
                 return False
-            if ways == 1:
+            if choices == 1:
                 joined = _join(before, i, only)
                 if joined < 0:
                     return False
                 changed = changed or joined > 0
         for j in range(1, n):
-            ways, only = 0, -1
+            choices, only = 0, -1
             for i in range(n):
                 if arcs[i, j]:
-                    ways += 1
+                    choices += 1
                     only = i
-            if ways == 0:
+            if choices == 0:
                 return False
-            if ways == 1:
+            if choices == 1:
                 joined = _join(before, only, j)
                 if joined < 0:
                     return False

@@ -1,8 +1,10 @@
-"""Branch and cut: the relaxation with cuts, on parts of the orders where it is not tight enough.
+"""Branch and cut: branch and bound on arcs, with precedence cuts in every subproblem.
 
-A part is the orders that avoid some arcs. It is split by an arc: taken, so that no other leaves
-its tail or reaches its head, or avoided. Which arc is told by what splitting has gained before
-(Achterberg, Koch and Martin, "Branching rules revisited", 2005).
+A subproblem is the orders that avoid some arcs. It is branched on an arc: in one child the arc is
+forbidden; in the other it is fixed, so that no other arc leaves its tail or reaches its head. The
+arc is chosen by reliability branching (Achterberg, Koch and Martin, "Branching rules revisited",
+2005): by pseudocosts, the gains of earlier branchings on it, and by strong branching before these
+are reliable.
 """
 
 from __future__ import annotations
@@ -25,15 +27,15 @@ _ROUNDS = 6
 
 
 @dataclass(order=True)
-class _Part:
+class _Subproblem:
     bound: float
     number: int
     packed: NDArray[np.uint8] = field(compare=False)
     depth: int = field(compare=False)
 
     @classmethod
-    def of(cls, bound: float, number: int, arcs: Booleans, depth: int) -> _Part:
-        """Return a part; many of them wait, so that their arcs are packed."""
+    def of(cls, bound: float, number: int, arcs: Booleans, depth: int) -> _Subproblem:
+        """Return a subproblem; its arcs are packed, as many subproblems wait in the queue."""
         return cls(bound, number, np.packbits(arcs), depth)
 
     def arcs(self, n: int) -> Booleans:
@@ -42,12 +44,12 @@ class _Part:
 
 
 class BranchAndCut:
-    """The search.
+    """The search tree of an instance.
 
     Parameters
     ----------
     relaxation
-        The root, cut already.
+        The root relaxation, tightened by cuts already.
     cost
         Of the best order known; inf where there is none.
     stop
@@ -55,7 +57,7 @@ class BranchAndCut:
     on_order
         Called with every better order.
     on_bound
-        Called with the bound and the number of parts looked at.
+        Called with the bound and the number of subproblems solved.
     """
 
     def __init__(
@@ -72,18 +74,19 @@ class BranchAndCut:
         self.stop = stop
         self.on_order = on_order
         self.on_bound = on_bound
-        self.parts = 0
+        self.subproblems = 0
         n = self.instance.n
+        # Pseudocosts: the gains of forbidding (0) or fixing (1) an arc, and how many there were.
         self._gains = np.zeros((2, n, n))
         self._trials = np.zeros((2, n, n))
-        self._heap: list[_Part] = []
+        self._heap: list[_Subproblem] = []
         self._made = 1
-        self._open: _Part | None = _Part.of(-np.inf, 0, relaxation.arcs, 0)
+        self._open: _Subproblem | None = _Subproblem.of(-np.inf, 0, relaxation.arcs, 0)
         self.root: Duals | None = None
 
     @property
     def cutoff(self) -> float:
-        """The bound from which on a part holds nothing better."""
+        """The bound from which on a subproblem holds nothing better."""
         return self.instance.cutoff(self.cost)
 
     @property
@@ -94,11 +97,15 @@ class BranchAndCut:
     @property
     def bound(self) -> float:
         """No order costs less."""
-        lows = [part.bound for part in (self._open, *self._heap[:1]) if part is not None]
+        lows = [
+            subproblem.bound
+            for subproblem in (self._open, *self._heap[:1])
+            if subproblem is not None
+        ]
         return min([self.cost, *lows])
 
     def run(self, work: int) -> None:
-        """Search until it is done, was stopped, or the relaxation has done so much more work."""
+        """Search until it is done, was stopped, or so much more work has been done."""
         most = self.relaxation.work + work
         while not self.done and self.relaxation.work < most and not self.stop():
             if self._open is None:
@@ -107,21 +114,21 @@ class BranchAndCut:
                     self._open = None
                     self._heap.clear()
                     break
-            if self.parts % 8 == 0:
-                self.on_bound(self.bound, self.parts)
-            self._open = self._treat(self._open)
+            if self.subproblems % 8 == 0:
+                self.on_bound(self.bound, self.subproblems)
+            self._open = self._process(self._open)
 
-    def _treat(self, part: _Part) -> _Part | None:
-        """Bound a part; return the half of it that is to be looked at next."""
-        self.parts += 1
+    def _process(self, subproblem: _Subproblem) -> _Subproblem | None:
+        """Bound and branch a subproblem; return the child to process next."""
+        self.subproblems += 1
         relaxation = self.relaxation
-        arcs = part.arcs(self.instance.n) & relaxation.arcs
+        arcs = subproblem.arcs(self.instance.n) & relaxation.arcs
         if not propagate(arcs, self.instance.before.copy()):
             return None
         relaxation.restrict(arcs)
         duals: Duals | None = None
         last = -np.inf
-        for round_ in range(_ROUNDS if part.depth else 1000):
+        for round_ in range(_ROUNDS if subproblem.depth else 1000):
             if not relaxation.settle(arcs, self.stop):
                 return None
             duals = relaxation.duals(arcs)
@@ -139,19 +146,19 @@ class BranchAndCut:
             if not relaxation.cut(60, 0.02 if order is None else 0.001, 600):
                 break
         assert duals is not None
-        if not part.depth:
+        if not subproblem.depth:
             self.root = duals
-        part.bound = max(part.bound, duals.bound)
-        if part.depth % 4 == 0:
+        subproblem.bound = max(subproblem.bound, duals.bound)
+        if subproblem.depth % 4 == 0:
             relaxation.drop()
             relaxation.solve()
         if self.stop():
-            return part
+            return subproblem
         arcs &= duals.bound + duals.reduced < self.cutoff
-        return self._split(part, arcs, relaxation.values(), duals)
+        return self._branch(subproblem, arcs, relaxation.values(), duals)
 
     def _order(self, values: Floats) -> Integers | None:
-        """Return the order that the arcs taken make, or None where they make none."""
+        """Return the order of the arcs taken, or None where they are not one."""
         taken = values > 0.999
         relaxation = self.relaxation
         if taken.sum() != self.instance.n - 1:
@@ -170,17 +177,19 @@ class BranchAndCut:
             self.cost = cost
             self.on_order(order)
 
-    def _split(self, part: _Part, arcs: Booleans, values: Floats, duals: Duals) -> _Part | None:
+    def _branch(
+        self, subproblem: _Subproblem, arcs: Booleans, values: Floats, duals: Duals
+    ) -> _Subproblem | None:
         relaxation = self.relaxation
         apart = np.abs(values - 0.5)
         candidates = np.nonzero(apart < 0.499)[0]
         if not len(candidates):
-            return self._split_whole(part, arcs, values)
+            return self._branch_integral(subproblem, arcs, values)
         tails, heads = relaxation.tails[candidates], relaxation.heads[candidates]
         fraction = values[candidates]
         score = self._score(tails, heads, fraction)
         ranked = np.argsort(-score, kind="stable")[:_CANDIDATES]
-        best, chosen, bounds = -np.inf, int(ranked[0]), [part.bound, part.bound]
+        best, chosen, bounds = -np.inf, int(ranked[0]), [subproblem.bound, subproblem.bound]
         unsure = 0
         basis = relaxation.basis()
         for k in ranked:
@@ -188,30 +197,34 @@ class BranchAndCut:
             if min(self._trials[:, i, j]) < _RELIABLE and unsure < _CANDIDATES:
                 unsure += 1
                 tried = []
-                for way in (0, 1):
-                    half = _half(arcs, i, j, way)
-                    bound = relaxation.trial(half, arcs, basis, duals)
-                    gain = min(bound, self.cutoff) - part.bound
-                    step = fraction[k] if way == 0 else 1 - fraction[k]
-                    self._gains[way, i, j] += max(0.0, gain) / step
-                    self._trials[way, i, j] += 1
-                    tried.append(max(part.bound, bound))
-                value = max(tried[0] - part.bound, 1e-6) * max(tried[1] - part.bound, 1e-6)
+                for branch in (0, 1):
+                    child = _child_arcs(arcs, i, j, branch)
+                    bound = relaxation.trial(child, arcs, basis, duals)
+                    gain = min(bound, self.cutoff) - subproblem.bound
+                    step = fraction[k] if branch == 0 else 1 - fraction[k]
+                    self._gains[branch, i, j] += max(0.0, gain) / step
+                    self._trials[branch, i, j] += 1
+                    tried.append(max(subproblem.bound, bound))
+                value = max(tried[0] - subproblem.bound, 1e-6) * max(
+                    tried[1] - subproblem.bound, 1e-6
+                )
             else:
-                tried = [part.bound, part.bound]
+                tried = [subproblem.bound, subproblem.bound]
                 value = float(score[k])
             if value > best:
                 best, chosen, bounds = value, int(k), tried
         relaxation.set_basis(basis)
-        return self._halves(part, arcs, int(tails[chosen]), int(heads[chosen]), bounds)
+        return self._push_children(subproblem, arcs, int(tails[chosen]), int(heads[chosen]), bounds)
 
-    def _split_whole(self, part: _Part, arcs: Booleans, values: Floats) -> _Part | None:
-        """Split a part whose arcs are taken wholly, though no cut was found and it may hold more.
+    def _branch_integral(
+        self, subproblem: _Subproblem, arcs: Booleans, values: Floats
+    ) -> _Subproblem | None:
+        """Branch a subproblem of integral arcs in which no cut was found.
 
-        Where they make an order, that is the cheapest of the part but for rounding.
+        Where the arcs are an order, it is the cheapest of the subproblem but for rounding.
         """
         if self.stop():
-            return part
+            return subproblem
         if self._order(values) is not None:
             return None
         open_tails = np.nonzero(arcs.sum(axis=1) > 1)[0]
@@ -222,10 +235,10 @@ class BranchAndCut:
         taken[self.relaxation.tails, self.relaxation.heads] = values
         i = int(open_tails[0])
         j = int(np.argmax(np.where(arcs[i], taken[i], -1.0)))
-        return self._halves(part, arcs, i, j, [part.bound, part.bound])
+        return self._push_children(subproblem, arcs, i, j, [subproblem.bound, subproblem.bound])
 
     def _keep_only(self, arcs: Booleans) -> None:
-        """Keep the order of a part in which every node leaves at most one arc, if it is one."""
+        """Keep the order of a subproblem where every node has one arc out at most, if feasible."""
         order = [0]
         while len(order) < self.instance.n and arcs[order[-1]].any():
             order.append(int(np.argmax(arcs[order[-1]])))
@@ -233,21 +246,23 @@ class BranchAndCut:
         if self.instance.feasible(found):
             self._keep(found)
 
-    def _halves(
-        self, part: _Part, arcs: Booleans, i: int, j: int, bounds: list[float]
-    ) -> _Part | None:
-        """Split a part by an arc; return the half that is to be looked at next."""
-        halves = []
-        for way in (0, 1):
-            if bounds[way] < self.cutoff:
+    def _push_children(
+        self, subproblem: _Subproblem, arcs: Booleans, i: int, j: int, bounds: list[float]
+    ) -> _Subproblem | None:
+        """Create the children of a branching; return the one to process next, queue the other."""
+        children = []
+        for branch in (0, 1):
+            if bounds[branch] < self.cutoff:
                 self._made += 1
-                half = _half(arcs, i, j, way)
-                halves.append(_Part.of(bounds[way], self._made, half, part.depth + 1))
-        if not halves:
+                child = _child_arcs(arcs, i, j, branch)
+                children.append(
+                    _Subproblem.of(bounds[branch], self._made, child, subproblem.depth + 1)
+                )
+        if not children:
             return None
-        # The half with the arc taken goes deeper first.
-        following = halves.pop()
-        for other in halves:
+        # Depth first into the child with the arc fixed.
+        following = children.pop()
+        for other in children:
             heapq.heappush(self._heap, other)
         if self._heap and following.bound > self._heap[0].bound + 0.5 * (
             self.cutoff - self._heap[0].bound
@@ -259,7 +274,10 @@ class BranchAndCut:
     def _score(self, tails: Integers, heads: Integers, fraction: Floats) -> Floats:
         trials = self._trials[:, tails, heads]
         gains = self._gains[:, tails, heads]
-        mean = [self._gains[way].sum() / max(1.0, self._trials[way].sum()) or 1.0 for way in (0, 1)]
+        mean = [
+            self._gains[branch].sum() / max(1.0, self._trials[branch].sum()) or 1.0
+            for branch in (0, 1)
+        ]
         down = np.where(trials[0] > 0, gains[0] / np.maximum(trials[0], 1), mean[0]) * fraction
         up = np.where(trials[1] > 0, gains[1] / np.maximum(trials[1], 1), mean[1]) * (1 - fraction)
         least = 1e-6
@@ -267,13 +285,13 @@ class BranchAndCut:
         return score
 
 
-def _half(arcs: Booleans, i: int, j: int, way: int) -> Booleans:
-    """Return the arcs of the half that avoids an arc (0) or takes it (1)."""
-    half = arcs.copy()
-    if way == 0:
-        half[i, j] = False
+def _child_arcs(arcs: Booleans, i: int, j: int, branch: int) -> Booleans:
+    """Return the arcs of the child that forbids an arc (0) or fixes it (1)."""
+    child = arcs.copy()
+    if branch == 0:
+        child[i, j] = False
     else:
-        half[i, :] = False
-        half[:, j] = False
-        half[i, j] = True
-    return half
+        child[i, :] = False
+        child[:, j] = False
+        child[i, j] = True
+    return child

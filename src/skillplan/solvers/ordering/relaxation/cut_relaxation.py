@@ -1,9 +1,9 @@
-"""Lower bounds by a linear relaxation with precedence cuts, and what follows from its duals.
+"""Lower bounds by a linear relaxation with precedence cuts, and reduced-cost fixing of arcs.
 
-Every node but the last is left once, every node but the first is reached once, and cuts hold
-(see `precedence_cuts`). Solved by the dual simplex method of HiGHS (Huangfu and Hall, 2018) over
-the arcs that matter; the others are priced. Bounds are not the solver's word but follow from its
-dual values, whatever their errors.
+The assignment relaxation: every node but the last is left once, every node but the first is
+reached once; and cuts, which include subtour elimination (see `precedence_cuts`). Solved by column
+generation with the dual simplex method of HiGHS (Huangfu and Hall, 2018). Bounds are computed from
+its dual values, so that they hold whatever the errors of these.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _SETTLED = (highspy.HighsModelStatus.kOptimal, highspy.HighsModelStatus.kInfeasi
 
 
 def assignment_program(n: int) -> highspy.Highs:
-    """Return a program without columns: rows 0 to n - 2 leave a node once, the others reach one."""
+    """Return a program without columns: rows 0 to n - 2 leave a node, the others reach one."""
     highs = highspy.Highs()
     for key, value in (
         ("output_flag", False),
@@ -50,16 +50,16 @@ def assignment_program(n: int) -> highspy.Highs:
 
 
 class CutRelaxation:
-    """The relaxation of an instance, made tighter round by round.
+    """The relaxation of an instance, tightened round by round.
 
     Parameters
     ----------
     instance
         The ordering.
     arcs
-        Which arcs a better order may take, shape (n, n).
+        The arcs that a better order may take, shape (n, n).
     start
-        An order whose arcs are among the first that are considered.
+        An order whose arcs are among the first columns.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class CutRelaxation:
         self.reach = np.zeros((0, instance.n), dtype=np.bool_)
         self._slack = np.zeros(0, dtype=np.int64)
         self.solves = 0
-        # Simplex steps and what starting takes, times the size: what the time goes with.
+        # Simplex steps and the cost of a start, times the size: proportional to the time.
         self.work = 0
         self.tails = np.zeros(0, dtype=np.int64)
         self.heads = np.zeros(0, dtype=np.int64)
@@ -131,10 +131,10 @@ class CutRelaxation:
         self.heads = np.concatenate((self.heads, heads))
 
     def solve(self) -> bool:
-        """Solve over the arcs considered; return whether an order may exist among them.
+        """Solve over the present columns; return false where they are proved infeasible.
 
-        Only what is proved infeasible is: where the solver fails, it begins anew once, and after
-        that its dual values prove what they can.
+        Where the solver fails, it starts from scratch once; after that the bound of its dual
+        values is used.
         """
         self._run()
         if self._highs.getModelStatus() not in _SETTLED:
@@ -143,7 +143,7 @@ class CutRelaxation:
         return bool(self._highs.getModelStatus() != highspy.HighsModelStatus.kInfeasible)
 
     def settle(self, arcs: Booleans, stop: Callable[[], bool]) -> bool:
-        """Solve over all of some arcs that matter; return whether orders may be made of them."""
+        """Solve over some arcs by column generation; return whether an order of them may exist."""
         while not self.solve():
             if not self.complete(arcs):
                 return False
@@ -159,11 +159,11 @@ class CutRelaxation:
         self.work += (steps + 30) * (len(self.tails) + rows)
 
     def values(self) -> Floats:
-        """Return how much of each considered arc is taken, shape (columns,)."""
+        """Return the value of each column in the solution, shape (columns,)."""
         return np.asarray(self._highs.getSolution().col_value)
 
     def duals(self, arcs: Booleans | None = None) -> Duals:
-        """Return the bound that the present dual values prove, over all arcs or some of them."""
+        """Return the bound and reduced costs of the present dual values, over all arcs or some."""
         arcs = self.arcs if arcs is None else arcs
         n = self.instance.n
         prices = np.asarray(self._highs.getSolution().row_dual) / self.scale
@@ -183,7 +183,7 @@ class CutRelaxation:
         return repaired(bound, reduced)
 
     def price(self, arcs: Booleans | None = None) -> int:
-        """Add the arcs, all or some, that could make the relaxation cheaper; return how many."""
+        """Price arcs, all or some, and add those of negative reduced cost; return how many."""
         arcs = self.arcs if arcs is None else arcs
         n = self.instance.n
         prices = np.asarray(self._highs.getSolution().row_dual) / self.scale
@@ -203,7 +203,7 @@ class CutRelaxation:
         return many
 
     def cut(self, most: int, violation: float = 0.05, look: int = 2000) -> int:
-        """Look for violated cuts and add them; return how many."""
+        """Separate violated cuts and add them; return how many."""
         values = self.values()
         taken = values > 1e-7
         tails, heads, values = self.tails[taken], self.heads[taken], values[taken]
@@ -234,7 +234,7 @@ class CutRelaxation:
         return many
 
     def _window(self, look: int) -> Integers:
-        """Return pairs to look at: those with the first and the last node, and some others."""
+        """Return pairs to separate for: those with the first and the last node, and some others."""
         core, rest = self._pairs
         if not len(rest):
             return core
@@ -243,7 +243,7 @@ class CutRelaxation:
         return np.concatenate((core, rest[chosen]))
 
     def drop(self) -> int:
-        """Drop cuts that have not mattered for some rounds; return how many."""
+        """Drop cuts that have been slack for some rounds; return how many."""
         n = self.instance.n
         duals = np.asarray(self._highs.getSolution().row_dual)[2 * (n - 1) :]
         self._slack = np.where(duals > 1e-9, 0, self._slack + 1)
@@ -259,7 +259,7 @@ class CutRelaxation:
         return many
 
     def restrict(self, arcs: Booleans) -> None:
-        """Let only some of the arcs be taken, until told otherwise."""
+        """Fix all but some arcs to zero, until the next call."""
         upper = np.where(arcs[self.tails, self.heads], np.inf, 0.0)
         changed = np.nonzero(upper != self._upper)[0]
         if len(changed):
@@ -273,18 +273,18 @@ class CutRelaxation:
         return self._highs.getBasis()
 
     def set_basis(self, basis: highspy.HighsBasis) -> None:
-        """Go on from a basis."""
+        """Continue from a basis."""
         self._highs.setBasis(basis)
 
     def trial(
         self, arcs: Booleans, back: Booleans, basis: highspy.HighsBasis, duals: Duals
     ) -> float:
-        """Return the bound that a few steps of the simplex method reach with some arcs only."""
+        """Return the bound of a few simplex steps with some arcs only (strong branching)."""
         self.restrict(arcs)
         self._highs.setOptionValue("simplex_iteration_limit", 15)
         self._run()
         if self._highs.getModelStatus() == highspy.HighsModelStatus.kInfeasible:
-            # Of arcs that are not considered yet an order may be made all the same.
+            # Arcs that are no columns yet may still make an order.
             bound = duals.bound if (arcs & (self._column < 0)).any() else np.inf
         else:
             bound = self.duals(arcs).bound
@@ -294,18 +294,18 @@ class CutRelaxation:
         return max(bound, duals.bound)
 
     def complete(self, arcs: Booleans) -> int:
-        """Consider some arcs, whatever they cost; return how many were not considered yet."""
+        """Add some arcs as columns, whatever they cost; return how many are new."""
         many = int((arcs & (self._column < 0)).sum())
         self._add(arcs)
         return many
 
     def fix(self, duals: Duals, cutoff: float) -> int:
-        """Drop every arc that no order below the cutoff takes; return how many were left out."""
+        """Reduced-cost fixing: forbid arcs of no order below the cutoff; return how many."""
         gone = self.arcs & (duals.bound + duals.reduced >= cutoff)
         return self.forbid(gone)
 
     def forbid(self, gone: Booleans) -> int:
-        """Forbid arcs."""
+        """Forbid arcs; return how many were allowed before."""
         gone = gone & self.arcs
         self.arcs = self.arcs & ~gone
         columns = self._column[gone & (self._column >= 0)]

@@ -1,4 +1,4 @@
-"""The relaxation made tighter, round by round."""
+"""Cutting planes: tightens the linear relaxation, round by round."""
 
 from __future__ import annotations
 
@@ -18,7 +18,21 @@ def tighten(
     *,
     enough: float = 1e-4,
 ) -> Duals:
-    """Add cuts until nothing is gained, the bound reaches the cutoff or `stop` says so."""
+    """Add cuts until nothing is gained, the bound reaches the cutoff or `stop` returns true.
+
+    Parameters
+    ----------
+    relaxation
+        Cuts are added to it, and arcs fixed, in place.
+    cutoff
+        Orders that cost as much are not of interest.
+    stop
+        Whether to stop now.
+    on_bound
+        Called with every better bound.
+    enough
+        Least gain of a round, as a fraction of the gap, > 0.
+    """
     best: Duals | None = None
     stalled = 0
     while True:

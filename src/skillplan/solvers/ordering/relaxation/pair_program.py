@@ -1,7 +1,8 @@
-"""The linear program over arcs and pairs of nodes, with cuts that come and go.
+"""The linear program over arcs and pairs of nodes, with cuts that are added and dropped.
 
-Every arc is taken to some part, and of two nodes that may come in either order one comes before
-the other to some part. Bounds are not the solver's word but follow from its dual values.
+A variable for every arc, and one for every pair of nodes that may come in either order: how much
+the first comes before the second. Bounds are computed from the dual values, whatever their
+errors.
 """
 
 from __future__ import annotations
@@ -21,19 +22,18 @@ from skillplan.solvers.ordering.instance import (
 from skillplan.solvers.ordering.relaxation.cut_relaxation import assignment_program
 from skillplan.solvers.ordering.relaxation.reduced_costs import Duals, PairPrices, repaired
 
-# Rows that were not tight so many times are dropped, some at a time.
+# Rows that were slack so many times are dropped, some at a time.
 _SLACK_ROUNDS = 2
 _FEW = 50
-# Steps of the simplex method before a stop is asked for.
+# Steps of the simplex method between two polls of `stop`.
 _STEPS = 2000
 
 
 @dataclass
 class _Rows:
-    """Cuts: where entries stand and what they are, shape (entries,); at least how much, by row.
+    """Cuts: row, column and value of their entries, shape (entries,); right-hand sides, by row.
 
-    A row that says that what comes before is transitive names its nodes in `triple`, shape
-    (rows, 3); others say -1.
+    A transitivity cut names its nodes in `triple`, shape (rows, 3), which is -1 for others.
     """
 
     row: Integers
@@ -43,7 +43,7 @@ class _Rows:
     triple: Integers
 
     def kept(self, keep: Booleans) -> _Rows:
-        """Return some of the rows, numbered anew."""
+        """Return some of the rows, renumbered."""
         number = np.cumsum(keep) - 1
         stays = keep[self.row]
         return _Rows(
@@ -76,7 +76,7 @@ def open_pairs(instance: OrderingInstance) -> Booleans:
 
 
 def terms_of(*several: tuple[Integers, Integers, Integers, float]) -> Terms:
-    """Return as one: rows, nodes, the nodes that they come before, and the weights of that."""
+    """Join terms: rows, nodes, the nodes that they come before, and the weights of that."""
     nothing = np.zeros(0, dtype=np.int64)
     rows, ones, others = (
         np.concatenate([nothing, *(term[k] for term in several)]) for k in range(3)
@@ -86,23 +86,23 @@ def terms_of(*several: tuple[Integers, Integers, Integers, float]) -> Terms:
 
 
 class PairProgram:
-    """The program.
+    """The linear program of an instance.
 
     Parameters
     ----------
     instance
         The ordering.
     arcs
-        Which arcs may be taken, shape (n, n).
+        The arcs that may be taken, shape (n, n).
     scale
-        By what costs are multiplied for the solver.
+        Factor on costs in the program, for numerical range.
 
     Attributes
     ----------
     tails, heads
         The arcs, shape (m,).
     arc
-        The number of an arc, -1 where it may not be taken, shape (n, n).
+        Index of an arc, -1 where it is forbidden, shape (n, n).
     varies
         Whether two nodes may come in either order, shape (n, n).
     work
@@ -169,7 +169,7 @@ class PairProgram:
         return highs
 
     def solve(self, stop: Callable[[], bool]) -> Floats | None:
-        """Return how much of every column is taken; None where the program failed."""
+        """Return the value of every column; None where the program failed."""
         while True:
             self._highs.run()
             steps = max(0, self._highs.getInfo().simplex_iteration_count)
@@ -183,7 +183,7 @@ class PairProgram:
             highspy.HighsModelStatus.kOptimal,
             highspy.HighsModelStatus.kIterationLimit,
         ):
-            # Also where no order is left below the cutoff: others have to prove it.
+            # Also where no order is left below the cutoff; other methods have to prove that.
             return None
         tight = np.asarray(solution.row_value)[2 * (self.instance.n - 1) :]
         self._slack = np.where(tight < self._rows.least + 1e-6, 0, self._slack + 1)
@@ -202,7 +202,7 @@ class PairProgram:
         return earlier
 
     def proved(self) -> Duals:
-        """Return what the present dual values prove, whatever their errors."""
+        """Return the bound and reduced costs of the present dual values, whatever their errors."""
         n, arcs = self.instance.n, len(self.tails)
         prices = np.asarray(self._highs.getSolution().row_dual) / self._scale
         leaving, reaching = prices[: n - 1], prices[n - 1 : 2 * (n - 1)]
@@ -218,7 +218,7 @@ class PairProgram:
         )
         reduced[self.arc < 0] = np.inf
         bound = leaving.sum() + reaching.sum() + cuts @ rows.least
-        # A pair is between 0 and 1: what is cheaper than nothing is taken wholly.
+        # A pair is between 0 and 1: at a negative reduced cost it is at its upper bound.
         priced = -weights[arcs:]
         bound += np.minimum(priced, 0.0).sum()
         duals = repaired(float(bound), reduced)
@@ -230,7 +230,7 @@ class PairProgram:
         return duals
 
     def forbid(self, duals: Duals, cutoff: float) -> None:
-        """Forbid every arc that no order below the cutoff takes."""
+        """Fix arcs by reduced cost: forbid those that no order below the cutoff takes."""
         gone = self.arc[(self.arc >= 0) & (duals.bound + duals.reduced >= cutoff)]
         if len(gone):
             self.arc[self.tails[gone], self.heads[gone]] = -1
@@ -250,7 +250,7 @@ class PairProgram:
             self._slack = self._slack[~gone]
 
     def add_cuts(self, leave: Booleans, reach: Booleans, least: Floats, terms: Terms) -> None:
-        """Add rows by which arcs go between two sets."""
+        """Add cuts: rows of the arcs that go between two sets."""
         crossing = leave[:, self.tails] & reach[:, self.heads]
         row, column = np.nonzero(crossing)
         self.add(least, (row, column, np.ones(len(row))), terms)
@@ -262,7 +262,19 @@ class PairProgram:
         terms: Terms,
         triple: Integers | None = None,
     ) -> None:
-        """Add rows of arcs and of how much nodes come before others."""
+        """Add rows of arcs and of pairs.
+
+        Parameters
+        ----------
+        least
+            Right-hand sides, shape (rows,).
+        arcs
+            Row, column and value of every arc's entry.
+        terms
+            Entries of pairs, as from `terms_of`.
+        triple
+            Nodes of transitivity cuts, shape (rows, 3); None for other rows.
+        """
         many = len(least)
         if not many:
             return

@@ -1,9 +1,10 @@
-"""A linear relaxation that also knows how much one node comes before another.
+"""An extended formulation: a linear relaxation with a precedence variable for every open pair.
 
-Tighter than `cut_relaxation` where much is ordered, and dearer: to every arc there is a variable,
-and to every pair of nodes that may come in either order one more. Cuts by maximum flow hold
+Stronger than `cut_relaxation` where precedence is dense, and costlier: there is a variable for
+every arc, and one for every pair of nodes that may come in either order. Cuts by maximum flow hold
 between any two nodes then, as far as one comes before the other (after Gouveia and Pesneau, "On
-extended formulations for the precedence constrained asymmetric traveling salesman problem", 2006).
+extended formulations for the precedence constrained asymmetric traveling salesman problem",
+2006).
 """
 
 from __future__ import annotations
@@ -19,32 +20,32 @@ from skillplan.solvers.ordering.relaxation.precedence_cuts import pairs_of, sepa
 from skillplan.solvers.ordering.relaxation.reduced_costs import Duals
 from skillplan.solvers.ordering.relaxation.transitivity_cuts import violated_triples
 
-# Cuts of a kind that are added in a round, and pairs of nodes looked at before it is ended.
+# Cuts of a kind that are added in a round, and pairs of nodes separated for at a time.
 _MOST = 150
 _LOOK = 1500
 _VIOLATION = 0.03
 _TIE_VIOLATION = 0.02
-# Where this share of the gap is not gained in so many rounds, nothing more is to be had.
+# The relaxation ends where so many rounds gain less than this share of the gap.
 _PATIENCE = 20
 _GAIN = 0.01
-# What looking at one arc in a search for cuts comes to, in the measure of the program's work.
+# Work per arc of a separation, in the unit of the program's work.
 _FLOW_WORK = 4
 
 
 class PairRelaxation:
-    """The relaxation of an instance; may go on with more work than before.
+    """The relaxation of an instance; it resumes with more work than before.
 
     Parameters
     ----------
     relaxation
-        Where it begins: with the arcs and cuts of this.
+        Its arcs and cuts are the first ones.
 
     Attributes
     ----------
     duals
         The best bound so far, None before there is one.
     exhausted
-        Whether more work would be in vain.
+        Whether more work would gain nothing.
     """
 
     def __init__(self, relaxation: CutRelaxation) -> None:
@@ -65,7 +66,7 @@ class PairRelaxation:
 
     @property
     def work(self) -> int:
-        """Simplex steps and flows times their sizes: what the time goes with."""
+        """Simplex steps and flows times their sizes: proportional to the time."""
         return self._program.work + self._flow_work
 
     def run(
@@ -99,7 +100,7 @@ class PairRelaxation:
             self.exhausted = not self._cut(values)
 
     def _cut(self, values: Floats) -> bool:
-        """Look for violated cuts and add them; return whether there were any."""
+        """Separate violated cuts and add them; return whether there were any."""
         program = self._program
         before = program.rows
         taken, earlier = program.taken(values), program.earlier(values)
@@ -107,7 +108,7 @@ class PairRelaxation:
         tails, heads = np.nonzero(taken > 1e-7)
         flow = tails, heads, taken[tails, heads]
         found = self._cut_between(flow, earlier, self._core, _MOST)
-        # Where nothing else was found, all pairs are looked at before it is given up.
+        # Where no other cut was found, all pairs are separated for.
         wanted = 4 * _LOOK if program.rows > before else len(self._rest)
         looked = 0
         while found < _MOST and looked < min(wanted, len(self._rest)):
@@ -118,7 +119,7 @@ class PairRelaxation:
         return program.rows > before
 
     def _tie(self, taken: Floats, earlier: Floats) -> None:
-        """Let arcs and pairs agree: i right before j is before j, and before is transitive."""
+        """Add rows that link arcs to pairs, and violated transitivity cuts."""
         program = self._program
         untied = (taken - earlier > _TIE_VIOLATION) & program.varies & (program.arc >= 0)
         i, j = np.nonzero(untied)

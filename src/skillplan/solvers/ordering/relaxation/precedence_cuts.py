@@ -1,8 +1,8 @@
-"""Cuts that a fractional order violates, found by maximum flow.
+"""Precedence cuts and subtour elimination: separation by maximum flow, with lifting.
 
 Balas, Fischetti and Pulleyblank, "The precedence-constrained asymmetric traveling salesman
-polytope" (1995): where i comes before j, an order goes from i to j past no node that comes before
-i or after j. So at least one arc leaves any set with i and without j, those nodes left out on
+polytope" (1995): where i comes before j, an order visits between them no predecessor of i and no
+successor of j. So at least one arc leaves any set with i and without j, those nodes removed from
 both sides. Separated as by Ascheuer, Juenger and Reinelt (2000).
 """
 
@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
 
-# Cuts that are nearly tight are looked at, too: once lifted they may be violated.
+# Cuts that are nearly tight are considered, too: once lifted they may be violated.
 _TIGHT = 1.3
 
 
@@ -36,7 +36,10 @@ def _flow(
     stamp: int,
     enough: float,
 ) -> float:
-    """Push flow from source to sink until it is enough; `reached` is stamped by the last search."""
+    """Augment the flow from source to sink until it is enough (breadth first, Edmonds-Karp).
+
+    `reached` holds the stamp of the last search.
+    """
     total = 0.0
     while True:
         head, tail = 0, 1
@@ -81,7 +84,7 @@ def _flow(
 def _network(
     nodes: int, tails: Integers, heads: Integers
 ) -> tuple[Integers, Integers, Integers, Integers]:
-    """Return a network for `_flow`, every arc there and back, and where each arc stands in it."""
+    """Return a network for `_flow`, with reverse arcs, and the index of each arc in it."""
     m = len(tails)
     degree = np.zeros(nodes + 1, dtype=np.int64)
     for a in range(m):
@@ -112,7 +115,7 @@ def separate(
     violation: float,
     most: int,
 ) -> tuple[Booleans, Booleans]:
-    """Return violated cuts: the sets that at least one arc must go between.
+    """Separate violated cuts: return sets between which at least one arc must go.
 
     Parameters
     ----------
@@ -121,9 +124,9 @@ def separate(
     before
         The closed relation, shape (n, n).
     pairs
-        Pairs of nodes, the first before the second, that are to be looked at, shape (p, 2).
+        Pairs of nodes to separate for, the first before the second, shape (p, 2).
     violation
-        By how much a cut must be violated at least.
+        Least violation of a cut.
     most
         How many cuts at most.
 
@@ -174,7 +177,7 @@ def separate(
 
 @compiled
 def _lift(side: Booleans, barred: Booleans, before: Booleans, i: int, j: int) -> None:
-    """Bar more nodes: whatever comes before or after others that the order must go between."""
+    """Lift a cut: bar the predecessors and successors of further nodes between which it holds."""
     n = len(before)
     sources = np.empty(n, dtype=np.int64)
     sinks = np.empty(n, dtype=np.int64)
@@ -237,27 +240,27 @@ def separate_between(
     pairs: Integers,
     violation: float,
 ) -> tuple[Booleans, Booleans, Floats]:
-    """Look for cuts between nodes that come one before the other only to some part.
+    """Separate cuts between nodes of which one precedes the other only fractionally.
 
-    As much as i comes before j has to flow from i to j, through every other node no more than
-    that comes between the two.
+    As much as i comes before j has to flow from i to j, and through any other node no more than
+    this node comes between the two.
 
     Parameters
     ----------
     tails, heads, values
         The arcs of the fractional order and how much of each is taken, in (0, 1], shape (m,).
     earlier
-        How much one node comes before another, in [0, 1], shape (n, n).
+        Fraction by which one node comes before another, in [0, 1], shape (n, n).
     pairs
-        Pairs of nodes that are to be looked at, shape (p, 2).
+        Pairs of nodes to separate for, shape (p, 2).
     violation
-        By how much a cut must be violated at least.
+        Least violation of a cut.
 
     Returns
     -------
     tuple
         The nodes that are reached and those that are left on the side of i, shape (p, n) each,
-        and by how much the cut is violated, 0 where it is not, shape (p,).
+        and the violation of the cut, 0 where there is none, shape (p,).
     """
     n = len(earlier)
     m = len(tails)

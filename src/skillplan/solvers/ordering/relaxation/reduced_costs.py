@@ -1,4 +1,4 @@
-"""A lower bound and what orders cost beyond it: for their arcs, and for what comes before what."""
+"""Dual bounds: a lower bound and the reduced costs that orders add to it, by arc and by pair."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from skillplan.solvers.ordering.instance import Floats, Integers
 
 @dataclass
 class PairPrices:
-    """What orders cost beyond a bound for the order of two nodes, or of three.
+    """Reduced costs that an order adds to a bound for the sequence of two nodes, or of three.
 
     Parameters
     ----------
     pairs, pair_prices
-        Nodes of which the first costs so much if it comes before the second, shape (p, 2), (p,).
+        Pairs whose price is paid if the first comes before the second, shape (p, 2), (p,).
     triples, triple_prices
-        Nodes j, k and i, shape (t, 3), (t,): j, i, k and k, j, i cost so much unless j comes right
-        before i, and i, k, j does, in these orders with others between or not.
+        Nodes j, k and i, shape (t, 3), (t,). The price is paid if they come in the sequence j, i,
+        k or k, j, i, unless j comes right before i, and in the sequence i, k, j; other nodes
+        may come between.
     """
 
     pairs: Integers
@@ -56,7 +57,7 @@ class Duals:
         Every order costs at least `bound` plus the reduced costs of its arcs, shape (n, n), >= 0;
         inf where no order takes an arc.
     prices
-        What it costs on top of both.
+        Reduced costs of pairs and triples on top of both.
     """
 
     bound: float
@@ -72,22 +73,24 @@ class Duals:
         )
 
     def without(self, cutoff: float) -> Duals:
-        """Return the same with all arcs left out that no order below a cutoff takes."""
+        """Reduced-cost fixing: return the same with inf for arcs of no order below a cutoff."""
         reduced = self.reduced.copy()
         reduced[self.bound + reduced >= cutoff] = np.inf
         return Duals(self.bound, reduced, self.prices)
 
 
 class Charges(NamedTuple):
-    """What a way spends on its next node beside the arc, by what it has visited.
+    """Reduced costs that a label is charged for its next node beside the arc's, by its set.
+
+    They are those of pairs and triples; see `charges_of`.
 
     Parameters
     ----------
     first
         Where the charges of a node begin, shape (n + 1,).
     has, lacks, after
-        The node that has to be visited already, and the one that must not be (-1 for none); not
-        charged where the way ends at `after` (-1 for none), shape (c,) each.
+        A charge applies where the node `has` is visited, the node `lacks` is not (-1 for none),
+        and the label does not end at `after` (-1 for none), shape (c,) each.
     amounts
         Shape (c,), > 0.
     """
@@ -100,17 +103,18 @@ class Charges(NamedTuple):
 
 
 def charges_of(duals: Duals) -> Charges:
-    """Return the charges on ways from the start.
+    """Return the charges of labels from the start.
 
-    An order spends at least what is charged on its first part from the start, and on the rest from
-    the end in the mirror: a pair is charged where both lie in one part, a triple with its middle
-    node. That holds of two parts without a common node; a node that ends the one and begins the
-    other would be charged twice.
+    The reduced cost of an order is at least the charges of its first part from the start plus those
+    of the rest from the end, in the mirrored instance: a pair is charged where both nodes lie in
+    one part, a triple with its middle node. That holds for two parts without a common node; a node
+    that ends the one and begins the other would be charged twice.
     """
     prices = duals.prices
     first, second = prices.pairs.T
     j, k, i = prices.triples.T
-    # Here k, j, i is charged for sure where j cannot come right before i; else in the mirror.
+    # The sequence k, j, i is always charged here where j cannot come right before i; else in the
+    # mirrored instance.
     apart = ~np.isfinite(duals.reduced[j, i])
     none = np.full_like
     node = np.concatenate((second, i, k, j[apart]))
@@ -125,7 +129,7 @@ def charges_of(duals: Duals) -> Charges:
 
 
 def repaired(bound: float, reduced: Floats) -> Duals:
-    """Return valid duals from any: what is negative in a row or column is taken off the bound."""
+    """Return valid duals from any: negative reduced costs are subtracted from the bound."""
     finite = reduced[:-1, 1:]
     rows = np.minimum(finite.min(axis=1), 0.0)
     rows[~np.isfinite(rows)] = 0.0

@@ -1,6 +1,6 @@
-"""Cuts by which what comes before is transitive, and nothing comes between neighbours.
+"""Transitivity cuts on precedence variables, which also forbid a node between neighbours.
 
-Where j comes before k and k before i, j comes before i, though not right before (Sarin, Sherali
+Where j comes before k and k before i, j comes before i, but not right before (Sarin, Sherali
 and Bhootra, "New tighter polynomial length formulations for the asymmetric traveling salesman
 problem with and without precedence constraints", 2005).
 """
@@ -20,16 +20,16 @@ Floats = NDArray[np.float64]
 def violated_triples(
     earlier: Floats, taken: Floats, violation: float
 ) -> tuple[Integers, Integers, Integers, Floats]:
-    """Return for every pair the node whose place between the two is violated most, if any.
+    """Return for every pair the most violated transitivity cut, if any.
 
     Parameters
     ----------
     earlier
-        How much one node comes before another, in [0, 1], shape (n, n).
+        Fraction by which one node comes before another, in [0, 1], shape (n, n).
     taken
-        How much of each arc is taken, shape (n, n).
+        Value of each arc, shape (n, n).
     violation
-        By how much at least.
+        Least violation of a cut.
 
     Returns
     -------

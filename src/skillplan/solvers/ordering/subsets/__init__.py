@@ -1,4 +1,4 @@
-"""Dynamic programming over feasible subsets (Held-Karp), from one end or both.
+"""Dynamic programming over feasible subsets (Held and Karp), from one end or both.
 
 It never solves a linear program.
 """

@@ -1,4 +1,4 @@
-"""Relations as sets of bits."""
+"""Relations as bit sets."""
 
 from __future__ import annotations
 

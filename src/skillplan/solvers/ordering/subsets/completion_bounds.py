@@ -1,4 +1,7 @@
-"""What at least must still be spent to complete a way: bounds for the search over subsets."""
+"""Completion bounds: the least reduced cost from a label to the end, by ng-route relaxation.
+
+The relaxation is that of `neighbourhood_paths`, worked out once for all labels.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from skillplan.solvers.ordering.instance import Floats, Integers, OrderingInstan
 from skillplan.solvers.ordering.relaxation.reduced_costs import Duals
 from skillplan.solvers.ordering.subsets.neighbourhood_paths import backward, memory_tables, spread
 
-# Of working the tables out: some tenths of a second, and as many bytes at the very most.
+# Of computing the tables: some tenths of a second, and as many bytes at the very most.
 _MOST_STEPS = 200_000_000
 
 
@@ -20,10 +23,10 @@ class CompletionBounds:
     instance
         The ordering.
     duals
-        Reduced costs; inf where an arc need not be looked at.
+        Reduced costs; inf for arcs that are fixed to zero.
     bits
-        How many neighbours of a node are told apart at most, >= 0; fewer where there are many
-        arcs, for the sake of time and memory.
+        How many neighbours a node remembers at most, >= 0; fewer where there are many arcs, to
+        save time and memory.
 
     Attributes
     ----------
@@ -32,7 +35,7 @@ class CompletionBounds:
     slot
         Row of a position and a node, -1 where the node cannot stand there, shape (n, n).
     ahead
-        Reduced costs to the end by row and set of neighbours left, shape (rows, 2 ** bits).
+        Least reduced cost to the end by row and set of neighbours left, shape (rows, 2 ** bits).
     """
 
     def __init__(self, instance: OrderingInstance, duals: Duals, bits: int) -> None:

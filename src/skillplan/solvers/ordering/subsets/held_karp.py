@@ -1,16 +1,17 @@
-"""One layer of the dynamic program over feasible subsets, compiled.
+"""Held-Karp: one layer of the dynamic program over feasible subsets, compiled.
 
-Held and Karp (1962), Escudero (1988): of all ways to visit a set of nodes and end at one of them
-only the cheapest matters. With precedence, only sets count that hold with a node all that comes
-before it. A way that cannot be completed below a given cost is left out (Morin and Marsten, 1976):
-what it has spent in reduced costs, and still must spend, says so. Cost and what is spent differ by
-more than a constant, as an order may cross a cut more than once. So the cheapest way is kept, and
-of equally cheap ones that which has spent least.
+Held and Karp, "A dynamic programming approach to sequencing problems" (1962); Escudero (1988) with
+precedence. A *label* is a partial order: a set of visited nodes and the last of them. Of all labels
+of equal set and last node the cheapest dominates the others. A set is feasible if it holds with
+every node all its predecessors. A label is fathomed (Morin and Marsten, 1976) if its reduced cost
+so far plus a lower bound on the rest reaches the gap. Cost and reduced cost differ by more than a
+constant, as an order may cross a cut more than once. So the cheapest label is kept, and of equally
+cheap ones that of the least reduced cost.
 """
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,48 +25,166 @@ Words = NDArray[np.uint64]
 S = TypeVar("S", bound=np.generic)
 
 
-@compiled
-def _sort_out(
-    sets: Words,
-    lasts: NDArray[np.int16],
-    costs: Floats,
-    spent: Floats,
-    ends: Floats,
-    parents: NDArray[np.int32],
-    count: int,
-    width: int,
-) -> tuple[int, float, float]:
-    """Move to the front those of the first `count` ways that spend least to the end.
+class Layer(NamedTuple):
+    """s labels of equally many visited nodes.
 
-    Return how many, the most that one of them spends, and the least that one left out spends.
+    Parameters
+    ----------
+    sets
+        The nodes visited, one bit each, shape (s, words).
+    lasts
+        The last node visited, shape (s,).
+    costs, reduced
+        Cost and reduced cost so far, shape (s,) each.
+    bounds
+        Lower bound on the reduced cost of the whole order, shape (s,).
+    parents
+        The label of the layer before that each extends, shape (s,).
     """
-    limit = np.partition(ends[:count], width - 1)[width - 1]
+
+    sets: Words
+    lasts: NDArray[np.int16]
+    costs: Floats
+    reduced: Floats
+    bounds: Floats
+    parents: NDArray[np.int32]
+
+
+class Arcs(NamedTuple):
+    """The arcs by their tails, and the predecessors of nodes.
+
+    Parameters
+    ----------
+    first
+        Where the arcs of a node begin, shape (n + 1,).
+    heads, costs, reduced
+        Head, cost and reduced cost of every arc, shape (arcs,) each.
+    preds
+        The predecessors of a node by precedence, shape (n, words).
+    """
+
+    first: Integers
+    heads: Integers
+    costs: Floats
+    reduced: Floats
+    preds: Words
+
+
+class Ahead(NamedTuple):
+    """Completion bounds of a layer; see `CompletionBounds`.
+
+    Parameters
+    ----------
+    near
+        Neighbours of a node that are remembered, -1 for none, shape (n, bits).
+    slot
+        The row of a node in this layer or -1, shape (n,).
+    least
+        Least reduced cost to the end by row and set of neighbours left, shape
+        (rows, 2 ** bits).
+    """
+
+    near: Integers
+    slot: Integers
+    least: Floats
+
+
+class Limits(NamedTuple):
+    """Which labels are left out.
+
+    Parameters
+    ----------
+    most, strict
+        Labels whose reduced cost reaches `most` with their last arc, or where `strict` is set
+        with the charges of their last node.
+    room
+        The gap: labels whose bound reaches it are fathomed.
+    width
+        At most so many labels are kept, those of the least bounds.
+    whole
+        Whether to return no label at all where there are more.
+    """
+
+    most: float
+    strict: bool
+    room: float
+    width: int
+    whole: bool
+
+
+def first_layer(words: int) -> Layer:
+    """Return the one label that has visited node 0 alone, its set in so many words."""
+    sets = np.zeros((1, words), dtype=np.uint64)
+    sets[0, 0] = 1
+    nothing = np.zeros(1)
+    parents = np.zeros(1, dtype=np.int32)
+    return Layer(sets, np.zeros(1, dtype=np.int16), nothing, nothing, nothing, parents)
+
+
+@compiled
+def _select(layer: Layer, count: int, width: int) -> tuple[int, float, float]:
+    """Move to the front those of the first `count` labels that have the least bounds.
+
+    Return how many, their largest bound, and the least bound of those left out.
+    """
+    limit = np.partition(layer.bounds[:count], width - 1)[width - 1]
     kept, left_out = 0, np.inf
     for r in range(count):
-        if ends[r] > limit or kept == width:
-            left_out = min(left_out, ends[r])
+        if layer.bounds[r] > limit or kept == width:
+            left_out = min(left_out, layer.bounds[r])
             continue
-        sets[kept] = sets[r]
-        lasts[kept] = lasts[r]
-        costs[kept] = costs[r]
-        spent[kept] = spent[r]
-        ends[kept] = ends[r]
-        parents[kept] = parents[r]
+        layer.sets[kept] = layer.sets[r]
+        layer.lasts[kept] = layer.lasts[r]
+        layer.costs[kept] = layer.costs[r]
+        layer.reduced[kept] = layer.reduced[r]
+        layer.bounds[kept] = layer.bounds[r]
+        layer.parents[kept] = layer.parents[r]
         kept += 1
     return kept, limit, left_out
 
 
 @compiled
-def _grown(array: NDArray[S], capacity: int) -> NDArray[S]:
-    """Return a longer array that begins with another."""
-    longer = np.empty((capacity, *array.shape[1:]), dtype=array.dtype)
-    longer[: len(array)] = array
+def _empty(capacity: int, words: int) -> Layer:
+    """Return a layer with room for so many labels."""
+    return Layer(
+        np.empty((capacity, words), dtype=np.uint64),
+        np.empty(capacity, dtype=np.int16),
+        np.empty(capacity),
+        np.empty(capacity),
+        np.empty(capacity),
+        np.empty(capacity, dtype=np.int32),
+    )
+
+
+@compiled
+def _grown(layer: Layer, capacity: int) -> Layer:
+    """Return a copy of a layer with more room."""
+    longer, n = _empty(capacity, layer.sets.shape[1]), len(layer.lasts)
+    longer.sets[:n] = layer.sets
+    longer.lasts[:n] = layer.lasts
+    longer.costs[:n] = layer.costs
+    longer.reduced[:n] = layer.reduced
+    longer.bounds[:n] = layer.bounds
+    longer.parents[:n] = layer.parents
     return longer
 
 
 @compiled
+def _front(layer: Layer, count: int) -> Layer:
+    """Return the first labels of a layer."""
+    return Layer(
+        layer.sets[:count].copy(),
+        layer.lasts[:count].copy(),
+        layer.costs[:count].copy(),
+        layer.reduced[:count].copy(),
+        layer.bounds[:count].copy(),
+        layer.parents[:count].copy(),
+    )
+
+
+@compiled
 def _open(visited: Words, preds: Words, node: int) -> bool:
-    """Return whether a node is still to be visited, and all that comes before it was."""
+    """Return whether a node is unvisited, and all its predecessors are visited."""
     fits = not (visited[node >> 6] >> np.uint64(node & 63)) & np.uint64(1)
     for w in range(len(visited)):
         fits &= not preds[w] & ~visited[w]
@@ -74,7 +193,7 @@ def _open(visited: Words, preds: Words, node: int) -> bool:
 
 @compiled
 def _charged(visited: Words, last: int, node: int, charges: Charges) -> float:
-    """Return what a way is charged for its next node."""
+    """Return the charges of a label for its next node; see `Charges`."""
     one = np.uint64(1)
     total = 0.0
     for c in range(charges.first[node], charges.first[node + 1]):
@@ -87,25 +206,21 @@ def _charged(visited: Words, last: int, node: int, charges: Charges) -> float:
 
 
 @compiled
-def _mixed(visited: Words, last: int) -> int:
-    """Return a number in which the set and the last node are mixed."""
-    mixed = np.uint64(last) * np.uint64(0x9E3779B97F4A7C15)
+def _hash(visited: Words, last: int) -> int:
+    """Return a hash of the set and the last node."""
+    value = np.uint64(last) * np.uint64(0x9E3779B97F4A7C15)
     for word in visited:
-        mixed = (mixed ^ word) * np.uint64(0xFF51AFD7ED558CCD)
-        mixed ^= mixed >> np.uint64(32)
-    return int(mixed >> np.uint64(1))
+        value = (value ^ word) * np.uint64(0xFF51AFD7ED558CCD)
+        value ^= value >> np.uint64(32)
+    return int(value >> np.uint64(1))
 
 
 @compiled
 def _place(
-    table: NDArray[np.int32],
-    sets: Words,
-    lasts: NDArray[np.int16],
-    visited: Words,
-    last: int,
+    table: NDArray[np.int32], sets: Words, lasts: NDArray[np.int16], visited: Words, last: int
 ) -> int:
-    """Return where in the table a way over a set to a node stands, or is to stand."""
-    at = _mixed(visited, last) & (len(table) - 1)
+    """Return the slot of a label in the hash table: its own, or the free one for it."""
+    at = _hash(visited, last) & (len(table) - 1)
     while table[at] >= 0:
         found = table[at]
         same = lasts[found] == last
@@ -118,232 +233,171 @@ def _place(
 
 
 @compiled
+def _table(layer: Layer, count: int, capacity: int) -> NDArray[np.int32]:
+    """Return a hash table of the first labels of a layer, with room for `capacity`."""
+    size = 2
+    while size < 2 * capacity:
+        size *= 2
+    table = np.full(size, -1, dtype=np.int32)
+    for r in range(count):
+        at = _hash(layer.sets[r], layer.lasts[r]) & (size - 1)
+        while table[at] >= 0:
+            at = (at + 1) & (size - 1)
+        table[at] = r
+    return table
+
+
+@compiled
+def _left(visited: Words, near: Integers, j: int) -> int:
+    """Return which of a node's neighbours are left to visit, one bit each."""
+    left = 0
+    for b in range(near.shape[1]):
+        node = near[j, b]
+        if node >= 0 and not (visited[node >> 6] >> np.uint64(node & 63)) & np.uint64(1):
+            left |= 1 << b
+    return left
+
+
+@compiled
 def expand(
-    sets: Words,
-    lasts: NDArray[np.int16],
-    costs: Floats,
-    spent: Floats,
-    out_first: Integers,
-    heads: Integers,
-    arc_costs: Floats,
-    arc_reduced: Floats,
-    preds: Words,
-    near: Integers,
-    slot: Integers,
-    ahead: Floats,
-    charges: Charges,
-    most: float,
-    strict: bool,
-    room: float,
-    width: int,
-    whole: bool,
-) -> tuple[Words, NDArray[np.int16], Floats, Floats, Floats, NDArray[np.int32], float, int]:
-    """Return the ways that are one node longer.
+    layer: Layer, arcs: Arcs, ahead: Ahead, charges: Charges, limits: Limits
+) -> tuple[Layer, float, int]:
+    """Extend all labels by one node.
 
     Parameters
     ----------
-    sets, lasts, costs, spent
-        Sets visited, shape (s, words), where the ways end, what they cost and what they have
-        spent in reduced costs, shape (s,) each.
-    out_first, heads, arc_costs, arc_reduced
-        The arcs by their tails.
-    preds
-        What comes before a node, shape (n, words).
-    near, slot, ahead
-        Least spending to the end: neighbours remembered, shape (n, bits); the row of a node in this
-        layer or -1, shape (n,); by row and the neighbours that are left, shape (rows, 2 **
-        bits).
+    layer
+        The labels.
+    arcs
+        The arcs that may extend them.
+    ahead
+        Completion bounds of the next layer.
     charges
-        What is spent beside arcs.
-    most, strict, room
-        Ways are left out that spend `most` with their last arc, or where it is strict with the
-        charges of their last node; or `room` to the end.
-    width
-        At most so many are kept, those that spend least to the end.
-    whole
-        Whether to give up, with nothing kept, where there are more.
+        Reduced costs beside those of arcs.
+    limits
+        Which labels are left out.
 
     Returns
     -------
     tuple
-        Sets, lasts, costs, what was spent, the least to be spent to the end, where each came
-        from, the least to be spent to the end by what was left out for the width (inf where
-        nothing was), and how many ways were looked at.
+        The next layer, the least bound of the labels left out for the width (inf where none
+        was), and how many labels were generated.
     """
-    words = sets.shape[1]
-    bits = near.shape[1]
-    # A beam sorts out now and then what it does not keep.
+    # What the inner loop reads is taken out of its tuple first: numba counts references to all
+    # arrays of a tuple wherever it is passed on or read from, which made this four times as slow.
+    # For the same reason what is decided there stands here and not in functions of tuples.
+    sets, lasts, costs, reduced, _, _ = layer
+    first, heads, arc_costs, arc_reduced, preds = arcs
+    near, slot, least = ahead
+    most, strict, room, width, whole = limits
+    # A beam drops the worst labels each time the layer is full.
     most_held = width if whole else 2 * width
-    capacity = min(most_held, max(1024, 2 * len(sets)))
-    size = 1
-    while size < 2 * capacity:
-        size *= 2
-    table = np.full(size, -1, dtype=np.int32)
-    new_sets = np.empty((capacity, words), dtype=np.uint64)
-    new_lasts = np.empty(capacity, dtype=np.int16)
-    new_costs = np.empty(capacity)
-    new_spent = np.empty(capacity)
-    new_ends = np.empty(capacity)
-    parents = np.empty(capacity, dtype=np.int32)
-    count = 0
-    made = 0
-    dropped = np.inf
-    limit = room
-    trial = np.empty(words, dtype=np.uint64)
-    one = np.uint64(1)
-    full = False
-    for s in range(len(sets)):
-        if full:
-            break
-        last = lasts[s]
-        for a in range(out_first[last], out_first[last + 1]):
+    capacity = min(most_held, max(1024, 2 * len(lasts)))
+    longer = _empty(capacity, sets.shape[1])
+    new_sets, new_lasts, new_costs, new_reduced, new_bounds, parents = longer
+    table = _table(longer, 0, capacity)
+    trial = np.empty(sets.shape[1], dtype=np.uint64)
+    count = made = 0
+    dropped, limit = np.inf, room
+    for s in range(len(lasts)):
+        visited = sets[s]
+        for a in range(first[lasts[s]], first[lasts[s] + 1]):
             j = heads[a]
             row = slot[j]
-            if row < 0:
+            if row < 0 or not _open(visited, preds[j], j):
                 continue
-            if not _open(sets[s], preds[j], j):
+            to_go = least[row, _left(visited, near, j)]
+            total = reduced[s] + arc_reduced[a]
+            if total >= most or total + to_go >= room:
                 continue
-            left = 0
-            for b in range(bits):
-                node = near[j, b]
-                if node >= 0 and not (sets[s, node >> 6] >> np.uint64(node & 63)) & one:
-                    left |= 1 << b
-            cost = costs[s] + arc_costs[a]
-            spends = spent[s] + arc_reduced[a]
-            if spends >= most or spends + ahead[row, left] >= room:
+            total += _charged(visited, lasts[s], j, charges)
+            if strict and total >= most:
                 continue
-            spends += _charged(sets[s], last, j, charges)
-            if strict and spends >= most:
-                continue
-            end = spends + ahead[row, left]
             made += 1
-            if end >= limit:
-                if end < room and end < dropped:
-                    dropped = end
+            cost, bound = costs[s] + arc_costs[a], total + to_go
+            if bound >= limit:
+                if bound < room and bound < dropped:
+                    dropped = bound
                 continue
-            trial[:] = sets[s]
-            trial[j >> 6] |= one << np.uint64(j & 63)
+            trial[:] = visited
+            trial[j >> 6] |= np.uint64(1) << np.uint64(j & 63)
             at = _place(table, new_sets, new_lasts, trial, j)
             found = table[at]
             if found >= 0:
-                dearer = cost > new_costs[found]
-                if not dearer and (cost < new_costs[found] or spends < new_spent[found]):
-                    new_costs[found] = cost
-                    new_spent[found] = spends
-                    new_ends[found] = end
-                    parents[found] = s
-                continue
-            if count == capacity and capacity < most_held:
-                capacity = min(most_held, 2 * capacity)
-                new_sets = _grown(new_sets, capacity)
-                new_lasts = _grown(new_lasts, capacity)
-                new_costs = _grown(new_costs, capacity)
-                new_spent = _grown(new_spent, capacity)
-                new_ends = _grown(new_ends, capacity)
-                parents = _grown(parents, capacity)
-                while size < 2 * capacity:
-                    size *= 2
-                table = _table(new_sets, new_lasts, count, size)
-                at = _place(table, new_sets, new_lasts, trial, j)
-            elif count == capacity and whole:
-                count, dropped, full = 0, 0.0, True
-                break
-            elif count == capacity:
-                count, limit, left_out = _sort_out(
-                    new_sets, new_lasts, new_costs, new_spent, new_ends, parents, count, width
-                )
-                dropped = min(dropped, left_out)
-                table = _table(new_sets, new_lasts, count, size)
-                at = _place(table, new_sets, new_lasts, trial, j)
-                if end >= limit:
-                    dropped = min(dropped, end)
+                dominated = cost > new_costs[found]
+                if dominated or (cost == new_costs[found] and total >= new_reduced[found]):
                     continue
-            table[at] = count
-            new_sets[count] = trial
-            new_lasts[count] = j
-            new_costs[count] = cost
-            new_spent[count] = spends
-            new_ends[count] = end
-            parents[count] = s
-            count += 1
+            elif count == capacity:
+                if capacity < most_held:
+                    capacity = min(most_held, 2 * capacity)
+                    longer = _grown(longer, capacity)
+                    new_sets, new_lasts, new_costs, new_reduced, new_bounds, parents = longer
+                elif whole:
+                    return _front(longer, 0), 0.0, made
+                else:
+                    count, limit, left_out = _select(longer, count, width)
+                    dropped = min(dropped, left_out)
+                table = _table(longer, count, capacity)
+                at = _place(table, new_sets, new_lasts, trial, j)
+                if bound >= limit:
+                    dropped = min(dropped, bound)
+                    continue
+            if found < 0:
+                found = table[at] = count
+                new_sets[found] = trial
+                new_lasts[found] = j
+                count += 1
+            new_costs[found] = cost
+            new_reduced[found] = total
+            new_bounds[found] = bound
+            parents[found] = s
     if count > width:
-        count, limit, left_out = _sort_out(
-            new_sets, new_lasts, new_costs, new_spent, new_ends, parents, count, width
-        )
+        count, limit, left_out = _select(longer, count, width)
         dropped = min(dropped, left_out)
-    return (
-        new_sets[:count].copy(),
-        new_lasts[:count].copy(),
-        new_costs[:count].copy(),
-        new_spent[:count].copy(),
-        new_ends[:count].copy(),
-        parents[:count].copy(),
-        dropped,
-        made,
-    )
+    return _front(longer, count), dropped, made
 
 
 @compiled
 def meet(
-    sets: Words,
-    lasts: NDArray[np.int16],
-    costs: Floats,
-    spent: Floats,
-    out_first: Integers,
-    heads: Integers,
-    arc_costs: Floats,
-    arc_reduced: Floats,
-    preds: Words,
-    most: float,
-    behind_sets: Words,
-    behind_lasts: NDArray[np.int16],
-    behind_costs: Floats,
-    n: int,
-    room: float,
+    layer: Layer, arcs: Arcs, most: float, behind: Layer, room: float
 ) -> tuple[float, int, int]:
-    """Return the cheapest order below `room` that ways from both ends make up, by one arc.
+    """Join labels from both ends by an arc: return the cheapest order below `room`.
 
-    The ways from the end name nodes backwards: n - 1 - i for node i. Ways from the start that may
-    be longer by a node without spending `most` are left to the next layer.
+    Parameters
+    ----------
+    layer, arcs
+        Labels from the start, and the arcs that may extend them.
+    most
+        Labels that an arc extends to a reduced cost below this are left to the next layer.
+    behind
+        Labels from the end. They name nodes backwards: n - 1 - i for node i.
+    room
+        Upper bound on the cost of the order, exclusive.
 
     Returns
     -------
     tuple
-        Its cost, and the numbers of the two ways; -1 where there is none.
+        Its cost, and the indices of the two labels; -1 where there is none.
     """
-    size = 2
-    while size < 2 * len(behind_sets):
-        size *= 2
-    table = _table(behind_sets, behind_lasts, len(behind_sets), size)
+    sets, lasts, costs, reduced, _, _ = layer
+    first, heads, arc_costs, arc_reduced, preds = arcs
+    n = len(preds)
+    table = _table(behind, len(behind.lasts), len(behind.lasts))
     least, one, other = room, -1, -1
     rest = np.empty(sets.shape[1], dtype=np.uint64)
-    for s in range(len(sets)):
+    for s in range(len(lasts)):
         rest[:] = np.uint64(0)
         for i in range(n):
             if not (sets[s, i >> 6] >> np.uint64(i & 63)) & np.uint64(1):
                 mirror = n - 1 - i
                 rest[mirror >> 6] |= np.uint64(1) << np.uint64(mirror & 63)
-        last = lasts[s]
-        for a in range(out_first[last], out_first[last + 1]):
-            cost = costs[s] + arc_costs[a]
-            if cost >= least or not _open(sets[s], preds[heads[a]], heads[a]):
+        for a in range(first[lasts[s]], first[lasts[s] + 1]):
+            cost, head = costs[s] + arc_costs[a], heads[a]
+            if cost >= least or not _open(sets[s], preds[head], head):
                 continue
-            if spent[s] + arc_reduced[a] < most:
+            if reduced[s] + arc_reduced[a] < most:
                 continue
-            j = n - 1 - heads[a]
-            found = table[_place(table, behind_sets, behind_lasts, rest, j)]
-            if found >= 0 and cost + behind_costs[found] < least:
-                least, one, other = cost + behind_costs[found], s, found
+            found = table[_place(table, behind.sets, behind.lasts, rest, n - 1 - head)]
+            if found >= 0 and cost + behind.costs[found] < least:
+                least, one, other = cost + behind.costs[found], s, found
     return least, one, other
-
-
-@compiled
-def _table(sets: Words, lasts: NDArray[np.int16], count: int, size: int) -> NDArray[np.int32]:
-    """Return a fresh table of where ways are found."""
-    table = np.full(size, -1, dtype=np.int32)
-    for r in range(count):
-        at = _mixed(sets[r], lasts[r]) & (size - 1)
-        while table[at] >= 0:
-            at = (at + 1) & (size - 1)
-        table[at] = r
-    return table

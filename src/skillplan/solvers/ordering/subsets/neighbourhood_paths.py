@@ -1,9 +1,9 @@
-"""Cheapest walks that forget most of where they have been: a relaxation of orders.
+"""ng-route relaxation: cheapest walks that remember neighbours only, backwards and with precedence.
 
-A walk has as many nodes as an order, each within the positions that precedence leaves it, and
-remembers which of the neighbours of where it is come later: of those none may come again, nor
-what they must come before. Baldacci, Mingozzi and Roberti, "New route relaxation and pricing
-strategies for the vehicle routing problem" (2011), backwards and with precedence.
+Baldacci, Mingozzi and Roberti, "New route relaxation and pricing strategies for the vehicle
+routing problem" (2011). A walk has as many nodes as an order, each within the positions that
+precedence leaves it. It remembers which neighbours of its present node come later: none of them may
+be visited again, nor any node that they must come before.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def backward(
     slot: Integers,
     memories: int,
 ) -> Floats:
-    """Return the cheapest ways to the end by position, node and memory.
+    """Return the least costs to the end by position, node and memory.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def backward(
     Returns
     -------
     ndarray
-        Shape (rows, memories); inf where there is no way.
+        Shape (rows, memories); inf where there is no walk.
     """
     n = len(slot)
     value = np.full((slot.max() + 1, memories), np.inf)

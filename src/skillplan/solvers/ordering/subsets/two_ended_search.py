@@ -1,10 +1,10 @@
-"""Dynamic programming over feasible subsets from both ends, to proof.
+"""Bidirectional Held-Karp: dynamic programming over feasible subsets from both ends, to proof.
 
-An order below the cutoff has less than a certain sum of reduced costs. So either its first part
-or its last part has little of it wherever it is cut, and it is enough to know all cheap ways from
-the start and all cheap ways from the end, which are far fewer than all ways through. What either
-end spends is raised where there are fewer ways (after Dantzig, 1960, and Pohl, "Bi-directional
-search", 1971).
+The reduced cost of an order below the cutoff is less than the gap. So wherever it is cut, its
+first or its last part has little reduced cost. It is enough to know all cheap labels from the
+start and all cheap labels from the end, which are far fewer than all labels of one direction. The
+budget of reduced cost is split so that both ends have about equally many labels (after Dantzig,
+1960, and Pohl, "Bi-directional search", 1971).
 """
 
 from __future__ import annotations
@@ -13,43 +13,41 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skillplan.solvers.ordering.instance import NO_ARC, Floats, Integers, OrderingInstance
+from skillplan.solvers.ordering.instance import NO_ARC, Integers, OrderingInstance
 from skillplan.solvers.ordering.relaxation.reduced_costs import Duals, charges_of
 from skillplan.solvers.ordering.subsets.bit_sets import words_of
 from skillplan.solvers.ordering.subsets.completion_bounds import CompletionBounds
-from skillplan.solvers.ordering.subsets.held_karp import Words, expand, meet
+from skillplan.solvers.ordering.subsets.held_karp import (
+    Ahead,
+    Arcs,
+    Layer,
+    Limits,
+    expand,
+    first_layer,
+    meet,
+)
 
 _BITS = 6
-# Of the growth where it is not known yet.
+# Exponent of the growth where it is not known yet.
 _POWER = 1.0
-# Where so many times the states allowed are expected, no more of them are looked at.
+# Where more than so many times the labels allowed are expected, the search is not begun.
 _HOPELESS = 2
-# Up to so many times the states it is tried, which ends at twice as many.
+# Up to so many times the labels allowed it is tried; it stops at twice as many.
 _DARING = 1.5
-# Where there were too many, how many times too many there are taken to have been.
+# Where there were too many labels, how many times too many are assumed.
 _MORE = 2
-# Such a share of the states is enough to tell from how many there will be.
-_SOUNDING = 2
-
-
-@dataclass
-class _Layer:
-    sets: Words
-    lasts: NDArray[np.int16]
-    costs: Floats
-    spent: Floats
-    parents: NDArray[np.int32]
+# One label in so many of those allowed is enough to extrapolate from.
+_SAMPLE = 2
 
 
 class _End:
-    """The ways from one end that spend less than so much.
+    """The labels from one end whose reduced cost is within a budget.
 
-    A triple is charged with its middle node, by either end. So one of them is not strict: it does
-    not count the charges of the last node. Then the longest way of an order that it keeps spends,
-    with the arc that follows, all that is left to it; and what comes after that arc spends less
-    than is left to the other, all charges included.
+    A triple is charged with its middle node, by either end. So one end is not strict: it does not
+    count the charges of the last node. Then the longest label of an order that it keeps uses up its
+    budget with the arc that follows; and the rest of the order after that arc stays below the
+    budget of the other end, all charges included.
     """
 
     def __init__(
@@ -59,79 +57,61 @@ class _End:
         self.instance = instance
         self.room = cutoff - duals.bound
         self.bounds = CompletionBounds(instance, duals, _BITS)
-        tails, self.heads = np.nonzero(np.isfinite(duals.reduced))
-        self.out_first = np.searchsorted(tails, np.arange(instance.n + 1))
-        self.arc_costs = np.ascontiguousarray(instance.costs[tails, self.heads])
-        self.arc_reduced = np.ascontiguousarray(duals.reduced[tails, self.heads])
-        self.preds = words_of(instance.before)
+        tails, heads = np.nonzero(np.isfinite(duals.reduced))
+        self.arcs = Arcs(
+            np.searchsorted(tails, np.arange(instance.n + 1)),
+            heads,
+            np.ascontiguousarray(instance.costs[tails, heads]),
+            np.ascontiguousarray(duals.reduced[tails, heads]),
+            words_of(instance.before),
+        )
         self.charges = charges_of(duals)
-        sets = np.zeros((1, self.preds.shape[1]), dtype=np.uint64)
-        sets[0, 0] = 1
-        nothing = np.zeros(1, dtype=np.int32)
-        start = _Layer(sets, np.zeros(1, dtype=np.int16), np.zeros(1), np.zeros(1), nothing)
-        # Where an end has not been searched, the other has to come all the way to meet it.
+        start = first_layer(self.arcs.preds.shape[1])
+        # Where one end has not been searched, the other has to search all layers.
         self.layers = [start]
-        self.spent = 0.0
+        self.budget = 0.0
         self.count = 0
         self.known: list[tuple[float, int]] = []
-        # What was too much to spend, and about how many ways that would have made.
+        # The budget that was too large, and about how many labels it would have led to.
         self.beyond: tuple[float, int] | None = None
 
     def expected(self, most: float) -> float:
-        """Return about how many ways spend less, from the last two numbers that are known.
+        """Return about how many labels a budget leads to, from the last two known counts.
 
-        They grow with a power of what is spent while there is little of it, later more slowly.
+        The count grows with a power of a small budget, later more slowly.
         """
         points = [*self.known[-2:], *([self.beyond] if self.beyond else [])]
         if len(points) < 2:
             return np.inf
         (before, few), (now, many) = points[-2:]
         power = _POWER
-        # What spending next to nothing leads to says nothing of how it grows.
+        # The count of a tiny budget says nothing of the growth.
         if before > self.known[0][0]:
             power = np.log(max(many, 2) / max(few, 1)) / np.log(now / before)
         return float(many * (most / now) ** max(0.0, power))
 
-    def spend(
-        self, most: float, states: int, stop: Callable[[], bool], made: Callable[[int], None]
+    def extend(
+        self, most: float, labels: int, stop: Callable[[], bool], made: Callable[[int], None]
     ) -> bool:
-        """Find all ways that spend less; return whether that came to an end within limits."""
+        """Find all labels within a budget; return whether the search ended within its limits."""
         layers = self.layers[:1]
-        left = states
+        left = labels
         for layer in range(1, self.instance.n):
-            last = layers[-1]
-            found = expand(
-                last.sets,
-                last.lasts,
-                last.costs,
-                last.spent,
-                self.out_first,
-                self.heads,
-                self.arc_costs,
-                self.arc_reduced,
-                self.preds,
-                self.bounds.near,
-                self.bounds.slot[layer],
-                self.bounds.ahead,
-                self.charges,
-                most,
-                self.strict,
-                self.room,
-                max(1, left),
-                True,
-            )
-            sets, lasts, costs, spent, _, parents, dropped, tried = found
+            ahead = Ahead(self.bounds.near, self.bounds.slot[layer], self.bounds.ahead)
+            limits = Limits(float(most), self.strict, self.room, max(1, left), True)
+            found, dropped, tried = expand(layers[-1], self.arcs, ahead, self.charges, limits)
             made(tried)
-            left -= len(lasts)
+            left -= len(found.lasts)
             if np.isfinite(dropped) or left <= 0:
-                self.beyond = most, max(_MORE * states, self.count + 1)
+                self.beyond = most, max(_MORE * labels, self.count + 1)
                 return False
             if stop():
                 return False
-            if not len(lasts):
+            if not len(found.lasts):
                 break
-            layers.append(_Layer(sets, lasts, costs, spent, parents))
-        self.layers, self.spent, self.count = layers, most, states - left
+            # The bounds are not needed again, so their memory is released.
+            layers.append(found._replace(bounds=found.bounds[:0]))
+        self.layers, self.budget, self.count = layers, most, labels - left
         self.beyond = None
         self.known.append((most, self.count))
         return True
@@ -139,16 +119,16 @@ class _End:
 
 @dataclass
 class Meeting:
-    """What came of a search from both ends.
+    """The result of a bidirectional search.
 
     Parameters
     ----------
     order
-        The cheapest order below the cutoff; None where there is none or it was not looked for.
+        The cheapest order found below the cutoff, or None.
     bound
         No order costs less than this or the cutoff, whichever is less.
     whole
-        Whether the search came to its end.
+        Whether the search ran to its end.
     """
 
     order: Integers | None
@@ -157,7 +137,7 @@ class Meeting:
 
 
 class TwoEndedSearch:
-    """The search; may go on with more states than before.
+    """The bidirectional search; it resumes with more labels than before.
 
     Parameters
     ----------
@@ -166,14 +146,14 @@ class TwoEndedSearch:
     duals
         A bound and reduced costs; inf where no order below the cutoff takes an arc.
     cutoff
-        Orders that cost as much are not looked for.
+        Only orders that cost less are searched for.
     """
 
     def __init__(self, instance: OrderingInstance, duals: Duals, cutoff: float) -> None:
         self.instance = instance
         self.duals = duals
         self.cutoff = cutoff
-        # While no order is known, what none can cost stands for it: spending has to end somewhere.
+        # While no order is known, an upper bound on all orders replaces the cutoff.
         self.most = min(cutoff, max(_beyond(instance), duals.bound + 1.0))
         self.room = self.most - duals.bound
         self.ends = (
@@ -183,40 +163,40 @@ class TwoEndedSearch:
         self.made = 0
         self.expected = np.inf
 
-    def run(self, states: int, stop: Callable[[], bool]) -> Meeting:
-        """Search if no more than about so many states have to be kept for either end."""
+    def run(self, labels: int, stop: Callable[[], bool]) -> Meeting:
+        """Search if about so many labels or fewer are expected from either end."""
 
         def count(tried: int) -> None:
             self.made += tried
 
-        if np.isfinite(self.expected) and self.expected > _HOPELESS * states:
+        if np.isfinite(self.expected) and self.expected > _HOPELESS * labels:
             return Meeting(None, self._proved(self.cutoff, whole=False), whole=False)
         for end in self.ends:
-            self._sound(end, states // 2, stop, count)
+            self._sample(end, labels // 2, stop, count)
         grid = np.linspace(0.0, 1.0, 33)[1:-1] * self.room
         ahead, behind = (
-            np.array([max(end.expected(most), end.count) for most in spending])
-            for end, spending in zip(self.ends, (grid, self.room - grid), strict=True)
+            np.array([max(end.expected(most), end.count) for most in budgets])
+            for end, budgets in zip(self.ends, (grid, self.room - grid), strict=True)
         )
         worst = np.maximum(ahead, behind)
         chosen = int(np.argmin(worst))
         self.expected = float(worst[chosen])
-        if self.expected > _DARING * states:
+        if self.expected > _DARING * labels:
             return self._meet(whole=False)
         for end, most in zip(self.ends, (grid[chosen], self.room - grid[chosen]), strict=True):
             if stop():
                 return self._meet(whole=False)
-            if end.spent < most and not end.spend(float(most), 2 * states, stop, count):
+            if end.budget < most and not end.extend(float(most), 2 * labels, stop, count):
                 return self._meet(whole=False)
         return self._meet(whole=True)
 
-    def _sound(
-        self, end: _End, states: int, stop: Callable[[], bool], count: Callable[[int], None]
+    def _sample(
+        self, end: _End, labels: int, stop: Callable[[], bool], count: Callable[[int], None]
     ) -> None:
-        """Find out how many ways there are that spend little, beginning with next to nothing."""
+        """Count the labels of small budgets, from a tiny one on, to extrapolate from."""
         most = self.room * 1e-6 if not end.known else max(2 * end.known[-1][0], self.room / 64)
-        while not stop() and most < self.room and end.count < states // _SOUNDING:
-            if not end.spend(most, states if end.known else states // 4, stop, count):
+        while not stop() and most < self.room and end.count < labels // _SAMPLE:
+            if not end.extend(most, labels if end.known else labels // 4, stop, count):
                 return
             most = max(2 * most, self.room / 64)
 
@@ -228,25 +208,10 @@ class TwoEndedSearch:
             opposite = n - 2 - layer
             if opposite >= len(behind.layers):
                 continue
+            # The end itself is reached by any label that is left.
+            most = ahead.budget if opposite else -np.inf
             other = behind.layers[opposite]
-            cost, first, second = meet(
-                one.sets,
-                one.lasts,
-                one.costs,
-                one.spent,
-                ahead.out_first,
-                ahead.heads,
-                ahead.arc_costs,
-                ahead.arc_reduced,
-                ahead.preds,
-                # The end itself is reached by whatever way is left.
-                ahead.spent if opposite else -np.inf,
-                other.sets,
-                other.lasts,
-                other.costs,
-                n,
-                least,
-            )
+            cost, first, second = meet(one, ahead.arcs, most, other, least)
             if first >= 0:
                 least, at = cost, (layer, first, second)
         if at[0] < 0:
@@ -257,18 +222,18 @@ class TwoEndedSearch:
         return Meeting(np.array(start + end), self._proved(least, whole=whole), whole)
 
     def _proved(self, least: float, *, whole: bool) -> float:
-        """Return the bound: what both ends have spent together, nothing cheaper having been met."""
-        spent = sum(end.spent for end in self.ends)
-        return least if whole else min(least, self.duals.bound + spent)
+        """Return the bound that both budgets prove, where no cheaper order was found."""
+        budget = sum(end.budget for end in self.ends)
+        return least if whole else min(least, self.duals.bound + budget)
 
 
 def _beyond(instance: OrderingInstance) -> float:
-    """Return more than any order costs."""
+    """Return an upper bound on the cost of every order."""
     used = np.where(instance.costs < NO_ARC, instance.costs, 0.0)
     return 1.0 + 1.001 * float(used.max(axis=1).sum())
 
 
-def _walk_back(layers: list[_Layer], layer: int, at: int) -> list[int]:
+def _walk_back(layers: list[Layer], layer: int, at: int) -> list[int]:
     nodes = []
     for here in range(layer, -1, -1):
         nodes.append(int(layers[here].lasts[at]))
@@ -277,7 +242,7 @@ def _walk_back(layers: list[_Layer], layer: int, at: int) -> list[int]:
 
 
 def _mirror(instance: OrderingInstance) -> OrderingInstance:
-    """Return the same orderings read backwards."""
+    """Return the same instance with orders reversed."""
     costs = np.where(instance.costs >= NO_ARC, np.inf, instance.costs)
     return OrderingInstance(
         np.ascontiguousarray(costs[::-1, ::-1].T),

@@ -156,12 +156,12 @@ class BenchCanvas:
 
 
 def _small_circle(*, width: float, height: float, fontsize: float, **_: Any) -> Circle:
-    """Return the circle that stands for a circle in a legend."""
+    """Return the mark of a circle in a legend."""
     return Circle((width / 2, height / 2), 0.62 * fontsize)
 
 
 def _small_arrow(*, width: float, height: float, fontsize: float, **_: Any) -> FancyArrow:
-    """Return the arrow that stands for arrows in a legend."""
+    """Return the mark of an arrow in a legend."""
     return FancyArrow(
         0.0,
         height / 2,

@@ -1,4 +1,4 @@
-"""The ways of several bases on one bench, and the parallel steps in which they are made."""
+"""The paths of several bases on one bench, and the parallel steps in which they are made."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def fleet_figure(
     schedule: Sequence[Sequence[tuple[str, int]]],
     heading: Heading,
 ) -> Figure:
-    """Draw every robot's way: squares where they start, stars where they end, steps in between.
+    """Draw every robot's path: squares where they start, stars where they end, steps in between.
 
     Parameters
     ----------
@@ -58,23 +58,23 @@ def fleet_figure(
     ValueError
         If there is no robot, or one that moves is not among them.
     """
-    ways = ways_of(starts, schedule)
-    entries = _legend(ways)
+    paths = paths_of(starts, schedule)
+    entries = _legend(paths)
     canvas = bench_canvas(bench, heading, legend=[label for _, label in entries])
     canvas.draw_lattice(pins=False)
     placer = LabelPlacer(*canvas.size_in)
     names_pt = canvas.font_pt(4.8, 6.0)
     points = {
-        robot: _points(canvas, number, len(ways), way)
-        for number, (robot, way) in enumerate(ways.items())
+        robot: _points(canvas, number, len(paths), path)
+        for number, (robot, path) in enumerate(paths.items())
     }
-    for number, (robot, way) in enumerate(ways.items()):
-        _draw_way(canvas, placer, number, points[robot], [position for _, position in way])
+    for number, (robot, path) in enumerate(paths.items()):
+        _draw_path(canvas, placer, number, points[robot], [position for _, position in path])
     if names_pt is not None:
         _draw_names(canvas, placer, names_pt)
     size_pt = canvas.font_pt(5.6, 7.0) or LEAST_PT
-    for number, (robot, way) in enumerate(ways.items()):
-        for (step, _), point in list(zip(way, points[robot], strict=True))[1:]:
+    for number, (robot, path) in enumerate(paths.items()):
+        for (step, _), point in list(zip(path, points[robot], strict=True))[1:]:
             place = placer.place(
                 canvas.to_inches(point), str(step), size_pt, (0.06, 0.1, 0.15, 0.21, 0.28)
             )
@@ -92,7 +92,7 @@ def fleet_figure(
     return canvas.figure
 
 
-def ways_of(
+def paths_of(
     starts: Mapping[str, int], schedule: Sequence[Sequence[tuple[str, int]]]
 ) -> dict[str, list[tuple[int, int]]]:
     """Return when each robot is where: steps from 1, 0 for the start, and positions.
@@ -104,29 +104,29 @@ def ways_of(
     """
     if not starts:
         raise ValueError("A fleet has at least one robot.")
-    ways = {robot: [(0, position)] for robot, position in starts.items()}
+    paths = {robot: [(0, position)] for robot, position in starts.items()}
     for step, moves in enumerate(schedule, start=1):
         for robot, position in moves:
-            if robot not in ways:
+            if robot not in paths:
                 raise ValueError(f"Robot {robot!r} moves, but nobody knows where it starts.")
-            ways[robot].append((step, position))
-    return ways
+            paths[robot].append((step, position))
+    return paths
 
 
 def _points(
-    canvas: BenchCanvas, number: int, count: int, way: Sequence[tuple[int, int]]
+    canvas: BenchCanvas, number: int, count: int, path: Sequence[tuple[int, int]]
 ) -> list[tuple[float, float]]:
-    """Return the points of a way [m], each robot's a little aside of the others'."""
+    """Return the points of a path [m], each robot's a little aside of the others'."""
     angle = 2 * math.pi * number / max(1, count) + math.pi / 4
     aside_m = _ASIDE * canvas.bench.pitch_m if count > 1 else 0.0
     shift = aside_m * np.array([math.cos(angle), math.sin(angle)])
     return [
         (float(x_m), float(y_m))
-        for x_m, y_m in (canvas.bench.centroids_m[position] + shift for _, position in way)
+        for x_m, y_m in (canvas.bench.centroids_m[position] + shift for _, position in path)
     ]
 
 
-def _draw_way(
+def _draw_path(
     canvas: BenchCanvas,
     placer: LabelPlacer,
     number: int,
@@ -198,13 +198,13 @@ def _draw_names(canvas: BenchCanvas, placer: LabelPlacer, size_pt: float) -> Non
         )
 
 
-def _legend(ways: Mapping[str, Sequence[tuple[int, int]]]) -> list[tuple[Artist, str]]:
+def _legend(paths: Mapping[str, Sequence[tuple[int, int]]]) -> list[tuple[Artist, str]]:
     entries: list[tuple[Artist, str]] = [
         (
             Line2D([], [], color=PALETTE[number % len(PALETTE)], linewidth=2.2),
-            f"{robot}: {len(way) - 1} {'swing' if len(way) == 2 else 'swings'}",
+            f"{robot}: {len(path) - 1} {'swing' if len(path) == 2 else 'swings'}",
         )
-        for number, (robot, way) in enumerate(ways.items())
+        for number, (robot, path) in enumerate(paths.items())
     ]
 
     def mark(marker: str, size_pt: float, face: str) -> Line2D:
@@ -253,7 +253,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     }
     swings = sum(len(moves) for moves in steps)
     heading = Heading(
-        f"Ways of {len(starts)} bases of {request.problem.name}: {swings} swings in "
+        f"Paths of {len(starts)} bases of {request.problem.name}: {swings} swings in "
         f"{len(steps)} parallel steps",
         request.details(outcomes[0].run),
     )

@@ -50,7 +50,7 @@ def placement_figure(
     trajectory_m: Sequence[Point2],
     heads: Sequence[HeadMark],
     goals: Sequence[BaseGoal],
-    ways: Sequence[Sequence[int]],
+    paths: Sequence[Sequence[int]],
     heading: Heading,
     *,
     closed: bool,
@@ -67,8 +67,8 @@ def placement_figure(
         In the order of travel.
     goals
         In the order in which the base visits them.
-    ways
-        Positions of the base on the way to each goal, both ends included.
+    paths
+        Positions of the base on the path to each goal, both ends included.
     heading
         What stands above.
     closed
@@ -77,16 +77,16 @@ def placement_figure(
     Raises
     ------
     ValueError
-        If the trajectory has less than two points, or goals and ways differ in number.
+        If the trajectory has less than two points, or goals and paths differ in number.
     """
     if len(trajectory_m) < 2:
         raise ValueError("A trajectory has at least two points.")
-    if len(goals) != len(ways):
-        raise ValueError(f"{len(goals)} goals need as many ways, not {len(ways)}.")
+    if len(goals) != len(paths):
+        raise ValueError(f"{len(goals)} goals need as many paths, not {len(paths)}.")
     points_m = np.array([*trajectory_m, *trajectory_m[:1]] if closed else trajectory_m)
     visits = visits_of(goals)
-    between = sorted({p for way in ways for p in way[1:-1]} - set(visits))
-    home = ways[0][0] if ways and ways[0] else None
+    between = sorted({p for path in paths for p in path[1:-1]} - set(visits))
+    home = paths[0][0] if paths and paths[0] else None
     entries = _legend(closed, bool(between), home is not None and home not in visits)
     canvas = bench_canvas(
         bench, heading, legend=[label for _, label in entries], around_m=_around(points_m, heads)
@@ -235,7 +235,7 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         )
         for entry in document["goals"]
     ]
-    ways = [[bench.position(name) for name in part.path] for part in chain.main]
+    paths = [[bench.position(name) for name in part.path] for part in chain.main]
     closed = bool(workpiece["closed"])
     points_m = [(x_m, y_m) for x_m, y_m in workpiece["points_m"]]
     makespan = f"{chain.makespan} steps of the base for {len(goals)} goals"
@@ -243,4 +243,4 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         f"Placement of heads and bases of {chain.name}: {makespan}",
         request.details(outcomes[0].run),
     )
-    return placement_figure(bench, points_m, heads, goals, ways, heading, closed=closed)
+    return placement_figure(bench, points_m, heads, goals, paths, heading, closed=closed)

@@ -13,7 +13,7 @@ from skillplan.domains.swarmitfix.bench.bench import Bench
 
 Point2 = tuple[float, float]
 RADIUS = 0.2
-"""Radius of the circle that stands for a base, in pitches."""
+"""Radius of the circle that marks a base, in pitches."""
 
 
 @dataclass(frozen=True, slots=True)

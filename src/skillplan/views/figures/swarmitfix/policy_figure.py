@@ -64,7 +64,7 @@ def policy_figure(
     heading
         What stands above.
     start
-        The position whose way to the goal is outlined; None for no such way.
+        The position whose path to the goal is outlined; None for no such path.
 
     Raises
     ------
@@ -73,17 +73,17 @@ def policy_figure(
     """
     ends = _ends(bench, recommended)
     steps = steps_to(goal, ends, bench.n_positions)
-    way = [] if start is None else _way(start, goal, ends)
+    path = [] if start is None else _path(start, goal, ends)
     has_rings = any(end == here for here, end in ends.items() if here != goal)
     has_lost = bool((steps < 0).any())
-    entries = _legend(len(way) > 1, has_rings, has_lost)
+    entries = _legend(len(path) > 1, has_rings, has_lost)
     canvas = bench_canvas(
         bench, heading, legend=[label for _, label in entries], right_in=_RIGHT_IN
     )
     most = max(1, int(steps.max()))
     colours = [_SHADES(step / most) if step >= 0 else _LOST for step in steps.tolist()]
     canvas.draw_lattice(colours)
-    for position in way:
+    for position in path:
         canvas.outline(position, facecolor="none", edgecolor=RED, linewidth=2.0, zorder=3)
     canvas.outline(goal, facecolor="#d8f0e6", edgecolor=GREEN, linewidth=2.4, zorder=3)
     _draw_arrows(canvas, ends, goal)
@@ -134,15 +134,15 @@ def _ends(bench: Bench, recommended: Mapping[int, int]) -> dict[int, int]:
     return ends
 
 
-def _way(start: int, goal: int, ends: Mapping[int, int]) -> list[int]:
+def _path(start: int, goal: int, ends: Mapping[int, int]) -> list[int]:
     """Return the positions from start to goal; none if the policy does not get there."""
-    way = [start]
-    while way[-1] != goal:
-        following = ends.get(way[-1])
-        if following is None or following in way:
+    path = [start]
+    while path[-1] != goal:
+        following = ends.get(path[-1])
+        if following is None or following in path:
             return []
-        way.append(following)
-    return way
+        path.append(following)
+    return path
 
 
 def _draw_arrows(canvas: BenchCanvas, ends: Mapping[int, int], goal: int) -> None:
@@ -218,7 +218,7 @@ def _draw_names(canvas: BenchCanvas, recommended: Mapping[int, int]) -> None:
         canvas.axes.text(x_m + gap_m, wide_m, f"B{action}", ha="left", color=BLUE, **common)
 
 
-def _legend(way: bool, rings: bool, lost: bool) -> list[tuple[Artist, str]]:
+def _legend(path: bool, rings: bool, lost: bool) -> list[tuple[Artist, str]]:
     def mark(marker: str, **style: Any) -> Line2D:
         return Line2D([], [], linestyle="none", marker=marker, **style)
 
@@ -226,10 +226,10 @@ def _legend(way: bool, rings: bool, lost: bool) -> list[tuple[Artist, str]]:
         (FancyArrow(0, 0, 1, 0, color=INK), "recommended action, towards where it leads"),
         (mark("*", color=GREEN, markersize=11), "goal"),
     ]
-    if way:
+    if path:
         outline = mark("^", markerfacecolor="none", markeredgecolor=RED, markersize=10)
         outline.set_markeredgewidth(1.8)
-        entries.append((outline, "way from the start"))
+        entries.append((outline, "path from the start"))
     if rings:
         ring = mark("o", markerfacecolor="none", markeredgecolor=INK, markersize=8)
         entries.append((ring, "B0: stay"))

@@ -1,4 +1,4 @@
-"""The lattice of the file that a figure is asked of."""
+"""The lattice of the file that a figure is requested of."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def requested_bench(request: FigureRequest, account: Account | None = None) -> B
     Parameters
     ----------
     request
-        What the user asked for.
+        What the user wants drawn.
     account
         What the domain tells of a solved file; None for what it tells of the file alone.
 

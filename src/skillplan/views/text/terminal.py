@@ -7,14 +7,14 @@ from typing import IO
 
 from rich.cells import cell_len
 
-from skillplan.views.tables.column_widths import (
+from skillplan.views.text.column_widths import (
     Block,
     key_columns,
     output_width,
     table_layout,
 )
-from skillplan.views.tables.table import Column, ItemList, Table
-from skillplan.views.tables.text_wrapping import printable, text_width, wrapped, wrapped_note
+from skillplan.views.text.table import Column, ItemList, Table
+from skillplan.views.text.text_wrapping import printable, text_width, wrapped, wrapped_note
 
 # A line, and whether it is printed bold.
 _Line = tuple[str, bool]

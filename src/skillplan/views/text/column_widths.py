@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import IO
 
-from skillplan.views.tables.table import Table
-from skillplan.views.tables.text_wrapping import longest_piece, text_width
+from skillplan.views.text.table import Table
+from skillplan.views.text.text_wrapping import longest_piece, text_width
 
 DEFAULT_WIDTH = 120
 """Columns of a line where neither COLUMNS nor a terminal says otherwise."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from skillplan.records.interval import Estimate
 from skillplan.records.sweep.plan import ONE_AT_A_TIME, setting_text, value_text
 from skillplan.records.sweep.result import StartSummary, SweepResult
-from skillplan.views.tables.table import Column, ItemList, Table
+from skillplan.views.text.table import Column, ItemList, Table
 
 _MOST_NAMED = 10
 # The longest name of a start that heads a column.

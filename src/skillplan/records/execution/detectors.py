@@ -26,8 +26,8 @@ def detectors_document(trials: DetectorTrials, wall_s: float) -> dict[str, Any]:
     }
 
 
-def wrong_rulings(trials: DetectorTrials, name: str) -> list[Ruling]:
-    """Return the false alarms, misses and undecided of a detector, in the order of asking."""
+def wrong_verdicts(trials: DetectorTrials, name: str) -> list[Ruling]:
+    """Return the false alarms, misses and undecided of a detector, in the order of the trials."""
     return [
         ruling
         for ruling in trials.rulings
@@ -37,7 +37,7 @@ def wrong_rulings(trials: DetectorTrials, name: str) -> list[Ruling]:
 
 
 def decisive(trials: DetectorTrials, name: str, truth: Truth) -> Mapping[str, Any] | None:
-    """Return the readings and limits nearest to a wrong ruling; None where it gives none.
+    """Return the readings and limits nearest to a wrong verdict; None where it gives none.
 
     That is the largest on right executions and the smallest on collisions, as a fraction of
     the limit; of several readings of one execution the largest counts.
@@ -81,7 +81,7 @@ def _detector(trials: DetectorTrials, name: str) -> dict[str, Any]:
                 "reason": ruling.verdicts[name].reason or None,
                 "evidence": dict(ruling.verdicts[name].evidence),
             }
-            for ruling in wrong_rulings(trials, name)
+            for ruling in wrong_verdicts(trials, name)
         ],
     }
 

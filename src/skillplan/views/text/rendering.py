@@ -1,11 +1,11 @@
-"""Tables in the format that was asked for."""
+"""Tables as text, CSV or Markdown."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import IO
 
-from skillplan.views.tables.table import Table, as_csv, as_markdown
+from skillplan.views.text.table import Table, as_csv, as_markdown
 
 
 def render(tables: Sequence[Table], style: str, out: IO[str]) -> str:
@@ -24,7 +24,7 @@ def render(tables: Sequence[Table], style: str, out: IO[str]) -> str:
         return as_csv(tables[-1])
     if style == "md":
         return "\n".join(as_markdown(table) for table in tables)
-    # Here and not above: CSV and Markdown must not pay for importing rich.
-    from skillplan.views.tables.terminal import as_terminal_text
+    # Here and not above: CSV and Markdown must not wait for rich.
+    from skillplan.views.text.terminal import as_terminal_text
 
     return as_terminal_text(tables, out)

@@ -13,6 +13,7 @@ from skillplan.files.json_file import read_checked
 from skillplan.records import schemas
 from skillplan.records.origin import Origin
 from skillplan.records.result import Status
+from skillplan.records.stored.result_folder import result_path
 from skillplan.solvers.solution import Plan
 
 _REMEDY = "Give a result.json of search-optimal, or the folder that --out named"
@@ -93,7 +94,7 @@ class StoredResult(StoredClaims):
     task, origin
         What was solved, and from which file; no origin where it was from none.
     physics, collision
-        Names of the back ends that were asked, the latter with commas.
+        Names of the back ends that were queried, the latter with commas.
     replans
         Of a chain, how often the upper levels were planned anew.
     sequences, stages
@@ -112,37 +113,6 @@ class StoredResult(StoredClaims):
     def is_chain(self) -> bool:
         """Whether it is the result of a chain of tasks."""
         return self.sequences is not None
-
-
-RESULT = "result.json"
-"""The document in the folder of a result, and in that of training runs."""
-PLAN = "plan.csv"
-"""The steps of the plan, beside the document."""
-# Only a folder of training runs, or of a study, has it beside.
-_MANIFEST = "manifest.json"
-
-
-def result_path(path: str) -> Path:
-    """Return the file that a user means: the file itself, or result.json in a folder."""
-    named = Path(path)
-    return named / RESULT if named.is_dir() else named
-
-
-def is_result(path: str) -> bool:
-    """Return whether a path means a result of search-optimal: a folder that has one, or JSON."""
-    if run_folder(path) is not None:
-        return False
-    named = Path(path)
-    return (named / RESULT).is_file() if named.is_dir() else named.suffix == ".json"
-
-
-def run_folder(path: str) -> str | None:
-    """Return the folder of training runs that a path means: itself, or that of its result.json."""
-    named = Path(path)
-    if named.is_dir():
-        return None if (named / RESULT).is_file() and not (named / _MANIFEST).exists() else path
-    of_runs = named.name == RESULT and (named.parent / _MANIFEST).exists()
-    return str(named.parent) if of_runs else None
 
 
 def read_result(path: str) -> StoredResult:

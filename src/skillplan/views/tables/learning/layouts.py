@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from skillplan.records.training.layouts_result import LayoutsResult
 from skillplan.task.task import Task
-from skillplan.views.tables.table import Column, Table
-from skillplan.views.tables.wording import number, percent
+from skillplan.views.text.table import Column, Table
+from skillplan.views.text.wording import number, percent
 
 
 def layouts_table(result: LayoutsResult, task: Task) -> Table:

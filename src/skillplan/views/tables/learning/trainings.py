@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from skillplan.records.training.result import TrainingResult
-from skillplan.views.tables.table import Column, Table
-from skillplan.views.tables.wording import number, percent
+from skillplan.views.text.table import Column, Table
+from skillplan.views.text.wording import number, percent
 
 _ABSENT = "-"
 

@@ -8,9 +8,9 @@ from skillplan.records.interval import Estimate
 from skillplan.records.training.outcome import RECENT_STEPS, RunOutcome, Tally, deviation
 from skillplan.records.training.published_runs import SUCCESS_RATE
 from skillplan.records.training.result import TrainingResult
-from skillplan.views.tables.layouts import layouts_table
-from skillplan.views.tables.table import Column, Table
-from skillplan.views.tables.wording import count, number, percent
+from skillplan.views.tables.learning.layouts import layouts_table
+from skillplan.views.text.table import Column, Table
+from skillplan.views.text.wording import count, number, percent
 
 NONE = "N/A"
 """Stands for the sequence of a run that does not complete the task, as in the paper."""
@@ -32,7 +32,7 @@ def training_tables(result: TrainingResult) -> list[Table]:
     columns += [Column(seen, right=True), Column("first at step", right=True)]
     if result.published:
         columns += [Column("paper [m]", right=True), Column("paper dev.", right=True)]
-    rows = [_row(result, place, one) for place, one in enumerate(result.outcomes)]
+    rows = [_row(result, index, one) for index, one in enumerate(result.outcomes)]
     runs = count(len(result.outcomes), "run")
     title = f"{result.task.name}: {runs} of {result.solver}, {result.steps:,} steps each"
     for key in ("observation", "mask"):
@@ -46,7 +46,7 @@ def training_tables(result: TrainingResult) -> list[Table]:
     )
 
 
-def _row(result: TrainingResult, place: int, one: RunOutcome) -> list[str]:
+def _row(result: TrainingResult, index: int, one: RunOutcome) -> list[str]:
     decimals, greedy = result.task.metric.decimals, one.greedy
     shown = greedy is not None and greedy.complete
     sequence = NONE if greedy is None or not shown else ",".join(map(str, greedy.actions))
@@ -59,7 +59,7 @@ def _row(result: TrainingResult, place: int, one: RunOutcome) -> list[str]:
     first = None if one.training is None else one.training.first_success_step
     cells += [number(one.best_cost_seen, decimals), "-" if first is None else f"{first:,}"]
     if result.published:
-        theirs = result.published[place] if place < len(result.published) else None
+        theirs = result.published[index] if index < len(result.published) else None
         if theirs is None:
             cells += ["-", "-"]
         elif theirs.cost is None:
@@ -93,8 +93,8 @@ def _notes(result: TrainingResult) -> list[str]:
     if result.interrupted:
         notes.append("stopped    before all steps were done; train --resume goes on")
     notes += result.notes
-    asked = f"{count(result.checks, 'check')}, {count(result.executions, 'execution')}"
-    notes.append(f"effort     {asked}, {result.wall_s:.1f} s")
+    effort = f"{count(result.checks, 'check')}, {count(result.executions, 'execution')}"
+    notes.append(f"effort     {effort}, {result.wall_s:.1f} s")
     if result.steps_per_s is not None:
         notes[-1] += f", {result.steps_per_s:,.0f} steps/s"
     return notes

@@ -6,7 +6,6 @@ import hashlib
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from skillplan.errors import OptionError, name_hint
@@ -20,8 +19,6 @@ from skillplan.task.skill import Outcome
 from skillplan.task.state import State
 from skillplan.task.task import Task
 
-POLICIES = "policies.json"
-"""The document in the folder of a result."""
 _MOST_BYTES = 256 * 1024 * 1024
 # So many goals are named in a message.
 _MOST_NAMED = 8
@@ -77,12 +74,6 @@ class StoredPolicy:
 
     solver: str
     policy: Policy
-
-
-def policies_path(path: str) -> str:
-    """Return the file that a user means: the file itself, or policies.json in a folder."""
-    named = Path(path)
-    return str(named / POLICIES) if named.is_dir() else path
 
 
 def read_policy(path: str, task: Task) -> StoredPolicy:

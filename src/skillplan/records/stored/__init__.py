@@ -1,0 +1,1 @@
+"""Results and policies in files, read again. They are never trusted for being there."""

@@ -1,0 +1,91 @@
+"""Small tasks that the suites are run on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from skillplan.domains.assembly.grounding import ground
+from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.model.skill_model import SkillModel
+from skillplan.task.state import State
+from skillplan.task.task import Task
+
+
+def lid_task() -> Task:
+    """Return a box, a fuse that goes into it, and a lid that is screwed on: two tools."""
+    return ground(AssemblyConfig.model_validate(lid_content()), "")
+
+
+def shut_box_task() -> Task:
+    """Return the same with a chart that wants the fuse in the box after the lid: no plan."""
+    content = lid_content()
+    content["chart"] = [
+        {"before": "box", "after": ["fuse", "lid"]},
+        {"before": "lid", "after": ["screw"]},
+        {"before": "screw", "after": ["fuse"]},
+    ]
+    content["collision"] = {"precedence": {}, "aabb": {}}
+    return ground(AssemblyConfig.model_validate(content), "")
+
+
+def reachable_states(model: SkillModel, most: int = 5_000) -> list[State]:
+    """Return the states that feasible skills lead to, breadth first, at most so many."""
+    found = {model.initial: None}
+    for state in (queue := [model.initial]):
+        if model.is_goal(state):
+            continue
+        for step in model.transitions(state):
+            for _, following in step.outcomes:
+                if following not in found and len(found) < most:
+                    found[following] = None
+                    queue.append(following)
+    return list(found)
+
+
+def lid_content() -> dict[str, Any]:
+    """Return the content of the lid task, to be varied."""
+    return {
+        "kind": "assembly",
+        "name": "lid",
+        "robot": {"home_m": [0.3, 0.0], "safe_height_m": 0.15},
+        "tools": {
+            "gripper": {"holder_m": [0.6, 0.2]},
+            "screwdriver": {"holder_m": [0.6, 0.2]},
+        },
+        "initial_tool": "gripper",
+        "parts": {
+            "box": {
+                "tool": "gripper",
+                "size_m": [0.1, 0.1, 0.01],
+                "grasp": {"type": "suction"},
+                "start_m": [0.4, -0.2],
+                "goal_m": [0.5, 0.0],
+            },
+            "fuse": {
+                "tool": "gripper",
+                "size_m": [0.02, 0.02, 0.02],
+                "start_m": [0.4, 0.2],
+                "goal_m": [0.5, 0.0],
+                "goal_on": "box",
+            },
+            "lid": {
+                "tool": "gripper",
+                "boxes": [
+                    {"size_m": [0.1, 0.1, 0.005], "centre_m": [0.0, 0.0, 0.0325]},
+                    {"size_m": [0.01, 0.1, 0.03], "centre_m": [0.045, 0.0, 0.015]},
+                    {"size_m": [0.01, 0.1, 0.03], "centre_m": [-0.045, 0.0, 0.015]},
+                ],
+                "grasp": {"type": "suction"},
+                "start_m": [0.5, -0.3],
+                "goal_m": [0.5, 0.0],
+                "goal_on": "box",
+            },
+        },
+        "screws": {"screw": {"tool": "screwdriver", "hole_m": [0.545, 0.0], "through": "lid"}},
+        "chart": [
+            {"before": "box", "after": ["fuse", "lid"]},
+            {"before": "fuse", "after": ["lid"]},
+            {"before": "lid", "after": ["screw"]},
+        ],
+        "step_limit": 12,
+    }

@@ -1,0 +1,1 @@
+"""Tables of trainings and of studies of learners. They compute nothing."""

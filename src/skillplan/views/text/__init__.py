@@ -1,0 +1,1 @@
+"""Tables as text: column widths, line breaks, numbers in words; never which table a record has."""

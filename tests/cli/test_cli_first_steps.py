@@ -1,0 +1,133 @@
+"""A first day: a starter file of every kind, and what is compiled ahead or announced."""
+
+from __future__ import annotations
+
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from skillplan.cli.compilation_notice import NOTICE, compilation_announced
+from skillplan.pipeline import registry, warm_up
+from skillplan.solvers import compilation
+
+SUFFIXES = {"assembly": ".yaml", "swarmitfix": ".yaml", "sop": ".yaml"}
+# Compiles one kernel of this project anew, in a process of its own.
+COMPILING = """
+import sys
+import numba
+from skillplan.cli.compilation_notice import compilation_announced
+from skillplan.solvers import compiled
+
+def kernel(x):
+    return x + 1
+
+kernel.__module__ = "skillplan.solvers.kernel"
+with compilation_announced():
+    numba.njit(kernel)(1)
+    numba.njit(kernel)(1.0)
+"""
+
+
+class TestInit:
+    @pytest.mark.parametrize("kind", registry.names("domain"))
+    def test_the_starter_is_valid_and_solved(self, cli: Any, tmp_path: Path, kind: str) -> None:
+        """Commented, too; and the next two commands are those that were told."""
+        path = tmp_path / f"mine{SUFFIXES[kind]}"
+        outcome = cli("init", kind, "--out", str(path))
+        assert (0, "") == (outcome.code, outcome.err)
+        first, check, search = outcome.out.splitlines()
+        assert f"{path}: a task of kind {kind}. Next:" == first
+        assert 0 == cli(*check.split()[1:]).code
+        assert 0 == cli(*search.split()[1:]).code
+        assert path.read_text("utf-8").count("#") > 10
+
+    def test_by_default_it_is_an_assembly_on_stdout(self, cli: Any) -> None:
+        """The same as in a file."""
+        outcome = cli("init")
+        assert (0, "") == (outcome.code, outcome.err)
+        assert cli("init", "assembly").out == outcome.out
+        assert "kind: assembly" in outcome.out
+
+    def test_a_file_that_is_there_stays(self, cli: Any, tmp_path: Path) -> None:
+        """It may be somebody's work."""
+        path = tmp_path / "mine.yaml"
+        path.write_text("kind: assembly\n")
+        outcome = cli("init", "--out", str(path))
+        assert (2, "") == (outcome.code, outcome.out)
+        assert "is there already. Name a new file." in outcome.err
+        assert "kind: assembly\n" == path.read_text()
+
+    @pytest.mark.parametrize(
+        ("words", "message"),
+        [
+            (("asembly",), "Did you mean 'assembly'?"),
+            (("--out", "mine.txt"), "end it in .yaml or .yml."),
+            (("--out", "nowhere/mine.yaml"), "there is no folder nowhere."),
+        ],
+    )
+    def test_what_cannot_be_is_refused(
+        self, cli: Any, words: tuple[str, ...], message: str
+    ) -> None:
+        """In one message."""
+        outcome = cli("init", *words)
+        assert (2, "") == (outcome.code, outcome.out)
+        assert message in outcome.err
+
+
+class TestWarmUp:
+    def test_it_tells_of_every_step_and_what_was_compiled(
+        self, cli: Any, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Progress on stderr, one line on stdout."""
+        steps = [
+            ("this", lambda: compilation.notify("a")),
+            ("that", lambda: compilation.notify("b")),
+        ]
+        monkeypatch.setattr(warm_up, "warm_up_steps", lambda: iter(steps))
+        outcome = cli("warm-up")
+        assert 0 == outcome.code
+        assert ["compiling 1 of 2: this", "compiling 2 of 2: that"] == outcome.err.splitlines()
+        assert outcome.out.startswith("2 kernels compiled in ")
+
+    def test_a_second_time_nothing_is_left(self, cli: Any) -> None:
+        """What is kept is loaded."""
+        cli("warm-up")
+        assert "nothing to compile: all kernels are kept already\n" == cli("warm-up").out
+
+    def test_all_solvers_find_their_kernels(self, cli: Any, board: str) -> None:
+        """On a board, with and without chance, and on a bench."""
+        cli("warm-up")
+        told: list[str] = []
+        done = compilation.on_compilation(told.append)
+        grasps = board.replace("inverter_board", "inverter_grasps")
+        for task, solvers in {
+            board: "value-iteration,policy-iteration,q-learning,sarsa,monte-carlo,local-search",
+            grasps: "value-iteration,policy-iteration,q-learning,sarsa,monte-carlo",
+        }.items():
+            cli("compare", task, "--solvers", solvers)
+        done()
+        assert [] == told
+
+
+class TestNotice:
+    def test_a_terminal_is_told_once(self) -> None:
+        """Of several kernels in one line on stderr, and nothing on stdout."""
+        far, near = pty.openpty()
+        command = [sys.executable, "-c", COMPILING]
+        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=near, check=True)
+        os.close(near)
+        shown = os.read(far, 4096).decode()
+        os.close(far)
+        assert b"" == done.stdout
+        assert [NOTICE] == shown.splitlines()
+
+    def test_nobody_else_is(self, capsys: pytest.CaptureFixture[str]) -> None:
+        """A log is no terminal."""
+        with compilation_announced():
+            compilation.notify("kernel")
+        assert ("", "") == tuple(capsys.readouterr())
