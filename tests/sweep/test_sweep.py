@@ -545,8 +545,10 @@ class TestKilling:
             if kill % 2:
                 while noted() == before and process.poll() is None:
                     time.sleep(0.01)
-            # Of the time that it takes here and now: a busy machine only starts within seconds.
-            time.sleep(rng.uniform(0.0, 0.2) if kill % 2 else whole_s * rng.uniform(0.1, 1.0))
+            # Of the time that it takes here and now: a busy machine needs seconds to start.
+            time.sleep(
+                whole_s * rng.uniform(0.0, 0.1) if kill % 2 else whole_s * rng.uniform(0.1, 1.0)
+            )
             process.send_signal(signal.SIGKILL)
             process.wait()
         lines = noted()
