@@ -30,7 +30,7 @@ class PpoOptions(NetworkOptions):
         default=100_000,
         ge=1,
         le=1_000_000_000,
-        description="environment steps of a run; `train --steps` goes before it [-]",
+        description="environment steps of a run; `train --steps` takes precedence [-]",
     )
     width: Width = 64
     layers: Layers = 2
