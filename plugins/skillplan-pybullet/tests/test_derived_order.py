@@ -193,7 +193,7 @@ class TestAPartNextToAFinger:
         assert found.order == ["pcb", "clock", "switch_2"]
         assert found.optimum.cost == pytest.approx(0.755367, abs=1e-6)
 
-    @pytest.mark.parametrize("back_end", ALL)
+    @pytest.mark.parametrize("back_end", SLOW_BY_PHYSICS)
     def test_a_tall_one_has_to_come_after_at_a_cost(self, tmp_path, back_end):
         found = self.beside_a_switch(tmp_path, back_end, 0.060)
         assert found.pairs == {("pcb", "switch_2"), ("pcb", "clock"), ("switch_2", "clock")}
