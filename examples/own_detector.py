@@ -40,7 +40,7 @@ def main() -> None:
         plan = ExactSolver().solve(SkillModel(feasibility)).plan
         assert plan is not None
         places = [name for name in plan.skills if name.startswith("place")]
-        print(", ".join(feasibility.asked))
+        print(", ".join(feasibility.queried))
         print(f"  {task.cost_text(plan.cost)}: {' '.join(places)}")
 
 

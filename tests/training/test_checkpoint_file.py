@@ -94,7 +94,7 @@ def test_a_checkpoint_of_another_version_is_named(
 ) -> None:
     path = tmp_path / "checkpoint.safetensors"
     with monkeypatch.context() as patch:
-        patch.setattr("skillplan.training.checkpoint_file.SCHEMA", "skillplan.checkpoint/2")
+        patch.setattr("skillplan.records.schemas.CHECKPOINT", "skillplan.checkpoint/2")
         write_checkpoint(path, KEPT)
     with pytest.raises(OptionError, match=r"another version, skillplan.checkpoint/2"):
         read_checkpoint(path)

@@ -91,7 +91,7 @@ def test_chance_gets_as_many_episodes_as_all_runs_and_the_same_mask(tmp_path: Pa
         ),
         (
             lambda run: changed(run / "policy.json", "mask", to="no-such-mask"),
-            "learned with another mask than manifest.json says",
+            "learned with another mask than manifest.json has",
         ),
         (
             lambda run: [(run / f"policy.{end}").unlink() for end in ("json", "safetensors")],

@@ -84,7 +84,7 @@ def least_cost_under(found: Answer) -> float | None:
 def assert_settled(found: Answer) -> None:
     """Assert that the relation says all there is to say, and that the search agrees with it."""
     assert found.chart.impossible == {}
-    assert found.chart.circle == ()
+    assert found.chart.cycle == ()
     assert found.chart.conditional == {}
     assert found.chart.undecided == ()
     assert found.optimum.status is Status.OPTIMAL
