@@ -32,10 +32,8 @@ def report_usage(error: typer.TyperException, words: Sequence[str]) -> int:
         error.message = f"No such option {error.option_name!r}. "  # type: ignore[attr-defined]
         error.message += f"Did you mean {' or '.join(map(repr, near))}?"
         error.possibilities = None  # type: ignore[attr-defined]
-    if type(error).__name__ == "NoArgsIsHelpError":
-        # The help has been printed already.
-        print("skillplan: error: a command is missing; the help lists them.", file=sys.stderr)
-    else:
+    # Where nothing was typed the help has been printed, and is all there is to say.
+    if type(error).__name__ != "NoArgsIsHelpError":
         error.show()  # type: ignore[attr-defined]
     _print_document(error_document(error), words)
     return error.exit_code
