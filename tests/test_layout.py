@@ -87,6 +87,13 @@ class TestStarting:
         """Help is drawn, an import is not."""
         assert "rich" not in imported_by(statement)
 
+    @pytest.mark.parametrize("words", [("--help",), ("train", "--help")], ids=["all", "train"])
+    def test_help_loads_nothing_that_it_never_prints(self, words: tuple[str, ...]) -> None:
+        """It holds neither Markdown nor code with its syntax in colour."""
+        loaded = imported_by(a_command(*words))
+        assert set() == {"markdown_it", "pygments"} & loaded
+        assert "rich" in loaded
+
     @pytest.mark.parametrize("command", ["search-optimal", "check", "evaluate"])
     def test_help_of_a_command_loads_nothing_heavy(self, command: str) -> None:
         """What a command needs is loaded when it runs."""

@@ -92,13 +92,13 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
         (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {title}\nVersion: 1.5\n")
         (info / "entry_points.txt").write_text(f"[skillplan.{kind}]\n{name} = {value}\n")
         installed.append(module)
-        registry._providers.cache_clear()
+        registry.refresh()
         return folder
 
     yield put
     for module in installed:
         sys.modules.pop(module, None)
-    registry._providers.cache_clear()
+    registry.refresh()
 
 
 @pytest.fixture

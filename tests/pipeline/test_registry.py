@@ -52,10 +52,10 @@ def install(tmp_path, monkeypatch):
         )
         if module is not None:
             (tmp_path / f"{module}.py").write_text(text)
-        registry._providers.cache_clear()
+        registry.refresh()
 
     yield put
-    registry._providers.cache_clear()
+    registry.refresh()
     for name in [name for name in sys.modules if name.startswith("plugin_under_test")]:
         del sys.modules[name]
 

@@ -97,11 +97,11 @@ def made(tmp_path, monkeypatch):
     lines = [f"{name} = faulty_engines:{value}" for name, value in names.items()]
     (folder / "entry_points.txt").write_text("\n".join(["[skillplan.physics]", *lines]))
     (tmp_path / "faulty_engines.py").write_text(MODULE)
-    registry._providers.cache_clear()
+    registry.refresh()
     import faulty_engines
 
     yield faulty_engines.MADE
-    registry._providers.cache_clear()
+    registry.refresh()
     del sys.modules["faulty_engines"]
 
 

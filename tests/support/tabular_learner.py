@@ -244,8 +244,8 @@ def learner_installed(folder: Path, patch: pytest.MonkeyPatch) -> Iterator[str]:
     )
     patch.syspath_prepend(str(folder))
     patch.setenv("PYTHONPATH", os.pathsep.join([str(folder), str(SUPPORT)]), prepend=os.pathsep)
-    registry._providers.cache_clear()
+    registry.refresh()
     try:
         yield "tabular"
     finally:
-        registry._providers.cache_clear()
+        registry.refresh()

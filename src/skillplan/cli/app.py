@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import sys
@@ -149,6 +150,10 @@ app = _app()
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit; no exception whatever reaches the user as a traceback."""
+    # Importing makes thousands of objects and no garbage.
+    gc.set_threshold(50_000, *gc.get_threshold()[1:])
+    # Pydantic would read the metadata of all that is installed to find plugins of its own.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     words = list(sys.argv[1:] if arguments is None else arguments)
     sys.exit(_run(words))
 

@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
+from skillplan.cli import rich_help
 from skillplan.cli.options.grouped import grouped
 from skillplan.cli.options.shared import OUTPUT
 from skillplan.errors import nearest
@@ -59,6 +60,7 @@ class Command(TyperCommand):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print the help, and the lists below it."""
+        rich_help.load()
         super().format_help(ctx, formatter)
         for title, lines in self._lists.items():
             _print_panel(title, lines)
@@ -73,6 +75,11 @@ class CommandGroup(TyperGroup):
         if option is not None:
             untyped(option)
         return option
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the help."""
+        rich_help.load()
+        super().format_help(ctx, formatter)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Return name, command and the words after it, or name the nearest command."""
@@ -160,14 +167,14 @@ def _print_panel(title: str, lines: Mapping[str, str]) -> None:
     from rich.console import Console
     from rich.panel import Panel
     from rich.table import Table
-    from typer.rich_utils import STYLE_OPTIONS_PANEL_BORDER
 
     table = Table.grid(padding=(0, 2), expand=True)
     table.add_column(style="bold cyan", no_wrap=True)
     table.add_column(ratio=1)
     for word, line in lines.items():
         table.add_row(word, line)
-    panel = Panel(table, title=title, title_align="left", border_style=STYLE_OPTIONS_PANEL_BORDER)
+    style = rich_help.load().STYLE_OPTIONS_PANEL_BORDER
+    panel = Panel(table, title=title, title_align="left", border_style=style)
     Console().print(panel)
 
 

@@ -18,8 +18,14 @@ from skillplan.task.task import Task
 class Strict(BaseModel):
     """Base of all schema models: unknown keys, numbers in quotes and infinities are faults."""
 
+    # A validator is built when a file is read, and then one for all: most models are parts.
     model_config = ConfigDict(
-        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, populate_by_name=True
+        extra="forbid",
+        strict=True,
+        frozen=True,
+        allow_inf_nan=False,
+        populate_by_name=True,
+        defer_build=True,
     )
 
 

@@ -10,7 +10,7 @@ import importlib
 import inspect
 from collections.abc import Iterator, Mapping
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -172,6 +172,12 @@ def describe(kind: str) -> list[PluginInfo]:
     return infos
 
 
+def refresh() -> None:
+    """Look for plugins anew, so that those installed since the first look-up are found."""
+    _providers.cache_clear()
+    _installed.cache_clear()
+
+
 @cache
 def _providers(kind: str) -> dict[str, list[EntryPoint]]:
     if kind not in KINDS:
@@ -181,12 +187,19 @@ def _providers(kind: str) -> dict[str, list[EntryPoint]]:
                 hint = f"Did you mean '{known} {kind}'?"
         raise PluginError(f"Unknown kind of plugin {kind!r}. {hint}")
     found: dict[str, list[EntryPoint]] = {}
-    for entry in entry_points(group=f"skillplan.{kind}"):
+    for entry in _installed()[kind]:
         others = found.setdefault(entry.name, [])
         # One distribution may be on the path twice; that is no second provider.
-        if _owner(entry) not in (_owner(other) for other in others):
+        if not others or _owner(entry) not in map(_owner, others):
             others.append(entry)
     return found
+
+
+@cache
+def _installed() -> dict[str, EntryPoints]:
+    """Return the entry points of each kind: to look for one kind takes as long as for all."""
+    found = entry_points()
+    return {kind: found.select(group=f"skillplan.{kind}") for kind in KINDS}
 
 
 def _base_class(kind: str) -> type[Any]:

@@ -20,7 +20,7 @@ from skillplan.task.verdict import Verdict
 class Options(BaseModel):
     """Options of a plugin: unknown ones are refused, values are not coerced from other types."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 class BackEnd(ABC):

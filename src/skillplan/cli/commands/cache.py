@@ -34,10 +34,11 @@ def show(
     """Show what is kept by back end and task; of TASK only what it would use now."""
     import time
 
+    from skillplan.checks.feasibility import introduced
     from skillplan.checks.verdict_folder import VerdictFolder
     from skillplan.cli.output import emit
     from skillplan.errors import OptionError
-    from skillplan.pipeline.run import make_feasibility, warm_cache
+    from skillplan.pipeline.run import warm_cache
     from skillplan.records.cache import CacheSurvey
     from skillplan.views.tables.cache import survey_table
 
@@ -49,9 +50,8 @@ def show(
         kept, others = folder.survey()
         survey = CacheSurvey(root, kept, time.time(), len(others))
     else:
-        loaded = reading.task(task, back_ends)
-        feasibility = make_feasibility(loaded, back_ends.setup(loaded))
-        found = folder.kept_for(feasibility.back_ends)
+        loaded, _, made = reading.set_up(task, back_ends)
+        found = folder.kept_for(introduced(made))
         every = [one for own in found for one in own]
         survey = CacheSurvey(root, every, time.time(), task=loaded)
     emit(style, survey.document(), [survey_table(survey)])
@@ -89,8 +89,8 @@ def verify(
     from skillplan.records.cache import CacheTest
     from skillplan.views.tables.cache import cache_test_table
 
-    loaded = reading.task(task, back_ends)
-    feasibility = make_feasibility(loaded, back_ends.setup(loaded))
+    loaded, setup, made = reading.set_up(task, back_ends)
+    feasibility = make_feasibility(loaded, setup, back_ends=made)
     folder = VerdictFolder(warm_cache().folder)
     kept = folder.kept_for(feasibility.back_ends)
     drawn = draw(kept, sample, seed)
@@ -136,8 +136,7 @@ def fill(
     from skillplan.records.cache import CacheFilling
     from skillplan.views.tables.cache import filling_table
 
-    loaded = reading.task(task, back_ends)
-    setup = back_ends.setup(loaded)
+    loaded, setup, made = reading.set_up(task, back_ends)
     cache = checking.cache()
     requests: list[bool] = []
     begin_s = time.perf_counter()
@@ -145,7 +144,9 @@ def fill(
         showing_checks("filling") as on_check,
         heeding(lambda: requests.append(True)),
         closing(
-            make_feasibility(loaded, setup, cache, jobs=checking.jobs, on_check=on_check)
+            make_feasibility(
+                loaded, setup, cache, jobs=checking.jobs, on_check=on_check, back_ends=made
+            )
         ) as checks,
     ):
         counts = enumerate_feasibility(checks, lambda: bool(requests))

@@ -31,11 +31,12 @@ def command(
 
     # A chart derived from the chart would say nothing.
     chosen = replace(back_ends, collision=back_ends.collision or "aabb")
-    loaded = reading.task(task, chosen)
-    setup = chosen.setup(loaded)
+    loaded, setup, made = reading.set_up(task, chosen)
     cache = checking.cache()
     with showing_checks("deriving") as on_check:
-        feasibility = make_feasibility(loaded, setup, cache, jobs=checking.jobs, on_check=on_check)
+        feasibility = make_feasibility(
+            loaded, setup, cache, jobs=checking.jobs, on_check=on_check, back_ends=made
+        )
         with closing(feasibility):
             chart = derive_chart(feasibility)
     names = [back_end.name for back_end in feasibility.back_ends]

@@ -105,8 +105,7 @@ def command(
     if result is None:
         if step is not None:
             raise OptionError("--step counts the steps of a result: name it by --from RESULT.")
-        loaded = reading.task(task, back_ends)
-        setup = back_ends.setup(loaded)
+        loaded, setup, made = reading.set_up(task, back_ends)
         before = loaded.parse_sequence(after) if after is not None else ()
     else:
         if after is not None:
@@ -114,10 +113,11 @@ def command(
         stored = load(result, reading, back_ends, task_file=task)
         setup = stored.setup
         loaded, before = _until(stored, step)
+        made = setup.back_ends(loaded, stored.problem.spare_back_ends)
     chosen = loaded.skill(skill)
     paths = drawing_paths(picture, animate)
     cache = caching.cache()
-    model = make_model(loaded, setup, cache)
+    model = make_model(loaded, setup, cache, back_ends=made)
     drawer = illustrator(model.feasibility.back_ends, paths) if paths else None
     explanation = explain(model, chosen, before)
     if drawer is not None:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.domains.load import Problem
     from skillplan.pipeline.setup import Setup
     from skillplan.solvers.stop import Stop
+    from skillplan.task.back_end import BackEnd
     from skillplan.task.task import Task
 
 # The panels of a command's help.
@@ -198,6 +199,28 @@ class PartReading(Reading):
             If it holds several tasks and none is named, or none of that name.
         """
         return self.problem(path, back_ends).part(self.part)
+
+    def set_up(self, path: str, back_ends: BackEnds) -> tuple[Task, Setup, list[BackEnd]]:
+        """Return the task meant, how it is checked, and the back ends, constructed once.
+
+        Parameters
+        ----------
+        path
+            Of the file.
+        back_ends
+            Those that the command line chooses.
+
+        Raises
+        ------
+        TaskError, OptionError
+            As `task`, or if a back end refuses the task.
+        PluginError, BackEndError
+            If a back end is unknown or broken, or fails to start.
+        """
+        problem = self.problem(path, back_ends)
+        task = problem.part(self.part)
+        setup = back_ends.setup(task)
+        return task, setup, setup.back_ends(task, problem.spare_back_ends)
 
 
 @dataclass(frozen=True, slots=True)
