@@ -60,8 +60,8 @@ class Verdict:
         if (self.present is None) != (self.absent is None):
             raise ValueError("A verdict names both present and absent facts, or neither.")
         if self.present is not None and self.absent is not None:
-            both = self.present & self.absent
-            if both.bits:
+            if self.present.bits & self.absent.bits:
+                both = self.present & self.absent
                 raise ValueError(f"A verdict rests on facts both present and absent: {both}.")
 
     @classmethod
