@@ -99,9 +99,7 @@ def test_it_proves_what_is_published(name):
 
 
 @pytest.mark.slow(reason="larger instances; smaller ones in every run")
-@pytest.mark.parametrize(
-    "name", ["ESC25", "br17.10", "p43.4", "rbg109a", "rbg150a", "ry48p.4"]
-)
+@pytest.mark.parametrize("name", ["ESC25", "br17.10", "p43.4", "rbg109a", "rbg150a", "ry48p.4"])
 def test_it_proves_what_is_published_of_larger_instances(name):
     """As above."""
     test_it_proves_what_is_published(name)
