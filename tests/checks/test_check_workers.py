@@ -131,6 +131,7 @@ def test_verdicts_counts_and_cache_do_not_depend_on_which_process_is_faster(
         assert expected == outcome(task, questions, jobs, folder / "n", seed)
 
 
+@pytest.mark.slow(reason="six real processes a task; an enumeration in two in every run")
 @settings(max_examples=examples(3, fewest=1))
 @given(task=small_tasks(), seed=SEEDS)
 def test_verdicts_counts_and_cache_are_the_same_in_one_two_and_three_processes(
@@ -358,7 +359,10 @@ def wait_until_gone(processes):
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("end", ["close", "forget"])
+@pytest.mark.parametrize(
+    "end",
+    ["close", pytest.param("forget", marks=pytest.mark.slow(reason="closed in every run"))],
+)
 def test_processes_end_when_nobody_needs_them_any_more(tmp_path, end):
     """When closed, or with what asked them; once closed, it may be asked again."""
     questions = all_questions(TASK)
@@ -445,6 +449,7 @@ def test_a_script_that_would_start_itself_again_is_told(tmp_path):
     assert "needs `if __name__ == '__main__':`." in last
 
 
+@pytest.mark.slow(reason="a program with processes; one that is killed in every run")
 def test_a_program_ends_at_once_though_its_processes_were_never_closed(tmp_path):
     """Nothing hangs, and nothing is said."""
     process, log = program(tmp_path, 0)

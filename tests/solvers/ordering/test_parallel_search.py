@@ -190,6 +190,9 @@ class TestProofs:
         alone.run()
         assert costs == [alone.cost, alone.cost]
 
+    @pytest.mark.slow(
+        reason="an instance that two processes work at; an order told to another in every run"
+    )
     def test_what_another_process_proves_ends_the_search(self, beside):
         """Local search itself would go on for ever."""
         beside("local-search", "subset-dp")
@@ -411,6 +414,7 @@ class TestEndings:
         assert "leaked" not in said
         wait_until(lambda: not any(map(running, others)), "a process is left")
 
+    @pytest.mark.slow(reason="starts a program and kills it; ended by Ctrl-C in every run")
     def test_no_process_outlives_one_that_is_killed(self):
         """Nor says anything about it."""
         search = self.start()
