@@ -131,6 +131,7 @@ def test_verdicts_counts_and_cache_do_not_depend_on_which_process_is_faster(
         assert expected == outcome(task, questions, jobs, folder / "n", seed)
 
 
+@pytest.mark.slow(reason="six real processes a task; an enumeration in two in every run")
 @settings(max_examples=examples(3, fewest=1))
 @given(task=small_tasks(), seed=SEEDS)
 def test_verdicts_counts_and_cache_are_the_same_in_one_two_and_three_processes(
@@ -234,7 +235,10 @@ def question_on(name):
     return next((k, s) for k, s in all_questions(TASK) if k.name == name)
 
 
-@pytest.mark.parametrize("how", ["kill", "exit"])
+@pytest.mark.parametrize(
+    "how",
+    ["kill", pytest.param("exit", marks=pytest.mark.slow(reason="by a signal in every run"))],
+)
 def test_a_process_that_is_killed_costs_its_check_only(tmp_path, how):
     """The check is made once more; after the second time it is unknown, and says why."""
     log = tmp_path / "log"
@@ -272,6 +276,7 @@ def test_a_process_that_is_killed_once_costs_nothing_but_time(tmp_path):
     assert len({process for *_, process in checks_in(tmp_path)}) == 2
 
 
+@pytest.mark.slow(reason="four kills, each with another start; one of each kind in every run")
 def test_processes_killed_from_outside_in_the_middle_of_checks_change_no_verdict(tmp_path):
     """SIGKILL to a process for each of four skills, each time during another check."""
     questions = list({k.name: (k, s) for k, s in all_questions(TASK)}.values())[:4]
@@ -301,7 +306,7 @@ def test_a_back_end_that_raises_in_a_process_is_the_same_error_as_in_this_one(tm
     options = {"log": str(tmp_path), "fail_on": "pick(fuse)", "how": "raise"}
     questions = list({k.name: (k, s) for k, s in all_questions(TASK)}.values())
     said = []
-    for jobs in (1, 3):
+    for jobs in (1, 2):
         with pytest.raises(BackEndError, match="RuntimeError: the simulator has gone") as caught:
             Feasibility(TASK, one_engine(**options), jobs=jobs).verdicts(questions)
         said.append(str(caught.value))
@@ -354,7 +359,10 @@ def wait_until_gone(processes):
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("end", ["close", "forget"])
+@pytest.mark.parametrize(
+    "end",
+    ["close", pytest.param("forget", marks=pytest.mark.slow(reason="closed in every run"))],
+)
 def test_processes_end_when_nobody_needs_them_any_more(tmp_path, end):
     """When closed, or with what asked them; once closed, it may be asked again."""
     questions = all_questions(TASK)
@@ -405,7 +413,16 @@ def program(tmp_path, wait_s, *, guarded=True):
     return process, log
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number",
+    [
+        signal.SIGKILL,
+        *(
+            pytest.param(number, marks=pytest.mark.slow(reason="SIGKILL in every run"))
+            for number in (signal.SIGINT, signal.SIGTERM)
+        ),
+    ],
+)
 def test_processes_end_with_the_program_that_started_them(tmp_path, number):
     """However it ends in the middle of a check."""
     process, log = program(tmp_path, 60)
@@ -432,6 +449,7 @@ def test_a_script_that_would_start_itself_again_is_told(tmp_path):
     assert "needs `if __name__ == '__main__':`." in last
 
 
+@pytest.mark.slow(reason="a program with processes; one that is killed in every run")
 def test_a_program_ends_at_once_though_its_processes_were_never_closed(tmp_path):
     """Nothing hangs, and nothing is said."""
     process, log = program(tmp_path, 0)

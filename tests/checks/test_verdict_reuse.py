@@ -24,6 +24,7 @@ from skillplan.physics.kinematic import KinematicEngine
 from skillplan.task.verdict import Verdict
 
 seeds = st.integers(0, 2**32)
+BOARD = assembly(config_content("inverter_board"))
 
 
 def aabb(**options):
@@ -75,7 +76,15 @@ def test_a_reused_verdict_equals_a_fresh_one_in_crowded_assemblies(back_end, con
 
 
 @pytest.mark.parametrize("back_end", BACK_ENDS)
-@pytest.mark.parametrize("config", ["inverter_board", "motor_drive"])
+@pytest.mark.parametrize(
+    "config",
+    [
+        "inverter_board",
+        pytest.param(
+            "motor_drive", marks=pytest.mark.slow(reason="twelve parts; a board in every run")
+        ),
+    ],
+)
 def test_a_reused_verdict_equals_a_fresh_one_on_the_configs(back_end, config):
     """Most pairs of states differ, so that reuse is put to the test."""
     task = assembly(config_content(config))
@@ -123,7 +132,7 @@ def test_what_cannot_say_is_reused_in_the_same_state_only(content, seed):
 @given(st.lists(st.tuples(st.integers(0, 63), st.integers(0, 63)), max_size=12), seeds)
 def test_the_cache_finds_what_a_scan_of_all_kept_verdicts_finds(entries, seed):
     """However the verdicts' facts overlap."""
-    task = assembly(config_content("inverter_board"))
+    task = BOARD
     facts, skill = task.facts, task.skills[0]
     back_end, cache = fake_back_end(task), VerdictCache()
     kept = []

@@ -5,9 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from situations import (
     assembly,
     cheapest_by_length,
@@ -137,6 +138,7 @@ class TestStates:
         assert (least.cost, least.why_not) == (None, "some verdicts are unknown")
 
 
+@settings(max_examples=examples(100))
 @given(small_assemblies())
 def test_both_agree_with_exact_search(content):
     """On small boards, also those without a plan."""

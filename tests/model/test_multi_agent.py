@@ -63,10 +63,11 @@ class TestRecognition:
         assert BENCH.n_pins == len(problem.resources)
 
     def test_moves_of_two_clash_where_they_sweep_a_common_pin(self) -> None:
-        problem = recognise(task_of(BENCH, random_robots(BENCH, 2, 0)))
+        bench = Bench(4, 7, 0.34)
+        problem = recognise(task_of(bench, random_robots(bench, 2, 0)))
         for one in (move for here in problem.moves[0] for move in here):
             for other in (move for here in problem.moves[1] for move in here):
-                pins = BENCH.swept_pins(one.start, int(one.skill[4:])) & BENCH.swept_pins(
+                pins = bench.swept_pins(one.start, int(one.skill[4:])) & bench.swept_pins(
                     other.start, int(other.skill[4:])
                 )
                 assert bool(pins) == one.clashes(other) == other.clashes(one)

@@ -41,6 +41,16 @@ def curve() -> Problem:
     return problem("swarmitfix_open_curve")
 
 
+@pytest.fixture(scope="module")
+def curve_by_exact(curve: Problem) -> ChainResult:
+    return solve_chain(curve, "exact")
+
+
+@pytest.fixture(scope="module")
+def curve_by_csp(curve: Problem) -> ChainResult:
+    return solve_chain(curve, "csp")
+
+
 @pytest.fixture
 def four_goals(tmp_path: Path) -> Problem:
     """Four ways, of which two lead to one goal and one leads nowhere."""
@@ -57,8 +67,10 @@ def solvers_of(chain: ChainResult) -> dict[str, set[str]]:
 
 
 class TestLevels:
-    def test_they_are_solved_in_the_order_of_the_hierarchy(self, curve: Problem) -> None:
-        chain = solve_chain(curve, "exact")
+    def test_they_are_solved_in_the_order_of_the_hierarchy(
+        self, curve_by_exact: ChainResult
+    ) -> None:
+        chain = curve_by_exact
         stages = [part.task.stage for part in chain.parts]
         assert ["heads"] * 3 + ["goals"] + ["base"] * (len(stages) - 4) == stages
         assert len(chain.main) == len(chain.document()["goals"])
@@ -71,6 +83,7 @@ class TestLevels:
         (goals,) = [part for part in chain.parts if part.task.stage == "goals"]
         assert goals.result.cost == goals.optimum == chain.cost
 
+    @pytest.mark.slow(reason="a large workpiece twice; with a choice of rules in test_goal_choice")
     def test_a_rule_that_is_not_the_best_leaves_a_gap(self) -> None:
         """Every way is proved, but not that other goals would not take fewer steps."""
         start = {"base.home": "C78"}
@@ -84,13 +97,15 @@ class TestLevels:
         assert (True, False) == (best.proved_by_level, chain.proved_by_level)
         assert all(part.result.status is Status.OPTIMAL for part in chain.main)
 
-    def test_what_a_level_planned_is_what_the_next_stands_on(self, curve: Problem) -> None:
+    def test_what_a_level_planned_is_what_the_next_stands_on(
+        self, curve_by_exact: ChainResult, curve_by_csp: ChainResult
+    ) -> None:
         """Other goals than the rule's are where the base then goes."""
-        chain = solve_chain(curve, "csp")
+        chain = curve_by_csp
         (goals,) = [part for part in chain.parts if part.task.stage == "goals"]
         chosen = [step.place for step in goals.result.steps]
         assert chosen == [part.ends[1] for part in chain.main]
-        assert chosen != [part.ends[1] for part in solve_chain(curve, "exact").main]
+        assert chosen != [part.ends[1] for part in curve_by_exact.main]
 
     def test_a_single_task_is_a_chain_of_one(self) -> None:
         chain = solve_chain(problem("swarmitfix_fleet"), "fleet")
@@ -98,10 +113,10 @@ class TestLevels:
 
 
 class TestSolvers:
-    def test_a_solver_for_one_stage_leaves_the_others_to_exact_search(self, curve: Problem) -> None:
-        assert {"heads": {"exact"}, "goals": {"csp"}, "base": {"exact"}} == solvers_of(
-            solve_chain(curve, "csp")
-        )
+    def test_a_solver_for_one_stage_leaves_the_others_to_exact_search(
+        self, curve_by_csp: ChainResult
+    ) -> None:
+        assert {"heads": {"exact"}, "goals": {"csp"}, "base": {"exact"}} == solvers_of(curve_by_csp)
 
     def test_every_stage_may_have_a_solver_of_its_own(self, curve: Problem) -> None:
         spec = "base=policy-iteration,goals=csp"

@@ -26,8 +26,14 @@ class TestRegistration:
         [
             ("gymnasium", f"skillplan.env:{NAME}"),
             ("gymnasium, skillplan", NAME),
-            ("gymnasium, skillplan.env", NAME),
-            ("skillplan.env, gymnasium", NAME),
+            *(
+                pytest.param(
+                    imports,
+                    NAME,
+                    marks=pytest.mark.slow(reason="an interpreter each; two in every run"),
+                )
+                for imports in ("gymnasium, skillplan.env", "skillplan.env, gymnasium")
+            ),
         ],
     )
     def test_a_fresh_interpreter_finds_it(self, imports: str, name: str) -> None:

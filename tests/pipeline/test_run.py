@@ -114,10 +114,10 @@ def test_a_back_end_that_fails_to_start_is_named(monkeypatch, method):
         make_model(lid_task(), Setup(collision=("broken",)))
 
 
-def test_each_solver_of_a_comparison_starts_cold(board_task):
+def test_each_solver_of_a_comparison_starts_cold(lid_task):
     """The second asks as much as it would alone."""
-    together = solve_all(board_task, ["exact", "exhaustive", "exact"])
-    alone = solve(board_task, "exhaustive")
+    together = solve_all(lid_task, ["exact", "exhaustive", "exact"])
+    alone = solve(lid_task, "exhaustive")
     assert [result.status for result in together] == ["optimal"] * 3
     assert together[1].checks == alone.checks
     assert together[2].checks == together[0].checks > 0

@@ -91,33 +91,31 @@ def assert_proved(model, expected):
         assert walked.cost == pytest.approx(expected[0], abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    "name", ["ESC07", "ESC12", "ESC25", "br17.10", "rbg048a", "rbg109a", "ry48p.4"]
-)
+@pytest.mark.parametrize("name", ["ESC07", "ESC12", "rbg048a"])
 def test_it_proves_what_is_published(name):
-    """On instances of sequential ordering, in seconds each."""
+    """On instances of sequential ordering, in less than a second each."""
     result = solve(instance(name).task, "auto", stop=Stop(time_limit_s=60))
     assert (result.status, result.cost) == (Status.OPTIMAL, float(BEST_KNOWN[name]["best_known"]))
 
 
 @pytest.mark.slow(reason="larger instances; smaller ones in every run")
-@pytest.mark.parametrize("name", ["p43.4", "rbg150a"])
+@pytest.mark.parametrize("name", ["ESC25", "br17.10", "p43.4", "rbg109a", "rbg150a", "ry48p.4"])
 def test_it_proves_what_is_published_of_larger_instances(name):
     """As above."""
     test_it_proves_what_is_published(name)
 
 
 def test_a_search_that_runs_out_of_time_has_a_plan_and_a_bound():
-    """On an instance whose optimum nobody knows."""
-    result = solve(instance("kro124p.1").task, "auto", stop=Stop(time_limit_s=3))
+    """On an instance that takes longer to prove."""
+    result = solve(instance("ry48p.1").task, "auto", stop=Stop(time_limit_s=1))
     assert (result.status, result.reason) == (Status.SOLVED, "time limit")
-    assert 38762 * 0.9 < result.lower_bound <= 39420 <= result.cost
+    assert 15805 * 0.9 < result.lower_bound <= 15805 <= result.cost
     assert result.bound_method
 
 
 def test_it_stops_once_the_gap_is_small_enough():
     """At the price of the proof."""
-    result = solve(instance("kro124p.1").task, "auto", stop=Stop(gap=0.5, time_limit_s=60))
+    result = solve(instance("ry48p.1").task, "auto", stop=Stop(gap=0.5, time_limit_s=60))
     assert result.status == Status.SOLVED
     assert result.gap <= 0.5
     assert "gap reached" in result.reason
@@ -146,7 +144,16 @@ def test_a_small_board_is_solved_without_numpy():
     assert "1.86709" in done.stdout
 
 
-@pytest.mark.parametrize("config", ["battery_module", "relay_rail", "sensor_stack"])
+@pytest.mark.parametrize(
+    "config",
+    [
+        "battery_module",
+        pytest.param(
+            "relay_rail", marks=pytest.mark.slow(reason="the largest of three; two in every run")
+        ),
+        "sensor_stack",
+    ],
+)
 def test_it_proves_what_exact_search_proves(config):
     """On the other boards."""
     task = load_problem(f"configs/{config}.yaml").task

@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from example_count import examples
 from skillplan.pipeline.run import make_model, make_solver
 from skillplan.solvers.learning.episode_kernels import Environment, Schedule, monte_carlo_episodes
 from skillplan.testing import SolverSuite
@@ -19,12 +20,13 @@ class TestMonteCarloSolver(SolverSuite):
 
 def test_its_ways_are_step_minimal_from_nearly_all_starts_to_all_goals() -> None:
     shares = []
-    for goal in range(1, 79):
+    # In every run every sixth goal.
+    for goal in range(1, 79, 78 // examples(78, fewest=13)):
         model = make_model(base_task(66 if goal != 66 else 1, goal))
         policy = make_solver("monte-carlo", {}).solve(model, seed=2).policy
         assert policy is not None
         shares.append(minimal_starts(policy, goal))
-    assert sum(shares) / 78 >= 0.99
+    assert sum(shares) / len(shares) >= 0.99
 
 
 def test_a_row_moves_towards_what_followed_its_first_visit() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from example_count import examples
 from skillplan.pipeline.run import make_model, make_solver
 from skillplan.solvers.learning.sarsa import SarsaSolver
 from skillplan.testing import SolverSuite
@@ -29,12 +30,13 @@ def test_the_defaults_are_the_parameters_of_the_paper() -> None:
 
 def test_its_ways_are_step_minimal_from_nearly_all_starts_to_all_goals() -> None:
     shares = []
-    for goal in range(1, 79):
+    # In every run every third goal.
+    for goal in range(1, 79, 78 // examples(78, fewest=26)):
         model = make_model(base_task(66 if goal != 66 else 1, goal))
         policy = make_solver("sarsa", {}).solve(model, seed=2).policy
         assert policy is not None
         shares.append(minimal_starts(policy, goal))
-    assert sum(shares) / 78 >= 0.995
+    assert sum(shares) / len(shares) >= 0.995
 
 
 def test_the_second_parameter_set_of_the_paper_converges_more_slowly() -> None:

@@ -36,6 +36,7 @@ from sop_instances import BEST_KNOWN, FOLDER, instance, tsplib_text
 PROVING = ["portfolio", "subset-dp", "tree-search", "branch-and-cut"]
 CHART = Setup(collision=("precedence",))
 ASSEMBLIES = ["battery_module", "inverter_board", "motor_drive", "relay_rail", "sensor_stack"]
+LARGEST = ["motor_drive", "relay_rail"]
 
 
 class TestPortfolioSolver(SolverSuite):
@@ -68,11 +69,12 @@ def make_solver(name, stop=None):
     ("config", "detector"),
     [
         *((config, "precedence") for config in ASSEMBLIES),
-        *((config, "aabb") for config in ASSEMBLIES if config != "motor_drive"),
-        pytest.param(
-            "motor_drive",
-            "aabb",
-            marks=pytest.mark.slow(reason="the largest; by chart in every run"),
+        *((config, "aabb") for config in ASSEMBLIES if config not in LARGEST),
+        *(
+            pytest.param(
+                config, "aabb", marks=pytest.mark.slow(reason="the largest; by chart in every run")
+            )
+            for config in LARGEST
         ),
     ],
 )
@@ -169,7 +171,18 @@ def test_the_same_seed_gives_the_same_figures(solver):
     assert one == other
 
 
-@pytest.mark.parametrize("name", ["ESC07", "ESC12", "br17.10", "rbg109a", "rbg150a"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("ESC07", "ESC12", "br17.10"),
+        *(
+            pytest.param(
+                name, marks=pytest.mark.slow(reason="over a hundred jobs; fewer in every run")
+            )
+            for name in ("rbg109a", "rbg150a")
+        ),
+    ],
+)
 def test_the_dynamic_program_proves_what_is_published(name):
     """Of the smaller and the tighter instances."""
     result = solve(instance(name).task, "subset-dp")
@@ -229,7 +242,7 @@ def searched(folder, n, limit_mib, time_limit_s):
 @pytest.mark.parametrize(
     ("n", "limit_mib", "time_limit_s"),
     [
-        (60, 400, 4),
+        (60, 400, 2),
         pytest.param(
             380, 600, 25, marks=pytest.mark.slow(reason="380 nodes for 25 s; 60 in every run")
         ),

@@ -6,6 +6,7 @@ import numba
 import numpy as np
 import pytest
 
+from example_count import examples
 from situations import make_skill, make_task, model_of, retry_task
 from skillplan.errors import ModelTooLarge, OptionError, SearchStopped
 from skillplan.model.tabular_mdp import TabularMDP
@@ -49,7 +50,8 @@ class TestEverySolver:
         assert minimal_starts(solution.policy, 42) > 0.9
 
     def test_it_walks_the_sequences_of_table_3_in_as_many_steps(self, name: str) -> None:
-        for start, goal, steps in legs_of_table_3():
+        # In every run every third.
+        for start, goal, steps in [*legs_of_table_3()][:: 16 // examples(16, fewest=5)]:
             result = solve(base_task(start, goal), name, seed=1)
             assert result.status in (Status.SOLVED, Status.OPTIMAL), result.reason
             assert result.cost == steps

@@ -46,7 +46,8 @@ def in_pitches(task: Task) -> Task:
 def test_the_way_of_the_largest_reward_is_step_minimal_for_all_pairs(unit: str) -> None:
     """Eqs 6 and 7 at the paper's discount, for all 6006 pairs of start and goal."""
     solver = ValueIterationSolver(ValueIterationSolver.Options(objective="reward", gamma=0.999))
-    for goal in range(1, 79):
+    # In every run every sixth goal.
+    for goal in range(1, 79, 78 // examples(78, fewest=13)):
         task = base_task(66 if goal != 66 else 1, goal)
         task = task if unit == "metres" else in_pitches(task)
         policy = solver.solve(make_model(task)).policy

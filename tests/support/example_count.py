@@ -1,18 +1,18 @@
-"""How many examples a property test draws: a fifth in every run, all in the whole suite."""
+"""How many examples a property test draws: a tenth in every run, all in the whole suite."""
 
 from hypothesis import settings
 
 
-def examples(count: int, fewest: int = 20) -> int:
+def examples(count: int, fewest: int = 10) -> int:
     """Return how many examples to draw under the profile in force (see the root's conftest).
 
     Parameters
     ----------
     count
-        Those of the profile `thorough` [-]; any other draws a fifth of them.
+        Those of the profile `thorough` [-]; any other draws a tenth of them.
     fewest
         But not fewer than this many, if `count` is not below it [-].
     """
     if settings.get_current_profile_name() == "thorough":
         return count
-    return max(min(count, fewest), count // 5)
+    return max(min(count, fewest), count // 10)

@@ -6,6 +6,7 @@ import copy
 import math
 import random
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 from hypothesis import strategies as st
@@ -122,8 +123,13 @@ def assembly(content, sha256=""):
 
 def config_content(name):
     """Return the content of a file in configs/, to be changed freely."""
+    return copy.deepcopy(_parsed(name))
+
+
+@cache
+def _parsed(name):
     path = CONFIGS / f"{name}.yaml"
-    return copy.deepcopy(parse(path.read_text("utf-8"), str(path)).data)
+    return parse(path.read_text("utf-8"), str(path)).data
 
 
 @st.composite

@@ -49,7 +49,10 @@ class Transition:
     duration_s: float
 
     def __post_init__(self) -> None:
-        if abs(sum(probability for probability, _ in self.outcomes) - 1) > 1e-9:
+        outcomes = self.outcomes
+        # Most have one only, and searches make millions of transitions.
+        total = outcomes[0][0] if len(outcomes) == 1 else sum(share for share, _ in outcomes)
+        if abs(total - 1) > 1e-9:
             raise ValueError("Transition probabilities must sum to 1.")
         if not self.cost >= 0:
             raise ValueError(f"Transition cost must be >= 0, not {self.cost}.")

@@ -28,8 +28,8 @@ class Condition:
     forbids: State
 
     def __post_init__(self) -> None:
-        both = self.requires & self.forbids
-        if both.bits:
+        if self.requires.bits & self.forbids.bits:
+            both = self.requires & self.forbids
             raise ValueError(f"Condition requires and forbids the same facts: {both}.")
 
     def holds(self, state: State) -> bool:

@@ -45,8 +45,8 @@ class Outcome:
     def __post_init__(self) -> None:
         if not 0 < self.probability <= 1:
             raise ValueError(f"Outcome probability must be in (0, 1], not {self.probability}.")
-        both = self.add & self.delete
-        if both.bits:
+        if self.add.bits & self.delete.bits:
+            both = self.add & self.delete
             raise ValueError(f"Outcome adds and deletes the same facts: {both}.")
 
     def apply(self, state: State) -> State:
@@ -133,6 +133,7 @@ class Skill:
     parameters: Mapping[str, str] = field(default_factory=dict, hash=False)
     cases: tuple[Case, ...] = field(default=(), hash=False)
     _cases: Mapping[int, Case] = field(init=False, repr=False, compare=False)
+    _conditions: dict[int, Condition] = field(init=False, repr=False, compare=False)
     _selectors: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -150,6 +151,7 @@ class Skill:
         # By number of the fact: powers of two make poor keys, see `State.__hash__`.
         by_number = {bits.bit_length(): case for bits, case in cases.items()}
         object.__setattr__(self, "_cases", by_number)
+        object.__setattr__(self, "_conditions", {})
         object.__setattr__(self, "_selectors", sum(cases))
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
 
@@ -183,8 +185,12 @@ class Skill:
         case = self.case(state)
         if case is None:
             return self.precondition
-        requires = self.precondition.requires | case.fact
-        return Condition(requires, self.precondition.forbids | case.forbids)
+        condition = self._conditions.get(case.fact.bits.bit_length())
+        if condition is None:
+            requires = self.precondition.requires | case.fact
+            condition = Condition(requires, self.precondition.forbids | case.forbids)
+            self._conditions[case.fact.bits.bit_length()] = condition
+        return condition
 
     def why_not(self, state: State) -> Condition:
         """Return what would have to hold otherwise in `state` for it to be applicable.

@@ -132,8 +132,9 @@ class State:
     def __init__(self, bits: int, facts: Facts) -> None:
         if bits < 0 or bits >> len(facts.names):
             raise ValueError(f"State bits {bits:#x} lie outside the {len(facts)} facts.")
-        object.__setattr__(self, "bits", bits)
-        object.__setattr__(self, "facts", facts)
+        # As `object.__setattr__` does, in half the time: searches make millions of states.
+        _set_bits(self, bits)
+        _set_facts(self, facts)
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"State is immutable; cannot set {name!r}.")
@@ -182,3 +183,7 @@ class State:
     def complement(self) -> State:
         """Return the set of the facts that do not hold."""
         return State(self.facts.all_bits & ~self.bits, self.facts)
+
+
+_set_bits = vars(State)["bits"].__set__
+_set_facts = vars(State)["facts"].__set__

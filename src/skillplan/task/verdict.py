@@ -59,10 +59,10 @@ class Verdict:
             raise ValueError(f"A verdict {self.status!s} needs a reason.")
         if (self.present is None) != (self.absent is None):
             raise ValueError("A verdict names both present and absent facts, or neither.")
-        if self.present is not None and self.absent is not None:
-            both = self.present & self.absent
-            if both.bits:
-                raise ValueError(f"A verdict rests on facts both present and absent: {both}.")
+        present, absent = self.present, self.absent
+        if present is not None and absent is not None and present.bits & absent.bits:
+            both = present & absent
+            raise ValueError(f"A verdict rests on facts both present and absent: {both}.")
 
     @classmethod
     def feasible(

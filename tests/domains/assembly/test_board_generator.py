@@ -151,7 +151,16 @@ def pairs(chart: Mapping[str, list[str]]) -> set[tuple[str, str]]:
     return {(before, one) for before, after in chart.items() for one in after}
 
 
-@pytest.mark.parametrize("density", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize(
+    "density",
+    [
+        0.3,
+        *(
+            pytest.param(density, marks=pytest.mark.slow(reason="another density in every run"))
+            for density in (0.0, 1.0)
+        ),
+    ],
+)
 def test_the_largest_board_is_faultless_too(density: float) -> None:
     """As many parts and tools as there may be."""
     board = BoardGenerator(MOST_PARTS, density, MOST_TOOLS, 7)

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.domains.sop import SopDomain
+from skillplan.domains.sop import SopDomain, matrix_text
 from skillplan.domains.sop.tsplib_text import read_tsplib
 from skillplan.errors import TaskError
 from skillplan.pipeline.setup import load_problem
@@ -313,10 +313,6 @@ CASES = {
         b"\x89PNG\r\n" + bytes(range(256)),
         "1:1: byte 0x89 is not UTF-8. Save the file as UTF-8.",
     ),
-    "too many nodes": (
-        "0 " * 2001**2,
-        "1:1: the matrix is 2001 x 2001; at most 2000 nodes can be ordered.",
-    ),
     "too many bytes": (
         " " * (16 * 2**20 + 1),
         "is larger than the 16,777,216 bytes that a task file may have.",
@@ -330,6 +326,21 @@ def test_a_malformed_file_is_one_clear_message(
 ) -> None:
     """Where, what, and what instead."""
     assert [said] == faults(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    "most",
+    [3, pytest.param(2000, marks=pytest.mark.slow(reason="four million numbers; 16 in every run"))],
+)
+def test_too_many_nodes_are_one_clear_message(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int
+) -> None:
+    """Said before anything is made of the numbers; a lower limit is put in its place."""
+    assert most in (3, matrix_text.MOST_NODES)
+    monkeypatch.setattr(matrix_text, "MOST_NODES", most)
+    n = most + 1
+    said = f"1:1: the matrix is {n} x {n}; at most {most} nodes can be ordered."
+    assert [said] == faults(tmp_path, "0 " * n**2)
 
 
 def test_several_faults_are_told_at_once(tmp_path: Path) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan.domains.swarmitfix.base.task import BaseGrounding, at
 from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.pipeline.run import make_model, solve
@@ -111,6 +112,7 @@ class TestReward:
 
 
 class TestPlans:
+    @settings(max_examples=examples(100))
     @given(start=positions, goal=positions)
     def test_exact_search_takes_as_many_swings_as_the_bench_says(
         self, start: int, goal: int

@@ -28,15 +28,25 @@ FOLDER = Path(__file__).parents[3] / "configs"
 BENCHES = sorted(FOLDER.glob("swarmitfix_*.yaml"))
 
 
+LARGE = ["swarmitfix_pentagonal", "swarmitfix_triangular"]
+LARGER = pytest.mark.slow(reason="a larger workpiece; smaller ones in every run")
+
+
 def expect_of(path: Path) -> dict[str, Any]:
     expect: dict[str, Any] = yaml_data(path)["expect"]
     return expect
 
 
 def benches_expecting(key: str) -> pytest.MarkDecorator:
+    """Run on every file that declares this; on some with the whole suite only."""
     having = [path for path in BENCHES if key in expect_of(path)]
-    assert having, key
-    return pytest.mark.parametrize("path", having, ids=lambda path: path.stem)
+    slow = LARGE if key == "csp" else LARGE[:1]
+    rows = [
+        pytest.param(path, marks=LARGER if path.stem in slow else (), id=path.stem)
+        for path in having
+    ]
+    assert any(not row.marks for row in rows), key
+    return pytest.mark.parametrize("path", rows)
 
 
 @cache
@@ -145,7 +155,9 @@ class TestSupports:
         assert expect_of(path)["supports"] == len(document["heads"])
         assert len(document["goals"]) == len(document["heads"])
 
-    @pytest.mark.parametrize("stem", ["triangular", "pentagonal", "open_curve"])
+    @pytest.mark.parametrize(
+        "stem", ["triangular", pytest.param("pentagonal", marks=LARGER), "open_curve"]
+    )
     def test_no_stretch_is_left_bare_for_longer_than_the_rule(self, stem: str) -> None:
         """By the stretches that the planned heads bear."""
         job = job_of(FOLDER / f"swarmitfix_{stem}.yaml")

@@ -108,7 +108,8 @@ def test_no_rule_beats_the_whole_trajectory_rule(seed: int) -> None:
 def test_greed_does_not_pay_in_general() -> None:
     totals = {
         rule: sum(
-            choose(BENCH, HOME, random_sets(seed), rule, SWING_S).total_steps for seed in range(40)
+            choose(BENCH, HOME, random_sets(seed), rule, SWING_S).total_steps
+            for seed in range(examples(40))
         )
         for rule in GoalRule
     }

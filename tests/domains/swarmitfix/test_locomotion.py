@@ -6,9 +6,10 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan.domains.swarmitfix.base.locomotion import (
     Agent,
     FiveStep,
@@ -66,6 +67,7 @@ class TestWays:
     def test_no_way_has_fewer_swings(self, start: int, goal: int) -> None:
         assert len(shortest_way(BENCH, start, goal)) == BENCH.distances(goal)[start]
 
+    @settings(max_examples=examples(100))
     @given(positions, positions)
     def test_solvers_break_ties_in_swings_by_their_time(self, start: int, goal: int) -> None:
         """Exact search and value iteration find a fastest of the ways of fewest swings."""

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan.domains.swarmitfix.pkm.kinematics import PkmGeometry, inverse
 from skillplan.domains.swarmitfix.pkm.pose6 import zyz_matrix
 from skillplan.domains.swarmitfix.pkm.reach import (
@@ -124,7 +125,7 @@ class TestReach:
         gaps = [abs(leg - limit) for leg in legs_m for limit in LIMITS.leg_a_m]
         assert min(gaps) < 1e-9
 
-    @settings(max_examples=15)
+    @settings(max_examples=examples(15, fewest=3))
     @given(st.floats(0.0, 0.02))
     def test_tighter_limits_never_widen_it(self, cut_m: float) -> None:
         least, most = LIMITS.leg_a_m

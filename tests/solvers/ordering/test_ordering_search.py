@@ -114,7 +114,10 @@ def test_an_order_to_start_from_that_is_none_is_not_used():
 
 
 @pytest.mark.parametrize("methods", [METHODS, *PROVING])
-@pytest.mark.parametrize("kind", ["whole", "real"])
+@pytest.mark.parametrize(
+    "kind",
+    ["whole", pytest.param("real", marks=pytest.mark.slow(reason="whole costs in every run"))],
+)
 def test_the_same_seed_makes_the_same_moves(methods, kind):
     """Order, bound and every figure of the effort."""
     instance = instance_of(14, 1, kind=kind, density=0.1)

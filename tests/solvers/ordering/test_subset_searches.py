@@ -141,7 +141,16 @@ def test_read_backwards_an_instance_has_the_same_optimum(instance):
             assert met.bound == pytest.approx(least_cost(instance), rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("n", [63, 64, 65, 66, 127, 128, 129, 130, 200])
+@pytest.mark.parametrize(
+    "n",
+    [
+        *(63, 64, 65, 128),
+        *(
+            pytest.param(n, marks=pytest.mark.slow(reason="63, 64, 65 and 128 in every run"))
+            for n in (66, 127, 129, 130, 200)
+        ),
+    ],
+)
 def test_sets_may_fill_any_number_of_words(n):
     """Two chains that are to be woven; a small program of our own knows the optimum."""
     rng = np.random.default_rng(n)
