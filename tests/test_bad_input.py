@@ -509,7 +509,8 @@ EXPENSIVE = {
     [
         sorted(set(PATHOLOGICAL) - EXPENSIVE),
         pytest.param(
-            sorted(EXPENSIVE), marks=pytest.mark.slow(reason="17 files, a second or more each; 28 others in every run")
+            sorted(EXPENSIVE),
+            marks=pytest.mark.slow(reason="17 of them, a second each; the others in every run"),
         ),
     ],
     ids=["quick", "expensive"],

@@ -112,9 +112,7 @@ def corner(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.fixture(scope="session")
-def solved_corner(
-    solved: Solved, corner: str, tmp_path_factory: pytest.TempPathFactory
-) -> Path:
+def solved_corner(solved: Solved, corner: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The corner, solved by exact search; to be copied by whoever changes it."""
     return solved(tmp_path_factory.mktemp("corner") / "chain", corner, "--solver", "exact")
 

@@ -12,10 +12,10 @@ import pytest
 from rich.cells import cell_len
 
 from run_folders import HOPELESS, OPTIMAL, SWITCHED, write_runs
+from same_process import studies_in_this_process
 from skillplan.cli import output
 from skillplan.views.text.rendering import render
 from skillplan.views.text.table import Table
-from same_process import studies_in_this_process
 from tabular_learner import learner_installed
 
 CONFIGS = Path(__file__).parents[2] / "configs"

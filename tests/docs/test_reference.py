@@ -16,11 +16,11 @@ import pytest
 from pydantic import BaseModel
 
 import skillplan
+from same_process import studies_in_this_process
 from skillplan import errors
 from skillplan.pipeline import registry
 from skillplan.records import schemas
 from skillplan.records.result import Status
-from same_process import studies_in_this_process
 from transcripts import ROOT, run
 
 DOCS = ROOT / "docs"
