@@ -614,7 +614,13 @@ def in_session(session: int) -> list[int]:
 
 class TestFigures:
     @pytest.mark.usefixtures("in_this_process")
-    @pytest.mark.parametrize("design", ["one-at-a-time", "grid"])
+    @pytest.mark.parametrize(
+        "design",
+        [
+            "one-at-a-time",
+            pytest.param("grid", marks=pytest.mark.slow(reason="one design in every run")),
+        ],
+    )
     def test_there_is_a_column_for_every_option(self, walk: Task, design: str) -> None:
         values = [("episodes", "100,200,1000"), ("objective", "cost,reward")]
         plan, job = plan_study(walk, "sarsa", values, starts=["C20", "C6"], runs=2, design=design)
