@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -52,9 +53,17 @@ def place(path: Path) -> str:
     return path.as_posix().partition("/src/")[2]
 
 
+@cache
+def nodes(path: Path) -> list[ast.AST]:
+    """Return all that a module holds of calls and imports; read once."""
+    kinds = (ast.Call, ast.Import, ast.ImportFrom)
+    tree = ast.walk(ast.parse(path.read_text("utf-8")))
+    return [node for node in tree if isinstance(node, kinds)]
+
+
 def calls(path: Path) -> Iterator[tuple[str, str]]:
     """Yield for every call what it is called on, if that is a name, and its own name."""
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for node in nodes(path):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             yield "", node.func.id
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
@@ -65,7 +74,7 @@ def calls(path: Path) -> Iterator[tuple[str, str]]:
 def imports(path: Path) -> set[str]:
     """Return the top-level modules that a module imports, wherever it does."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             found |= {alias.name.partition(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module is not None:

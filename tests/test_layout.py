@@ -94,13 +94,27 @@ class TestStarting:
         assert set() == {"markdown_it", "pygments"} & loaded
         assert "rich" in loaded
 
-    @pytest.mark.parametrize("command", ["search-optimal", "check", "evaluate"])
+    @pytest.mark.parametrize(
+        "command",
+        [
+            "search-optimal",
+            pytest.param("check", marks=pytest.mark.slow(reason="one command in every run")),
+            pytest.param("evaluate", marks=pytest.mark.slow(reason="one command in every run")),
+        ],
+    )
     def test_help_of_a_command_loads_nothing_heavy(self, command: str) -> None:
         """What a command needs is loaded when it runs."""
         loaded = imported_by(a_command(command, "--help"))
         assert set() == {*HEAVY, "pydantic", "yaml"} & loaded
 
-    @pytest.mark.parametrize("words", [("search-optimal",), ("check",), ("chart",)])
+    @pytest.mark.parametrize(
+        "words",
+        [
+            ("search-optimal",),
+            pytest.param(("check",), marks=pytest.mark.slow(reason="one command in every run")),
+            pytest.param(("chart",), marks=pytest.mark.slow(reason="one command in every run")),
+        ],
+    )
     def test_the_board_needs_no_arrays(self, words: tuple[str, ...]) -> None:
         """A command on the board loads no numerics, and in JSON no tables either."""
         loaded = imported_by(a_command(*words, str(BOARD), "--format", "json"))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
 import sys
@@ -19,6 +21,14 @@ from skillplan.pipeline import registry
 ROOT = Path(__file__).parents[2]
 BOARD = str(ROOT / "configs" / "inverter_board.yaml")
 MOTOR = str(ROOT / "configs" / "motor_drive.yaml")
+# Heads, goals and ways of a base, three of each: the smallest chain with all its stages.
+CORNER = """\
+kind: swarmitfix
+name: corner
+trajectory: {vertices_m: [[0.56, 0.60], [0.72, 0.85], [0.88, 1.10]]}
+heads: {side_m: 0.10, max_gap_m: 0.25, step_m: 0.05, orientations: 2, reorientation_cost: 0.1}
+base: {home: C66, side: right}
+"""
 PYTHON = (sys.executable, "-m", "skillplan")
 
 
@@ -38,6 +48,7 @@ class Outcome:
 
 Cli = Callable[..., Outcome]
 Install = Callable[..., Path]
+Solved = Callable[..., Path]
 
 
 @pytest.fixture
@@ -71,6 +82,39 @@ def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
         return Outcome(ended.value.code, captured.out, captured.err)
 
     return call
+
+
+@pytest.fixture(scope="session")
+def solved() -> Solved:
+    """Saves a result in a folder, for fixtures that several tests share."""
+
+    def solve(folder: Path, *words: str) -> Path:
+        with contextlib.redirect_stdout(io.StringIO()), pytest.raises(SystemExit) as ended:
+            main(("search-optimal", *words, "--out", str(folder)))
+        assert 0 == ended.value.code
+        return folder
+
+    return solve
+
+
+@pytest.fixture(scope="session")
+def solved_board(solved: Solved, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The proved optimum of the inverter board; to be copied by whoever changes it."""
+    return solved(tmp_path_factory.mktemp("board") / "run", BOARD, "--solver", "exact")
+
+
+@pytest.fixture(scope="session")
+def corner(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A task file: a short trajectory, its heads, the goals of the base and its ways."""
+    path = tmp_path_factory.mktemp("corner") / "corner.yaml"
+    path.write_text(CORNER, "utf-8")
+    return str(path)
+
+
+@pytest.fixture(scope="session")
+def solved_corner(solved: Solved, corner: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The corner, solved by exact search; to be copied by whoever changes it."""
+    return solved(tmp_path_factory.mktemp("corner") / "chain", corner, "--solver", "exact")
 
 
 @pytest.fixture

@@ -74,10 +74,12 @@ class TestSearch:
         assert "C66 B2 C54 B2 C42" in ways
         assert "cost       17 steps  (lower bound 17 steps, gap 0.00 %)" in ways
 
-    def test_out_saves_plan_result_and_timeline(self, cli: Any, tmp_path: Path) -> None:
+    def test_out_saves_plan_result_and_timeline(
+        self, cli: Any, corner: str, tmp_path: Path
+    ) -> None:
         """Exact search has no policy to save."""
         folder = tmp_path / "out"
-        shown = cli("search-optimal", CURVE, "--out", str(folder), "--format", "json").document
+        shown = cli("search-optimal", corner, "--out", str(folder), "--format", "json").document
         assert {"result.json", "plan.csv", "timeline.csv"} == {p.name for p in folder.iterdir()}
         saved = json.loads((folder / "result.json").read_text("utf-8"))
         assert shown == saved

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import pty
 import subprocess
@@ -11,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from skillplan.cli.app import main
 from skillplan.cli.compilation_notice import NOTICE, compilation_announced
 from skillplan.pipeline import registry, warm_up
 from skillplan.solvers import compilation
@@ -79,6 +82,13 @@ class TestInit:
         assert message in outcome.err
 
 
+@pytest.fixture(scope="module")
+def warm() -> None:
+    """All kernels are compiled, once for the tests that need them."""
+    with contextlib.redirect_stdout(io.StringIO()), pytest.raises(SystemExit):
+        main(["warm-up"])
+
+
 class TestWarmUp:
     def test_it_tells_of_every_step_and_what_was_compiled(
         self, cli: Any, monkeypatch: pytest.MonkeyPatch
@@ -94,14 +104,14 @@ class TestWarmUp:
         assert ["compiling 1 of 2: this", "compiling 2 of 2: that"] == outcome.err.splitlines()
         assert outcome.out.startswith("2 kernels compiled in ")
 
+    @pytest.mark.usefixtures("warm")
     def test_a_second_time_nothing_is_left(self, cli: Any) -> None:
         """What is kept is loaded."""
-        cli("warm-up")
         assert "nothing to compile: all kernels are kept already\n" == cli("warm-up").out
 
+    @pytest.mark.usefixtures("warm")
     def test_all_solvers_find_their_kernels(self, cli: Any, board: str) -> None:
         """On a board, with and without chance, and on a bench."""
-        cli("warm-up")
         told: list[str] = []
         done = compilation.on_compilation(told.append)
         grasps = board.replace("inverter_board", "inverter_grasps")

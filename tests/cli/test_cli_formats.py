@@ -16,7 +16,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], int]] = {
     "search-optimal": (("search-optimal", "BOARD"), 15),
     "evaluate": (("evaluate", "BOARD", "--sequence", OPTIMUM), 15),
     "evaluate-infeasible": (("evaluate", "BOARD", "--sequence", "3"), 0),
-    "compare": (("compare", "BOARD", "--solvers", "exact,exhaustive"), 2),
+    "compare": (("compare", "BOARD", "--solvers", "exact,exhaustive", "--set", "step_limit=15"), 2),
     "check": (("check", "BOARD"), 1),
     "explain": (("explain", "BOARD", "pick(pcb)"), 3),
     "chart": (("chart", "BOARD"), 8),

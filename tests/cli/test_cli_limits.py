@@ -90,13 +90,13 @@ class TestMemoryLimit:
     def test_exact_search_ends_with_a_bound_within_the_limit(self, big_board: str) -> None:
         """No more than 10 % above it at any time, and the most of it is used."""
         words = [sys.executable, "-m", "skillplan", "search-optimal", big_board, *EXACT]
-        words += ["--memory-limit", "80MiB"]
+        words += ["--memory-limit", "64MiB"]
         measuring = [sys.executable, "-c", PEAK, *words]
         done = subprocess.run(measuring, capture_output=True, text=True, check=True)
         code, document, peak = json.loads(done.stdout)
         assert (0, "solved", "memory limit") == (code, document["status"], document["reason"])
         assert 0 < document["lower_bound"] < document["cost"]
-        assert 0.9 * 80 * MIB < peak < 1.1 * 80 * MIB
+        assert 0.9 * 64 * MIB < peak < 1.1 * 64 * MIB
 
     def test_a_limit_that_is_met_already_leaves_no_plan(self, cli: Any, motor: str) -> None:
         """The tests hold more than that: the search ends where it begins."""
@@ -236,15 +236,13 @@ class TestStart:
         assert message in outcome.err
 
     def test_a_chain_is_refused_and_its_parts_are_not(
-        self, cli: Any, board: str, tmp_path: Path
+        self, cli: Any, corner: str, solved_corner: Path, tmp_path: Path
     ) -> None:
         """By --part each task of a chain can go on from a result of its own."""
-        bench = str(Path(board).parent / "swarmitfix_triangular.yaml")
+        bench, whole = corner, str(solved_corner)
         part = ("--part", "heads-1")
         folder = str(tmp_path / "part")
-        whole = str(tmp_path / "whole")
         cli("search-optimal", bench, *EXACT, *part, "--out", folder)
-        cli("search-optimal", bench, *EXACT, "--out", whole)
         assert 0 == cli("search-optimal", bench, *EXACT, *part, "--start", folder).code
         outcome = cli("search-optimal", bench, *EXACT, "--start", folder)
         assert (2, True) == (outcome.code, "Name one of its tasks by --part" in outcome.err)

@@ -233,14 +233,14 @@ class TestPipes:
         ],
     )
     def test_a_reader_who_has_gone_is_no_fault(
-        self, environment: dict[str, str], motor: str, style: str
+        self, environment: dict[str, str], board: str, style: str
     ) -> None:
         """As with `| head -1`: nothing on stderr, and the exit code of the search."""
         gone, ours = os.pipe()
         os.close(gone)
         try:
             done = subprocess.run(
-                [*SKILLPLAN, "search-optimal", motor, "--format", style],
+                [*SKILLPLAN, "search-optimal", board, "--format", style],
                 stdout=ours,
                 stderr=subprocess.PIPE,
                 env=environment,
@@ -267,7 +267,14 @@ class TestPipes:
         assert done.stderr.startswith("skillplan: error: The output cannot be written: ")
         assert 1 == len(done.stderr.splitlines())
 
-    @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
+    @pytest.mark.parametrize(
+        "encoding",
+        [
+            "ascii",
+            pytest.param("latin-1", marks=pytest.mark.slow(reason="two encodings in every run")),
+            "utf-8",
+        ],
+    )
     def test_any_encoding_of_stdout_will_do(
         self, environment: dict[str, str], board: str, encoding: str
     ) -> None:
@@ -317,7 +324,7 @@ class TestTerminals:
 
     def test_a_comparison_fits_80_columns(self, environment: dict[str, str], board: str) -> None:
         """No figure is cut; what is long stands below the table."""
-        words = ["compare", board, "--solvers", "exact,exhaustive"]
+        words = ["compare", board, "--solvers", "exact,exhaustive", "--set", "step_limit=15"]
         lines = on_a_terminal(words, 80, environment).splitlines()
         rows = [line for line in lines if line.startswith(("exact ", "exhaustive "))]
         assert all(["optimal", "1.86709", "0.00", "%"] == row.split()[1:5] for row in rows)
@@ -335,7 +342,15 @@ class TestTerminals:
         assert lines[1].split()[-1] == "sequence"
         assert lines[3].rstrip().endswith("0,1,2,3,4,5,8,9,10,11,6,7,13,14,15")
 
-    @pytest.mark.parametrize("columns", [30, 70, 80, 120])
+    @pytest.mark.parametrize(
+        "columns",
+        [
+            30,
+            pytest.param(70, marks=pytest.mark.slow(reason="two other widths in every run")),
+            80,
+            pytest.param(120, marks=pytest.mark.slow(reason="two other widths in every run")),
+        ],
+    )
     def test_nothing_is_cut_in_any_width(
         self, environment: dict[str, str], board: str, columns: int
     ) -> None:

@@ -206,14 +206,14 @@ class TestCompare:
 
     def test_each_solver_has_its_own_time_limit(self, cli: Any, motor: str) -> None:
         """One that uses its time up takes none from the next."""
-        words = ("--solvers", "exhaustive,exact", "--time-limit", "2")
+        words = ("--solvers", "exhaustive,exact", "--time-limit", "1")
         rows = cli("compare", motor, *words, "--format", "json").document["rows"]
         assert ["unsolved", "optimal"] == [row["status"] for row in rows]
 
     def test_options_go_to_the_named_solver(self, cli: Any, board: str) -> None:
         """`-O exact.max_labels` leaves the other solver alone."""
         words = ("--solvers", "exact,exhaustive", "-O", "exact.max_labels=1", "--format", "json")
-        rows = cli("compare", board, *words).document["rows"]
+        rows = cli("compare", board, *words, "--set", "step_limit=15").document["rows"]
         assert ["solved", "optimal"] == [row["status"] for row in rows]
 
 

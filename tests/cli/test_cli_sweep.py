@@ -10,10 +10,13 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from same_process import studies_in_this_process
 
 CASES = str(Path(__file__).parents[2] / "configs" / "swarmitfix_cases.yaml")
 PATIENCE_S = 60
@@ -55,6 +58,14 @@ def fragile_solver(install: Any) -> str:
 QUICK = ("-O", "episodes=200,300", "--starts", "C20,C6", "--runs", "2")
 
 
+@pytest.fixture
+def in_this_process() -> Iterator[None]:
+    """No processes for the runs."""
+    with studies_in_this_process():
+        yield
+
+
+@pytest.mark.usefixtures("in_this_process")
 class TestOutput:
     def test_json_is_one_document_with_all_runs(self, cli: Any) -> None:
         outcome = cli("sweep", CASES, *QUICK, "--format", "json")
@@ -92,6 +103,7 @@ class TestOutput:
 
 
 class TestFolder:
+    @pytest.mark.usefixtures("in_this_process")
     def test_what_is_kept_can_be_gone_on_with(self, cli: Any, tmp_path: Path) -> None:
         folder = tmp_path / "study"
         first = cli("sweep", CASES, *QUICK, "--out", str(folder), "--format", "json")
@@ -113,6 +125,7 @@ class TestFolder:
             (("-O", "alpha=0.2"), "is another one, in the fixed options"),
         ],
     )
+    @pytest.mark.usefixtures("in_this_process")
     def test_another_study_is_refused_in_words(
         self, cli: Any, tmp_path: Path, words: tuple[str, ...], message: str
     ) -> None:
@@ -155,18 +168,19 @@ class TestFaults:
     def test_a_run_that_fails_is_named_and_the_others_go_on(
         self, cli: Any, fragile_solver: str, jobs: str
     ) -> None:
-        words = ("--solver", fragile_solver, "-O", "how=raise,die,well", "--runs", "2")
+        words = ("--solver", fragile_solver, "-O", "how=raise,die,well", "--runs", "1")
         outcome = cli("sweep", CASES, *words, "--jobs", jobs, "--format", "json")
         assert 0 == outcome.code
         document = outcome.document
-        assert (4, 0) == (document["failed"], document["missing"])
+        assert (2, 0) == (document["failed"], document["missing"])
         errors = {one["setting"]: one["error"] for one in document["runs"]}
         assert "RuntimeError: no memory left" in errors[0]
         assert "its process ended by signal 9" == errors[1]
         assert errors[2] is None
         shown = cli("sweep", CASES, *words, "--jobs", jobs).out
-        assert "how = die, seed 1: its process ended by signal 9" in shown
+        assert "how = die, seed 0: its process ended by signal 9" in shown
 
+    @pytest.mark.usefixtures("in_this_process")
     def test_a_study_in_which_nothing_arrives_ends_with_1(self, cli: Any) -> None:
         words = ("--set", "step_limit=1", "-O", "episodes=10", "--runs", "1")
         outcome = cli("sweep", CASES, *words, "--format", "json")

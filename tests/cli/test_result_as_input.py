@@ -15,25 +15,21 @@ from run_folders import HOPELESS, OPTIMAL, SWITCHED, write_runs
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BOARD = str(CONFIGS / "inverter_board.yaml")
-BENCH = str(CONFIGS / "swarmitfix_triangular.yaml")
 JSON = ("--format", "json")
 
 
-@pytest.fixture
-def folder(cli: Any, tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def folder(solved: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The optimum of the board within 40 steps, by the shapes of its parts."""
-    path = tmp_path / "earlier"
-    words = ("--collision", "aabb", "--set", "step_limit=40", "--out", str(path))
-    assert 0 == cli("search-optimal", BOARD, *words).code
-    return path
+    words = ("--collision", "aabb", "--set", "step_limit=40")
+    return Path(solved(tmp_path_factory.mktemp("earlier") / "run", BOARD, *words))
 
 
-@pytest.fixture
-def chain(cli: Any, tmp_path: Path) -> Path:
-    """A solved chain of heads, goals and paths of a base."""
-    path = tmp_path / "chain"
-    assert 0 == cli("search-optimal", BENCH, "--solver", "exact", "--out", str(path)).code
-    return path
+@pytest.fixture(scope="module")
+def learned(solved: Any, corner: str, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A learner's answer to a chain."""
+    words = ("--solver", "sarsa", "-O", "episodes=300", "--seed", "3")
+    return str(solved(tmp_path_factory.mktemp("learned") / "run", corner, *words))
 
 
 @pytest.fixture(params=["", "result.json"], ids=["folder", "file"])
@@ -66,11 +62,11 @@ class TestEvaluate:
         assert cli("evaluate", result, *JSON).document["makespan_s"] < slow.document["makespan_s"]
         assert 3 == cli("evaluate", result, "--collision", bursting_detector).code
 
-    def test_a_task_of_a_chain_is_named(self, cli: Any, chain: Path) -> None:
+    def test_a_task_of_a_chain_is_named(self, cli: Any, solved_corner: Path) -> None:
         """It is grounded as it was: from the plans of the stages before."""
-        stored = json.loads((chain / "result.json").read_text("utf-8"))
+        stored = json.loads((solved_corner / "result.json").read_text("utf-8"))
         part = stored["sequences"][0]
-        outcome = cli("evaluate", str(chain), "--part", part["name"], *JSON)
+        outcome = cli("evaluate", str(solved_corner), "--part", part["name"], *JSON)
         assert 0 == outcome.code
         assert part["cost"] == pytest.approx(outcome.document["cost"])
 
@@ -79,10 +75,10 @@ class TestEvaluate:
         [((), "Name one by --part: heads-1"), (("--part", "heds-1"), "Did you mean 'heads-1'?")],
     )
     def test_a_chain_alone_has_no_single_plan(
-        self, cli: Any, chain: Path, words: tuple[str, ...], message: str
+        self, cli: Any, solved_corner: Path, words: tuple[str, ...], message: str
     ) -> None:
         """The message names its tasks, or the nearest."""
-        outcome = cli("evaluate", str(chain), *words)
+        outcome = cli("evaluate", str(solved_corner), *words)
         assert 2 == outcome.code
         assert message in outcome.err
 
@@ -188,30 +184,29 @@ class TestPlot:
 
     @pytest.mark.parametrize("figure", ["gantt", "placement", "rewards"])
     def test_a_stored_chain_is_drawn(
-        self, cli: Any, chain: Path, tmp_path: Path, figure: str
+        self, cli: Any, corner: str, solved_corner: Path, tmp_path: Path, figure: str
     ) -> None:
         """The same as of the task, but for who has found it and how fast."""
         of_result, of_task = tmp_path / "result.png", tmp_path / "task.png"
-        assert 0 == cli("plot", str(chain), figure, "--out", str(of_result)).code
-        words = ("--solver", "exact", "--out", str(of_task))
-        assert 0 == cli("plot", BENCH, figure, *words).code
+        coarse = ("--dpi", "50", "--out")
+        assert 0 == cli("plot", str(solved_corner), figure, *coarse, str(of_result)).code
+        words = ("--solver", "exact", *coarse, str(of_task))
+        assert 0 == cli("plot", corner, figure, *words).code
         with Image.open(of_result) as drawn, Image.open(of_task) as expected:
             assert expected.tobytes() == drawn.tobytes()
 
-    def test_a_stored_policy_is_drawn(self, cli: Any, tmp_path: Path) -> None:
+    def test_a_stored_policy_is_drawn(self, cli: Any, learned: str, tmp_path: Path) -> None:
         """From the policies.json beside the plan."""
-        out, path = str(tmp_path / "learned"), tmp_path / "policy.svg"
-        learned = ("--solver", "sarsa", "-O", "episodes=300", "--seed", "3", "--out", out)
-        cli("search-optimal", BENCH, *learned)
-        assert 0 == cli("plot", out, "policy", "--out", str(path)).code
+        path = tmp_path / "policy.svg"
+        assert 0 == cli("plot", learned, "policy", "--out", str(path)).code
         assert "solver sarsa" in texts(path)
 
-    def test_what_a_search_shows_is_searched_anew_as_it_was(self, cli: Any, tmp_path: Path) -> None:
+    def test_what_a_search_shows_is_searched_anew_as_it_was(
+        self, cli: Any, learned: str, tmp_path: Path
+    ) -> None:
         """With the solver, the options and the seed of the result."""
-        out, path = str(tmp_path / "learned"), tmp_path / "values.svg"
-        learned = ("--solver", "sarsa", "-O", "episodes=300", "--seed", "3", "--out", out)
-        cli("search-optimal", BENCH, *learned)
-        assert 0 == cli("plot", out, "q-values", "--out", str(path)).code
+        path = tmp_path / "values.svg"
+        assert 0 == cli("plot", learned, "q-values", "--out", str(path)).code
         shown = texts(path)
         assert "seed 3" in shown
         assert "episodes = 300" in shown

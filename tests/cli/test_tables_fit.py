@@ -12,6 +12,7 @@ import pytest
 from rich.cells import cell_len
 
 from run_folders import HOPELESS, OPTIMAL, SWITCHED, write_runs
+from same_process import studies_in_this_process
 from skillplan.cli import output
 from skillplan.views.text.rendering import render
 from skillplan.views.text.table import Table
@@ -210,8 +211,9 @@ def test_sweep_heads_the_column_of_a_start_with_the_word(
     cli: Any, printed: list[Table], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nine facts are no heading; Markdown names the state as before."""
-    values = ("-O", "alpha=0.1,0.5", "--runs", "2")
-    outcome = cli("sweep", BOARD, "--solver", "q-learning", *values)
+    values = ("-O", "alpha=0.1,0.5", "-O", "episodes=500", "--runs", "2")
+    with studies_in_this_process():
+        outcome = cli("sweep", BOARD, "--solver", "q-learning", *values)
     heading = next(line for line in outcome.out.splitlines() if line.startswith("alpha"))
     assert "start" in heading.split()
     assert "| at_start(pcb)+at_start(switch_1)+" in render(printed, "md", io.StringIO())

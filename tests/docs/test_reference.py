@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import json
 import re
@@ -15,6 +16,7 @@ import pytest
 from pydantic import BaseModel
 
 import skillplan
+from same_process import studies_in_this_process
 from skillplan import errors
 from skillplan.pipeline import registry
 from skillplan.records import schemas
@@ -151,7 +153,7 @@ def test_every_key_of_every_document_is_explained():
     """Each has a meaning beside its type."""
     bare = [
         f"{name} {key.path}"
-        for name, schema in generated_reference.document_schemas().items()
+        for name, schema in known_schemas().items()
         for mapping in schema_tables.mappings(schema)
         for key in mapping.keys
         if not key.meaning
@@ -165,7 +167,7 @@ PRINTED = [
     "search-optimal configs/ESC12.sop",
     f"evaluate {BOARD} --sequence {SEQUENCE}",
     f"evaluate {BOARD} --sequence 0,1,10,11",
-    f"compare {BOARD} --solvers exhaustive,exact",
+    f"compare {BOARD} --solvers exhaustive,exact --set step_limit=15",
     f"explain {BOARD} place(transformer) --after 0,1,10,11,8 --collision aabb",
     f"chart {BOARD}",
     f"check {BOARD}",
@@ -201,10 +203,12 @@ def test_the_documents_of_results_and_studies_have_those_keys(tmp_path, monkeypa
     board, cases = ROOT / BOARD, ROOT / "configs/swarmitfix_cases.yaml"
     run(["skillplan", "search-optimal", str(board), "--out", "solved"])
     validate(json.loads(run(["skillplan", "verify", "solved", "--format", "json"])))
-    study = f"sweep {cases} --solver sarsa -O gamma=0.9,0.99 --runs 2 --starts C20 --out study"
-    run(["skillplan", *study.split()])
-    bench = f"search-optimal {ROOT / BENCH} --solver policy-iteration --out chain"
-    run(["skillplan", *bench.split()])
+    study = f"sweep {cases} -O gamma=0.9,0.99 -O episodes=300 --runs 2 --starts C20 --out study"
+    with studies_in_this_process():
+        run(["skillplan", *study.split()])
+    Path("goals.yaml").write_text("kind: swarmitfix\nname: goals\nbase: {goals: [C42, C29]}\n")
+    chain = "search-optimal goals.yaml --solver policy-iteration --out chain"
+    run(["skillplan", *chain.split()])
     for path in (
         "solved/result.json",
         "study/manifest.json",
@@ -238,9 +242,15 @@ def test_the_documents_of_simulations_have_those_keys(monkeypatch):
         validate(json.loads(run(["skillplan", *command.split(), "--format", "json"])))
 
 
+@functools.cache
+def known_schemas() -> dict[str, Any]:
+    """Return the schemas of all documents by name; made once."""
+    return generated_reference.document_schemas()
+
+
 def validate(document: dict[str, Any]) -> None:
     """Hold a document against the schema that it names; rows of a comparison against theirs."""
-    known = generated_reference.document_schemas()
+    known = known_schemas()
     jsonschema.validate(document, known[document["schema"]])
     if document["schema"] in ("skillplan.comparison/1", "skillplan.trainings/1"):
         for row in document["rows"]:
@@ -251,7 +261,7 @@ def test_the_schemas_that_are_published_are_json_schemas(tmp_path):
     """Validators elsewhere can read each of them."""
     generated_reference.write_json_schemas(tmp_path)
     written = sorted(tmp_path.iterdir())
-    assert len(generated_reference.document_schemas()) == len(written)
+    assert len(known_schemas()) == len(written)
     for path in written:
         jsonschema.Draft202012Validator.check_schema(json.loads(path.read_text("utf-8")))
 

