@@ -87,7 +87,7 @@ def test_a_stop_changes_nothing(tmp_path: Path) -> None:
             600,
             1,
             marks=pytest.mark.slow(
-                reason="processes that load torch; a stop, and kills of another learner, in every run"
+                reason="it loads torch again; a stop, and kills of another learner, in every run"
             ),
         ),
         pytest.param(
