@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,10 +19,21 @@ BOARD = str(CONFIGS / "inverter_board.yaml")
 GRASPS = str(CONFIGS / "inverter_grasps.yaml")
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three runs on a copy of the board, of which two complete it, for all tests."""
+    folder, sequences = tmp_path_factory.mktemp("kept"), [OPTIMAL, SWITCHED, HOPELESS]
+    return write_runs(folder / "runs", BOARD, sequences, steps=1_000, copy=True)
+
+
 @pytest.fixture
-def runs(tmp_path: Path) -> Path:
-    """Three runs on a copy of the board, of which two complete it."""
-    return write_runs(tmp_path / "runs", BOARD, [OPTIMAL, SWITCHED, HOPELESS], copy=True)
+def runs(kept: Path, tmp_path: Path) -> Path:
+    """The same, to be changed freely."""
+    folder = Path(shutil.copytree(kept.parent, tmp_path, dirs_exist_ok=True)) / "runs"
+    learned = str(tmp_path / "learned.yaml")
+    changed(folder / "manifest.json", "task", "source", to=learned)
+    changed(folder / "manifest.json", "task", "path", to=str(Path(learned).resolve()))
+    return folder
 
 
 @pytest.fixture
@@ -171,7 +183,7 @@ class TestAfterTraining:
     ) -> None:
         """The same sequences at the same cost, from the files alone."""
         runs = str(tmp_path / "runs")
-        words = ("--solver", learner, "--runs", "2", "--steps", "3000", "--out", runs)
+        words = ("--solver", learner, "--runs", "2", "--steps", "2400", "--out", runs)
         trained = cli("train", BOARD, *words, "--format", "json").document
         tried = cli("evaluate", runs, "--format", "json").document
         assert trained["completed_runs"] == tried["completed_runs"] > 0
@@ -192,7 +204,7 @@ class TestAfterTraining:
     ) -> None:
         """Numbered after those that were learned on; with the time of proof and answer."""
         runs = str(tmp_path / "runs")
-        words = ("--solver", learner, "--runs", "2", "--steps", "2000", "--family", "3")
+        words = ("--solver", learner, "--runs", "2", "--steps", "1000", "--family", "3")
         cli("train", BOARD, *words, "--out", runs)
         found = cli("evaluate", runs, "--layouts", "4", "--format", "json").document["layouts"]
         assert [f"inverter-board/{number}" for number in (3, 4, 5, 6)] == [

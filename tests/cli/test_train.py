@@ -91,7 +91,7 @@ class TestOutput:
         assert 0 == outcome.document["completed_runs"]
 
     def test_on_a_terminal_it_shows_how_the_runs_stand(self, tmp_path: Path) -> None:
-        words = [*QUICK[:-4], "--steps", "1500", "-O", "pause_s=0.001", "--out"]
+        words = [*QUICK[:-4], "--steps", "800", "-O", "pause_s=0.001", "--out"]
         command = [sys.executable, "-m", "skillplan", "train", BOARD, *words, str(tmp_path / "a")]
         main, terminal = pty.openpty()
         environment = {**os.environ, "TERM": "xterm", "COLUMNS": "80"}
@@ -123,7 +123,7 @@ class TestInterruption:
         """To the whole group, as a terminal sends it."""
         folder = tmp_path / "run"
         # A pause changes nothing but an option; both trainings have it.
-        words = [*QUICK, "-O", "pause_s=0.005", "--out", str(folder)]
+        words = [*QUICK, "-O", "pause_s=0.003", "--out", str(folder)]
         command = [sys.executable, "-m", "skillplan", "train", BOARD, *words]
         process = subprocess.Popen(
             [*command, "--format", "json"],
@@ -158,13 +158,16 @@ class TestInterruption:
         assert "--resume needs --out DIR" in outcome.err
 
     @pytest.mark.parametrize(
-        "kills", [1, pytest.param(20, marks=pytest.mark.slow(reason="20 kills; one in every run"))]
+        ("kills", "steps"),
+        [
+            (1, 600),
+            pytest.param(20, 20_000, marks=pytest.mark.slow(reason="20 kills; one in every run")),
+        ],
     )
     def test_sigkill_at_random_instants_changes_nothing(
-        self, cli: Any, environment: dict[str, str], tmp_path: Path, kills: int
+        self, cli: Any, environment: dict[str, str], tmp_path: Path, kills: int, steps: int
     ) -> None:
         """Of the whole group, so that processes for groups of runs are ended, too."""
-        steps = 1_000 * kills
         words = ["--solver", "tabular", "--runs", "6", "--steps", str(steps), "--checkpoint", "200"]
         words += ["-O", "pause_s=0.0005", "--time-limit", "5"]
         command = [sys.executable, "-m", "skillplan", "train", BOARD, *words, "--out"]
@@ -195,8 +198,8 @@ class TestInterruption:
     def test_sigkill_of_the_program_alone_ends_its_processes_before_another_goes_on(
         self, cli: Any, environment: dict[str, str], tmp_path: Path
     ) -> None:
-        words = ["--solver", "tabular", "--runs", "6", "--steps", "1000", "--checkpoint", "100"]
-        words += ["-O", "pause_s=0.001", "--out"]
+        words = ["--solver", "tabular", "--runs", "6", "--steps", "300", "--checkpoint", "100"]
+        words += ["-O", "pause_s=0.002", "--out"]
         whole, cut = tmp_path / "whole", tmp_path / "cut"
         assert 0 == cli("train", BOARD, *words, str(whole)).code
         process = subprocess.Popen(
@@ -242,7 +245,15 @@ class TestFaults:
         assert "" == outcome.out
         assert not folder.exists()
 
-    @pytest.mark.parametrize("how", ["cut", "changed", "emptied", "other version"])
+    @pytest.mark.parametrize(
+        "how",
+        [
+            "cut",
+            pytest.param("changed", marks=pytest.mark.slow(reason="two ways in every run")),
+            pytest.param("emptied", marks=pytest.mark.slow(reason="two ways in every run")),
+            "other version",
+        ],
+    )
     def test_every_damaged_file_is_named_or_made_anew(
         self, cli: Any, kept: Path, run_dir: Path, how: str
     ) -> None:
@@ -325,7 +336,7 @@ class TestFaults:
     def test_a_folder_in_use_is_not_written_to(
         self, cli: Any, run_dir: Path, environment: dict[str, str]
     ) -> None:
-        words = ["--solver", "tabular", "--runs", "1", "-O", "pause_s=0.01", "--out"]
+        words = ["--solver", "tabular", "--runs", "1", "-O", "pause_s=0.002", "--out"]
         folder = run_dir.parent / "busy"
         command = [sys.executable, "-m", "skillplan", "train", BOARD, *words, str(folder)]
         process = subprocess.Popen(

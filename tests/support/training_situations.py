@@ -21,7 +21,7 @@ _TIMED = ("progress.json", "result.json", "manifest.json")
 
 def a_plan(problem: Problem, options: Mapping[str, Any] | None = None, **more: Any) -> TrainingPlan:
     """Return the plan of a quick training: seven runs, in two groups."""
-    asked = {"runs": 7, "steps": 700, "checkpoint_steps": 200, **more}
+    asked = {"runs": 7, "steps": 400, "checkpoint_steps": 200, **more}
     return plan_training(problem, "tabular", Setup(options={"tabular": options or {}}), **asked)
 
 

@@ -45,7 +45,11 @@ class TestCpSatSolver(SolverSuite):
             marks=pytest.mark.slow(reason="the largest; by chart in every run"),
         ),
         ("relay_rail", ("precedence",)),
-        ("relay_rail", ("aabb",)),
+        pytest.param(
+            "relay_rail",
+            ("aabb",),
+            marks=pytest.mark.slow(reason="other boards by boxes, and this by chart, in every run"),
+        ),
         ("battery_module", ("precedence",)),
         ("battery_module", ("aabb",)),
     ],
@@ -60,7 +64,14 @@ def test_it_proves_what_exact_search_proves(config, collision):
     assert result.lower_bound == pytest.approx(exact.cost, abs=1e-9)
 
 
-@pytest.mark.parametrize(("name", "optimum"), [("ESC07", 2125), ("ESC12", 1675), ("br17.10", 55)])
+@pytest.mark.parametrize(
+    ("name", "optimum"),
+    [
+        ("ESC07", 2125),
+        ("ESC12", 1675),
+        pytest.param("br17.10", 55, marks=pytest.mark.slow(reason="two others in every run")),
+    ],
+)
 def test_it_proves_the_benchmark(name, optimum):
     """The optima that the field has published."""
     result = solve(instance(name), "cp-sat")
@@ -154,7 +165,14 @@ def test_a_task_with_nothing_to_do_is_solved_by_doing_nothing():
     assert result.steps == ()
 
 
-@pytest.mark.parametrize("name", ["ry48p.4", "rbg253a", "kro124p.1"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("ry48p.4", marks=pytest.mark.slow(reason="the largest in every run")),
+        "rbg253a",
+        pytest.param("kro124p.1", marks=pytest.mark.slow(reason="the largest in every run")),
+    ],
+)
 def test_a_search_that_runs_out_of_time_has_a_plan_and_a_bound_and_no_proof(name):
     """On instances large and small it ends within a fraction of a second."""
     task, stop = instance(name), Stop(time_limit_s=1.5)
@@ -177,7 +195,7 @@ def test_ctrl_c_ends_the_search_at_once():
         told_s.append(time.monotonic())
         os.kill(os.getpid(), signal.SIGINT)
 
-    timer = threading.Timer(1.0, interrupt)
+    timer = threading.Timer(0.5, interrupt)
     with heeding(stop.interrupt):
         timer.start()
         solution = CpSatSolver(stop=stop).solve(make_model(task))

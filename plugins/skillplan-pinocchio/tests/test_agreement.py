@@ -214,8 +214,8 @@ def test_it_agrees_with_simulated_execution_on_a_sample_of_pairs(board, swept):
     allowed = [pair for pair in pairs if swept.allows(*pair)]
     barred = [pair for pair in pairs if not swept.allows(*pair)]
     chance = random.Random(3)
-    assert all(executed.allows(*pair) for pair in chance.sample(allowed, 4))
-    assert not any(executed.allows(*pair) for pair in chance.sample(barred, 4))
+    assert all(executed.allows(*pair) for pair in chance.sample(allowed, 2))
+    assert not any(executed.allows(*pair) for pair in chance.sample(barred, 2))
 
 
 @pytest.mark.slow(reason="every pair executed; a sample of them in every run")

@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from example_count import examples
 from skillplan_pinocchio.arm_model import ArmModel, closing_yaw_rad, pose_down
 from skillplan_pinocchio.inverse_kinematics import Unreachable, elbows, solve
 
@@ -14,6 +15,7 @@ ARM = ArmModel()
 ANGLES = st.floats(-math.pi, math.pi)
 
 
+@settings(max_examples=examples(100))
 @given(st.floats(0.35, 0.65), st.floats(-0.9, 0.9), st.floats(0.0, 0.3), ANGLES)
 def test_what_is_found_is_accurate_and_within_limits(away_m, bearing_rad, z_m, yaw_rad):
     """To a micrometre and a microradian, for every elbow; and the first one always leads there."""

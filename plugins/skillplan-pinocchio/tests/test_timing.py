@@ -5,10 +5,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from example_count import examples
 from skillplan.robots import panda
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.arm_motion import descent_paths, transfer_path
@@ -57,6 +58,7 @@ def test_there_takes_as_long_as_back(nodes, limits):
     assert there.duration_s == pytest.approx(back.duration_s, rel=1e-9)
 
 
+@settings(max_examples=examples(100))
 @given(NODES)
 def test_a_trajectory_goes_from_rest_to_rest_through_all_nodes(nodes):
     """It starts and ends where the path does, and its speed fits its places."""

@@ -42,15 +42,24 @@ def after(task, *actions):
     return state
 
 
-def test_no_skill_of_the_best_plan_is_taken_for_a_collision(task, detectors) -> None:
+@pytest.mark.parametrize(
+    "done",
+    [
+        # The brace is picked and placed, and a screw driven into it.
+        done
+        if done in (8, 9, 14)
+        else pytest.param(done, marks=pytest.mark.slow(reason="three skills of it in every run"))
+        for done in range(len(OPTIMUM))
+    ],
+)
+def test_no_skill_of_the_best_plan_is_taken_for_a_collision(task, detectors, done) -> None:
     """Not a thousandth of a newton between bodies that should not touch, and all arrive."""
     engine, pairs, _ = detectors
-    for done, action in enumerate(OPTIMUM):
-        state = after(task, *OPTIMUM[:done])
-        assert engine.check(task.skills[action], state).is_feasible
-        verdict = pairs.check(task.skills[action], state)
-        assert verdict.is_feasible, (task.skills[action].name, verdict.reason)
-        assert verdict.evidence["readings"]["force_n"] < 0.001
+    skill, state = task.skills[OPTIMUM[done]], after(task, *OPTIMUM[:done])
+    assert engine.check(skill, state).is_feasible
+    verdict = pairs.check(skill, state)
+    assert verdict.is_feasible, verdict.reason
+    assert verdict.evidence["readings"]["force_n"] < 0.001
 
 
 def test_a_part_put_through_another_is_a_collision(task, detectors) -> None:

@@ -137,7 +137,14 @@ class TestScrews:
 
 
 class TestSimulationsThatSayNothing:
-    @pytest.mark.parametrize("speed_m_per_s", [math.nan, 60.0, 1e200])
+    @pytest.mark.parametrize(
+        "speed_m_per_s",
+        [
+            math.nan,
+            60.0,
+            pytest.param(1e200, marks=pytest.mark.slow(reason="two speeds in every run")),
+        ],
+    )
     def test_a_blow_up_is_unknown_with_a_reason(self, board, monkeypatch, speed_m_per_s) -> None:
         step = World.step
 
@@ -165,21 +172,29 @@ class TestSimulationsThatSayNothing:
 
 
 class TestHands:
-    def test_light_parts_stay_between_the_jaws_that_take_them_over(self) -> None:
+    @pytest.mark.parametrize(
+        "part",
+        [
+            "capacitor_1",
+            pytest.param("capacitor_2", marks=pytest.mark.slow(reason="the other in every run")),
+        ],
+    )
+    def test_light_parts_stay_between_the_jaws_that_take_them_over(self, part) -> None:
         task = assembly(content("motor_drive"))
-        engine = PybulletEngine(task)
-        for part in ("capacitor_1", "capacitor_2"):
-            held = task.facts.of(
-                "placed(housing)",
-                "placed(power_board)",
-                f"held({part})",
-                "tool(gripper)",
-                f"at({part}.start)",
-            )
-            verdict = engine.check(task.skill(f"place({part})"), held)
-            assert verdict.is_feasible, verdict.reason
+        held = task.facts.of(
+            "placed(housing)",
+            "placed(power_board)",
+            f"held({part})",
+            "tool(gripper)",
+            f"at({part}.start)",
+        )
+        verdict = PybulletEngine(task).check(task.skill(f"place({part})"), held)
+        assert verdict.is_feasible, verdict.reason
 
-    @pytest.mark.parametrize("height_m", [0.0, 0.003, 0.02])
+    @pytest.mark.parametrize(
+        "height_m",
+        [0.0, pytest.param(0.003, marks=pytest.mark.slow(reason="its ends in every run")), 0.02],
+    )
     def test_from_how_high_a_part_is_let_go_takes_nothing_out_of_the_world(
         self, board, height_m
     ) -> None:

@@ -38,8 +38,12 @@ class TestConformance(EngineSuite):
     engine = "pybullet"
 
     def queries(self, task: Task) -> Iterator[tuple[Skill, State]]:
-        """A sample: every question is a simulation."""
-        yield from random.Random(4).sample(list(super().queries(task)), examples(12, fewest=4))
+        """A sample, as every question is a simulation: in every run, of one skill only."""
+        every, few = list(super().queries(task)), 2
+        count = examples(12, fewest=few)
+        if count == few:
+            every = [query for query in every if query[0].name == "pick(lid)"]
+        yield from random.Random(4).sample(every, count)
 
 
 class TestThePapersBoard:
@@ -52,14 +56,24 @@ class TestThePapersBoard:
             assert verdict.is_feasible, verdict
             state = skill.prediction.apply(state)
 
-    def test_parts_come_to_rest_within_a_tenth_of_a_millimetre(self, task, engine):
-        for part in ("pcb", "switch_1", "transformer", "brace", "clock"):
-            done = () if part == "pcb" else ("pcb",)
-            verdict = engine.check(*imagined(task, f"place({part})", *done))
-            assert verdict.is_feasible, verdict
-            assert max(abs(value) for value in verdict.evidence["offset_mm"]) < 0.1
-            assert verdict.evidence["tilt_deg"] < 0.5
-            assert verdict.evidence["sensed"]["tip_error_m"] < 0.001
+    @pytest.mark.parametrize(
+        "part",
+        [
+            "pcb",
+            "brace",
+            *(
+                pytest.param(part, marks=pytest.mark.slow(reason="two parts in every run"))
+                for part in ("switch_1", "transformer", "clock")
+            ),
+        ],
+    )
+    def test_parts_come_to_rest_within_a_tenth_of_a_millimetre(self, task, engine, part):
+        done = () if part == "pcb" else ("pcb",)
+        verdict = engine.check(*imagined(task, f"place({part})", *done))
+        assert verdict.is_feasible, verdict
+        assert max(abs(value) for value in verdict.evidence["offset_mm"]) < 0.1
+        assert verdict.evidence["tilt_deg"] < 0.5
+        assert verdict.evidence["sensed"]["tip_error_m"] < 0.001
 
     def test_a_part_put_down_without_the_board_ends_below_its_goal(self, task, engine):
         verdict = engine.check(*imagined(task, "place(switch_1)"))
@@ -79,12 +93,18 @@ class TestThePapersBoard:
         verdict = engine.check(*imagined(task, "fasten(screw_1)", "pcb", "transformer"))
         assert verdict.reason == "screw_1 was pressed with 0.0 N, where 3.0 N are needed"
 
-    def test_a_screw_is_driven_with_three_newtons_and_more(self, task, engine):
-        for screw in ("screw_1", "screw_2"):
-            skill, state = imagined(task, f"fasten({screw})", "pcb", "transformer", "brace")
-            verdict = engine.check(skill, state)
-            assert verdict.is_feasible, verdict
-            assert 3.0 <= verdict.evidence["sensed"]["fastening_force_n"] <= 10.0
+    @pytest.mark.parametrize(
+        "screw",
+        [
+            "screw_1",
+            pytest.param("screw_2", marks=pytest.mark.slow(reason="the other one in every run")),
+        ],
+    )
+    def test_a_screw_is_driven_with_three_newtons_and_more(self, task, engine, screw):
+        skill, state = imagined(task, f"fasten({screw})", "pcb", "transformer", "brace")
+        verdict = engine.check(skill, state)
+        assert verdict.is_feasible, verdict
+        assert 3.0 <= verdict.evidence["sensed"]["fastening_force_n"] <= 10.0
 
     def test_a_state_that_cannot_be_is_not_executed(self, task, engine):
         verdict = engine.check(*imagined(task, "place(pcb)", "switch_1"))
@@ -129,25 +149,30 @@ def _text(verdict: Verdict) -> str:
 
 class TestDeterminism:
     QUESTIONS = (
+        ("load(screwdriver)", ()),
         ("place(switch_1)", (0, 1, 2)),
         ("place(transformer)", (0, 1, 10, 11, 8)),
         ("fasten(screw_1)", (0, 1, 8, 9, 10, 11, 13)),
-        ("load(screwdriver)", ()),
     )
 
-    def test_a_verdict_is_the_same_bit_for_bit_in_any_order_and_process(self, task):
+    @pytest.mark.parametrize(
+        "questions",
+        [
+            QUESTIONS[:2],
+            pytest.param(QUESTIONS, marks=pytest.mark.slow(reason="two of four in every run")),
+        ],
+        ids=["two", "four"],
+    )
+    def test_a_verdict_is_the_same_bit_for_bit_in_any_order_and_process(self, task, questions):
         engine = PybulletEngine(task)
-        forward = [
-            _text(engine.check(task.skill(s), state_after(task, a))) for s, a in self.QUESTIONS
-        ]
+        forward = [_text(engine.check(task.skill(s), state_after(task, a))) for s, a in questions]
         another = PybulletEngine(task)
         backward = [
-            _text(another.check(task.skill(s), state_after(task, a)))
-            for s, a in reversed(self.QUESTIONS)
+            _text(another.check(task.skill(s), state_after(task, a))) for s, a in questions[::-1]
         ]
         assert forward == backward[::-1]
         elsewhere = subprocess.run(
-            [sys.executable, "-c", IN_A_PROCESS_OF_ITS_OWN, str(BOARD), json.dumps(self.QUESTIONS)],
+            [sys.executable, "-c", IN_A_PROCESS_OF_ITS_OWN, str(BOARD), json.dumps(questions)],
             capture_output=True,
             text=True,
             check=True,

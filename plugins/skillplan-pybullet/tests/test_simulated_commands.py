@@ -61,6 +61,7 @@ def test_the_whole_plan_arrives_within_half_a_millimetre(call, tmp_path) -> None
     assert {row["skill"] for row in rows} - {""} == skills
 
 
+@pytest.mark.slow(reason="by the engine in every run, and another plan by the command")
 def test_a_wrong_plan_ends_where_it_fails(call) -> None:
     """A switch without a board to stand on: exit code 1, and how far it fell."""
     words = ("simulate", BOARD, "--sequence", "2,3,0", "--format", "json")

@@ -90,7 +90,8 @@ class TestBatchedNetwork:
         before = made.copy()
         made.approach(other, 0.25)
         for now, then, aim in zip(*(n.parameters for n in (made, before, other)), strict=True):
-            torch.testing.assert_close(now.detach(), (0.75 * then + 0.25 * aim).detach())
+            expected = (0.75 * then + 0.25 * aim).detach().numpy()
+            np.testing.assert_allclose(now.detach().numpy(), expected, rtol=1.3e-6, atol=1e-5)
 
     @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
     def test_a_run_with_a_figure_that_is_not_finite_is_named(self, wrong):
@@ -113,6 +114,23 @@ class TestBatchedNetwork:
 
 
 class TestBatchedAdam:
+    def test_it_takes_the_steps_of_the_formula(self):
+        """Kingma and Ba (2015), algorithm 1."""
+        made, seen = network([5, 32], [0]), observed([5], [0])
+        adam, weight = BatchedAdam(made.parameters), made.parameters[0]
+        theirs, mean, spread = weight.detach().double().numpy().copy(), 0.0, 0.0
+        for step in range(1, 11):
+            loss = (made(seen) - 2.0).square().mean()
+            (gradient,) = torch.autograd.grad(loss, [weight], retain_graph=True)
+            gradient = gradient.double().numpy()
+            mean = 0.9 * mean + 0.1 * gradient
+            spread = 0.999 * spread + 0.001 * gradient**2
+            root = np.sqrt(spread / (1 - 0.999**step))
+            theirs -= 3e-3 * mean / (1 - 0.9**step) / (root + 1e-8)
+            adam.step(loss, 3e-3)
+        np.testing.assert_allclose(weight.detach().numpy(), theirs, rtol=1e-4, atol=1e-6)
+
+    @pytest.mark.slow(reason="what the library loads for it; by the formula in every run")
     def test_it_takes_the_steps_of_the_library_s(self):
         mine, theirs = network([5, 32, 32], [0, 1]), network([5, 32, 32], [0, 1])
         adam = BatchedAdam(mine.parameters)

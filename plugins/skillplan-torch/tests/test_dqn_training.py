@@ -13,6 +13,10 @@ from pathlib import Path
 import pytest
 
 from skillplan.cli.app import main
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.training.trainer import Trainer
+from skillplan.training.training_folder import TrainingFolder
+from skillplan.training.training_plan import plan_training
 from training_situations import BOARD, learned_bytes
 
 PATIENCE_S = 240
@@ -45,11 +49,55 @@ def checkpoints(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in found}
 
 
+def stopped_at(folder: Path, runs: int, steps: int, reports: int | None, **more: bool) -> None:
+    """Train in a folder; stop after so many reports."""
+    problem = load_problem(BOARD)
+    setup = Setup(options={"dqn": {"width": 64, "batch": 32}})
+    asked = {"runs": runs, "steps": steps, "checkpoint_steps": 100}
+    plan = plan_training(problem, "dqn", setup, **asked)
+    with TrainingFolder(str(folder), plan, problem, **more) as opened:
+        trainer = Trainer(plan, opened, jobs=1, time_limit_s=30.0)
+        seen = []
+
+        def on_report(report: object) -> None:
+            seen.append(report)
+            if len(seen) == reports:
+                trainer.interrupt()
+
+        trainer.on_report = on_report
+        assert trainer.train().interrupted == (reports is not None)
+
+
+def test_a_stop_changes_nothing(tmp_path: Path) -> None:
+    """Metrics, policies and checkpoints are the same to the byte."""
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    stopped_at(whole, 2, 200, None)
+    stopped_at(cut, 2, 200, 1)
+    stopped_at(cut, 2, 200, None, resume=True)
+    assert learned_bytes(cut) == learned_bytes(whole)
+    assert len(checkpoints(cut)) == 1
+    assert checkpoints(cut) == checkpoints(whole)
+
+
 @pytest.mark.parametrize(
     ("runs", "steps", "kills"),
     [
-        (2, 600, 1),
-        pytest.param(6, 3_000, 20, marks=pytest.mark.slow(reason="20 kills; one in every run")),
+        pytest.param(
+            2,
+            600,
+            1,
+            marks=pytest.mark.slow(
+                reason="it loads torch again; a stop, and kills of another learner, in every run"
+            ),
+        ),
+        pytest.param(
+            6,
+            3_000,
+            20,
+            marks=pytest.mark.slow(
+                reason="20 kills; a stop, and kills of another learner, in every run"
+            ),
+        ),
     ],
 )
 def test_sigkill_at_random_instants_changes_nothing(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,20 +88,23 @@ def forward(joints_rad: Vector, base: Point = (0.0, 0.0, 0.0)) -> tuple[TipPose,
     rotation = frame[:3, :3] @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     tip = frame[:3, 3] + rotation[:, 2] * (panda.FLANGE_M + panda.TIP_M)
     jacobian = np.empty((6, 7))
-    for joint, (axis, origin) in enumerate(zip(axes, origins, strict=True)):
-        jacobian[:3, joint] = np.cross(axis, tip - origin)
-        jacobian[3:, joint] = axis
+    jacobian[3:] = np.array(axes).T
+    jacobian[:3] = _cross(jacobian[3:], (tip - np.array(origins)).T)
     return TipPose(tip, rotation), jacobian
 
 
 def rotation_error(rotation: Vector, wanted: Vector) -> Vector:
     """Return the rotation that is left to be made, as an axis times the sine of the angle."""
-    error: Vector = 0.5 * (
-        np.cross(rotation[:, 0], wanted[:, 0])
-        + np.cross(rotation[:, 1], wanted[:, 1])
-        + np.cross(rotation[:, 2], wanted[:, 2])
-    )
+    across = _cross(rotation, wanted)
+    error: Vector = 0.5 * (across[:, 0] + across[:, 1] + across[:, 2])
     return error
+
+
+def _cross(ones: Vector, others: Vector) -> Vector:
+    """Return the cross products of columns: of three rows it is quicker than `numpy.cross`."""
+    a, b, c = ones
+    x, y, z = others
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
 
 
 def reach(tip: Point, yaw_rad: float, base: Point, seed: Vector | None = None) -> Vector:
@@ -129,11 +133,20 @@ def reach(tip: Point, yaw_rad: float, base: Point, seed: Vector | None = None) -
     UnreachableError
         If there are none within the joint limits.
     """
+    return np.array(_reach(tip, yaw_rad, base, None if seed is None else tuple(seed.tolist())))
+
+
+# The two ends of a motion are asked for again in every execution of it.
+@lru_cache(maxsize=1024)
+def _reach(
+    tip: Point, yaw_rad: float, base: Point, seed: tuple[float, ...] | None
+) -> tuple[float, ...]:
+    """Return what `reach` returns, as numbers."""
     guesses = [_READY, _READY * np.array([-1, 1, -1, 1, -1, 1, 1])]
-    for guess in guesses if seed is None else [seed, *guesses]:
+    for guess in guesses if seed is None else [np.array(seed), *guesses]:
         joints = _solve(np.array(tip), pointing_down(yaw_rad), base, guess.copy())
         if joints is not None:
-            return joints
+            return tuple(joints.tolist())
     raise UnreachableError(
         f"no posture of the arm within its joint limits brings the hand, pointing straight "
         f"down, to ({tip[0]:.3f}, {tip[1]:.3f}, {tip[2]:.3f}) m"

@@ -54,18 +54,25 @@ class SimulatedArm:
         Position of its base [m].
     settings
         How it is controlled, and with what force its jaws close.
+    seen
+        Whether pictures are taken of it; loading what it looks like takes as long as many steps.
     """
 
-    def __init__(self, world: World, base: Point, settings: ExecutionSettings) -> None:
+    def __init__(
+        self, world: World, base: Point, settings: ExecutionSettings, *, seen: bool = True
+    ) -> None:
         self.world, self.base, self.settings = world, base, settings
         client = world.client
+        flags = pybullet.URDF_USE_INERTIA_FROM_FILE
+        if not seen:
+            flags |= pybullet.URDF_IGNORE_VISUAL_SHAPES
         with quiet_output():
             self.number = int(
                 pybullet.loadURDF(
                     str(URDF),
                     basePosition=base,
                     useFixedBase=True,
-                    flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
+                    flags=flags,
                     physicsClientId=client,
                 )
             )

@@ -68,7 +68,8 @@ class Workcell:
         route, here = self._route_facts(skill, state), self._here(motions[0], state)
         around = self.around(skill, state)
         with World(self.settings.friction) as world:
-            arm = SimulatedArm(world, self.robot.base, self.settings)
+            seen = watch is not None
+            arm = SimulatedArm(world, self.robot.base, self.settings, seen=seen)
             try:
                 yaws = self._yaws(arm, motions, here)
             except UnreachableError as error:
