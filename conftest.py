@@ -6,6 +6,7 @@ number of its own asks for ``examples(number)`` of ``tests/support``.
 """
 
 import gc
+import os
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -20,11 +21,15 @@ settings.register_profile("fast", repeatable, max_examples=20)
 settings.register_profile("thorough", repeatable, max_examples=100)
 settings.load_profile("fast")
 
+# Several processes test at the same time: threads of each would only wait for each other.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 
 def pytest_collection_finish(session):
     """Thousands of tests are alive from here on: no garbage collection need look at them again."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(100_000, 20, 20)
 
 
 @pytest.fixture(scope="session", autouse=True)
