@@ -7,12 +7,14 @@ import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 from pydantic import BaseModel
 
 from skillplan.checks.single_check import Checked, CheckRequest, check, introduce
-from skillplan.errors import BackEndError, raised_by, traceback_text
+from skillplan.errors import BackEndError
+from skillplan.plugins.blame import blame, traceback_text
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
@@ -244,6 +246,10 @@ def _named(ended: Ended) -> str:
         return ended.how
 
 
+def _failed(what: str, words: str) -> str:
+    return f"{what}: {words}"
+
+
 def _prepare(content: _Content) -> Callable[[_Job], _Fields | _Failed]:
     """Return what checks, in a process of its own."""
     task, made = content
@@ -251,13 +257,9 @@ def _prepare(content: _Content) -> Callable[[_Job], _Fields | _Failed]:
     for plugin, options in made:
         try:
             back_ends.append(plugin(task, options))
-        except BackEndError:
-            raise
-        except Exception as error:
-            raise BackEndError(
-                f"Back end {plugin.name!r} failed to start in a process of its own: "
-                f"{raised_by(plugin, error)}"
-            ) from error
+        except BaseException as error:
+            failed = f"Back end {plugin.name!r} failed to start in a process of its own"
+            blame(error, plugin, partial(_failed, failed), BackEndError, BackEndError)
     introduce(back_ends)
 
     def answer(job: _Job) -> _Fields | _Failed:

@@ -14,13 +14,14 @@ from typing import Any
 from skillplan.chart.precedence_chart import derive_chart
 from skillplan.checks.feasibility import CheckCount, Feasibility
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
-from skillplan.errors import SearchStopped, SkillplanError, SolverError, raised_by
+from skillplan.errors import SearchStopped, SolverError
 from skillplan.files.plain_json import json_fault
 from skillplan.judge.referee import judge
 from skillplan.model.obstruction import obstruction
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline import registry
 from skillplan.pipeline.setup import Setup
+from skillplan.plugins.blame import blame
 from skillplan.records.grading import Draft, Grade
 from skillplan.records.result import Result, Status
 from skillplan.solvers.solution import Plan, Solution
@@ -381,11 +382,10 @@ def _blamed(plugin: type[Solver]) -> Iterator[None]:
     """Name the solver, and the line of its code, in whatever it raises that is not in words."""
     try:
         yield
-    except SkillplanError:
-        raise
-    except Exception as error:
-        words = raised_by(plugin, error)
-        raise SolverError(f"The solver {plugin.name!r} failed: {words}") from error
+    except BaseException as error:
+        blame(
+            error, plugin, lambda words: f"The solver {plugin.name!r} failed: {words}", SolverError
+        )
 
 
 def _search(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> Solution:
