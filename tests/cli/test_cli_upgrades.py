@@ -14,6 +14,8 @@ from skillplan.checks.code_origin import code_origin
 from skillplan.pipeline import registry
 
 DETECTOR = '''
+from pathlib import Path
+
 from skillplan import Detector, Verdict
 
 
@@ -24,6 +26,8 @@ class Watchful(Detector):
     expensive = True
 
     def check(self, skill, state):
+        with Path(__file__).with_name("calls").open("a") as calls:
+            calls.write(".")
         return ANSWER
 '''
 ALLOWS, REFUSES = "Verdict.feasible()", 'Verdict.infeasible("closed")'
@@ -84,13 +88,19 @@ def test_an_upgrade_from_allows_all_to_refuses_all_changes_the_answer_at_once(
     assert not solved(cli, board)
 
 
-def test_the_same_code_is_not_queried_again(cli: Any, board: str, publish: Publish) -> None:
+def test_the_same_code_is_not_queried_again(
+    cli: Any, board: str, publish: Publish, tmp_path: Path
+) -> None:
     """What it said is used by the next process."""
     publish(ALLOWS, "1.0")
     words = ("search-optimal", board, "--collision", "watchful", "--format", "json")
-    assert cli(*words).document["stats"]["checks"]
+    cli(*words)
+    calls = tmp_path / "site" / "calls"
+    first = len(calls.read_text())
+    assert first
     publish(ALLOWS, "1.0")
-    assert 0 == cli(*words).document["stats"]["checks"]
+    cli(*words)
+    assert first == len(calls.read_text())
 
 
 class TestOrigin:
