@@ -92,13 +92,13 @@ def test_the_same_code_is_not_queried_again(
     cli: Any, board: str, publish: Publish, tmp_path: Path
 ) -> None:
     """What it said is used by the next process."""
-    publish(ALLOWS, "1.0")
+    publish(ALLOWS, "3.0")
     words = ("search-optimal", board, "--collision", "watchful", "--format", "json")
     cli(*words)
     calls = tmp_path / "site" / "calls"
     first = len(calls.read_text())
     assert first
-    publish(ALLOWS, "1.0")
+    publish(ALLOWS, "3.0")
     cli(*words)
     assert first == len(calls.read_text())
 
