@@ -7,14 +7,13 @@ import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Protocol
 
 from pydantic import BaseModel
 
-from skillplan.checks.single_check import Checked, CheckRequest, check, introduce
+from skillplan.checks.single_check import Checked, CheckRequest, check, construct, introduce
 from skillplan.errors import BackEndError
-from skillplan.plugins.blame import blame, traceback_text
+from skillplan.plugins.blame import traceback_text
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
@@ -246,20 +245,10 @@ def _named(ended: Ended) -> str:
         return ended.how
 
 
-def _failed(what: str, words: str) -> str:
-    return f"{what}: {words}"
-
-
 def _prepare(content: _Content) -> Callable[[_Job], _Fields | _Failed]:
     """Return what checks, in a process of its own."""
     task, made = content
-    back_ends = []
-    for plugin, options in made:
-        try:
-            back_ends.append(plugin(task, options))
-        except BaseException as error:
-            failed = f"Back end {plugin.name!r} failed to start in a process of its own"
-            blame(error, plugin, partial(_failed, failed), BackEndError, BackEndError)
+    back_ends = construct(task, made)
     introduce(back_ends)
 
     def answer(job: _Job) -> _Fields | _Failed:

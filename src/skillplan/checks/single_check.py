@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NoReturn
+
+from pydantic import BaseModel
 
 from skillplan.errors import BackEndError
 from skillplan.files.plain_json import json_fault
@@ -15,6 +17,7 @@ from skillplan.plugins.blame import blame
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
+from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 
 
@@ -68,6 +71,23 @@ class IntroducedBackEnds(tuple[BackEnd, ...]):
     """Back ends that have been introduced to each other, which is done once."""
 
     __slots__ = ()
+
+
+def construct(task: Task, wanted: Iterable[tuple[type[BackEnd], BaseModel]]) -> list[BackEnd]:
+    """Return back ends of given classes and options, made in a process of their own.
+
+    Raises
+    ------
+    BackEndError
+        If one fails to start.
+    """
+    made = []
+    for plugin, options in wanted:
+        try:
+            made.append(plugin(task, options))
+        except BaseException as error:
+            _blame(error, plugin, " to start in a process of its own")
+    return made
 
 
 def introduce(back_ends: Sequence[BackEnd]) -> IntroducedBackEnds:
@@ -157,10 +177,10 @@ def tells_time(back_end: BackEnd) -> bool:
     return type(back_end).duration_s is not BackEnd.duration_s
 
 
-def _blame(error: BaseException, back_end: BackEnd, on: str = "") -> NoReturn:
+def _blame(error: BaseException, back_end: BackEnd | type[BackEnd], on: str = "") -> NoReturn:
     blame(
         error,
-        type(back_end),
+        back_end if isinstance(back_end, type) else type(back_end),
         lambda words: f"Back end {back_end.name!r} failed{on}: {words}",
         BackEndError,
         BackEndError,
