@@ -286,7 +286,6 @@ class TestErrors:
             ("NotASequencing", 2),
             ("NotMultiAgent", 2),
             ("BackEndError", 3),
-            ("SearchStopped", 130),
         ],
     )
     def test_each_carries_its_exit_code(self, name: str, code: int) -> None:
@@ -306,6 +305,7 @@ class TestErrors:
             ({"error": errors.OptionError("x")}, 2),
             ({"error": errors.BackEndError("x"), "interrupted": True}, 3),
             ({"error": KeyboardInterrupt()}, 130),
+            ({"error": errors.SearchStopped()}, 130),
             ({"error": ZeroDivisionError()}, 3),
         ],
         ids=str,

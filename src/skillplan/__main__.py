@@ -1,6 +1,40 @@
-"""``python -m skillplan``."""
+"""``python -m skillplan``, and the command of that name."""
 
-from skillplan.cli.app import main
+from __future__ import annotations
+
+import signal
+import sys
+from types import FrameType
+
+# Ctrl-C, and what a batch system interrupts by.
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def main() -> None:
+    """Run the command line; a signal ends it with exit code 130 from the first instant on."""
+    # What is to be ignored, as by a shell's job in the background, stays so.
+    heard = [one for one in SIGNALS if signal.getsignal(one) is not signal.SIG_IGN]
+    try:
+        for number in heard:
+            signal.signal(number, _interrupt)
+        from skillplan.cli.app import run
+
+        code = run(sys.argv[1:])
+    except KeyboardInterrupt:
+        # Before the command line was there to say so.
+        sys.stderr.write("skillplan: interrupted\n")
+        code = 130
+    # It is over: a signal that comes now must not change what it came to.
+    for number in heard:
+        signal.signal(number, signal.SIG_IGN)
+    sys.exit(code)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    from skillplan.plugins.blame import Interrupted
+
+    raise Interrupted
+
 
 if __name__ == "__main__":
     main()

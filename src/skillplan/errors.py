@@ -14,18 +14,16 @@ What a robot may meet (a blocked place, a missing support) is never an error: it
     ├── NotMultiAgent             a model is not one of agents that move between places
     ├── ChainBroken               what a stage of a chain gave leaves nothing for the next
     ├── SolverError               a solver raised, or returned what is no solution
-    ├── BackEndError              a physics or collision back end failed        exit code 3
-    └── SearchStopped             a stop reached a solver that does not poll for it
+    └── BackEndError              a physics or collision back end failed        exit code 3
+
+    SearchStopped                 exit code 130: a stop reached a solver that does not poll for it
 """
 
 from __future__ import annotations
 
 import difflib
-import os
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import ClassVar
 
 # What every command ends with; `exit_code` says when.
@@ -51,8 +49,8 @@ def exit_code(
     Parameters
     ----------
     error
-        What was raised, if anything: an error of this module says its code itself, Ctrl-C is an
-        interruption, and anything else is a failure of the program, ``EXIT_BACK_END``.
+        What was raised, if anything: an error of this module says its code itself, Ctrl-C or a stop
+        is an interruption, and anything else is a failure of the program, ``EXIT_BACK_END``.
     interrupted
         Whether it was stopped before its end: ``EXIT_INTERRUPTED``.
     wrong
@@ -65,7 +63,7 @@ def exit_code(
     """
     if isinstance(error, SkillplanError):
         return error.exit_code
-    if interrupted or isinstance(error, KeyboardInterrupt):
+    if interrupted or isinstance(error, KeyboardInterrupt | SearchStopped):
         return EXIT_INTERRUPTED
     if wrong:
         return EXIT_WRONG_INPUT
@@ -178,66 +176,11 @@ class BackEndError(SkillplanError):
     exit_code = EXIT_BACK_END
 
 
-class SearchStopped(SkillplanError):
-    """Raised by the model in a solver that goes on long after it should have stopped."""
+class SearchStopped(BaseException):
+    """Raised by the model in a solver that goes on long after it should have stopped.
 
-    exit_code = EXIT_INTERRUPTED
-
-
-def raised_by(plugin: type, error: Exception) -> str:
-    """Return what a plugin raised, with file and line of the plugin's own code.
-
-    Parameters
-    ----------
-    plugin
-        The class of the plugin.
-    error
-        What it raised. One of ours is in words already and is returned as it is.
+    No `Exception`: what a solver does about its own errors must not swallow it.
     """
-    if isinstance(error, SkillplanError):
-        return str(error)
-    words = f"{type(error).__name__}: {error}"
-    place = _place_of(plugin, error)
-    if not place:
-        return words
-    hint = "" if debugging() else "; SKILLPLAN_DEBUG=1 shows the traceback"
-    return f"{words} ({place}{hint})"
-
-
-def debugging() -> bool:
-    """Whether ``SKILLPLAN_DEBUG`` demands tracebacks."""
-    return bool(os.environ.get("SKILLPLAN_DEBUG"))
-
-
-def traceback_text(error: SkillplanError) -> str:
-    """Return the traceback of what a plugin raised where `debugging`; empty otherwise."""
-    if not debugging():
-        return ""
-    if error.remote_traceback or error.__cause__ is None:
-        return error.remote_traceback
-    import traceback
-
-    return "".join(traceback.format_exception(error.__cause__))
-
-
-def _place_of(plugin: type, error: Exception) -> str:
-    """Return ``FILE:LINE`` of the innermost code of a plugin's package that an error went through.
-
-    Where none of it is, as for a call with a wrong number of arguments, that of the innermost.
-    """
-    module = sys.modules.get(plugin.__module__.partition(".")[0])
-    file = getattr(module, "__file__", None)
-    root = None if file is None else Path(file)
-    if root is not None and root.name == "__init__.py":
-        root = root.parent
-    own = last = ""
-    step = error.__traceback__
-    while step is not None:
-        last = f"{step.tb_frame.f_code.co_filename}:{step.tb_lineno}"
-        if root is not None and Path(step.tb_frame.f_code.co_filename).is_relative_to(root):
-            own = last
-        step = step.tb_next
-    return own or last
 
 
 def format_path(path: Sequence[str | int]) -> str:

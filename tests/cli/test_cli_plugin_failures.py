@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -53,11 +55,13 @@ def not_debugging(monkeypatch: pytest.MonkeyPatch) -> None:
 def faulty(install: Any) -> Any:
     """Put on the path a solver or detector that raises in one method; return where."""
 
-    def put(kind: str, method: str, *, expensive: bool = False) -> str:
+    def put(
+        kind: str, method: str, *, expensive: bool = False, raised: str = "LookupError('no table')"
+    ) -> str:
         text = (SOLVER if kind == "solver" else DETECTOR).replace("DEAR", str(expensive))
         if kind == "solver" and method != "solve":
             text += REST_OF_A_SOLVER
-        text += f"\n    {RAISES[method]}\n        raise LookupError('no table')\n"
+        text += f"\n    {RAISES[method]}\n        raise {raised}\n"
         folder = install(kind, "faulty", "faulty_plugin:Faulty", text)
         return f"{folder / 'faulty_plugin.py'}:{len(text.splitlines())}"
 
@@ -183,3 +187,98 @@ class TestABackEnd:
         assert 3 == outcome.code
         assert f"LookupError: no table ({place})" in outcome.err
         assert "Traceback (most recent call last):" in outcome.err
+
+
+# What no `except Exception` catches, and what it is called in the message.
+NO_EXCEPTIONS = {
+    "SystemExit(0)": "SystemExit: 0",
+    "SystemExit": "SystemExit",
+    "KeyboardInterrupt": "KeyboardInterrupt",
+    "GeneratorExit": "GeneratorExit",
+    "BaseException('enough')": "BaseException: enough",
+}
+
+
+@pytest.mark.parametrize("raised", NO_EXCEPTIONS)
+class TestNobodyEndsTheProgramButWe:
+    @pytest.fixture(autouse=True)
+    def _signals_are_heard_by_the_command_line(self) -> Iterator[None]:
+        """As in a process of its own, where Ctrl-C is no KeyboardInterrupt of Python's making."""
+        before = signal.signal(signal.SIGINT, lambda *_: None)
+        yield
+        signal.signal(signal.SIGINT, before)
+
+    @pytest.mark.parametrize("method", ["solve", "refuses", "constructor"])
+    def test_a_solver_has_failed(
+        self, cli: Any, board: str, faulty: Any, method: str, raised: str
+    ) -> None:
+        """It is named like one that raises an error; nothing ends without a word."""
+        faulty("solver", method, raised=raised)
+        outcome = cli("search-optimal", board, "--solver", "faulty")
+        assert 2 == outcome.code
+        assert f"The solver 'faulty' failed: {NO_EXCEPTIONS[raised]} (" in outcome.err
+
+    def test_the_other_solvers_of_a_comparison_run_on(
+        self, cli: Any, board: str, faulty: Any, raised: str
+    ) -> None:
+        """It is a row."""
+        faulty("solver", "solve", raised=raised)
+        outcome = cli("compare", board, "--solvers", "faulty,exact", "--format", "json")
+        assert 2 == outcome.code
+        assert ["failed", "optimal"] == [row["status"] for row in outcome.document["rows"]]
+
+    @pytest.mark.parametrize("method", ["check", "refuses", "constructor", "beside", "faults"])
+    def test_a_back_end_has_failed(
+        self, cli: Any, board: str, faulty: Any, method: str, raised: str
+    ) -> None:
+        """The exit code is that of a back end."""
+        faulty("collision", method, raised=raised)
+        outcome = cli("search-optimal", board, "--collision", "faulty")
+        assert 3 == outcome.code
+        assert "'faulty' failed" in outcome.err
+        assert NO_EXCEPTIONS[raised] in outcome.err
+
+    def test_a_plugin_that_cannot_be_imported_is_broken(
+        self, cli: Any, board: str, install: Any, raised: str
+    ) -> None:
+        """Importing runs its code, too."""
+        install("solver", "faulty", "faulty_plugin:Faulty", f"raise {raised}")
+        outcome = cli("search-optimal", board, "--solver", "faulty")
+        assert 2 == outcome.code
+        assert "cannot be imported" in outcome.err
+
+    def test_a_kind_of_task_has_failed(
+        self, cli: Any, tmp_path: Path, install: Any, raised: str
+    ) -> None:
+        """The file is named with it."""
+        source = f"""
+            from pydantic import BaseModel
+            from skillplan import Domain
+
+            class Config(BaseModel):
+                kind: str
+
+            class Faulty(Domain):
+                kind = "faulty"
+                Config = Config
+
+                def ground(self, config, sha256=""):
+                    raise {raised}
+        """
+        install("domain", "faulty", "faulty_plugin:Faulty", source)
+        file = tmp_path / "task.yaml"
+        file.write_text("kind: faulty\n")
+        outcome = cli("check", str(file))
+        assert 2 == outcome.code
+        assert f"{file}: the kind 'faulty' failed: {NO_EXCEPTIONS[raised]} (" in outcome.err
+
+
+@pytest.mark.parametrize("raised", ["SystemExit(0)", "KeyboardInterrupt"])
+def test_nor_does_a_back_end_end_a_process_of_its_own(
+    cli: Any, board: str, faulty: Any, raised: str
+) -> None:
+    """There, too, it has failed."""
+    faulty("collision", "check", expensive=True, raised=raised)
+    outcome = cli("search-optimal", board, "--collision", "faulty", "--jobs", "2", "--no-cache")
+    assert 3 == outcome.code
+    assert NO_EXCEPTIONS[raised] in outcome.err

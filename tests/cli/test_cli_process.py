@@ -222,6 +222,21 @@ class TestInterruption:
         assert "skillplan: interrupted\n" == err.lstrip("\n")
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_in_order_before_the_command_is_even_imported(number: int) -> None:
+    """From the first line of ours on: with the code of an interruption and without a traceback."""
+    words = [sys.executable, "-X", "importtime", "-m", "skillplan", "check", "none.yaml"]
+    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    with process.stderr as heard:
+        said = next(line for line in heard if "typer" in line)
+        process.send_signal(number)
+        said += heard.read()
+    assert 130 == process.wait(PATIENCE_S)
+    assert said.endswith("skillplan: interrupted\n")
+    assert "Traceback" not in said
+
+
 class TestPipes:
     @pytest.mark.parametrize(
         "style",

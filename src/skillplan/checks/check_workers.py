@@ -11,8 +11,9 @@ from typing import Any, Protocol
 
 from pydantic import BaseModel
 
-from skillplan.checks.single_check import Checked, CheckRequest, check, introduce
-from skillplan.errors import BackEndError, raised_by, traceback_text
+from skillplan.checks.single_check import Checked, CheckRequest, check, construct, introduce
+from skillplan.errors import BackEndError
+from skillplan.plugins.blame import traceback_text
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
@@ -247,17 +248,7 @@ def _named(ended: Ended) -> str:
 def _prepare(content: _Content) -> Callable[[_Job], _Fields | _Failed]:
     """Return what checks, in a process of its own."""
     task, made = content
-    back_ends = []
-    for plugin, options in made:
-        try:
-            back_ends.append(plugin(task, options))
-        except BackEndError:
-            raise
-        except Exception as error:
-            raise BackEndError(
-                f"Back end {plugin.name!r} failed to start in a process of its own: "
-                f"{raised_by(plugin, error)}"
-            ) from error
+    back_ends = construct(task, made)
     introduce(back_ends)
 
     def answer(job: _Job) -> _Fields | _Failed:

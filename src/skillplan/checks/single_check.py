@@ -5,14 +5,19 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import NoReturn
 
-from skillplan.errors import BackEndError, raised_by
+from pydantic import BaseModel
+
+from skillplan.errors import BackEndError
 from skillplan.files.plain_json import json_fault
+from skillplan.plugins.blame import blame
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
+from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 
 
@@ -68,6 +73,23 @@ class IntroducedBackEnds(tuple[BackEnd, ...]):
     __slots__ = ()
 
 
+def construct(task: Task, wanted: Iterable[tuple[type[BackEnd], BaseModel]]) -> list[BackEnd]:
+    """Return back ends of given classes and options, made in a process of their own.
+
+    Raises
+    ------
+    BackEndError
+        If one fails to start.
+    """
+    made = []
+    for plugin, options in wanted:
+        try:
+            made.append(plugin(task, options))
+        except BaseException as error:
+            _blame(error, plugin, " to start in a process of its own")
+    return made
+
+
 def introduce(back_ends: Sequence[BackEnd]) -> IntroducedBackEnds:
     """Introduce the back ends that are queried together to each other.
 
@@ -85,11 +107,8 @@ def introduce(back_ends: Sequence[BackEnd]) -> IntroducedBackEnds:
         try:
             back_end.beside([other for other in back_ends if other is not back_end])
             fault = json_fault(back_end.basis)
-        except BackEndError:
-            raise
-        except Exception as error:
-            words = raised_by(type(back_end), error)
-            raise BackEndError(f"Back end {back_end.name!r} failed: {words}") from error
+        except BaseException as error:
+            _blame(error, back_end)
         if fault is not None:
             raise BackEndError(f"The basis of back end {back_end.name!r} is not JSON: {fault}.")
     return IntroducedBackEnds(back_ends)
@@ -107,13 +126,8 @@ def check(back_end: BackEnd, skill: Skill, state: State) -> Checked:
     begin_s = time.perf_counter()
     try:
         verdict = back_end.check(skill, state)
-    except BackEndError:
-        raise
-    except Exception as error:
-        words = raised_by(type(back_end), error)
-        raise BackEndError(
-            f"Back end {back_end.name!r} failed on {skill.name} in {state}: {words}"
-        ) from error
+    except BaseException as error:
+        _blame(error, back_end, f" on {skill.name} in {state}")
     took_s = time.perf_counter() - begin_s
     if not isinstance(verdict, Verdict):
         raise BackEndError(
@@ -147,13 +161,8 @@ def execution_time_s(back_end: BackEnd, skill: Skill, state: State) -> float | N
     """
     try:
         duration_s = back_end.duration_s(skill, state)
-    except BackEndError:
-        raise
-    except Exception as error:
-        words = raised_by(type(back_end), error)
-        raise BackEndError(
-            f"Back end {back_end.name!r} failed to time {skill.name} in {state}: {words}"
-        ) from error
+    except BaseException as error:
+        _blame(error, back_end, f" to time {skill.name} in {state}")
     if duration_s is None:
         return None
     if not isinstance(duration_s, int | float) or not 0 <= duration_s < math.inf:
@@ -166,3 +175,13 @@ def execution_time_s(back_end: BackEnd, skill: Skill, state: State) -> float | N
 def tells_time(back_end: BackEnd) -> bool:
     """Whether a back end may know how long skills take."""
     return type(back_end).duration_s is not BackEnd.duration_s
+
+
+def _blame(error: BaseException, back_end: BackEnd | type[BackEnd], on: str = "") -> NoReturn:
+    blame(
+        error,
+        back_end if isinstance(back_end, type) else type(back_end),
+        lambda words: f"Back end {back_end.name!r} failed{on}: {words}",
+        BackEndError,
+        BackEndError,
+    )

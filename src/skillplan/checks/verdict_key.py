@@ -8,9 +8,9 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from skillplan.checks.code_origin import code_origin
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -19,16 +19,15 @@ from skillplan.task.state import State
 def verdict_key(back_end: BackEnd, skill: Skill) -> str:
     """Return the hash of all that an answer of `back_end` about `skill` depends on.
 
-    Scene, skill, facts, and the back end's name, version, distribution version, options and
-    basis.
+    Scene, skill, facts, and the back end's name, version, options, basis and code.
     """
     content = {
         "back_end": [
             class_name(back_end),
             back_end.name,
             back_end.version,
-            _distribution_version(back_end),
         ],
+        "code": list(code_origin(type(back_end))),
         "options": back_end.options.model_dump(mode="json"),
         "basis": plain(back_end.basis),
         "facts": list(back_end.task.facts.names),
@@ -68,11 +67,3 @@ def plain(value: Any) -> Any:
         names = value.__dataclass_fields__
         return {name: plain(getattr(value, name)) for name in names if not name.startswith("_")}
     return value
-
-
-def _distribution_version(back_end: BackEnd) -> str:
-    package = type(back_end).__module__.partition(".")[0].replace("_", "-")
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return ""

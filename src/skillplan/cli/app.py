@@ -18,7 +18,7 @@ from skillplan import __version__
 from skillplan.cli.command_group import MARKUP, SETTINGS, CommandGroup, of_module, untyped
 from skillplan.cli.compilation_notice import compilation_announced
 from skillplan.cli.error_report import report_bug, report_error, report_usage
-from skillplan.errors import SkillplanError, exit_code
+from skillplan.errors import SearchStopped, SkillplanError, exit_code
 
 # Panel of the group's help to its commands, each with its line.
 PANELS = {
@@ -149,13 +149,20 @@ app = _app()
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit; no exception whatever reaches the user as a traceback."""
+    """Run the command line and exit, as `run`."""
+    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command line and return the exit code.
+
+    No exception whatever reaches the user as a traceback, and none of a plugin's ends the program.
+    """
     # Importing makes thousands of objects and no garbage.
     gc.set_threshold(50_000, *gc.get_threshold()[1:])
     # Pydantic would read the metadata of all that is installed to find plugins of its own.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    words = list(sys.argv[1:] if arguments is None else arguments)
-    sys.exit(_run(words))
+    return _run(list(arguments))
 
 
 def _run(words: list[str]) -> int:
@@ -165,12 +172,12 @@ def _run(words: list[str]) -> int:
         return code if isinstance(code, int) else 0
     except typer.TyperException as error:
         return report_usage(error, words)
-    except (typer.Abort, KeyboardInterrupt):
+    except (typer.Abort, KeyboardInterrupt, SearchStopped):
         print("skillplan: interrupted", file=sys.stderr)
         return exit_code(interrupted=True)
     except SkillplanError as error:
         return report_error(error, words)
-    except Exception as error:
+    except BaseException as error:  # such as a `SystemExit` of a plugin's making
         if os.environ.get("SKILLPLAN_DEBUG"):
             raise
         report_bug(error, words)

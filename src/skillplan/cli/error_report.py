@@ -12,7 +12,8 @@ from typing import Any
 import typer
 
 from skillplan.cli.writing import write_out
-from skillplan.errors import SkillplanError, TaskError, exit_code, traceback_text
+from skillplan.errors import SkillplanError, TaskError, exit_code
+from skillplan.plugins.blame import traceback_text
 
 _MOST_LINES = 200
 
@@ -62,7 +63,7 @@ def report_error(error: SkillplanError, words: Sequence[str]) -> int:
     return error.exit_code
 
 
-def report_bug(error: Exception, words: Sequence[str]) -> None:
+def report_bug(error: BaseException, words: Sequence[str]) -> None:
     """Own up to a bug of skillplan.
 
     Parameters
@@ -80,7 +81,7 @@ def report_bug(error: Exception, words: Sequence[str]) -> None:
     _print_document(error_document(error), words)
 
 
-def error_document(error: Exception) -> dict[str, Any]:
+def error_document(error: BaseException) -> dict[str, Any]:
     """Return the JSON document ``skillplan.error/1``."""
     from skillplan.records import schemas
 

@@ -9,13 +9,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from skillplan.plugins.blame import Interrupted
+
 # A batch system interrupts by SIGTERM.
 _REQUESTS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
 def heeding(request: Callable[[], None]) -> Iterator[None]:
-    """Call `request` at the first signal; at the second raise KeyboardInterrupt.
+    """Call `request` at the first signal; at the second raise `Interrupted`.
 
     Parameters
     ----------
@@ -27,7 +29,7 @@ def heeding(request: Callable[[], None]) -> Iterator[None]:
     def interrupt(number: int, frame: FrameType | None) -> None:
         nonlocal interrupted
         if interrupted:
-            raise KeyboardInterrupt
+            raise Interrupted
         interrupted = True
         request()
         if sys.stderr.isatty():

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from skillplan.collision.hulls import HullDetector, HullRole, HullScene
-from skillplan.errors import BackEndError, OptionError, SkillplanError
+from skillplan.errors import BackEndError, OptionError
 from skillplan.files.output_path import output_path
 from skillplan.physics.engine import Engine
 from skillplan.physics.performance import Image, Performer
 from skillplan.pipeline import registry
+from skillplan.plugins.blame import blame
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -151,9 +152,6 @@ def blamed(engine: BackEnd) -> Iterator[None]:
     """
     try:
         yield
-    except SkillplanError:
-        raise
-    except Exception as error:
-        raise BackEndError(
-            f"Back end {engine.name!r} failed: {type(error).__name__}: {error}"
-        ) from error
+    except BaseException as error:
+        name = engine.name
+        blame(error, type(engine), lambda words: f"Back end {name!r} failed: {words}", BackEndError)

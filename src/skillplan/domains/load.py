@@ -22,6 +22,7 @@ from skillplan.domains.overrides import overridden
 from skillplan.errors import Issue, OptionError, PluginError, TaskError, name_hint
 from skillplan.files.schema_errors import schema_issues, shown
 from skillplan.files.yaml import YAML_SUFFIXES, Document, parse, read_text
+from skillplan.plugins.blame import blame
 from skillplan.task.back_end import BackEnd
 from skillplan.task.reachability import unreachable_facts
 from skillplan.task.task import Task
@@ -199,6 +200,17 @@ def load_task(
     source = os.fspath(path)
     document = overridden(_read(source, domains), changes or {})
     kind, domain = _domain(document, domains)
+    try:
+        return _grounded(source, document, kind, domain, checks)
+    except BaseException as error:
+        failed = f"{source}: the kind {kind!r} failed"
+        blame(error, type(domain), lambda words: f"{failed}: {words}", PluginError)
+
+
+def _grounded(
+    source: str, document: Document, kind: str, domain: Domain, checks: FileChecks
+) -> Problem:
+    """Validate and ground what was read."""
     issues = list(checks.content_issues(document.data))
     config, faults = _validated(document, domain, {"folder": Path(source).parent})
     issues += faults

@@ -201,7 +201,7 @@ class Chain:
             answer = Solution(stored.solution.policy, trace=stored.solution.trace)
             return replace(self._judged(task, replace(stored, solution=answer)), reused=True)
         made = self._attempt(task, self.solvers[task.stage])
-        if made.solution.policy is not None and not made.stopped:
+        if made.solution.policy is not None and not made.stopped and not made.touched:
             self.policies[key] = made
         return self._judged(task, made)
 

@@ -10,7 +10,7 @@ import importlib
 import inspect
 from collections.abc import Iterator, Mapping
 from functools import cache
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from importlib.metadata import EntryPoint
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -18,6 +18,8 @@ from pydantic import BaseModel, ValidationError
 from skillplan.domains.domain import Domain
 from skillplan.errors import Issue, OptionError, PluginError, name_hint
 from skillplan.files.schema_errors import schema_issues, shown
+from skillplan.plugins import installed
+from skillplan.plugins.blame import ends_program
 from skillplan.records.plugin_info import PluginInfo
 
 # Kind to the base class that its plugins must have.
@@ -86,7 +88,9 @@ def load(kind: str, name: str) -> type[Any]:
     entry = found[0]
     try:
         loaded = entry.load()
-    except Exception as error:
+    except BaseException as error:
+        if ends_program(error):
+            raise
         reason = f"{type(error).__name__}: {error}"
         raise PluginError(
             f"The {kind} {name!r} of {_owner(entry)} cannot be imported ({entry.value}): {reason}"
@@ -175,7 +179,7 @@ def describe(kind: str) -> list[PluginInfo]:
 def refresh() -> None:
     """Look for plugins anew, so that those installed since the first look-up are found."""
     _providers.cache_clear()
-    _installed.cache_clear()
+    installed.refresh()
 
 
 @cache
@@ -187,19 +191,12 @@ def _providers(kind: str) -> dict[str, list[EntryPoint]]:
                 hint = f"Did you mean '{known} {kind}'?"
         raise PluginError(f"Unknown kind of plugin {kind!r}. {hint}")
     found: dict[str, list[EntryPoint]] = {}
-    for entry in _installed()[kind]:
+    for entry in installed.registered(kind):
         others = found.setdefault(entry.name, [])
         # One distribution may be on the path twice; that is no second provider.
         if not others or _owner(entry) not in map(_owner, others):
             others.append(entry)
     return found
-
-
-@cache
-def _installed() -> dict[str, EntryPoints]:
-    """Return the entry points of each kind: to look for one kind takes as long as for all."""
-    found = entry_points()
-    return {kind: found.select(group=f"skillplan.{kind}") for kind in KINDS}
 
 
 def _base_class(kind: str) -> type[Any]:

@@ -14,13 +14,16 @@ from typing import Any
 from skillplan.chart.precedence_chart import derive_chart
 from skillplan.checks.feasibility import CheckCount, Feasibility
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
-from skillplan.errors import SearchStopped, SkillplanError, SolverError, raised_by
-from skillplan.files.plain_json import json_fault
+from skillplan.errors import SearchStopped, SolverError
+from skillplan.judge.plain_solution import plain_solution
 from skillplan.judge.referee import judge
+from skillplan.judge.untouched import Untouched
 from skillplan.model.obstruction import obstruction
-from skillplan.model.skill_model import SkillModel
+from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.pipeline import registry
+from skillplan.pipeline.search_apart import Found, must_be_apart, search_apart
 from skillplan.pipeline.setup import Setup
+from skillplan.plugins.blame import blame
 from skillplan.records.grading import Draft, Grade
 from skillplan.records.result import Result, Status
 from skillplan.solvers.solution import Plan, Solution
@@ -199,6 +202,8 @@ class Attempt:
         Why the solver does not serve the task, or None.
     back_ends
         Those that were queried; None where none has been constructed.
+    touched
+        Whether the solver changed the task, which has been undone.
     """
 
     draft: Draft
@@ -207,6 +212,7 @@ class Attempt:
     stopped: str | None = None
     refusal: str | None = None
     back_ends: Sequence[BackEnd] | None = None
+    touched: bool = False
 
     def back_ends_of(self, task: Task) -> Sequence[BackEnd] | None:
         """Return the back ends if they are of `task`; None where it takes others."""
@@ -234,6 +240,7 @@ def attempt(
         As in `solve`.
     """
     stop = Stop() if stop is None else stop
+    given = isinstance(solver, Solver)
     if isinstance(solver, str):
         solver = make_solver(solver, setup.options.get(solver, {}), stop)
     else:
@@ -246,23 +253,30 @@ def attempt(
     )
     back_ends = model.feasibility.back_ends
     draft = make_draft(task, solver.name, setup, seed)
+    before = Untouched(task)
     begin_s = time.perf_counter()
-    with _blamed(type(solver)):
-        refusal = solver.refuses(model)
-    if refusal is not None:
-        return Attempt(draft, Solution(), refusal=refusal, back_ends=back_ends)
-    with closing(model.feasibility):
-        if start is None:
-            solution = _search(solver, model, seed, stop)
-        else:
-            # What expensive back ends say of the start plan is kept for the search.
-            kept = cache if expensive(back_ends) else None
-            fresh = make_model(task, setup, kept, jobs=jobs, back_ends=back_ends)
-            with closing(fresh.feasibility), _blamed(type(solver)):
-                search = partial(_search, solver, model, seed, stop)
-                solution = search_from(start, fresh, search, stop)
-    wall_s = time.perf_counter() - begin_s
-    stats = model.stats
+    try:
+        with _blamed(type(solver)):
+            refusal = solver.refuses(model)
+        if refusal is not None:
+            return Attempt(draft, Solution(), refusal=refusal, back_ends=back_ends)
+        with closing(model.feasibility):
+            if not given and must_be_apart(solver, stop):
+                search = _Search(partial(search_apart, solver, task, back_ends, cache, seed, stop))
+            else:
+                search = _Search(partial(_search, solver, model, seed, stop))
+            if start is None:
+                solution = search()
+            else:
+                # What expensive back ends say of the start plan is kept for the search.
+                kept = cache if expensive(back_ends) else None
+                fresh = make_model(task, setup, kept, jobs=jobs, back_ends=back_ends)
+                with closing(fresh.feasibility), _blamed(type(solver)):
+                    solution = search_from(start, fresh, search, stop)
+        wall_s = time.perf_counter() - begin_s
+    finally:
+        touched = before.restore()
+    stats = search.stats
     iterations = _count(solution, "iterations", "expanded", "visited")
     draft = replace(
         draft,
@@ -274,7 +288,9 @@ def attempt(
         interrupted=stop.interrupted,
         trace=solution.trace,
     )
-    return Attempt(draft, solution, stats.unknown > 0, stop.reason, None, back_ends)
+    made = Attempt(draft, solution, stats.unknown > 0, stop.reason, None, back_ends)
+    # What holds parts of the task as the solver left it serves no more.
+    return replace(made, back_ends=None, touched=True) if touched else made
 
 
 def make_draft(task: Task, solver: str, setup: Setup, seed: int) -> Draft:
@@ -320,6 +336,8 @@ def grade(task: Task, made: Attempt, setup: Setup, cache: VerdictCache, *, jobs:
     with closing(fresh.feasibility):
         granted = judge(made.solution, fresh, unknown_met=made.unknown_met, audit=not kept)
         reason = granted.reason
+        if granted.status is Status.WRONG and made.touched:
+            reason = f"the solver changed the task, and on the task as it was {reason}"
         if granted.status is Status.INFEASIBLE:
             reason = _why_infeasible(fresh, charted=not kept)
     said = made.solution.trace.get("reason")
@@ -381,27 +399,46 @@ def _blamed(plugin: type[Solver]) -> Iterator[None]:
     """Name the solver, and the line of its code, in whatever it raises that is not in words."""
     try:
         yield
-    except SkillplanError:
-        raise
-    except Exception as error:
-        words = raised_by(plugin, error)
-        raise SolverError(f"The solver {plugin.name!r} failed: {words}") from error
+    except BaseException as error:
+        blame(
+            error, plugin, lambda words: f"The solver {plugin.name!r} failed: {words}", SolverError
+        )
 
 
-def _search(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> Solution:
+class _Search:
+    """A search that is done once, and what was queried in it.
+
+    Parameters
+    ----------
+    do
+        Does it.
+    """
+
+    def __init__(self, do: Callable[[], Found]) -> None:
+        self._do = do
+        self.stats = ModelStats()
+
+    def __call__(self) -> Solution:
+        found = self._do()
+        self.stats = found.stats
+        return found.solution
+
+
+def _search(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> Found:
     try:
         with _blamed(type(solver)):
             solution = solver.solve(model, seed=seed)
     except SearchStopped:
-        return Solution(stop.best, stop.lower_bound)
+        solution = Solution(stop.best, stop.lower_bound)
     if not isinstance(solution, Solution):
         raise SolverError(
             f"The solver {solver.name!r} returned {type(solution).__name__}, not a Solution."
         )
-    fault = json_fault(solution.trace)
-    if fault is not None:
-        raise SolverError(f"The trace of the solver {solver.name!r} is not JSON: {fault}.")
-    return solution
+    try:
+        return Found(plain_solution(solution), model.stats)
+    except Exception as error:
+        words = f"The solver {solver.name!r} returned a Solution that cannot be read"
+        raise SolverError(f"{words}: {error}.") from None
 
 
 def cache_folder() -> Path:

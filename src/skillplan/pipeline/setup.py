@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NoReturn
 
 from skillplan.domains.domain import Domain
 from skillplan.domains.load import FileChecks, Problem, load_task
-from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError, raised_by
+from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError
 from skillplan.pipeline import registry
+from skillplan.plugins.blame import blame
 from skillplan.records.origin import Origin
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import BackEndChoice, Task
@@ -106,11 +107,8 @@ def _make_back_end(
     try:
         back_end: BackEnd = plugin(task, options)
         return back_end, back_end.refuses()
-    except SkillplanError:
-        raise
-    except Exception as error:
-        words = raised_by(plugin, error)
-        raise BackEndError(f"{kind} {name!r} failed on {task.name!r}: {words}") from error
+    except BaseException as error:
+        _blame(error, kind, plugin, task)
 
 
 def _willing(kind: str, name: str, task: Task) -> BackEnd | None:
@@ -133,15 +131,17 @@ def _faults(kind: str, back_end: BackEnd, domain: Domain) -> Iterator[Issue]:
     """Yield what a back end finds wrong with single bodies or skills, by their places."""
     try:
         found = dict(back_end.faults())
-    except SkillplanError:
-        raise
-    except Exception as error:
-        words = raised_by(type(back_end), error)
-        raise BackEndError(
-            f"{kind} {back_end.name!r} failed on {back_end.task.name!r}: {words}"
-        ) from error
+    except BaseException as error:
+        _blame(error, kind, type(back_end), back_end.task)
     for fact, message in found.items():
         yield Issue(message, domain.locate(fact), at_key=True)
+
+
+def _blame(error: BaseException, kind: str, plugin: type[BackEnd], task: Task) -> NoReturn:
+    def say(words: str) -> str:
+        return f"{kind} {plugin.name!r} failed on {task.name!r}: {words}"
+
+    blame(error, plugin, say, BackEndError)
 
 
 def load_problem(

@@ -25,6 +25,7 @@ class AutoSolver(Solver):
     """Choose: exact for what is small, the portfolio for jobs in an order, else exact again."""
 
     name = "auto"
+    polls = True
 
     class Options(back_end.Options):
         """None: name a solver to set its options."""

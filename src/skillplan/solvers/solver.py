@@ -35,6 +35,9 @@ class Solver(ABC):
         lists, validates and explains them.
     stage
         Of a chain of tasks the only stage that it searches, as ``goals``; None for all.
+    polls
+        Whether it polls its stop. Under a limit of time or memory one that does not say so is run
+        in a process of its own, which is ended; one that does is spared the process.
     jobs
         How many processes it may use at once, >= 1; 1 unless the user allows more. No answer
         may be worse for being allowed more.
@@ -43,6 +46,7 @@ class Solver(ABC):
     name: ClassVar[str]
     Options: ClassVar[type[BaseModel]] = back_end.Options
     stage: ClassVar[str | None] = None
+    polls: ClassVar[bool] = False
     jobs: int = 1
 
     def __init__(self, options: BaseModel | None = None, stop: Stop | None = None) -> None:

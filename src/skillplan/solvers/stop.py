@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from skillplan.checks.feasibility import CheckCount
 from skillplan.solvers.gap import relative_gap
@@ -157,6 +158,17 @@ class Stop:
             time_limit_s=max(1e-3, min(time_limit_s, left_s)),
             memory_limit_bytes=self._memory_limit_bytes,
         )
+
+    def left(self) -> dict[str, Any]:
+        """Return what is left of the limits, as another stop takes them."""
+        now_s = time.monotonic()
+        limited, stalls = math.isfinite(self._deadline_s), math.isfinite(self._stall_s)
+        return {
+            "time_limit_s": max(1e-3, self._deadline_s - now_s) if limited else None,
+            "gap": self._gap,
+            "stall_s": self._stall_s if stalls else None,
+            "memory_limit_bytes": self._memory_limit_bytes,
+        }
 
     def interrupt(self) -> None:
         """Request that the search stop and return its best."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import sys
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from skillplan.files.folder_lock import FolderLock
 from skillplan.files.growing_file import GrowingFile
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.strict_json import parse_json
+from skillplan.plugins.installed import registered
 from skillplan.records import schemas
 from skillplan.records.stored.result_folder import MANIFEST
 from skillplan.records.sweep.plan import SweepPlan, same
@@ -199,7 +199,7 @@ class StudyFolder:
 def _identity(plan: SweepPlan) -> dict[str, Any]:
     """Return what has to be the same for runs to belong together."""
     versions = {"skillplan": __version__}
-    for entry in entry_points(group="skillplan.solver", name=plan.solver):
+    for entry in registered("solver").select(name=plan.solver):
         if entry.dist is not None:
             versions[entry.dist.name] = entry.dist.version
     # The optima are proved again, which may take longer than the limit.

@@ -10,6 +10,7 @@ from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import OptionError, SkillplanError
 from skillplan.pipeline.run import attempt, grade, solve, warm_cache
 from skillplan.pipeline.setup import Setup
+from skillplan.plugins.blame import ends_program
 from skillplan.records.result import Result, Status
 from skillplan.records.stored.policy_file import start_state
 from skillplan.records.sweep.record import StartOutcome, SweepRecord
@@ -123,7 +124,9 @@ def do_run(
         return _run(job, setting, options, seed, stop)
     except SkillplanError as error:
         return SweepRecord(setting, seed, error=str(error))
-    except Exception as error:
+    except BaseException as error:
+        if ends_program(error):
+            raise
         return SweepRecord(setting, seed, error=f"{type(error).__name__}: {error}")
 
 

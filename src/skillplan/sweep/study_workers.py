@@ -8,7 +8,7 @@ from typing import Any
 
 from skillplan.records.sweep.record import SweepRecord
 from skillplan.sweep.study_run import StudyJob, do_run
-from skillplan.workers.executor import Answer, Executor, Worker, packed
+from skillplan.workers.executor import Answer, Executor, News, Worker, packed
 from skillplan.workers.local_processes import LocalProcesses
 
 _WHAT = "the runs"
@@ -70,7 +70,7 @@ def do_all(
         while at and not stopped():
             for worker in executor.first_ready(at):
                 answer = worker.answer()
-                if answer is None:
+                if answer is None or isinstance(answer, News):
                     continue
                 order = at[worker]
                 if isinstance(answer, Answer):

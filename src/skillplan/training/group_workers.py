@@ -18,10 +18,9 @@ from skillplan.errors import (
     PluginError,
     SearchStopped,
     SkillplanError,
-    debugging,
-    raised_by,
 )
 from skillplan.pipeline.registry import load
+from skillplan.plugins.blame import debugging, ends_program, raised_by
 from skillplan.records.training.run_folder import CHECKPOINT, group_path
 from skillplan.training.group_job import GroupJob, GroupOutcome, GroupReport
 from skillplan.training.group_training import GroupTraining
@@ -97,9 +96,9 @@ def serve(
         except BaseException as error:
             if training is not None:
                 training.close()
-            if isinstance(error, Exception):
-                return _failure(job, error)
-            raise
+            if ends_program(error) and not isinstance(error, SearchStopped):
+                raise
+            return _failure(job, error)
 
     return work
 
@@ -309,7 +308,7 @@ def _begun(job: GroupJob) -> bool:
     return (group_path(job.folder, job.group) / CHECKPOINT).exists()
 
 
-def _failure(job: GroupJob, error: Exception) -> GroupFailure:
+def _failure(job: GroupJob, error: BaseException) -> GroupFailure:
     if isinstance(error, SearchStopped):
         return GroupFailure(job.group, str(error), stopped=True)
     if isinstance(error, OptionError | PluginError):

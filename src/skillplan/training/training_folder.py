@@ -11,7 +11,7 @@ import platform
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, entry_points, requires, version
+from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from skillplan.files.folder_lock import FolderLock
 from skillplan.files.json_file import json_text
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.yaml import MAX_BYTES
+from skillplan.plugins.installed import registered
 from skillplan.records import schemas
 from skillplan.records.task_difference import differences, resolved_config, what_changed
 from skillplan.records.training.metrics_file import METRICS, metrics_lines
@@ -241,7 +242,7 @@ def _versions(solver: str) -> dict[str, str]:
     """Return the versions of what figures rest on, those the solver's distribution needs, too."""
     found = {"python": sys.version.split()[0], "skillplan": skillplan.__version__}
     names = ["numpy"]
-    for entry in entry_points(group="skillplan.solver", name=solver):
+    for entry in registered("solver").select(name=solver):
         if entry.dist is not None:
             names += [entry.dist.name]
             for needed in requires(entry.dist.name) or ():

@@ -29,6 +29,13 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
+class News:
+    """What a worker says ahead of its answer."""
+
+    content: Any
+
+
+@dataclass(frozen=True, slots=True)
 class Ended:
     """A worker is gone before it answered.
 
@@ -81,14 +88,18 @@ class Worker(ABC):
         """Give it a job; it must not have one."""
 
     @abstractmethod
-    def answer(self) -> Answer | Ended | None:
-        """Return what became of the job, or that the worker broke down; None if neither yet.
+    def answer(self) -> Answer | News | Ended | None:
+        """Return what became of the job, news of it, or that the worker broke down; None if none.
 
         Raises
         ------
         SkillplanError
             If the worker could not make itself ready, in its own words.
         """
+
+    @abstractmethod
+    def ask_to_stop(self) -> None:
+        """Ask it to end its job; one that cannot hear goes on until it is ended."""
 
     @abstractmethod
     def end(self, *, gently: bool = True) -> None:

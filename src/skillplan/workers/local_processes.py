@@ -17,7 +17,8 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from skillplan.errors import BackEndError, SkillplanError
-from skillplan.workers.executor import POLL_S, Answer, Ended, Executor, Prepare, Worker
+from skillplan.workers.executor import POLL_S, Answer, Ended, Executor, News, Prepare, Worker
+from skillplan.workers.inside import asked_to_stop, connect
 
 
 class LocalProcesses(Executor):
@@ -120,8 +121,8 @@ class WorkerProcess(Worker):
         with suppress(OSError):
             self.line.send(job)
 
-    def answer(self) -> Answer | Ended | None:
-        """Return what became of the job, or that the process broke down; None if neither yet.
+    def answer(self) -> Answer | News | Ended | None:
+        """Return what became of the job, news of it, or that it broke down; None if neither yet.
 
         Raises
         ------
@@ -139,7 +140,13 @@ class WorkerProcess(Worker):
         if kind == _FAILED:
             error_class, words = content
             raise error_class(words)
-        return Answer(content)
+        return News(content) if kind == _NEWS else Answer(content)
+
+    def ask_to_stop(self) -> None:
+        """Send the signal by which it hears, where the system has one."""
+        if self._started and self.alive and _REQUEST is not None and self.number is not None:
+            with suppress(OSError):
+                os.kill(self.number, _REQUEST)
 
     def end(self, *, gently: bool = True) -> None:
         """End the process: once it is idle, or at once. To end it again does nothing."""
@@ -153,7 +160,9 @@ class WorkerProcess(Worker):
         self._process.close()
 
 
-_READY, _DONE, _FAILED = "ready", "done", "failed"
+_READY, _NEWS, _DONE, _FAILED = "ready", "news", "done", "failed"
+# Heard between two lines of Python; a process that is deep in C hears it later or never.
+_REQUEST = getattr(signal, "SIGUSR1", None)
 
 
 @contextmanager
@@ -176,6 +185,8 @@ def _interrupts_blocked() -> Iterator[None]:
 def _serve(line: Connection, prepare: Prepare, content: bytes) -> None:
     """Do jobs until no more come."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if _REQUEST is not None:
+        signal.signal(_REQUEST, lambda *_: asked_to_stop())
     threading.Thread(target=_end_with_parent, daemon=True).start()
     # Libraries in C print there, too, and stdout is for one document.
     silence = os.open(os.devnull, os.O_WRONLY)
@@ -192,9 +203,17 @@ def _serve(line: Connection, prepare: Prepare, content: bytes) -> None:
             words = f"A process could not make itself ready: {type(error).__name__}: {error}"
             line.send((_FAILED, (SkillplanError, words)))
             return
-        line.send((_READY, None))
+        # News may come from another thread than the one that does the job.
+        speaking = threading.Lock()
+
+        def say(kind: str, content: Any) -> None:
+            with speaking:
+                line.send((kind, content))
+
+        connect(lambda news: say(_NEWS, news))
+        say(_READY, None)
         while True:
-            line.send((_DONE, work(line.recv())))
+            say(_DONE, work(line.recv()))
 
 
 def _end_with_parent() -> None:

@@ -11,6 +11,8 @@ class GreedySolver(Solver):
     """Follow the cheapest feasible skill to the goal; keep the best of many attempts."""
 
     name = "greedy"
+    # It asks `self.stop()` at every step, so that it needs no process of its own under a limit.
+    polls = True
 
     class Options(BaseModel):
         """How often to try, and how boldly."""

@@ -183,6 +183,7 @@ class Learner(Solver):
     """A solver that trains network policies."""
 
     Options: ClassVar[type[BaseModel]] = LearnerOptions
+    polls = True
     options: LearnerOptions
 
     @abstractmethod

@@ -40,6 +40,7 @@ class TabularSolver(Solver):
 
     Options = TabularOptions
     options: TabularOptions
+    polls = True
     enumeration_s = 0.0
     _enumerated: tuple[SkillModel, TabularMDP] | None = None
 

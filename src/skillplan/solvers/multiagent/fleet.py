@@ -34,6 +34,7 @@ class FleetSolver(Solver):
     """Bring several agents to their goals without conflicts; two of them with a proof."""
 
     name = "fleet"
+    polls = True
 
     class Options(back_end.Options):
         """Method, objective and effort."""

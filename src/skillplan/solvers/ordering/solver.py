@@ -31,6 +31,8 @@ _PROOF_TOLERANCE = 1e-9
 class JobOrderSolver(Solver):
     """Base of the solvers that put jobs into an order: recognises them or says why not."""
 
+    polls = True
+
     def refuses(self, model: SkillModel) -> str | None:
         """Return why not, where the model is no sequencing problem.
 

@@ -53,6 +53,7 @@ class CspSolver(Solver):
     """Take the first sequence in which consecutive choices occupy something in common."""
 
     name = "csp"
+    polls = True
     stage: ClassVar[str | None] = "goals"
 
     class Options(back_end.Options):

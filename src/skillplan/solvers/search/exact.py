@@ -42,6 +42,7 @@ class ExactSolver(Solver):
     """Prove the cheapest plan; of equals, one with the fewest skills, then the fastest."""
 
     name = "exact"
+    polls = True
 
     class Options(back_end.Options):
         """Limits of the search."""

@@ -20,6 +20,7 @@ class ExhaustiveSolver(Solver):
     """Enumerate every feasible sequence, depth first."""
 
     name = "exhaustive"
+    polls = True
 
     def refuses(self, model: SkillModel) -> str | None:
         """Return why not, where a skill may have several outcomes."""

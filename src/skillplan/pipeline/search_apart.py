@@ -1,0 +1,272 @@
+"""A search in a process of its own, for a solver that nothing says would stop when it should.
+
+What it hands to its stop is told to this process at once. Where the process is ended, the last that
+was told is what the search has come to.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from skillplan.checks.feasibility import Feasibility
+from skillplan.checks.single_check import construct
+from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
+from skillplan.errors import BackEndError, SearchStopped, SkillplanError, SolverError
+from skillplan.judge.plain_solution import plain_plan, plain_solution
+from skillplan.model.skill_model import ModelStats, SkillModel
+from skillplan.plugins.blame import blame, traceback_text
+from skillplan.solvers.solution import Plan, Policy, Solution
+from skillplan.solvers.solver import Solver
+from skillplan.solvers.stop import MEMORY_LIMIT, Stop
+from skillplan.task.back_end import BackEnd
+from skillplan.task.task import Task
+from skillplan.workers.executor import Answer, Ended, Executor, News, Worker, packed
+from skillplan.workers.inside import tell, when_asked_to_stop
+from skillplan.workers.local_processes import LocalProcesses
+from skillplan.workers.resident_memory import resident_bytes_of
+
+_WHAT = "the search"
+# So long it may take to return once it was asked to [s].
+GRACE_S = 1.0
+# Bounds come by the thousand; telling of them more often takes time from the search [s].
+_TELL_EVERY_S = 0.02
+
+_Content = tuple[Task, list[tuple[type[BackEnd], BaseModel]], type[Solver], BaseModel, Path | None]
+_Told = tuple[Plan | None, float | None, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a search came to, and what it asked of its model.
+
+    Parameters
+    ----------
+    solution
+        The solver's answer, or the best that it had told.
+    stats
+        What was queried; nothing is known of a process that was ended.
+    """
+
+    solution: Solution
+    stats: ModelStats
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    seed: int
+    limits: Mapping[str, Any]
+    start: Plan | None
+    lower_bound: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Raised:
+    words: str
+    traceback: str
+    back_end: bool
+
+
+def must_be_apart(solver: Solver, stop: Stop) -> bool:
+    """Whether a solver may not be trusted with this process under the limits that there are."""
+    limited = stop.limited or stop.memory_limit_bytes is not None
+    return limited and not solver.polls and not LocalProcesses(1).refusal
+
+
+def search_apart(
+    solver: Solver,
+    task: Task,
+    back_ends: Sequence[BackEnd],
+    cache: VerdictCache,
+    seed: int,
+    stop: Stop,
+    executor: Executor | None = None,
+) -> Found:
+    """Let a solver search in a process of its own, and end that when its time has come.
+
+    Parameters
+    ----------
+    solver
+        Its class and options are taken; the object is not used.
+    task
+        What is searched.
+    back_ends
+        The process makes its own of the same classes and options.
+    cache
+        Where verdicts are kept; the process uses the same folder, if there is one.
+    seed
+        As in `Solver.solve`.
+    stop
+        Its limits count for the process, which is asked to stop once it is true.
+    executor
+        Where it runs instead.
+
+    Raises
+    ------
+    SolverError
+        If the solver fails, or its process is ended by something else.
+    BackEndError
+        If a back end fails.
+    SkillplanError
+        If no process can be started.
+    """
+    folder = cache.folder if isinstance(cache, DiskVerdictCache) else None
+    made = [(type(back_end), back_end.options) for back_end in back_ends]
+    content: _Content = (task, made, type(solver), solver.options, folder)
+    place = LocalProcesses(1) if executor is None else executor
+    worker = place.start(_prepare, packed(content, _WHAT), _WHAT)
+    try:
+        worker.take(_Job(seed, stop.left(), stop.best, stop.lower_bound))
+        return _heard(solver.name, worker, place, stop)
+    finally:
+        worker.end(gently=False)
+
+
+def _heard(name: str, worker: Worker, place: Executor, stop: Stop) -> Found:
+    """Listen to a search until it ends, or has to be ended."""
+    asked_s: float | None = None
+    while True:
+        for ready in place.first_ready([worker]):
+            said = ready.answer()
+            if isinstance(said, Ended):
+                if not said.started and not said.killed:
+                    raise worker.not_started()
+                raise SolverError(
+                    f"The solver {name!r} failed: its process was ended by {said.how}."
+                )
+            if isinstance(said, News):
+                _note(said.content, stop)
+            elif isinstance(said, Answer):
+                return _found(said.content)
+        limit, held = stop.memory_limit_bytes, resident_bytes_of(worker.number)
+        if limit is not None and held is not None and held > limit:
+            stop.end(MEMORY_LIMIT)
+            return _best(stop)
+        if stop():
+            if asked_s is None:
+                asked_s = time.monotonic()
+                worker.ask_to_stop()
+            elif time.monotonic() > asked_s + GRACE_S:
+                return _best(stop)
+
+
+def _best(stop: Stop) -> Found:
+    return Found(Solution(stop.best, stop.lower_bound), ModelStats())
+
+
+def _note(told: _Told, stop: Stop) -> None:
+    plan, bound, nodes = told
+    if plan is not None:
+        stop.incumbent(plan)
+    if bound is not None:
+        stop.bound(bound, nodes)
+
+
+def _found(content: Found | _Raised) -> Found:
+    if isinstance(content, Found):
+        return content
+    error = (BackEndError if content.back_end else SolverError)(content.words)
+    error.remote_traceback = content.traceback
+    raise error
+
+
+def _prepare(content: _Content) -> Callable[[_Job], Found | _Raised]:
+    """Return what searches, in a process of its own."""
+    task, made, solver, options, folder = content
+
+    def search(job: _Job) -> Found | _Raised:
+        try:
+            return _search(job)
+        except SkillplanError as error:
+            return _Raised(str(error), traceback_text(error), isinstance(error, BackEndError))
+
+    def _search(job: _Job) -> Found:
+        stop = _started(job)
+        back_ends = construct(task, made)
+        cache = VerdictCache() if folder is None else DiskVerdictCache(folder)
+        model = SkillModel(Feasibility(task, back_ends, cache), stop.overdue)
+        try:
+            with _Reporter(stop):
+                solution = solver(options, stop).solve(model, seed=job.seed)
+            if not isinstance(solution, Solution):
+                raise SolverError(
+                    f"The solver {solver.name!r} returned {type(solution).__name__}, "
+                    "not a Solution."
+                )
+        except SearchStopped:
+            solution = Solution(stop.best, stop.lower_bound)
+        except BaseException as error:
+            say = f"The solver {solver.name!r} failed"
+            blame(error, solver, lambda words: f"{say}: {words}", SolverError)
+        return Found(_portable(solver.name, solution), model.stats)
+
+    return search
+
+
+def _portable(name: str, solution: Solution) -> Solution:
+    """Return a solution that can be sent to another process."""
+    try:
+        plain = plain_solution(solution)
+        found = plain.found
+        if isinstance(found, Mapping):
+            found = Policy(dict(found.items()))
+        return Solution(found, plain.lower_bound, plain.proved, plain.trace)
+    except Exception as error:
+        words = f"The solver {name!r} returned a Solution that cannot be read"
+        raise SolverError(f"{words}: {error}.") from None
+
+
+class _Reporter:
+    """Tells what a stop is given to whoever waits for the search, but not too often.
+
+    Parameters
+    ----------
+    stop
+        Of the search.
+    """
+
+    def __init__(self, stop: Stop) -> None:
+        self._stop = stop
+        self._told: _Told = (stop.best, stop.lower_bound, 0)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._repeat, daemon=True)
+
+    def __enter__(self) -> None:
+        self._thread.start()
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _repeat(self) -> None:
+        # What is gone has nobody to tell.
+        with suppress(OSError):
+            while not self._over.wait(_TELL_EVERY_S):
+                self.report()
+
+    def report(self) -> None:
+        """Tell what is new."""
+        stop = self._stop
+        known = (stop.best, stop.lower_bound, stop.nodes)
+        if known[:2] != self._told[:2]:
+            self._told = known
+            plan = None if known[0] is None else plain_plan(known[0])
+            tell((plan, *known[1:]))
+
+
+def _started(job: _Job) -> Stop:
+    """Return the stop of a search, as far as the search has come before it was sent here."""
+    stop = Stop(**job.limits)
+    if job.start is not None:
+        stop.incumbent(job.start)
+    if job.lower_bound is not None:
+        stop.bound(job.lower_bound)
+    when_asked_to_stop(stop.interrupt)
+    return stop

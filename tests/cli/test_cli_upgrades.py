@@ -1,0 +1,144 @@
+"""Kept verdicts die with the code that gave them: an upgraded plugin answers at once."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from skillplan.checks.code_origin import code_origin
+from skillplan.pipeline import registry
+
+DETECTOR = '''
+from pathlib import Path
+
+from skillplan import Detector, Verdict
+
+
+class Watchful(Detector):
+    """Answer the same about everything."""
+
+    name = "watchful"
+    expensive = True
+
+    def check(self, skill, state):
+        with Path(__file__).with_name("calls").open("a") as calls:
+            calls.write(".")
+        return ANSWER
+'''
+ALLOWS, REFUSES = "Verdict.feasible()", 'Verdict.infeasible("closed")'
+Publish = Callable[..., None]
+
+
+@pytest.fixture
+def publish(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Publish]:
+    """Install a version of a detector whose distribution is not named after its module."""
+    site = tmp_path / "site"
+    site.mkdir()
+    monkeypatch.syspath_prepend(str(site))
+
+    def put(answer: str, version: str | None, *, editable: bool = False) -> None:
+        info = site / "acme_detectors.dist-info"
+        info.mkdir(exist_ok=True)
+        stated = "" if version is None else f"Version: {version}\n"
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: acme-detectors\n{stated}")
+        (info / "entry_points.txt").write_text(
+            "[skillplan.collision]\nwatchful = watchful_module:Watchful\n"
+        )
+        address = {"url": f"file://{site}", "dir_info": {"editable": editable}}
+        (info / "direct_url.json").write_text(json.dumps(address))
+        (site / "watchful_module.py").write_text(DETECTOR.replace("ANSWER", answer))
+        for stale in site.glob("__pycache__/*"):
+            stale.unlink()
+        forget()
+
+    def forget() -> None:
+        sys.modules.pop("watchful_module", None)
+        registry.refresh()
+
+    yield put
+    forget()
+
+
+def solved(cli: Any, board: str) -> bool:
+    words = ("search-optimal", board, "--collision", "watchful", "--format", "json")
+    return bool(cli(*words).document["status"] == "optimal")
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ({"version": "1.0"}, {"version": "1.1"}),
+        ({"version": "1.0", "editable": True}, {"version": "1.0", "editable": True}),
+        ({"version": None}, {"version": None}),
+    ],
+    ids=["a new version", "an edited source", "no version to tell"],
+)
+def test_an_upgrade_from_allows_all_to_refuses_all_changes_the_answer_at_once(
+    cli: Any, board: str, publish: Publish, before: dict[str, Any], after: dict[str, Any]
+) -> None:
+    """What the former code allowed is kept, and not used."""
+    publish(ALLOWS, **before)
+    assert solved(cli, board)
+    publish(REFUSES, **after)
+    assert not solved(cli, board)
+
+
+def test_the_same_code_is_not_queried_again(
+    cli: Any, board: str, publish: Publish, tmp_path: Path
+) -> None:
+    """What it said is used by the next process."""
+    publish(ALLOWS, "3.0")
+    words = ("search-optimal", board, "--collision", "watchful", "--format", "json")
+    cli(*words)
+    calls = tmp_path / "site" / "calls"
+    first = len(calls.read_text())
+    assert first
+    publish(ALLOWS, "3.0")
+    cli(*words)
+    assert first == len(calls.read_text())
+
+
+class TestOrigin:
+    def test_it_is_that_of_the_distribution_that_registered_the_class(
+        self, publish: Publish
+    ) -> None:
+        """And not of one that is named like its module."""
+        publish(ALLOWS, "1.0")
+        origin = code_origin(registry.load("collision", "watchful"))
+        assert "acme-detectors 1.0" == origin[0]
+        assert not [one for one in origin if one.startswith("watchful_module ")]
+
+    def test_source_counts_where_a_version_does_not_tell(self, publish: Publish) -> None:
+        """As of a distribution that somebody edits."""
+        publish(ALLOWS, "1.0", editable=True)
+        before = code_origin(registry.load("collision", "watchful"))
+        publish(REFUSES, "1.0", editable=True)
+        after = code_origin(registry.load("collision", "watchful"))
+        assert before[:-1] == after[:-1]
+        assert before[-1] != after[-1]
+
+    def test_a_class_that_nothing_registered_is_told_by_its_source(self) -> None:
+        """As one that a script constructs itself."""
+        from skillplan import Detector
+
+        class Own(Detector):
+            """Allow nothing."""
+
+            name = "own"
+
+            def check(self, skill: Any, state: Any) -> Any:
+                raise NotImplementedError
+
+        package = Own.__module__.partition(".")[0]
+        assert [one for one in code_origin(Own) if one.startswith(f"{package} ")]
+
+    def test_what_a_distribution_needs_counts(self) -> None:
+        """A verdict of an engine rests on its simulator's version."""
+        swept = pytest.importorskip("skillplan_pinocchio").__name__
+        origin = code_origin(registry.load("collision", "swept"))
+        assert [one for one in origin if one.startswith("coal ")], swept

@@ -1,0 +1,193 @@
+"""Limits need no consent: a solver that never looks at its stop is ended from outside."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from textwrap import dedent
+from typing import Any
+
+import pytest
+
+from skillplan.errors import BackEndError, SearchStopped, SolverError
+from skillplan.pipeline import registry
+from skillplan.pipeline.run import solve
+from skillplan.pipeline.search_apart import GRACE_S
+from skillplan.solvers.solver import Solver
+from skillplan.solvers.stop import Stop
+from skillplan.testing import lid_task
+
+PATIENCE_S = 20
+HEAD = """
+import os, time
+from skillplan import Plan, Solution, Solver
+
+
+class Stubborn(Solver):
+    name = "stubborn"
+
+    def solve(self, model, *, seed=0):
+"""
+
+
+@pytest.fixture
+def stubborn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], str]]:
+    """Install a solver whose `solve` is some lines of Python, here and in other processes."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *sys.path]))
+
+    def put(body: str) -> str:
+        lines = "".join(f"        {line}\n" for line in dedent(body).strip().splitlines())
+        (tmp_path / "stubborn_solver.py").write_text(HEAD + lines)
+        info = tmp_path / "stubborn-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: stubborn\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(
+            "[skillplan.solver]\nstubborn = stubborn_solver:Stubborn\n"
+        )
+        registry.refresh()
+        return "stubborn"
+
+    yield put
+    sys.modules.pop("stubborn_solver", None)
+    registry.refresh()
+
+
+def best_of(task: Any) -> tuple[tuple[str, ...], float]:
+    best = solve(task, "exact")
+    assert best.cost is not None
+    return tuple(step.skill for step in best.steps), best.cost
+
+
+def test_one_that_never_polls_is_ended_and_its_incumbent_counts(
+    stubborn: Callable[[str], str],
+) -> None:
+    """Soon after the limit, with the last plan and bound that it reported."""
+    skills, cost = best_of(lid_task())
+    name = stubborn(
+        f"""
+        self.stop.incumbent(Plan({skills!r}, {cost!r}))
+        self.stop.bound({cost / 2!r})
+        while True:
+            time.sleep(0.01)
+        """
+    )
+    begin_s = time.monotonic()
+    result = solve(lid_task(), name, stop=Stop(time_limit_s=2))
+    assert time.monotonic() - begin_s < PATIENCE_S
+    assert ("solved", cost) == (result.status, result.cost)
+    assert cost / 2 == result.lower_bound
+    assert result.reason.startswith("time limit")
+
+
+def test_one_that_swallows_every_error_is_ended_too(stubborn: Callable[[str], str]) -> None:
+    """Though it queries the model for ever."""
+    name = stubborn(
+        """
+        while True:
+            try:
+                model.transitions(model.initial)
+            except BaseException:
+                pass
+        """
+    )
+    result = solve(lid_task(), name, stop=Stop(time_limit_s=1))
+    assert ("unsolved", "time limit") == (result.status, result.reason.partition(":")[0])
+
+
+def test_memory_is_measured_from_outside(stubborn: Callable[[str], str]) -> None:
+    """What it allocates in one go, without ever looking, ends it."""
+    name = stubborn(
+        """
+        held = bytearray(os.urandom(1)) * (600 * 1024 * 1024)
+        while True:
+            time.sleep(0.01)
+        """
+    )
+    limit = 400 * 1024 * 1024
+    result = solve(lid_task(), name, stop=Stop(memory_limit_bytes=limit))
+    assert ("unsolved", "memory limit") == (result.status, result.reason.partition(":")[0])
+
+
+def test_one_that_hears_the_request_returns_what_it_has(stubborn: Callable[[str], str]) -> None:
+    """An interruption reaches its stop in the other process."""
+    skills, cost = best_of(lid_task())
+    name = stubborn(
+        f"""
+        self.stop.bound(0.0)
+        while not self.stop():
+            time.sleep(0.01)
+        return Solution(Plan({skills!r}, {cost!r}), trace={{"heard": True}})
+        """
+    )
+    stop = Stop(time_limit_s=60, on_progress=lambda progress: stop.interrupt())
+    result = solve(lid_task(), name, stop=stop)
+    assert ("solved", cost) == (result.status, result.cost)
+    assert result.trace["heard"]
+    assert result.interrupted
+
+
+def test_what_it_finds_and_proves_in_time_is_judged_as_ever(stubborn: Callable[[str], str]) -> None:
+    """Plan, proof, trace and what it queried come back."""
+    skills, cost = best_of(lid_task())
+    name = stubborn(
+        f"""
+        model.transitions(model.initial)
+        return Solution(Plan({skills!r}, {cost!r}), {cost!r}, True, {{"where": os.getpid()}})
+        """
+    )
+    result = solve(lid_task(), name, stop=Stop(time_limit_s=60))
+    assert ("optimal", cost) == (result.status, result.cost)
+    assert os.getpid() != result.trace["where"]
+    assert 1 == result.states
+    assert result.checks
+
+
+def test_without_a_limit_it_stays_here(stubborn: Callable[[str], str]) -> None:
+    """A process costs time."""
+    name = stubborn('return Solution(trace={"where": os.getpid()})')
+    assert os.getpid() == solve(lid_task(), name).trace["where"]
+
+
+def test_one_that_says_it_polls_stays_here(
+    stubborn: Callable[[str], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is spared the process."""
+    name = stubborn('return Solution(trace={"where": os.getpid()})')
+    monkeypatch.setattr(registry.load("solver", name), "polls", True)
+    assert os.getpid() == solve(lid_task(), name, stop=Stop(time_limit_s=60)).trace["where"]
+
+
+def test_all_that_come_with_skillplan_poll() -> None:
+    """None of them needs a process of its own."""
+    for name in registry.names("solver"):
+        solver: type[Solver] = registry.load("solver", name)
+        assert solver.polls, name
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("raise LookupError('no table')", "failed: LookupError: no table .*stubborn_solver.py"),
+        ("raise SystemExit(0)", "failed: SystemExit: 0"),
+        ("os.kill(os.getpid(), 9)", "its process was ended by signal 9"),
+        ("return 7", "returned int, not a Solution"),
+        ("return Solution(trace={'x': float('nan')})", "cannot be read: its trace is not JSON"),
+    ],
+)
+def test_what_goes_wrong_there_is_said_here(
+    stubborn: Callable[[str], str], body: str, words: str
+) -> None:
+    """The solver has failed, in words that name it."""
+    with pytest.raises(SolverError, match=words):
+        solve(lid_task(), stubborn(body), stop=Stop(time_limit_s=60))
+
+
+def test_no_exception_handler_of_a_solver_catches_a_stop() -> None:
+    """It is none of what `except Exception` stands for, and no back end's failure."""
+    assert not issubclass(SearchStopped, Exception)
+    assert not issubclass(SearchStopped, BackEndError)
+    assert GRACE_S > 0
