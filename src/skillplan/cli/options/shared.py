@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Collection, Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -18,6 +17,7 @@ from skillplan.cli.options.values import (
     positive_seconds,
     whole_number,
 )
+from skillplan.cli.writing import tell
 from skillplan.errors import OptionError
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -155,7 +155,7 @@ class Reading:
         named = None if back_ends is None else back_ends.named()
         problem = setup.load_problem(path, named, self.settings())
         for warning in problem.warnings if warn else ():
-            print(f"skillplan: warning: {warning}", file=sys.stderr)
+            tell(f"skillplan: warning: {warning}")
         return problem
 
 
