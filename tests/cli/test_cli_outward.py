@@ -197,7 +197,7 @@ def test_closed_streams_end_with_the_documented_code(
         ("skillplan check --help | head -1; exit ${PIPESTATUS[0]}", 0, ""),
         ("skillplan check BOARD 0<&- 1>&- 2>&-", 2, ""),
         ("LC_ALL=POSIX PYTHONUTF8=0 PYTHONCOERCECLOCALE=0 skillplan --help", 0, ""),
-        ("LC_ALL=POSIX PYTHONUTF8=0 PYTHONCOERCECLOCALE=0 skillplan compare BOARD", 0, ""),
+        ("LC_ALL=POSIX PYTHONUTF8=0 PYTHONCOERCECLOCALE=0 skillplan check BOARD", 0, ""),
         ("ulimit -n 16; skillplan search-optimal BOARD", 0, ""),
         ("ulimit -n 16; skillplan compare BOARD --solvers exact", 0, ""),
         ("mkdir gone; cd gone; rmdir ../gone; skillplan search-optimal BOARD", 0, ""),
