@@ -5,6 +5,7 @@ What follows is repeated or resumed, and must come to what an uninterrupted run 
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import random
@@ -24,8 +25,8 @@ from tally import Tally, call, guarded_folder, holds_to_its_word, progress
 HERE = Path(__file__).parent
 PROGRAM = [sys.executable, "-m", "skillplan"]
 PATIENCE_S = 300
-# What a clock decides.
-CLOCKS = {"wall_s", "took_s", "learning_s", "seconds", "command", "file"}
+# What a clock decides; of a kept verdict the checksum is of how long it took, too.
+CLOCKS = {"wall_s", "took_s", "learning_s", "checksum"}
 # Of a training: what is learned and what can be resumed; the rest tells when and by which command.
 LEARNED = ("metrics.jsonl", "policy.json", "policy.safetensors", "last.json", "last.safetensors")
 
@@ -101,7 +102,12 @@ def swept(folder: Path) -> Any:
     """Return the records of a study, in the order of settings and seeds."""
     lines = (folder / "runs.jsonl").read_text("utf-8").splitlines()
     records = [json.dumps(timeless(json.loads(line)), sort_keys=True) for line in lines]
-    return sorted(records), (folder / "starts.csv").read_bytes()
+    with (folder / "starts.csv").open(newline="", encoding="utf-8") as file:
+        rows = [
+            {key: cell for key, cell in row.items() if not key.startswith("learning [s]")}
+            for row in csv.DictReader(file)
+        ]
+    return sorted(records), rows
 
 
 def verdicts(folder: Path) -> Any:

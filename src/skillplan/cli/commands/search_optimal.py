@@ -77,7 +77,8 @@ def command(
     """
     from dataclasses import replace
 
-    from skillplan.cli.output import as_json, emit, exit_code, prepare_folder, save
+    from skillplan.cli.output import emit, exit_code, prepare_folder, save
+    from skillplan.cli.writing import as_json
     from skillplan.pipeline.chain import solver_names
     from skillplan.pipeline.solve_problem import solve_problem
     from skillplan.records.stored.policy_file import policy_document, solved_tasks

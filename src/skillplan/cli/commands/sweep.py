@@ -164,7 +164,8 @@ def command(
     from contextlib import ExitStack
 
     from skillplan.cli.counting import counting
-    from skillplan.cli.output import as_json, emit, save
+    from skillplan.cli.output import emit, save
+    from skillplan.cli.writing import as_json
     from skillplan.errors import OptionError
     from skillplan.sweep.parameter_study import do_study, plan_study
     from skillplan.sweep.study_folder import RESULT, STARTS, StudyFolder
