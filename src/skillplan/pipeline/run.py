@@ -21,7 +21,6 @@ from skillplan.judge.untouched import Untouched
 from skillplan.model.obstruction import obstruction
 from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.pipeline import registry
-from skillplan.pipeline.search_apart import Found, must_be_apart, search_apart
 from skillplan.pipeline.setup import Setup
 from skillplan.plugins.blame import blame
 from skillplan.records.grading import Draft, Grade
@@ -261,10 +260,14 @@ def attempt(
         if refusal is not None:
             return Attempt(draft, Solution(), refusal=refusal, back_ends=back_ends)
         with closing(model.feasibility):
-            if not given and must_be_apart(solver, stop):
-                search = _Search(partial(search_apart, solver, task, back_ends, cache, seed, stop))
-            else:
-                search = _Search(partial(_search, solver, model, seed, stop))
+            search = _Search(partial(_search, solver, model, seed, stop))
+            if not (given or solver.polls) and stop.limits_effort:
+                # Takes what starts processes, which most searches can do without.
+                from skillplan.pipeline import search_apart as apart
+
+                if apart.is_possible():
+                    args = (solver, task, back_ends, cache, seed, stop)
+                    search = _Search(partial(apart.search_apart, *args))
             if start is None:
                 solution = search()
             else:
@@ -414,17 +417,18 @@ class _Search:
         Does it.
     """
 
-    def __init__(self, do: Callable[[], Found]) -> None:
+    def __init__(self, do: Callable[[], tuple[Solution, ModelStats]]) -> None:
         self._do = do
         self.stats = ModelStats()
 
     def __call__(self) -> Solution:
-        found = self._do()
-        self.stats = found.stats
-        return found.solution
+        solution, self.stats = self._do()
+        return solution
 
 
-def _search(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> Found:
+def _search(
+    solver: Solver, model: SkillModel, seed: int, stop: Stop
+) -> tuple[Solution, ModelStats]:
     try:
         with _blamed(type(solver)):
             solution = solver.solve(model, seed=seed)
@@ -435,7 +439,7 @@ def _search(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> Found:
             f"The solver {solver.name!r} returned {type(solution).__name__}, not a Solution."
         )
     try:
-        return Found(plain_solution(solution), model.stats)
+        return plain_solution(solution), model.stats
     except Exception as error:
         words = f"The solver {solver.name!r} returned a Solution that cannot be read"
         raise SolverError(f"{words}: {error}.") from None

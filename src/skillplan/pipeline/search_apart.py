@@ -44,22 +44,6 @@ _Told = tuple[Plan | None, float | None, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """What a search came to, and what it asked of its model.
-
-    Parameters
-    ----------
-    solution
-        The solver's answer, or the best that it had told.
-    stats
-        What was queried; nothing is known of a process that was ended.
-    """
-
-    solution: Solution
-    stats: ModelStats
-
-
-@dataclass(frozen=True, slots=True)
 class _Job:
     seed: int
     limits: Mapping[str, Any]
@@ -74,10 +58,12 @@ class _Raised:
     back_end: bool
 
 
-def must_be_apart(solver: Solver, stop: Stop) -> bool:
-    """Whether a solver may not be trusted with this process under the limits that there are."""
-    limited = stop.limited or stop.memory_limit_bytes is not None
-    return limited and not solver.polls and not LocalProcesses(1).refusal
+_Answer = tuple[Solution, ModelStats] | _Raised
+
+
+def is_possible() -> bool:
+    """Whether a process can be started from here; not from one that does jobs itself."""
+    return not LocalProcesses(1).refusal
 
 
 def search_apart(
@@ -88,7 +74,7 @@ def search_apart(
     seed: int,
     stop: Stop,
     executor: Executor | None = None,
-) -> Found:
+) -> tuple[Solution, ModelStats]:
     """Let a solver search in a process of its own, and end that when its time has come.
 
     Parameters
@@ -107,6 +93,13 @@ def search_apart(
         Its limits count for the process, which is asked to stop once it is true.
     executor
         Where it runs instead.
+
+    Returns
+    -------
+    Solution
+        The solver's answer, or the best that it had told.
+    ModelStats
+        What was queried; nothing is known of a process that was ended.
 
     Raises
     ------
@@ -129,7 +122,7 @@ def search_apart(
         worker.end(gently=False)
 
 
-def _heard(name: str, worker: Worker, place: Executor, stop: Stop) -> Found:
+def _heard(name: str, worker: Worker, place: Executor, stop: Stop) -> tuple[Solution, ModelStats]:
     """Listen to a search until it ends, or has to be ended."""
     asked_s: float | None = None
     while True:
@@ -157,8 +150,8 @@ def _heard(name: str, worker: Worker, place: Executor, stop: Stop) -> Found:
                 return _best(stop)
 
 
-def _best(stop: Stop) -> Found:
-    return Found(Solution(stop.best, stop.lower_bound), ModelStats())
+def _best(stop: Stop) -> tuple[Solution, ModelStats]:
+    return Solution(stop.best, stop.lower_bound), ModelStats()
 
 
 def _note(told: _Told, stop: Stop) -> None:
@@ -169,25 +162,25 @@ def _note(told: _Told, stop: Stop) -> None:
         stop.bound(bound, nodes)
 
 
-def _found(content: Found | _Raised) -> Found:
-    if isinstance(content, Found):
+def _found(content: _Answer) -> tuple[Solution, ModelStats]:
+    if not isinstance(content, _Raised):
         return content
     error = (BackEndError if content.back_end else SolverError)(content.words)
     error.remote_traceback = content.traceback
     raise error
 
 
-def _prepare(content: _Content) -> Callable[[_Job], Found | _Raised]:
+def _prepare(content: _Content) -> Callable[[_Job], _Answer]:
     """Return what searches, in a process of its own."""
     task, made, solver, options, folder = content
 
-    def search(job: _Job) -> Found | _Raised:
+    def search(job: _Job) -> _Answer:
         try:
             return _search(job)
         except SkillplanError as error:
             return _Raised(str(error), traceback_text(error), isinstance(error, BackEndError))
 
-    def _search(job: _Job) -> Found:
+    def _search(job: _Job) -> tuple[Solution, ModelStats]:
         stop = _started(job)
         back_ends = construct(task, made)
         cache = VerdictCache() if folder is None else DiskVerdictCache(folder)
@@ -205,7 +198,7 @@ def _prepare(content: _Content) -> Callable[[_Job], Found | _Raised]:
         except BaseException as error:
             say = f"The solver {solver.name!r} failed"
             blame(error, solver, lambda words: f"{say}: {words}", SolverError)
-        return Found(_portable(solver.name, solution), model.stats)
+        return _portable(solver.name, solution), model.stats
 
     return search
 
