@@ -11,14 +11,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from skillplan.chart.precedence_chart import derive_chart
 from skillplan.checks.feasibility import CheckCount, Feasibility
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
 from skillplan.errors import SearchStopped, SolverError
 from skillplan.judge.plain_solution import plain_solution
 from skillplan.judge.referee import judge
 from skillplan.judge.untouched import Untouched
-from skillplan.model.obstruction import obstruction
 from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.pipeline import registry
 from skillplan.pipeline.setup import Setup
@@ -377,6 +375,10 @@ def _why_infeasible(model: SkillModel, *, charted: bool) -> str:
 
     A chart needs states that the search did not meet; expensive back ends are not queried there.
     """
+    # Only where there is no plan.
+    from skillplan.chart.precedence_chart import derive_chart
+    from skillplan.model.obstruction import obstruction
+
     task = model.task
     if charted and task.deterministic and len(task.operations) <= _MOST_CHARTED:
         obstacle = derive_chart(model.feasibility).obstacle(task)

@@ -78,9 +78,8 @@ def command(
     from dataclasses import replace
 
     from skillplan.cli.output import as_json, emit, exit_code, prepare_folder, save
-    from skillplan.pipeline.chain import solver_names
     from skillplan.pipeline.solve_problem import solve_problem
-    from skillplan.records.stored.policy_file import policy_document, solved_tasks
+    from skillplan.pipeline.solver_choice import solver_names
     from skillplan.records.stored.result_folder import PLAN, POLICIES, RESULT
     from skillplan.views.tables.solved import saved_tables, solved_tables
     from skillplan.views.text.table import as_csv
@@ -111,6 +110,8 @@ def command(
     result = replace(result, origin=setup.origin(task, part, reading.settings()))
     tables = solved_tables(result, last)
     if folder is not None:
+        from skillplan.records.stored.policy_file import policy_document, solved_tasks
+
         save(folder, RESULT, as_json(result.document()))
         save(folder, PLAN, as_csv(tables[-1]))
         for name, table in saved_tables(result).items():
