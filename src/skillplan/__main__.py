@@ -34,9 +34,10 @@ def main() -> None:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    from skillplan.plugins.blame import Interrupted
-
-    raise Interrupted
+    # Nothing is imported here: an import may be what is being interrupted. As long as this module
+    # is not there, no plugin is, from whose exceptions a signal would have to be told apart.
+    blame = sys.modules.get("skillplan.plugins.blame")
+    raise getattr(blame, "Interrupted", KeyboardInterrupt)
 
 
 if __name__ == "__main__":
