@@ -117,7 +117,7 @@ def test_every_command_tells_the_same(words, run):
     assert (2, "", expected_lines(path)) == (code, out, err.splitlines())
 
 
-@pytest.mark.parametrize("stem", ["alias_bomb", "tag_python_object"])
+@pytest.mark.parametrize("stem", [pytest.param("alias_bomb", marks=pytest.mark.slow(reason="another file in every run")), "tag_python_object"])
 def test_a_process_of_its_own_says_the_same(stem):
     """No traceback, on whatever way the error leaves the process."""
     path = next(path for path in CORPUS if path.stem == stem)

@@ -113,6 +113,7 @@ class TestFill:
         result = cli(*on_slow("search-optimal", board, "--format", "json")).document
         assert ("optimal", 0) == (result["status"], made(slow) - int(executions))
 
+    @pytest.mark.slow(reason="five processes; every run has the other commands in several")
     def test_it_is_the_same_in_several_processes_and_stdout_stays_clean(
         self, cli: Any, slow: Path, board: str
     ) -> None:
@@ -159,6 +160,7 @@ class TestFill:
         assert kept >= document["executions"] - 2
         assert kept > 0
 
+    @pytest.mark.slow(reason="a process on a terminal; every run shows the progress of a search and of a training there")
     def test_progress_shows_checks_done_reused_and_to_go(
         self, slow: Path, environment: dict[str, str], board: str
     ) -> None:

@@ -84,6 +84,7 @@ def test_the_format_does_not_change_the_exit_code(cli: Any, words: list[str]) ->
     assert 1 == len(codes)
 
 
+@pytest.mark.slow(reason="searches twelve parts twice; long lines of the board in every run")
 def test_redirected_tables_are_not_cut_to_80_columns(cli: Any, motor: str) -> None:
     """A sequence of 41 actions stands on one line."""
     out = cli("compare", motor, "--solvers", "exact").out

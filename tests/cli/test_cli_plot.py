@@ -82,6 +82,7 @@ def test_a_figure_of_a_walk_is_drawn(
     assert written <= texts(Path("f.svg"))
 
 
+@pytest.mark.slow(reason="solves and draws a whole sheet; the other figures in every run")
 def test_the_placement_of_a_trajectory_is_drawn(cli: Any, walk: str) -> None:
     """With the goals of Table 3, and as many steps."""
     outcome = cli("plot", POLYGONAL, "placement", "--out", "f.svg")
@@ -90,6 +91,7 @@ def test_the_placement_of_a_trajectory_is_drawn(cli: Any, walk: str) -> None:
     assert {title, "C42", "C29", "C54", "b7\N{EN DASH}9", "h16", "home"} <= texts(Path("f.svg"))
 
 
+@pytest.mark.slow(reason="draws a fleet; its figure in test_figures.py of every run")
 def test_the_ways_of_a_fleet_are_drawn(cli: Any, walk: str, meet: str) -> None:
     """By the solver for fleets, or by any other that gives a plan."""
     assert 0 == cli("plot", meet, "fleet", "--out", "f.svg").code
@@ -115,6 +117,7 @@ def test_a_picture_is_named_after_task_and_figure(cli: Any, walk: str) -> None:
     assert 11.55 * 30 == pytest.approx(int.from_bytes(content[16:20], "big"), abs=1)
 
 
+@pytest.mark.slow(reason="draws three figures; equal figures are equal files in test_figures.py of every run")
 def test_equal_calls_write_equal_files(cli: Any, walk: str) -> None:
     """A seed says all; another one learns something else."""
     for out, seed in (("a.svg", "1"), ("b.svg", "1"), ("c.svg", "2")):
@@ -176,6 +179,7 @@ def test_a_figure_of_one_base_does_not_fit_a_fleet(
     assert message in outcome.err
 
 
+@pytest.mark.slow(reason="plans a sheet in vain; the comparison of such a chain in every run")
 def test_a_chain_without_a_plan_is_not_drawn(cli: Any, walk: str) -> None:
     """Exit code 1 and the reason: the planner of 2014 finds no shared pin."""
     outcome = cli("plot", POLYGONAL, "placement", "--solver", "csp")

@@ -73,6 +73,7 @@ class TestOutput:
         rows = list(csv.DictReader(io.StringIO(cli("train", BOARD, *QUICK, *words).out)))
         assert ["0", "1", "2"] == [row["run"] for row in rows]
 
+    @pytest.mark.slow(reason="two trainings; every run has the names of folders that are free")
     def test_without_a_name_the_folder_is_the_next_free_one(
         self, cli: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -90,6 +91,7 @@ class TestOutput:
         assert 1 == outcome.code
         assert 0 == outcome.document["completed_runs"]
 
+    @pytest.mark.slow(reason="a training on a terminal; every run shows the progress of a search there")
     def test_on_a_terminal_it_shows_how_the_runs_stand(self, tmp_path: Path) -> None:
         words = [*QUICK[:-4], "--steps", "800", "-O", "pause_s=0.001", "--out"]
         command = [sys.executable, "-m", "skillplan", "train", BOARD, *words, str(tmp_path / "a")]
@@ -195,6 +197,7 @@ class TestInterruption:
         assert learned_bytes(whole) == learned_bytes(cut)
         assert event_lengths(whole) == event_lengths(cut)
 
+    @pytest.mark.slow(reason="a killed program beside its processes; every run ends such processes of checks, and interrupts a training")
     def test_sigkill_of_the_program_alone_ends_its_processes_before_another_goes_on(
         self, cli: Any, environment: dict[str, str], tmp_path: Path
     ) -> None:
@@ -251,7 +254,7 @@ class TestFaults:
             "cut",
             pytest.param("changed", marks=pytest.mark.slow(reason="two ways in every run")),
             pytest.param("emptied", marks=pytest.mark.slow(reason="two ways in every run")),
-            "other version",
+            pytest.param("other version", marks=pytest.mark.slow(reason="goes on from each damaged file; every run has those that are cut")),
         ],
     )
     def test_every_damaged_file_is_named_or_made_anew(

@@ -105,6 +105,7 @@ def test_it_proves_what_is_published_of_larger_instances(name):
     test_it_proves_what_is_published(name)
 
 
+@pytest.mark.slow(reason="searches for a second; every run ends one of CP-SAT by its time limit, and auto by its gap")
 def test_a_search_that_runs_out_of_time_has_a_plan_and_a_bound():
     """On an instance that takes longer to prove."""
     result = solve(instance("ry48p.1").task, "auto", stop=Stop(time_limit_s=1))

@@ -531,7 +531,7 @@ class TestFolders:
 
 class TestKilling:
     @pytest.mark.parametrize(
-        "kills", [1, pytest.param(6, marks=pytest.mark.slow(reason="6 kills; 1 in every run"))]
+        "kills", [pytest.param(1, marks=pytest.mark.slow(reason="a study killed and done again; every run cuts a training short and goes on with it")), pytest.param(6, marks=pytest.mark.slow(reason="6 kills; 1 in every run"))]
     )
     def test_killed_at_any_instant_and_resumed_it_equals_an_uninterrupted_study(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str], kills: int
@@ -578,6 +578,7 @@ class TestKilling:
             json.loads((tmp_path / "killed" / "sweep.json").read_text())
         )
 
+    @pytest.mark.slow(reason="a study that is killed; every run kills a program whose processes check skills")
     def test_processes_end_with_the_program_that_started_them(self, tmp_path: Path) -> None:
         """However abruptly that ends."""
         if not Path("/proc").is_dir():

@@ -171,7 +171,7 @@ class TestWhatHappens:
         assert learned_bytes(whole) == learned_bytes(tmp_path / "a")
 
     @pytest.mark.parametrize(
-        "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
+        "jobs", [pytest.param(1, marks=pytest.mark.slow(reason="waits for a stride; every run stops between two strides")), pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
     )
     def test_a_stride_that_takes_too_long_after_a_stop_is_given_up(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jobs: int

@@ -109,6 +109,7 @@ def test_it_stops_after_the_skill_under_way(task):
     assert [one.skill for one in found.skills] == ["pick(pcb)"]
 
 
+@pytest.mark.slow(reason="renders a skill in the simulation; every run shows the end of a feasible skill")
 def test_the_moment_of_a_collision_shows_the_culprits_in_red(task):
     engine = PybulletEngine(task)
     image = engine.picture(task.skill("place(transformer)"), state_after(task, (0, 1, 10, 11, 8)))
@@ -121,6 +122,7 @@ def test_the_end_of_a_feasible_skill_shows_nothing_in_red(task):
     assert red_pixels(image) == 0
 
 
+@pytest.mark.slow(reason="renders a skill in the simulation; every run renders its end")
 def test_footage_shows_the_whole_skill(task):
     images = list(PybulletEngine(task).footage(task.skill("pick(clock)"), task.initial, 2.0))
     assert 4 <= len(images) <= 8

@@ -158,7 +158,7 @@ class TestDeterminism:
     @pytest.mark.parametrize(
         "questions",
         [
-            QUESTIONS[:2],
+            pytest.param(QUESTIONS[:2], marks=pytest.mark.slow(reason="executes two skills three times, once in a process; bodies far off change no digit in every run")),
             pytest.param(QUESTIONS, marks=pytest.mark.slow(reason="two of four in every run")),
         ],
         ids=["two", "four"],

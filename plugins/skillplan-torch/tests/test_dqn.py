@@ -169,7 +169,7 @@ class TestLearning:
     def test_a_skill_that_may_fail_is_tried_again(self):
         assert solve(retry_task(0.5), solver(steps=300)).cost == pytest.approx(4.0)
 
-    @pytest.mark.parametrize("n_step", [1, 3])
+    @pytest.mark.parametrize("n_step", [1, pytest.param(3, marks=pytest.mark.slow(reason="a training; over one step in every run"))])
     def test_values_come_to_the_discounted_returns_over_any_number_of_steps(self, n_step):
         """With 4 for completing, and 3 for as many usual steps as the limit allows."""
         step = 3.0 / 12

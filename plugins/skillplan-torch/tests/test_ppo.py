@@ -75,6 +75,7 @@ class TestLearning:
         result = solve(two_roads_task(), solver(steps=1_500))
         assert result.cost == 3.0
 
+    @pytest.mark.slow(reason="a training of 3,000 steps; PpoSolver solves the lid task in every run")
     def test_the_lid_is_screwed_on_at_least_cost(self):
         result = solve(lid_task(), solver(steps=3_000, rollout=128, batch=64))
         assert result.cost == pytest.approx(solve(lid_task(), "exact").cost)
@@ -181,6 +182,7 @@ class TestRunsSideBySide:
             for weight, other in zip(alone.learned(0).last.weights, ours, strict=True):
                 assert weight.tobytes() == other.tobytes()
 
+    @pytest.mark.slow(reason="trains large networks; small ones in every run")
     def test_of_networks_as_large_as_the_board_s_that_is_so_to_the_last_bit(self, board):
         learner, steps = PpoSolver(PpoSolver.Options(rollout=256)), 600
         together = learner.begin(places(learner, 3, board), [0, 1, 2], steps)

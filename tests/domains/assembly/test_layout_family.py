@@ -163,6 +163,7 @@ class TestFamily:
         assert orders <= len({tuple(s.action for s in result.steps) for result in results})
         assert count == len({f"{result.cost:.9f}" for result in results})
 
+    @pytest.mark.slow(reason="solves eight boards by boxes; one board by boxes in every run")
     def test_the_chart_is_right_on_all_of_them(self, board: Problem) -> None:
         """By boxes, which know starts and goals, the same optimum."""
         for task in board.variants(2, 8):

@@ -155,6 +155,7 @@ class TestCalibration:
         level = [row for row in WORKING if abs(row["beta_rad"] - MOUNT.tilt_rad) < 2e-4]
         assert (5, 10) == (len(level), len(WORKING))
 
+    @pytest.mark.slow(reason="computes the reach twice more; the reach itself in every run")
     def test_the_sheet_lies_where_the_reach_is_widest(self) -> None:
         def width(sheet_m: float) -> float:
             least, most = horizontal_reach_m(GEOMETRY, LIMITS, replace(MOUNT, sheet_m=sheet_m))

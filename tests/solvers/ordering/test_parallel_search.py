@@ -436,6 +436,7 @@ class TestEndings:
         assert said == ""
 
 
+@pytest.mark.slow(reason="a search by two processes on a large instance; every run stops auto at a gap")
 def test_what_others_find_counts_for_the_gap(at_once):
     """It is asked for in one process only."""
     task = instance("ft70.1").tasks[-1]
