@@ -554,6 +554,7 @@ def test_a_search_on_a_large_task_heeds_its_time_limit(tmp_path, parts):
     assert (True, "") == (done.returncode in (0, 1), done.stderr)
 
 
+@pytest.mark.slow(reason="files of 400,000 values; the alias bomb in every run")
 def test_more_values_than_allowed_are_refused_however_they_come(faults_of):
     """Written out or by aliases."""
     written = HEAD + f"x: [{'1,' * (MAX_VALUES + 100_001)}]\n"

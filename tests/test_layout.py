@@ -121,6 +121,7 @@ class TestStarting:
         assert set() == {*HEAVY, "rich"} & loaded
         assert "yaml" in loaded
 
+    @pytest.mark.slow(reason="a process; the board needs no arrays in every run")
     def test_the_optimum_beside_a_sequence_of_the_board_needs_none(self) -> None:
         """It is small, so that exact search proves it."""
         sequence = ("--sequence", "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15")

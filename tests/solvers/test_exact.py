@@ -116,6 +116,7 @@ def test_the_board_has_the_optimum_that_was_computed_independently(board_task):
     assert result.gap == 0.0
 
 
+@pytest.mark.slow(reason="walks the board; compare of both solvers in every run")
 def test_it_expands_a_fiftieth_of_what_brute_force_visits(board_task):
     """On the board."""
     exact, brute = (solve(board_task, name, CHART) for name in ("exact", "exhaustive"))

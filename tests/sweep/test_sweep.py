@@ -618,7 +618,7 @@ class TestFigures:
     @pytest.mark.parametrize(
         "design",
         [
-            "one-at-a-time",
+            pytest.param("one-at-a-time", marks=pytest.mark.slow(reason="draws a study; other figures in every run")),
             pytest.param("grid", marks=pytest.mark.slow(reason="one design in every run")),
         ],
     )

@@ -68,7 +68,7 @@ def test_it_proves_what_exact_search_proves(config, collision):
     ("name", "optimum"),
     [
         ("ESC07", 2125),
-        ("ESC12", 1675),
+        pytest.param("ESC12", 1675, marks=pytest.mark.slow(reason="a smaller one in every run")),
         pytest.param("br17.10", 55, marks=pytest.mark.slow(reason="two others in every run")),
     ],
 )
@@ -185,6 +185,7 @@ def test_a_search_that_runs_out_of_time_has_a_plan_and_a_bound_and_no_proof(name
     assert (result.lower_bound or 0) < result.cost
 
 
+@pytest.mark.slow(reason="searches for half a second; the time limit ends another one in every run")
 def test_ctrl_c_ends_the_search_at_once():
     """The signal is heeded while CP-SAT searches, not when it is done."""
     stop = Stop()
@@ -224,6 +225,7 @@ def test_it_stops_before_memory_runs_out():
     assert result.reason == "memory limit"
 
 
+@pytest.mark.slow(reason="searches twelve jobs; a plan to start from in every run for the portfolio")
 def test_it_begins_with_the_plan_that_it_was_given():
     """A search without time to find another returns that one."""
     task = instance("ESC12")
@@ -236,6 +238,7 @@ def test_it_begins_with_the_plan_that_it_was_given():
     assert not solution.proved
 
 
+@pytest.mark.slow(reason="two searches of twelve jobs; it proves the small instance in every run")
 def test_with_one_worker_the_same_seed_searches_in_the_same_way():
     """To the last branch."""
     first, second = (solve(instance("ESC12"), "cp-sat", seed=5) for _ in range(2))

@@ -14,7 +14,7 @@ CONFIGS = Path(__file__).parents[3] / "configs"
 SWEPT = Setup(collision=("swept",))
 
 
-@pytest.mark.parametrize("name", ["battery_module", "relay_rail", "inverter_grasps"])
+@pytest.mark.parametrize("name", [pytest.param("battery_module", marks=pytest.mark.slow(reason="another board in every run")), pytest.param("relay_rail", marks=pytest.mark.slow(reason="another board in every run")), "inverter_grasps"])
 def test_swept_derives_the_hand_made_chart(name: str) -> None:
     """Neither more nor less."""
     derived = derive_chart(make_feasibility(load_problem(CONFIGS / f"{name}.yaml").task, SWEPT))

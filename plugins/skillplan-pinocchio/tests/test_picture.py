@@ -69,6 +69,7 @@ def block(start_m, goal_m, size_m):
     return {"tool": "gripper", "size_m": size_m, "start_m": start_m, "goal_m": goal_m}
 
 
+@pytest.mark.slow(reason="plans past a screen; other pictures in every run")
 def test_the_arm_is_shown_where_a_link_runs_into_something():
     """Behind a screen that no elbow leads past."""
     content = {

@@ -110,12 +110,14 @@ class TestScrews:
 
         return make
 
+    @pytest.mark.slow(reason="executions beside a post; what it passes by is none in every run, and collisions of hands")
     def test_what_the_screwdriver_hits_while_it_presses_is_a_collision(self, beside_a_post) -> None:
         _, hit = beside_a_post(-0.0005)
         assert hit.is_infeasible
         assert set(hit.evidence["bodies"]) == {"screwdriver", "post"}
         assert hit.evidence["during"] == "the driving of screw_1"
 
+    @pytest.mark.slow(reason="an execution; a driven screw in every run")
     def test_a_driven_screw_is_solid_for_the_robot_again(self, board) -> None:
         skill, state = imagined(board, "fasten(screw_1)")
         (motion,) = linear_motions(board, skill, state)
@@ -176,7 +178,7 @@ class TestHands:
     @pytest.mark.parametrize(
         "part",
         [
-            "capacitor_1",
+            pytest.param("capacitor_1", marks=pytest.mark.slow(reason="an execution of the larger board; parts that come to rest in every run")),
             pytest.param("capacitor_2", marks=pytest.mark.slow(reason="the other in every run")),
         ],
     )
@@ -194,7 +196,7 @@ class TestHands:
 
     @pytest.mark.parametrize(
         "height_m",
-        [0.0, pytest.param(0.003, marks=pytest.mark.slow(reason="its ends in every run")), 0.02],
+        [pytest.param(0.0, marks=pytest.mark.slow(reason="another height in every run")), pytest.param(0.003, marks=pytest.mark.slow(reason="its ends in every run")), 0.02],
     )
     def test_from_how_high_a_part_is_let_go_takes_nothing_out_of_the_world(
         self, board, height_m

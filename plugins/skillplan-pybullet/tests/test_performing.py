@@ -104,6 +104,7 @@ def test_a_plan_that_collides_ends_there(task):
     assert found.failed.skill == "place(transformer)"
 
 
+@pytest.mark.slow(reason="an execution; the plan that ends at the first failure in every run")
 def test_it_stops_after_the_skill_under_way(task):
     found = PybulletEngine(task).perform([task.skills[a] for a in OPTIMAL], stopped=lambda: True)
     assert [one.skill for one in found.skills] == ["pick(pcb)"]

@@ -507,7 +507,7 @@ class TestGoingOn:
             other = resumed(learner, [0, 1], task, other.snapshot())
         assert_same(other, whole)
 
-    @pytest.mark.parametrize("cut", [1, 77])
+    @pytest.mark.parametrize("cut", [1, pytest.param(77, marks=pytest.mark.slow(reason="another cut in every run"))])
     def test_on_the_board_too(self, board, cut):
         learner, steps = solver(mask="none", observation="paper", width=256, batch=64), 120
         whole, other = (begun(learner, [0, 1], board) for _ in range(2))

@@ -137,6 +137,7 @@ class TestPoliciesFollowed:
         assert 0 < len(followed) <= len(updates)
         assert min(e.step for e in followed) > SMALL["rollout"]
 
+    @pytest.mark.slow(reason="a training of 2,400 steps; that of DQN in every run")
     def test_the_best_policy_does_what_it_was_kept_for(self):
         learner, steps = solver(), 2_400
         training = learner.begin(places(learner, 2), [0, 1], steps)
@@ -199,6 +200,7 @@ class TestRunsSideBySide:
         first, second = ([e.actions for e in episodes if e.run == run] for run in (0, 1))
         assert first != second
 
+    @pytest.mark.slow(reason="a training; one of DQN that breaks in every run")
     def test_a_run_that_breaks_is_named_and_the_others_go_on(self):
         learner = solver()
         training = begun(learner, [0, 1])

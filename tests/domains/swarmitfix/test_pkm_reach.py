@@ -125,6 +125,7 @@ class TestReach:
         gaps = [abs(leg - limit) for leg in legs_m for limit in LIMITS.leg_a_m]
         assert min(gaps) < 1e-9
 
+    @pytest.mark.slow(reason="computes the reach anew; that of the machine in every run")
     @settings(max_examples=examples(15, fewest=3))
     @given(st.floats(0.0, 0.02))
     def test_tighter_limits_never_widen_it(self, cut_m: float) -> None:

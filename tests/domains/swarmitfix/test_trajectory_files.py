@@ -488,6 +488,7 @@ class TestDxf:
         text = drawing(lambda space: space.add_line((0, 0), (1, 0)), 19)
         assert refused(tmp_path, "a.dxf", text).startswith("$INSUNITS: The unit 19 is not read")
 
+    @pytest.mark.slow(reason="a process; other starts that load less in every run")
     def test_ezdxf_is_loaded_for_drawings_only(self) -> None:
         code = (
             "import sys; from pathlib import Path; "

@@ -276,6 +276,7 @@ class TestLosses:
         assert search.cost == 1675
         assert set(parallel.lost) <= {"one was ended by signal 9"}
 
+    @pytest.mark.slow(reason="a process; lost checks of processes in every run")
     def test_a_process_that_fails_costs_its_share_only(self, beside):
         """Its words are kept."""
         beside("local-search")
