@@ -117,7 +117,13 @@ def test_every_command_tells_the_same(words, run):
     assert (2, "", expected_lines(path)) == (code, out, err.splitlines())
 
 
-@pytest.mark.parametrize("stem", [pytest.param("alias_bomb", marks=pytest.mark.slow(reason="another file in every run")), "tag_python_object"])
+@pytest.mark.parametrize(
+    "stem",
+    [
+        pytest.param("alias_bomb", marks=pytest.mark.slow(reason="another file in every run")),
+        "tag_python_object",
+    ],
+)
 def test_a_process_of_its_own_says_the_same(stem):
     """No traceback, on whatever way the error leaves the process."""
     path = next(path for path in CORPUS if path.stem == stem)
@@ -538,7 +544,14 @@ def test_no_file_hangs_or_exhausts_memory(tmp_path, names):
 
 
 @pytest.mark.parametrize(
-    "parts", [96, pytest.param(256, marks=pytest.mark.slow(reason="96 parts in every run"))]
+    "parts",
+    [
+        40,
+        *(
+            pytest.param(parts, marks=pytest.mark.slow(reason="40 parts in every run"))
+            for parts in (96, 256)
+        ),
+    ],
 )
 def test_a_search_on_a_large_task_heeds_its_time_limit(tmp_path, parts):
     """Preparing it included: many parts, each pair of them in the chart."""

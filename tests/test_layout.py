@@ -10,6 +10,7 @@ import sys
 import tomllib
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -165,9 +166,14 @@ class TestFiles:
             assert home.search(text) is None, name
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text("utf-8"))
+
+
 def lines_of_functions(path: Path) -> Iterator[tuple[str, int]]:
     """Yield every function of a module and how many lines its body has without its docstring."""
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             body = node.body[ast.get_docstring(node) is not None :]
             if body:
@@ -195,7 +201,7 @@ def test_the_list_of_slow_tests_is_current() -> None:
 
 def public_definitions(path: Path) -> Iterator[tuple[str, ast.AST]]:
     """Yield every public class, function and method of a module, and the module."""
-    tree = ast.parse(path.read_text("utf-8"))
+    tree = parsed(path)
     yield "the module", tree
     stack: list[tuple[str, ast.AST]] = [("", tree)]
     while stack:

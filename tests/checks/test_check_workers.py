@@ -203,7 +203,9 @@ def test_the_engine_and_the_detector_of_one_question_are_asked_in_one_process(tm
     assert all(one == other for one, other in pairs)
 
 
-@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))])
+@pytest.mark.parametrize(
+    "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
+)
 def test_every_process_tells_its_back_ends_what_is_beside_them(jobs):
     """As this one does."""
     plain = Feasibility(TASK, one_engine())
@@ -440,7 +442,9 @@ def test_processes_end_with_the_program_that_started_them(tmp_path, number):
     wait_until_gone({one for *_, one in checks_in(log)})
 
 
-@pytest.mark.slow(reason="a script in processes of its own; another one of processes that end in every run")
+@pytest.mark.slow(
+    reason="a script in processes of its own; another one of processes that end in every run"
+)
 def test_a_script_that_would_start_itself_again_is_told(tmp_path):
     """Its last line says what is missing; nothing hangs."""
     process, _ = program(tmp_path, 0, guarded=False)
@@ -482,7 +486,9 @@ def test_whoever_polls_can_end_the_asking_in_the_middle_of_a_check(tmp_path):
     assert feasibility.verdict(*question_on("pick(fuse)")).stage in ("", "expensive-engine")
 
 
-@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="in one process in every run"))])
+@pytest.mark.parametrize(
+    "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="in one process in every run"))]
+)
 def test_progress_counts_checks_done_reused_and_to_go(jobs):
     """Up to the last of a batch; a question that is answered from memory is not shown."""
     counts = []

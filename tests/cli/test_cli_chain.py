@@ -130,7 +130,9 @@ def table_3() -> Any:
 
 
 class TestCompare:
-    @pytest.mark.slow(reason="learns with every solver of the table; every run compares fewer on the board")
+    @pytest.mark.slow(
+        reason="learns with every solver of the table; every run compares fewer on the board"
+    )
     def test_every_solver_has_a_row(self, table_3: Any) -> None:
         assert "skillplan.comparison/1" == table_3["schema"]
         assert list(SOLVERS) == [row["solver"] for row in table_3["rows"]]
@@ -288,7 +290,9 @@ class TestCheck:
 
 
 class TestExitCodes:
-    @pytest.mark.slow(reason="plans a sheet in vain; the comparison tells the same reason in every run")
+    @pytest.mark.slow(
+        reason="plans a sheet in vain; the comparison tells the same reason in every run"
+    )
     def test_no_goals_is_1_with_the_reason(self, cli: Any) -> None:
         outcome = cli("search-optimal", POLYGONAL, "--solver", "csp", "--format", "json")
         assert (1, "unsolved") == (outcome.code, outcome.document["status"])

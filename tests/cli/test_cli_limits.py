@@ -87,7 +87,7 @@ print(json.dumps([done.returncode, json.loads(done.stdout), peak]))
 
 
 class TestMemoryLimit:
-    @pytest.mark.slow(reason="fills 64 MiB; every run keeps a memory limit on small graphs and in a search of sequences")
+    @pytest.mark.slow(reason="fills 64 MiB; the portfolio keeps its limit in every run")
     def test_exact_search_ends_with_a_bound_within_the_limit(self, big_board: str) -> None:
         """No more than 10 % above it at any time, and the most of it is used."""
         words = [sys.executable, "-m", "skillplan", "search-optimal", big_board, *EXACT]
@@ -169,7 +169,16 @@ class TestStart:
         assert "solved" == cli("search-optimal", motor, *EXACT, *words).document["status"]
         return folder
 
-    @pytest.mark.parametrize("named", ["", pytest.param("result.json", marks=pytest.mark.slow(reason="another name of the same file in every run"))])
+    @pytest.mark.parametrize(
+        "named",
+        [
+            "",
+            pytest.param(
+                "result.json",
+                marks=pytest.mark.slow(reason="another name of the same file in every run"),
+            ),
+        ],
+    )
     def test_a_search_goes_on_from_an_earlier_result(
         self, cli: Any, motor: str, earlier: Path, named: str
     ) -> None:

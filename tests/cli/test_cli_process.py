@@ -145,7 +145,9 @@ class TestInterruption:
         assert document["stats"]["expanded"] > 0
         assert "Traceback" not in screen.read()
 
-    @pytest.mark.slow(reason="a process; every run waits for the progress before it interrupts a search")
+    @pytest.mark.slow(
+        reason="a process; every run waits for the progress before it interrupts a search"
+    )
     def test_progress_shows_on_the_terminal_and_goes_away(
         self, long_search: tuple[subprocess.Popen[str], Terminal]
     ) -> None:
@@ -159,7 +161,9 @@ class TestInterruption:
         assert "bound 0." in shown
         assert "\x1b[2K" in shown[-20:]
 
-    @pytest.mark.slow(reason="searches for more than a second; every run shows the progress on a terminal")
+    @pytest.mark.slow(
+        reason="searches for more than a second; every run shows the progress on a terminal"
+    )
     def test_progress_shows_the_speed_after_a_second(
         self, long_search: tuple[subprocess.Popen[str], Terminal]
     ) -> None:
@@ -171,7 +175,9 @@ class TestInterruption:
         process.communicate(timeout=PATIENCE_S)
         assert 130 == process.returncode
 
-    @pytest.mark.slow(reason="a process of two searches; a single search that is interrupted in every run")
+    @pytest.mark.slow(
+        reason="a process of two searches; a single search that is interrupted in every run"
+    )
     def test_an_interrupted_comparison_keeps_what_is_done(
         self, environment: dict[str, str], motor: str, deaf_solver: str
     ) -> None:
@@ -303,7 +309,9 @@ class TestPipes:
         )
         assert (1, b"") == (done.returncode, done.stderr)
 
-    @pytest.mark.slow(reason="a process; redirected tables are not cut in every run, in this process")
+    @pytest.mark.slow(
+        reason="a process; redirected tables are not cut in every run, in this process"
+    )
     def test_redirected_output_is_plain_and_loses_nothing(
         self, environment: dict[str, str], motor: str
     ) -> None:

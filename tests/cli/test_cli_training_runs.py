@@ -201,7 +201,7 @@ class TestAfterTraining:
         assert trained["optimum"] == tried["optimum"]
         assert 0 == cli("plot", runs).code
 
-    @pytest.mark.slow(reason="trains on three layouts and tries on four; every run trains on layouts in test_trainer.py")
+    @pytest.mark.slow(reason="trains on three layouts; so does test_trainer.py in every run")
     def test_runs_of_a_family_are_tried_on_layouts_they_have_not_seen(
         self, cli: Any, tmp_path: Path, learner: str
     ) -> None:
@@ -232,7 +232,9 @@ class TestLayouts:
         assert (2, "") == (outcome.code, outcome.out)
         assert "describes no family" in outcome.err
 
-    @pytest.mark.slow(reason="three boards; trying runs on layouts in test_runs_evaluation.py of every run")
+    @pytest.mark.slow(
+        reason="three boards; trying runs on layouts in test_runs_evaluation.py of every run"
+    )
     def test_runs_of_one_board_may_be_tried_on_its_family(self, cli: Any, runs: Path) -> None:
         """The same sequence on other layouts: complete, and seldom optimal."""
         found = cli("evaluate", str(runs), "--layouts", "3", "--format", "json").document["layouts"]
@@ -246,7 +248,9 @@ class TestLayouts:
 
 
 class TestChance:
-    @pytest.mark.slow(reason="draws and solves a task of chance; every run holds others to the optimum")
+    @pytest.mark.slow(
+        reason="draws and solves a task of chance; every run holds others to the optimum"
+    )
     def test_policies_are_held_to_the_least_expected_cost(self, cli: Any, tmp_path: Path) -> None:
         """A lucky episode costs less, and is no deviation."""
         path = write_runs(tmp_path / "runs", GRASPS, [OPTIMAL], observation="paper")

@@ -182,7 +182,20 @@ class TestPlot:
         assert (0, f"{path}\n") == (outcome.code, outcome.out)
         assert "place(transformer)" in texts(path)
 
-    @pytest.mark.parametrize("figure", ["gantt", pytest.param("placement", marks=pytest.mark.slow(reason="draws two figures; another one in every run")), pytest.param("rewards", marks=pytest.mark.slow(reason="draws two figures; another one in every run"))])
+    @pytest.mark.parametrize(
+        "figure",
+        [
+            "gantt",
+            pytest.param(
+                "placement",
+                marks=pytest.mark.slow(reason="draws two figures; another one in every run"),
+            ),
+            pytest.param(
+                "rewards",
+                marks=pytest.mark.slow(reason="draws two figures; another one in every run"),
+            ),
+        ],
+    )
     def test_a_stored_chain_is_drawn(
         self, cli: Any, corner: str, solved_corner: Path, tmp_path: Path, figure: str
     ) -> None:
@@ -254,6 +267,7 @@ class TestRuns:
         assert 2 == outcome.code
         assert f"{BOARD} is no folder of training runs" in outcome.err
 
+    @pytest.mark.slow(reason="evaluates twice; a folder in every run")
     def test_the_document_of_a_folder_means_the_folder(self, cli: Any, good: Path) -> None:
         """Of training runs as of results."""
         (good / "result.json").write_text("{}")
@@ -262,7 +276,13 @@ class TestRuns:
             document["runs"] == cli("evaluate", str(good / "result.json"), *JSON).document["runs"]
         )
 
-    @pytest.mark.parametrize("figure", ["success", pytest.param("distances", marks=pytest.mark.slow(reason="another figure in every run"))])
+    @pytest.mark.parametrize(
+        "figure",
+        [
+            "success",
+            pytest.param("distances", marks=pytest.mark.slow(reason="another figure in every run")),
+        ],
+    )
     def test_their_curves_stand_in_one_figure(
         self, cli: Any, good: Path, poor: Path, tmp_path: Path, figure: str
     ) -> None:

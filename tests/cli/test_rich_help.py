@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 
 def printed(before: str, *words: str) -> str:
     """Return the help that a fresh interpreter prints after a statement."""

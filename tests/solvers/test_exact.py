@@ -163,6 +163,7 @@ def uniform_cost(task):
     return None
 
 
+@pytest.mark.slow(reason="searches twelve parts; the board in every run")
 def test_it_agrees_with_uniform_cost_search_on_the_motor_drive(motor_drive_task):
     """Twelve parts, five screws and three tools."""
     cost, steps = uniform_cost(motor_drive_task)
@@ -282,6 +283,7 @@ def test_the_gap_of_a_stopped_search_is_granted_by_the_referee(motor_drive_task)
     assert result.gap == pytest.approx(1 - result.lower_bound / result.cost)
 
 
+@pytest.mark.slow(reason="searches twelve parts; auto stops at a gap in every run")
 def test_it_stops_once_the_gap_is_small_enough(motor_drive_task):
     """At the price of the proof."""
     result = solve(motor_drive_task, "exact", CHART, stop=Stop(gap=0.2))

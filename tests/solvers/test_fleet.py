@@ -117,7 +117,7 @@ class TestTwo:
             assert result.trace["makespan_proved"]
             assert_valid(bench, robots, result)
 
-    @pytest.mark.slow(reason="exact search for two robots on the whole bench; every run compares on smaller benches")
+    @pytest.mark.slow(reason="two robots on the whole bench; on smaller ones in every run")
     def test_exact_search_agrees_on_the_papers_bench(self) -> None:
         for seed in range(examples(2, fewest=1)):
             task = task_of(BENCH, random_robots(BENCH, 2, seed))

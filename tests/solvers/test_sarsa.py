@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import pytest
+
 from example_count import examples
 from skillplan.pipeline.run import make_model, make_solver
 from skillplan.solvers.learning.sarsa import SarsaSolver

@@ -173,7 +173,16 @@ class TestWhatHappens:
         assert learned_bytes(whole) == learned_bytes(tmp_path / "a")
 
     @pytest.mark.parametrize(
-        "jobs", [pytest.param(1, marks=pytest.mark.slow(reason="waits for a stride; every run stops between two strides")), pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
+        "jobs",
+        [
+            pytest.param(
+                1,
+                marks=pytest.mark.slow(
+                    reason="waits for a stride; every run stops between two strides"
+                ),
+            ),
+            pytest.param(2, marks=pytest.mark.slow(reason="one process in every run")),
+        ],
     )
     def test_a_stride_that_takes_too_long_after_a_stop_is_given_up(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jobs: int
@@ -192,7 +201,6 @@ class TestWhatHappens:
         train(tmp_path / "a", slow, jobs=jobs, resume=True, **more)
         assert learned_bytes(tmp_path / "whole") == learned_bytes(tmp_path / "a")
 
-    @pytest.mark.slow(reason="four trainings; every run evaluates runs on layouts of a family")
     def test_layouts_of_a_family_are_learned_and_gone_on_with(self, tmp_path: Path) -> None:
         """The policies are judged on the file's own layout."""
         more = {"runs": 2, "steps": 400, "family": 3}

@@ -38,17 +38,25 @@ class TestCpSatSolver(SolverSuite):
     [
         ("inverter_board", ("precedence",)),
         ("inverter_board", ("aabb",)),
-        ("motor_drive", ("precedence",)),
+        pytest.param(
+            "motor_drive",
+            ("precedence",),
+            marks=pytest.mark.slow(reason="smaller boards in every run"),
+        ),
         pytest.param(
             "motor_drive",
             ("aabb",),
-            marks=pytest.mark.slow(reason="the largest; by chart in every run"),
+            marks=pytest.mark.slow(reason="smaller boards in every run"),
         ),
-        ("relay_rail", ("precedence",)),
+        pytest.param(
+            "relay_rail",
+            ("precedence",),
+            marks=pytest.mark.slow(reason="smaller boards in every run"),
+        ),
         pytest.param(
             "relay_rail",
             ("aabb",),
-            marks=pytest.mark.slow(reason="other boards by boxes, and this by chart, in every run"),
+            marks=pytest.mark.slow(reason="other boards by boxes in every run"),
         ),
         ("battery_module", ("precedence",)),
         ("battery_module", ("aabb",)),
@@ -225,7 +233,9 @@ def test_it_stops_before_memory_runs_out():
     assert result.reason == "memory limit"
 
 
-@pytest.mark.slow(reason="searches twelve jobs; a plan to start from in every run for the portfolio")
+@pytest.mark.slow(
+    reason="searches twelve jobs; a plan to start from in every run for the portfolio"
+)
 def test_it_begins_with_the_plan_that_it_was_given():
     """A search without time to find another returns that one."""
     task = instance("ESC12")

@@ -110,7 +110,9 @@ def test_it_stops_after_the_skill_under_way(task):
     assert [one.skill for one in found.skills] == ["pick(pcb)"]
 
 
-@pytest.mark.slow(reason="renders a skill in the simulation; every run shows the end of a feasible skill")
+@pytest.mark.slow(
+    reason="renders a skill in the simulation; every run shows the end of a feasible skill"
+)
 def test_the_moment_of_a_collision_shows_the_culprits_in_red(task):
     engine = PybulletEngine(task)
     image = engine.picture(task.skill("place(transformer)"), state_after(task, (0, 1, 10, 11, 8)))

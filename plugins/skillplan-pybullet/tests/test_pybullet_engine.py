@@ -45,6 +45,14 @@ class TestConformance(EngineSuite):
             every = [query for query in every if query[0].name == "pick(lid)"]
         yield from random.Random(4).sample(every, count)
 
+    @pytest.mark.slow(reason="executions again; a reused verdict equals a fresh one in every run")
+    def test_it_answers_the_same_whatever_was_checked_before(self) -> None:
+        super().test_it_answers_the_same_whatever_was_checked_before()
+
+    @pytest.mark.slow(reason="executions again; the facts of verdicts on the board in every run")
+    def test_a_verdict_rests_on_facts_that_hold(self) -> None:
+        super().test_a_verdict_rests_on_facts_that_hold()
+
 
 class TestThePapersBoard:
     @pytest.mark.slow(reason="the same executions, read by detectors, in every run")
@@ -159,7 +167,12 @@ class TestDeterminism:
     @pytest.mark.parametrize(
         "questions",
         [
-            pytest.param(QUESTIONS[:2], marks=pytest.mark.slow(reason="executes two skills three times, once in a process; bodies far off change no digit in every run")),
+            pytest.param(
+                QUESTIONS[:2],
+                marks=pytest.mark.slow(
+                    reason="six executions; in every run bodies far off change no digit"
+                ),
+            ),
             pytest.param(QUESTIONS, marks=pytest.mark.slow(reason="two of four in every run")),
         ],
         ids=["two", "four"],
@@ -202,12 +215,20 @@ class TestOptions:
         assert verdict.is_feasible, verdict
         assert verdict.evidence["sensed"]["tip_error_m"] < 0.001
 
-    @pytest.mark.slow(reason="an execution; a part let go from there in test_executions.py of every run")
+    @pytest.mark.slow(
+        reason="an execution; a part let go from there in test_executions.py of every run"
+    )
     def test_a_drop_from_two_centimetres_still_arrives(self, task):
         engine = self.made(task, drop_height_m=0.02)
         assert engine.check(*imagined(task, "place(clock)", "pcb")).is_feasible
 
-    @pytest.mark.parametrize("control", [pytest.param("osc", marks=pytest.mark.slow(reason="the other control in every run")), "position"])
+    @pytest.mark.parametrize(
+        "control",
+        [
+            pytest.param("osc", marks=pytest.mark.slow(reason="the other control in every run")),
+            "position",
+        ],
+    )
     def test_either_control_drives_a_screw_with_the_force_asked_for(self, task, control):
         engine = self.made(task, control=control, press_force_n=8.0)
         verdict = engine.check(*imagined(task, "fasten(screw_1)", "pcb", "transformer", "brace"))
