@@ -506,7 +506,7 @@ EXPENSIVE = {
     *("back_ends_many", "bench_large", "boxes_1024", "equal_keys", "goals_unknown", "keys"),
     *("number_keys", "options_many", "tags", "vertices_many"),
     *("aliases", "anchors", "chart_circle", "fleet_large", "long_chart", "long_list"),
-    "unknown_keys",
+    *("unknown_keys", "bench_goals", "goals_500", "large_flow", "parts_256"),
 }
 
 
@@ -516,7 +516,7 @@ EXPENSIVE = {
         sorted(set(PATHOLOGICAL) - EXPENSIVE),
         pytest.param(
             sorted(EXPENSIVE),
-            marks=pytest.mark.slow(reason="17 of them, a second each; the others in every run"),
+            marks=pytest.mark.slow(reason="21 of them, a second each; the others in every run"),
         ),
     ],
     ids=["quick", "expensive"],

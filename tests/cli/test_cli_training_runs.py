@@ -201,7 +201,9 @@ class TestAfterTraining:
         assert trained["optimum"] == tried["optimum"]
         assert 0 == cli("plot", runs).code
 
-    @pytest.mark.slow(reason="trains on three layouts; so does test_trainer.py in every run")
+    @pytest.mark.slow(
+        reason="trains on three layouts; runs of one board are tried on others in every run"
+    )
     def test_runs_of_a_family_are_tried_on_layouts_they_have_not_seen(
         self, cli: Any, tmp_path: Path, learner: str
     ) -> None:
@@ -232,9 +234,6 @@ class TestLayouts:
         assert (2, "") == (outcome.code, outcome.out)
         assert "describes no family" in outcome.err
 
-    @pytest.mark.slow(
-        reason="three boards; trying runs on layouts in test_runs_evaluation.py of every run"
-    )
     def test_runs_of_one_board_may_be_tried_on_its_family(self, cli: Any, runs: Path) -> None:
         """The same sequence on other layouts: complete, and seldom optimal."""
         found = cli("evaluate", str(runs), "--layouts", "3", "--format", "json").document["layouts"]

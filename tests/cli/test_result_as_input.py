@@ -208,6 +208,7 @@ class TestPlot:
         with Image.open(of_result) as drawn, Image.open(of_task) as expected:
             assert expected.tobytes() == drawn.tobytes()
 
+    @pytest.mark.slow(reason="draws a policy; a stored chain in every run")
     def test_a_stored_policy_is_drawn(self, cli: Any, learned: str, tmp_path: Path) -> None:
         """From the policies.json beside the plan."""
         path = tmp_path / "policy.svg"

@@ -360,6 +360,7 @@ class TestFaults:
         assert {"failed"} == {one["status"] for one in outcome.document["runs"]}
         assert "the simulator has gone away" in outcome.document["runs"][0]["reason"]
 
+    @pytest.mark.slow(reason="a process that trains; the same from Python in every run")
     def test_a_folder_in_use_is_not_written_to(
         self, cli: Any, run_dir: Path, environment: dict[str, str]
     ) -> None:

@@ -258,6 +258,7 @@ def validate(document: dict[str, Any]) -> None:
             validate(row)
 
 
+@pytest.mark.slow(reason="checks every schema; documents are held to theirs in every run")
 def test_the_schemas_that_are_published_are_json_schemas(tmp_path):
     """Validators elsewhere can read each of them."""
     generated_reference.write_json_schemas(tmp_path)

@@ -263,7 +263,16 @@ class TestFailures:
         assert not result.interrupted
 
     @pytest.mark.parametrize(
-        "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
+        "jobs",
+        [
+            pytest.param(
+                1,
+                marks=pytest.mark.slow(
+                    reason="a group that raises; a run that cannot go on in every run"
+                ),
+            ),
+            pytest.param(2, marks=pytest.mark.slow(reason="one process in every run")),
+        ],
     )
     def test_a_group_that_raises_does_not_take_the_others_along(
         self, whole: Path, tmp_path: Path, jobs: int

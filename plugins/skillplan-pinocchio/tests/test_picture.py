@@ -108,6 +108,7 @@ def test_what_the_jaws_cannot_hold_is_said_instead():
         SweptDetector(task).hulls(task.skill("pick(slab)"), state)
 
 
+@pytest.mark.slow(reason="draws by the command; the same hulls without it in every run")
 def test_explain_draws_them_without_an_engine_that_moves_bodies(tmp_path, capsys):
     """Where it refused before: the engine is kinematic."""
     path = tmp_path / "hulls.png"

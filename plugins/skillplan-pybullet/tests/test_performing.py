@@ -88,6 +88,7 @@ def test_the_trace_has_sixty_rows_a_second_and_touches_nothing_unexpected(perfor
     assert times == sorted(times)
 
 
+@pytest.mark.slow(reason="executes a wrong plan; a part that ends below its goal in every run")
 def test_a_plan_ends_at_the_first_skill_that_fails(task):
     wrong = [task.skills[action] for action in (2, 3, 4)]
     found = PybulletEngine(task).perform(wrong)
