@@ -216,11 +216,11 @@ class TestCompare:
         assert ", warm cache\n" in cli("compare", board, "--solvers", "exact", "--warm").out
 
     @pytest.mark.slow(
-        reason="a solver that uses up a second; one search that time ends in every run"
+        reason="a solver that uses up three seconds; one search that time ends in every run"
     )
     def test_each_solver_has_its_own_time_limit(self, cli: Any, motor: str) -> None:
         """One that uses its time up takes none from the next."""
-        words = ("--solvers", "exhaustive,exact", "--time-limit", "1")
+        words = ("--solvers", "exhaustive,exact", "--time-limit", "3")
         rows = cli("compare", motor, *words, "--format", "json").document["rows"]
         assert ["unsolved", "optimal"] == [row["status"] for row in rows]
 
