@@ -83,6 +83,7 @@ def test_a_file_says_what_was_asked_and_how_long_the_answer_took(tmp_path):
     assert infeasible.verdict(TASK.facts).applies_in(TASK.facts.of(*infeasible.state))
 
 
+@pytest.mark.slow(reason="two processes; the same key from other objects in every run")
 def test_another_process_finds_the_same_file(tmp_path):
     """The key does not depend on the order of hashes."""
     aabb = AabbDetector(TASK)
@@ -344,7 +345,7 @@ def test_processes_killed_at_any_instant_leave_a_sound_cache(tmp_path):
     """Two at a time write to one folder and are killed again and again: what is there holds."""
     rng = random.Random(3)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    for seed in range(examples(4, fewest=2)):
+    for seed in range(examples(4, fewest=1)):
         writers = [
             subprocess.Popen(
                 [sys.executable, "-c", WRITER, str(tmp_path), str(10 * seed + number)],

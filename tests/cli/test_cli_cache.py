@@ -113,6 +113,7 @@ class TestFill:
         result = cli(*on_slow("search-optimal", board, "--format", "json")).document
         assert ("optimal", 0) == (result["status"], made(slow) - int(executions))
 
+    @pytest.mark.slow(reason="five processes; every run has the other commands in several")
     def test_it_is_the_same_in_several_processes_and_stdout_stays_clean(
         self, cli: Any, slow: Path, board: str
     ) -> None:
@@ -159,6 +160,7 @@ class TestFill:
         assert kept >= document["executions"] - 2
         assert kept > 0
 
+    @pytest.mark.slow(reason="a process on a terminal; that of a search in every run")
     def test_progress_shows_checks_done_reused_and_to_go(
         self, slow: Path, environment: dict[str, str], board: str
     ) -> None:
@@ -303,7 +305,13 @@ class TestClear:
         assert "all tasks" in cli("cache", "clear", "--yes").out
         assert 0 == cli("cache", "show", "--format", "json").document["verdicts"]
 
-    @pytest.mark.parametrize(("answer", "left"), [(b"n\n", 1), (b"y\n", 0)])
+    @pytest.mark.parametrize(
+        ("answer", "left"),
+        [
+            (b"n\n", 1),
+            pytest.param(b"y\n", 0, marks=pytest.mark.slow(reason="the answer no in every run")),
+        ],
+    )
     def test_on_a_terminal_it_asks_first(
         self,
         cli: Any,
@@ -342,7 +350,10 @@ class TestOtherCommands:
         "words",
         [
             ("search-optimal", "TASK"),
-            ("chart", "TASK"),
+            pytest.param(
+                ("chart", "TASK"),
+                marks=pytest.mark.slow(reason="five processes; two other commands in every run"),
+            ),
             pytest.param(
                 ("compare", "TASK", "--solvers", "exact,exhaustive"),
                 marks=pytest.mark.slow(reason="ten processes; three other commands in every run"),

@@ -117,6 +117,7 @@ class TestAnHonestResult:
         } == origin
         assert 0 == cli("verify", str(folder)).code
 
+    @pytest.mark.slow(reason="searches a board of 40 parts; small ones in every run")
     def test_a_case_too_large_is_not_checked_and_still_valid(
         self, cli: Any, motor: str, tmp_path: Path
     ) -> None:

@@ -133,6 +133,7 @@ class TestSolvers:
         with pytest.raises(PluginError, match="exat"):
             solvers_by_stage("base=exat", ["base"])
 
+    @pytest.mark.slow(reason="solves a sheet by several solvers; one for every stage in every run")
     def test_several_solvers_run_one_after_the_other(self, polygonal: Problem) -> None:
         """With a stop each, and none after one that the user has interrupted."""
         names = ["exact", "policy-iteration"]
