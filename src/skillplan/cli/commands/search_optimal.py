@@ -63,8 +63,8 @@ def command(
         typer.Option(
             "--out",
             metavar="DIR",
-            help="Also save result.json, plan.csv and, of a solver that learns one, policies.json "
-            "in a new folder.",
+            help="Also save plan.csv, of a solver that learns one policies.json, and result.json "
+            "last, in a new folder, or one whose search was killed.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
@@ -77,11 +77,12 @@ def command(
     """
     from dataclasses import replace
 
-    from skillplan.cli.output import as_json, emit, exit_code, prepare_folder, save
+    from skillplan.cli.output import as_json, emit, exit_code
+    from skillplan.cli.result_output import ResultFolder
     from skillplan.pipeline.chain import solver_names
     from skillplan.pipeline.solve_problem import solve_problem
     from skillplan.records.stored.policy_file import policy_document, solved_tasks
-    from skillplan.records.stored.result_folder import PLAN, POLICIES, RESULT
+    from skillplan.records.stored.result_folder import PLAN, POLICIES
     from skillplan.views.tables.solved import saved_tables, solved_tables
     from skillplan.views.text.table import as_csv
 
@@ -95,29 +96,28 @@ def command(
         from skillplan.records.stored.result_file import start_plan
 
         plan = start_plan(start, problem, part)
-    folder = prepare_folder(out)
-    with limits.stoppable(solver, gap) as stop:
-        result = solve_problem(
-            problem,
-            part,
-            solver,
-            setup,
-            seed=seed,
-            stop=stop,
-            cache=checking.cache(),
-            jobs=checking.jobs,
-            start=plan,
-        )
-    result = replace(result, origin=setup.origin(task, part, reading.settings()))
-    tables = solved_tables(result, last)
-    if folder is not None:
-        save(folder, RESULT, as_json(result.document()))
-        save(folder, PLAN, as_csv(tables[-1]))
-        for name, table in saved_tables(result).items():
-            save(folder, name, as_csv(table))
-        policies = policy_document(problem.sha256, solver, solved_tasks(result, last))
-        if policies is not None:
-            save(folder, POLICIES, as_json(policies))
+    with ResultFolder(out) as folder:
+        with limits.stoppable(solver, gap) as stop:
+            result = solve_problem(
+                problem,
+                part,
+                solver,
+                setup,
+                seed=seed,
+                stop=stop,
+                cache=checking.cache(),
+                jobs=checking.jobs,
+                start=plan,
+            )
+        result = replace(result, origin=setup.origin(task, part, reading.settings()))
+        tables = solved_tables(result, last)
+        if out is not None:
+            beside = {PLAN: as_csv(tables[-1])}
+            beside |= {name: as_csv(table) for name, table in saved_tables(result).items()}
+            policies = policy_document(problem.sha256, solver, solved_tasks(result, last))
+            if policies is not None:
+                beside[POLICIES] = as_json(policies)
+            folder.finish(beside, as_json(result.document()))
     code = exit_code([result])
     emit(style, result.document(), tables, failed=code != 0)
     return code
