@@ -10,11 +10,10 @@ from skillplan.domains.load import Problem
 from skillplan.errors import OptionError, PluginError
 from skillplan.pipeline.chain import (
     solve_chain,
-    solver_names,
-    solvers_by_stage,
 )
 from skillplan.pipeline.comparison import solve_chain_with_all
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solver_choice import solver_names, solvers_by_stage
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Status
 from skillplan.solvers.stop import Stop

@@ -6,17 +6,19 @@ import json
 import os
 import sys
 from collections.abc import Collection, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from skillplan import errors
 from skillplan.cli.writing import write_out
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.output_path import output_path, refusing
-from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result, Status
 from skillplan.views.text.rendering import render
 from skillplan.views.text.table import Table
+
+if TYPE_CHECKING:
+    from skillplan.records.chain_result import ChainResult
 
 
 def emit(

@@ -17,7 +17,7 @@ class ResultFolder:
     Parameters
     ----------
     out
-        The folder, made if need be; None for none, of which nothing is written.
+        The folder, made if need be.
 
     Raises
     ------
@@ -26,15 +26,13 @@ class ResultFolder:
         search has left that was killed: no earlier result is ever overwritten.
     """
 
-    def __init__(self, out: str | None) -> None:
-        self._folder = None if out is None else Path(out)
+    def __init__(self, out: str) -> None:
+        self._folder = Path(out)
         self._lock: FolderLock | None = None
-        if self._folder is None:
-            return
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             self._lock = FolderLock(self._folder, "search")
-            self._clear(self._folder)
+            self._clear()
         except BaseException as error:
             self.close()
             if not isinstance(error, OSError | ValueError):
@@ -69,13 +67,12 @@ class ResultFolder:
         OptionError
             If a file cannot be written; nothing is left then.
         """
-        if self._folder is not None:
-            write_folder(self._folder, {**beside, RESULT: document})
+        write_folder(self._folder, {**beside, RESULT: document})
 
-    def _clear(self, folder: Path) -> None:
-        left = leftovers(folder)
+    def _clear(self) -> None:
+        left = leftovers(self._folder)
         if left is None:
-            raise OptionError(f"--out {folder}: is not empty. Name a new folder.")
+            raise OptionError(f"--out {self._folder}: is not empty. Name a new folder.")
         for path in left:
             path.unlink(missing_ok=True)
 

@@ -17,9 +17,10 @@ from skillplan.errors import (
     TaskError,
 )
 from skillplan.judge.referee import cross_examine
-from skillplan.pipeline.chain import Chain, solver_names
+from skillplan.pipeline.chain import Chain
 from skillplan.pipeline.run import check_solver, make_draft, solve, warm_cache
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solver_choice import solver_names
 from skillplan.plugins.blame import debugging, traceback_text
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.grading import Grade

@@ -11,17 +11,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from skillplan.chart.precedence_chart import derive_chart
 from skillplan.checks.feasibility import CheckCount, Feasibility
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
 from skillplan.errors import SearchStopped, SolverError
 from skillplan.judge.plain_solution import plain_solution
 from skillplan.judge.referee import judge
 from skillplan.judge.untouched import Untouched
-from skillplan.model.obstruction import obstruction
 from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.pipeline import registry
-from skillplan.pipeline.search_apart import Found, must_be_apart, search_apart
 from skillplan.pipeline.setup import Setup
 from skillplan.plugins.blame import blame
 from skillplan.records.grading import Draft, Grade
@@ -261,10 +258,14 @@ def attempt(
         if refusal is not None:
             return Attempt(draft, Solution(), refusal=refusal, back_ends=back_ends)
         with closing(model.feasibility):
-            if not given and must_be_apart(solver, stop):
-                search = _Search(partial(search_apart, solver, task, back_ends, cache, seed, stop))
-            else:
-                search = _Search(partial(_search, solver, model, seed, stop))
+            search = _Search(partial(_search, solver, model, seed, stop))
+            if not (given or solver.polls) and stop.limits_effort:
+                # Takes what starts processes, which most searches can do without.
+                from skillplan.pipeline import search_apart as apart
+
+                if apart.is_possible():
+                    args = (solver, task, back_ends, cache, seed, stop)
+                    search = _Search(partial(apart.search_apart, *args))
             if start is None:
                 solution = search()
             else:
@@ -374,6 +375,10 @@ def _why_infeasible(model: SkillModel, *, charted: bool) -> str:
 
     A chart needs states that the search did not meet; expensive back ends are not queried there.
     """
+    # Only where there is no plan.
+    from skillplan.chart.precedence_chart import derive_chart
+    from skillplan.model.obstruction import obstruction
+
     task = model.task
     if charted and task.deterministic and len(task.operations) <= _MOST_CHARTED:
         obstacle = derive_chart(model.feasibility).obstacle(task)
@@ -414,17 +419,18 @@ class _Search:
         Does it.
     """
 
-    def __init__(self, do: Callable[[], Found]) -> None:
+    def __init__(self, do: Callable[[], tuple[Solution, ModelStats]]) -> None:
         self._do = do
         self.stats = ModelStats()
 
     def __call__(self) -> Solution:
-        found = self._do()
-        self.stats = found.stats
-        return found.solution
+        solution, self.stats = self._do()
+        return solution
 
 
-def _search(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> Found:
+def _search(
+    solver: Solver, model: SkillModel, seed: int, stop: Stop
+) -> tuple[Solution, ModelStats]:
     try:
         with _blamed(type(solver)):
             solution = solver.solve(model, seed=seed)
@@ -435,7 +441,7 @@ def _search(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> Found:
             f"The solver {solver.name!r} returned {type(solution).__name__}, not a Solution."
         )
     try:
-        return Found(plain_solution(solution), model.stats)
+        return plain_solution(solution), model.stats
     except Exception as error:
         words = f"The solver {solver.name!r} returned a Solution that cannot be read"
         raise SolverError(f"{words}: {error}.") from None

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError
-from skillplan.pipeline.chain import solve_chain
 from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup
-from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
 from skillplan.solvers.solution import Plan
 from skillplan.solvers.stop import Stop
+
+if TYPE_CHECKING:  # most files are of a single task
+    from skillplan.records.chain_result import ChainResult
 
 
 def solve_problem(
@@ -71,6 +74,8 @@ def solve_problem(
     if problem.is_chain and part is None:
         if start is not None:
             raise OptionError("A plan to start from is for one task of a chain; name its part.")
+        from skillplan.pipeline.chain import solve_chain
+
         return solve_chain(problem, name, setup, seed=seed, stop=stop, cache=cache, jobs=jobs)
     task = problem.part(part)
     return solve(

@@ -125,9 +125,9 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
     from contextlib import ExitStack
 
     from skillplan.cli.output import emit, exit_code
-    from skillplan.pipeline.chain import solver_names
     from skillplan.pipeline.comparison import compare_solvers
     from skillplan.pipeline.run import check_solver
+    from skillplan.pipeline.solver_choice import solver_names
     from skillplan.records import schemas
     from skillplan.solvers.stop import Stop
     from skillplan.views.tables.solved import comparison_tables
