@@ -234,7 +234,7 @@ class TestStart:
             ("[]", "is no document skillplan.result/1"),
             ('{"schema": "skillplan.chart/1"}', "is no document skillplan.result/1"),
             ('{"schema": "skillplan.result/9"}', "is of another version"),
-            ('{"schema": "skillplan.result/1"}', "is damaged: solver: Field required"),
+            ('{"schema": "skillplan.result/1"}', "is damaged: solver: key 'solver' is missing"),
         ],
     )
     def test_what_is_no_result_is_refused(

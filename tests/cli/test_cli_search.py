@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from skillplan.cli import writing
-from skillplan.cli.output import save
+from skillplan.cli.result_output import write_folder
 from skillplan.errors import OptionError
 
 EXACT = ("--solver", "exact")
@@ -145,7 +145,7 @@ class TestOut:
 
         monkeypatch.setattr(os, "fsync", fail)
         with pytest.raises(OptionError, match=r"result\.json cannot be written: No space left"):
-            save(tmp_path, "result.json", "{}")
+            write_folder(tmp_path, {"result.json": "{}"})
         assert [] == list(tmp_path.iterdir())
 
 

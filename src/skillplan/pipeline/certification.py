@@ -10,15 +10,14 @@ from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.load import Problem
 from skillplan.errors import ChainBroken, OptionError
 from skillplan.judge.claim_check import ARITHMETIC, calculated_claims, checked_claims
-from skillplan.pipeline.restoration import found_origin, named_back_ends
+from skillplan.pipeline.result_origin import found_origin, origin_problem
 from skillplan.pipeline.run import make_model
-from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.setup import Setup
 from skillplan.records.certificate import Certificate, Claim, Outcome
 from skillplan.records.result import Status, tolerance
 from skillplan.records.stored.result_file import (
     StoredPart,
     StoredResult,
-    other_task,
     read_result,
 )
 from skillplan.solvers.stop import Stop
@@ -60,8 +59,7 @@ def certify(
     if stored.status in (Status.REFUSED, Status.WRONG, Status.FAILED):
         raise OptionError(f"{path}: claims nothing, its status is {stored.status}.")
     origin = found_origin(path, stored, task_file)
-    problem = load_problem(origin.file, named_back_ends(origin), origin.changes)
-    difference = other_task(stored, problem)
+    problem, difference = origin_problem(path, stored, origin, named=task_file is not None)
     if difference is not None:
         raise OptionError(f"{path}: cannot be verified: {difference}. Name its own by --task.")
     setup = Setup(origin.physics, origin.collision, origin.options)

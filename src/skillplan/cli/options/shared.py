@@ -154,8 +154,8 @@ class Reading:
 
         named = None if back_ends is None else back_ends.named()
         problem = setup.load_problem(path, named, self.settings())
-        for warning in problem.warnings if warn else ():
-            print(f"skillplan: warning: {warning}", file=sys.stderr)
+        if warn:
+            warn_of(problem)
         return problem
 
 
@@ -410,6 +410,12 @@ class Limits:
             stall_s=self.stall_s,
             memory_limit_bytes=self.memory_limit_bytes,
         )
+
+
+def warn_of(problem: Problem) -> None:
+    """Print on stderr what in a task file is valid, but hardly meant."""
+    for warning in problem.warnings:
+        print(f"skillplan: warning: {warning}", file=sys.stderr)
 
 
 def parse_options(entries: Iterable[str], solver: str | None) -> dict[str, dict[str, Any]]:
