@@ -102,6 +102,28 @@ class VerdictCache:
         return _Shelf()
 
 
+class AskingCache(VerdictCache):
+    """Answers nothing, so that every query is put to a back end; keeps what is said elsewhere.
+
+    Parameters
+    ----------
+    kept
+        Where verdicts are kept.
+    """
+
+    def __init__(self, kept: VerdictCache) -> None:
+        super().__init__()
+        self._kept = kept
+
+    def find(self, back_end: BackEnd, skill: Skill, state: State) -> Verdict | None:
+        """Return None."""
+        return None
+
+    def keep(self, back_end: BackEnd, skill: Skill, checked: Checked, state: State) -> None:
+        """Keep what was said where others find it."""
+        self._kept.keep(back_end, skill, checked, state)
+
+
 class _DiskShelf(_Shelf):
     """A shelf with a folder, in which other processes may put verdicts, too.
 

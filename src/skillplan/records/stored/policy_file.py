@@ -107,6 +107,17 @@ def read_policy(path: str, task: Task) -> StoredPolicy:
     raise OptionError(f"{path}: holds no policy for {', '.join(goal)}, only for {known or 'none'}.")
 
 
+def read_policies(path: str) -> dict[str, Any]:
+    """Return a whole document ``skillplan.policy/1``.
+
+    Raises
+    ------
+    OptionError
+        If the file cannot be read or is no such document.
+    """
+    return _read(path)
+
+
 def fingerprint(task: Task) -> str:
     """Return the hash of what a policy depends on: facts, goal, and what skills bring about.
 
