@@ -184,7 +184,12 @@ class _Check:
                 return
             for claim in self._task_claims(part, tasks[index]):
                 yield replace(claim, claim=f"{part.name}: {claim.claim}")
-            plans[part.name] = tuple(part.skills)
+            one = self.replayed.get(part.name)
+            if one is None or not one.sound:
+                # Nothing can be grounded on a plan that does not hold.
+                return
+            if one.walked is not None:
+                plans[part.name] = tuple(step.skill for step in one.walked.steps)
         yield from self._sum_claims(stored.sequences or [])
 
     def _given_up(self, claim: str) -> Claim:

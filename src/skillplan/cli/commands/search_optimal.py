@@ -10,6 +10,7 @@ from skillplan.cli.options.shared import (
     LIMITS,
     OUTPUT,
     SOLVER,
+    Audit,
     BackEnds,
     Checking,
     Limits,
@@ -47,6 +48,7 @@ def command(
     ] = None,
     back_ends: BackEnds,
     checking: Checking,
+    audit: Audit = None,
     limits: Limits,
     gap: Annotated[
         float,
@@ -107,6 +109,7 @@ def command(
             cache=checking.cache(),
             jobs=checking.jobs,
             start=plan,
+            audit=audit,
         )
     result = replace(result, origin=setup.origin(task, part, reading.settings()))
     tables = solved_tables(result, last)
