@@ -55,6 +55,13 @@ SOURCE = '''
             folder = os.environ.get("SLOW_LOG")
             if folder:
                 open(f"{folder}/{time.monotonic_ns()}.{os.getpid()}", "w").close()
+            if os.environ.get("SLOW_NARROW") == skill.name:
+                # Rests on all that it looks at, but says that it rests on nothing.
+                nothing = self.task.facts.of()
+                there = "placed(pcb)" in state
+                if there:
+                    return Verdict.infeasible("the board is in the way", nothing, nothing)
+                return Verdict.feasible(nothing, nothing)
             if os.environ.get("SLOW_LIES") == skill.name:
                 return Verdict.infeasible("lies", verdict.present, verdict.absent)
             return verdict
@@ -432,3 +439,44 @@ def _timeless(document: Any) -> Any:
     if isinstance(document, dict):
         return {k: _timeless(v) for k, v in document.items() if k not in ("wall_s", "trace")}
     return [_timeless(one) for one in document] if isinstance(document, list) else document
+
+
+class TestElsewhere:
+    def test_a_verdict_that_names_too_few_facts_is_found_out(
+        self, cli: Any, slow: Path, bare: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Neither a search nor the same state would tell."""
+        monkeypatch.setenv("SLOW_NARROW", "pick(switch_1)")
+        words = (bare, "--physics", "slow")
+        assert 0 == cli("cache", "fill", *words, "--format", "json").code
+        assert 0 == cli("cache", "verify", *words, "--sample", "1000").code
+        outcome = cli("cache", "verify", *words, "--sample", "1000", "--elsewhere")
+        assert 3 == outcome.code
+        assert "Back end 'slow' contradicts itself about pick(switch_1): " in outcome.err
+        assert "placed(pcb)" in outcome.err.rpartition("should have named")[2]
+
+    def test_what_contradicts_itself_is_dropped(
+        self, cli: Any, slow: Path, bare: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """And asked again by the next run; the others hold wherever they claim to."""
+        monkeypatch.setenv("SLOW_NARROW", "pick(switch_1)")
+        words = (bare, "--physics", "slow")
+        cli("cache", "fill", *words, "--format", "json")
+        check = ("cache", "verify", *words, "--sample", "1000", "--elsewhere", "--format", "json")
+        kept = cli("cache", "show", *words, "--format", "json").document["verdicts"]
+        assert 3 == cli(*check).code
+        second = cli(*check)
+        assert (0, 0) == (second.code, second.document["different"])
+        assert second.document["tried"] > 10
+        assert kept - 1 == second.document["kept"]
+
+    def test_a_search_asks_expensive_back_ends_again_only_when_told(
+        self, cli: Any, slow: Path, bare: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """With --audit; the exit code is that of a back end that failed."""
+        monkeypatch.setenv("SLOW_NARROW", "pick(switch_1)")
+        words = ("search-optimal", bare, "--physics", "slow", "--no-cache", "--format", "json")
+        assert 3 != cli(*words).code
+        outcome = cli(*words, "--audit", "500")
+        assert 3 == outcome.code
+        assert "Back end 'slow' contradicts itself about pick(switch_1): " in outcome.err

@@ -89,6 +89,24 @@ def read_checked(
         As for `read_document`, or if the content does not fit.
     """
     document = read_document(path, schema, remedy, within=within)
+    return fitted(document, path, model, remedy)
+
+
+def fitted(document: Mapping[str, Any], path: Path, model: type[_Content], remedy: str) -> _Content:
+    """Return a document that has been read as a model has it.
+
+    Parameters
+    ----------
+    document
+        As `read_document` gave it.
+    path, model, remedy
+        As for `read_checked`.
+
+    Raises
+    ------
+    OptionError
+        If the content does not fit.
+    """
     try:
         return model.model_validate_json(json.dumps(document))
     except ValidationError as error:

@@ -35,6 +35,7 @@ def solve_chain(
     stop: Stop | None = None,
     cache: VerdictCache | None = None,
     jobs: int = 1,
+    audit: int | None = None,
 ) -> ChainResult:
     """Solve the tasks of a problem in turn and have each judged.
 
@@ -61,6 +62,8 @@ def solve_chain(
         Where verdicts are kept; a fresh one in memory by default.
     jobs
         In how many processes expensive back ends are queried; 1 for this one.
+    audit
+        As in `solve`, for each search.
 
     Raises
     ------
@@ -71,7 +74,7 @@ def solve_chain(
     """
     stop = Stop() if stop is None else stop
     spare = problem.spare_back_ends
-    return Chain(problem, solver, setup, seed, stop, cache, jobs, spare=spare).run()
+    return Chain(problem, solver, setup, seed, stop, cache, jobs, spare=spare, audit=audit).run()
 
 
 class Chain:
@@ -79,7 +82,7 @@ class Chain:
 
     Parameters
     ----------
-    problem, solver, setup, seed, stop, cache, jobs
+    problem, solver, setup, seed, stop, cache, jobs, audit
         As in `solve_chain`.
     spare
         Back ends constructed already; those that are used are taken out.
@@ -107,6 +110,7 @@ class Chain:
         jobs: int,
         *,
         spare: list[BackEnd],
+        audit: int | None = None,
     ) -> None:
         self.problem = problem
         self.solver = solver
@@ -115,6 +119,7 @@ class Chain:
         self.stop = stop
         self.cache = VerdictCache() if cache is None else cache
         self.jobs = jobs
+        self.audit = audit
         self.spare = spare
         self.tasks = problem.tasks
         self.parts: list[ChainPart] = []
@@ -212,6 +217,7 @@ class Chain:
             cache=self.cache,
             jobs=self.jobs,
             back_ends=self._back_ends(task),
+            audit=self.audit,
         )
 
     def _back_ends(self, task: Task) -> Sequence[BackEnd]:

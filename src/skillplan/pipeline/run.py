@@ -11,7 +11,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from skillplan.checks.audit import audit as hold_together
 from skillplan.checks.feasibility import CheckCount, Feasibility
+from skillplan.checks.reuse_sample import DEFAULT_SIZE
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
 from skillplan.errors import SearchStopped, SolverError
 from skillplan.judge.plain_solution import plain_solution
@@ -31,6 +33,9 @@ from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
 
 DEFAULT_SOLVER = "auto"
+
+DEFAULT_AUDIT = 4
+"""So many verdicts are asked again after a search, where that costs nothing to speak of."""
 
 # Larger tasks are not charted just to say why they have no plan.
 _MOST_CHARTED = 64
@@ -134,6 +139,7 @@ def solve(
     jobs: int = 1,
     start: Plan | None = None,
     back_ends: Sequence[BackEnd] | None = None,
+    audit: int | None = None,
 ) -> Result:
     """Solve a task and have the solution judged.
 
@@ -158,13 +164,16 @@ def solve(
         where it does not, the trace says so under ``start``.
     back_ends
         Those constructed already for this task and setup; None to construct them.
+    audit
+        How many verdicts that were reused are asked again after the search; None for a handful, and
+        then none of expensive back ends.
 
     Raises
     ------
     OptionError, PluginError
         If a plugin or option is wrong, or the start plan is of another task.
     BackEndError
-        If a back end fails.
+        If a back end fails or contradicts itself.
     """
     cache = VerdictCache() if cache is None else cache
     made = attempt(
@@ -177,6 +186,7 @@ def solve(
         jobs=jobs,
         start=start,
         back_ends=back_ends,
+        audit=audit,
     )
     return grade(task, made, setup, cache, jobs=jobs)
 
@@ -228,12 +238,13 @@ def attempt(
     jobs: int = 1,
     start: Plan | None = None,
     back_ends: Sequence[BackEnd] | None = None,
+    audit: int | None = None,
 ) -> Attempt:
     """Let a solver work on a task; errors are those of `solve`.
 
     Parameters
     ----------
-    task, solver, setup, seed, stop, cache, jobs, start, back_ends
+    task, solver, setup, seed, stop, cache, jobs, start, back_ends, audit
         As in `solve`.
     """
     stop = Stop() if stop is None else stop
@@ -249,6 +260,8 @@ def attempt(
         task, setup, cache, stop.overdue, jobs=jobs, on_check=stop.checked, back_ends=back_ends
     )
     back_ends = model.feasibility.back_ends
+    size = DEFAULT_AUDIT if audit is None else audit
+    model.feasibility.reused.most = max(DEFAULT_SIZE, 2 * size)
     draft = make_draft(task, solver.name, setup, seed)
     before = Untouched(task)
     begin_s = time.perf_counter()
@@ -277,6 +290,8 @@ def attempt(
         wall_s = time.perf_counter() - begin_s
     finally:
         touched = before.restore()
+    if not touched and not stop.interrupted:
+        hold_together(model.feasibility, size, seed, dear=audit is not None)
     stats = search.stats
     iterations = _count(solution, "iterations", "expanded", "visited")
     draft = replace(

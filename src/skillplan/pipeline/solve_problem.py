@@ -28,6 +28,7 @@ def solve_problem(
     cache: VerdictCache | None = None,
     jobs: int = 1,
     start: Plan | None = None,
+    audit: int | None = None,
 ) -> Result | ChainResult:
     """Solve what a file describes and have it judged.
 
@@ -54,6 +55,8 @@ def solve_problem(
         How many processes expensive back ends, and solvers that can, may use; 1 for this one.
     start
         A plan to start from; only for a single task.
+    audit
+        As in `solve`; of a chain for each of its searches.
 
     Returns
     -------
@@ -76,7 +79,9 @@ def solve_problem(
             raise OptionError("A plan to start from is for one task of a chain; name its part.")
         from skillplan.pipeline.chain import solve_chain
 
-        return solve_chain(problem, name, setup, seed=seed, stop=stop, cache=cache, jobs=jobs)
+        return solve_chain(
+            problem, name, setup, seed=seed, stop=stop, cache=cache, jobs=jobs, audit=audit
+        )
     task = problem.part(part)
     return solve(
         task,
@@ -87,5 +92,6 @@ def solve_problem(
         cache=cache,
         jobs=jobs,
         start=start,
+        audit=audit,
         back_ends=setup.back_ends(task, problem.spare_back_ends),
     )

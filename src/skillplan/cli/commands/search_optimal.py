@@ -10,6 +10,7 @@ from skillplan.cli.options.shared import (
     LIMITS,
     OUTPUT,
     SOLVER,
+    Audit,
     BackEnds,
     Checking,
     Limits,
@@ -50,6 +51,7 @@ def command(
     ] = None,
     back_ends: BackEnds,
     checking: Checking,
+    audit: Audit = None,
     limits: Limits,
     gap: Annotated[
         float,
@@ -108,6 +110,7 @@ def command(
                 cache=checking.cache(),
                 jobs=checking.jobs,
                 start=plan,
+                audit=audit,
             )
         result = replace(result, origin=setup.origin(task, part, reading.settings()))
         tables = solved_tables(result, last)

@@ -92,6 +92,20 @@ Jobs = Annotated[
 ]
 
 
+Audit = Annotated[
+    int | None,
+    count_option(
+        "--audit",
+        least=0,
+        most=100_000,
+        text="How many verdicts that the search has reused are asked again after it, where they "
+        "were reused; by default 4, and none of expensive back ends",
+        rich_help_panel=BACK_ENDS,
+        show_default=False,
+    ),
+]
+
+
 @dataclass(frozen=True, slots=True)
 class Reading:
     """How a task file is read.

@@ -116,6 +116,22 @@ def read_policy(path: str, task: Task, *, within: str | None = None) -> StoredPo
     raise OptionError(f"{path}: holds no policy for {', '.join(goal)}, only for {known or 'none'}.")
 
 
+def read_policies(path: str, *, within: str | None = None) -> dict[str, Any]:
+    """Return a whole document ``skillplan.policy/1``.
+
+    Parameters
+    ----------
+    path, within
+        As for `read_policy`.
+
+    Raises
+    ------
+    OptionError
+        If the file cannot be read or is no such document.
+    """
+    return _read(path, within)
+
+
 def fingerprint(task: Task) -> str:
     """Return the hash of what a policy depends on: facts, goal, and what skills bring about.
 

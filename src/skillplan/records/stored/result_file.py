@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError
-from skillplan.files.json_file import read_checked
+from skillplan.files.json_file import fitted, read_document
 from skillplan.files.regular_file import is_folder
 from skillplan.records import schemas
 from skillplan.records.origin import Origin
@@ -63,6 +63,16 @@ class StoredOrigin(_Stored):
         )
 
 
+class StoredStats(_Stored):
+    """How much a search took; nobody can tell afterwards."""
+
+    states: int = Field(default=0, ge=0)
+    expanded: int | None = Field(default=None, ge=0)
+    checks: int = Field(default=0, ge=0)
+    cache_hits: int = Field(default=0, ge=0)
+    wall_s: float = Field(default=0.0, ge=0)
+
+
 class StoredClaims(_Stored):
     """What a result, or a part of a chain's, claims."""
 
@@ -79,6 +89,8 @@ class StoredClaims(_Stored):
     actions: list[int]
     steps: list[StoredStep]
     seed: int = 0
+    reason: str = ""
+    stats: StoredStats = StoredStats()
     trace: dict[str, Any] = Field(default_factory=dict)
 
 
@@ -87,6 +99,8 @@ class StoredPart(StoredClaims):
 
     name: str
     stage: str
+    optimum: float | None = None
+    reused_policy: bool = False
 
 
 class StoredResult(StoredClaims):
@@ -127,10 +141,22 @@ def read_result(path: str) -> StoredResult:
         If it cannot be read, is no result, is of another version, lacks a key, or its search has
         not finished.
     """
+    return read_with_document(path)[0]
+
+
+def read_with_document(path: str) -> tuple[StoredResult, dict[str, Any]]:
+    """Return a result as it was stored, and the whole document without the name of its schema.
+
+    Raises
+    ------
+    OptionError
+        As for `read_result`.
+    """
     check_finished(path)
-    named = Path(path)
+    named, file = Path(path), result_path(path)
     within = named if is_folder(named) else None
-    return read_checked(result_path(path), schemas.RESULT, StoredResult, _REMEDY, within=within)
+    document = read_document(file, schemas.RESULT, _REMEDY, within=within)
+    return fitted(document, file, StoredResult, _REMEDY), document
 
 
 def other_task(stored: StoredResult, problem: Problem, *, quoted: bool = True) -> str | None:
