@@ -7,6 +7,8 @@ BENCH := configs/swarmitfix_polygonal.yaml
 OPTIMUM := 0,1,2,3,4,5,8,9,10,11,6,7,13,14,15
 # pybullet has wheels up to CPython 3.11; everything else works without it.
 HAS_PYBULLET = $(BIN)/python -c 'import sys; sys.exit(sys.version_info >= (3, 12))'
+SEED := 1
+SCALE := 1
 PHYSICS := --physics pybullet --collision contact-pairs
 SOURCES := src tests benchmarks examples plugins docs .ci
 # Each process takes a run of neighbours, which share what they set up.
@@ -20,7 +22,8 @@ PIP := PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet \
 # A stamp a set of packages, newer than the lists that it was installed from.
 LISTS := pyproject.toml constraints.txt $(wildcard plugins/*/pyproject.toml)
 
-.PHONY: demo test test-all test-slow check format bench schema docs dist-check clean help
+.PHONY: demo test test-all test-slow fault-campaign check format bench schema docs dist-check hashes \
+	clean help
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
@@ -44,6 +47,9 @@ test-all: .venv/.test  ## the whole suite
 
 test-slow: .venv/.test  ## what only the whole suite holds
 	$(PYTEST) -m slow tests plugins
+
+fault-campaign: .venv/.test  ## kills, failing writes, mutated inputs and liars; SEED=1 SCALE=1
+	$(BIN)/python tests/campaign --seed $(SEED) --scale $(SCALE)
 
 check: .venv/.test .venv/.check  ## format, lint, types, import floors
 	$(BIN)/ruff format --check $(SOURCES)
@@ -78,6 +84,9 @@ schema: .venv/.core  ## the JSON Schema that editors read
 dist-check: .venv/.core  ## build all wheels, install them apart from the sources, solve the board
 	$(PIP) build
 	$(BIN)/python .ci/dist_check.py
+
+hashes: .venv/.core  ## the SHA-256 of every wheel for CPython 3.11 on Linux x86-64
+	$(BIN)/python .ci/hashes.py
 
 clean:  ## all that these targets make
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

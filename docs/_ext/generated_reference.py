@@ -2,7 +2,8 @@
 
 A line ``<!-- generated: NAME ARGUMENT -->`` in a page is replaced by Markdown: ``commands``,
 ``keys KIND`` (of task files), ``options KIND`` (of plugins), ``documents`` (JSON, from the schemas
-in ``reference/documents``), ``exit-codes``, ``floors``, ``public-names`` and ``errors``.
+in ``reference/documents``), ``exit-codes``, ``floors``, ``public-names``, ``errors`` and
+``licences``.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import command_pages
+import licences
 import public_names
 import schema_tables
 import yaml
@@ -129,6 +131,7 @@ GENERATORS: dict[str, Callable[..., str]] = {
     "documents": documents,
     "public-names": public_names.page,
     "errors": public_names.errors_page,
+    "licences": licences.page,
 }
 
 

@@ -20,6 +20,10 @@ def main() -> None:
     try:
         for number in heard:
             signal.signal(number, _interrupt)
+        from skillplan.cli.standard_streams import escape_warnings, open_standard_streams
+
+        open_standard_streams()
+        escape_warnings()
         from skillplan.cli.app import run
 
         code = run(sys.argv[1:])

@@ -42,4 +42,4 @@ def test_wide_characters_take_two_columns() -> None:
 
 def test_nothing_moves_the_cursor() -> None:
     """A name in a task file cannot colour or overwrite what is printed."""
-    assert "[31mred bell" == printable("\x1b[31mred\tbell\x07\r")
+    assert r"\x1b[31mred bell\x07\x0d" == printable("\x1b[31mred\tbell\x07\r")

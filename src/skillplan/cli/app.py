@@ -17,6 +17,7 @@ from skillplan import __version__
 from skillplan.cli.command_group import MARKUP, SETTINGS, CommandGroup, of_module, untyped
 from skillplan.cli.compilation_notice import compilation_announced
 from skillplan.cli.error_report import report_bug, report_error, report_usage
+from skillplan.cli.writing import tell, write_out
 from skillplan.errors import SearchStopped, SkillplanError, exit_code
 
 # Panel of the group's help to its commands, each with its line.
@@ -114,7 +115,7 @@ class LazyGroup(CommandGroup):
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"skillplan, version {__version__}")
+        write_out(f"skillplan, version {__version__}\n")
         raise typer.Exit
 
 
@@ -170,7 +171,7 @@ def _run(words: list[str]) -> int:
     except typer.TyperException as error:
         return report_usage(error, words)
     except (typer.Abort, KeyboardInterrupt, SearchStopped):
-        print("skillplan: interrupted", file=sys.stderr)
+        tell("skillplan: interrupted")
         return exit_code(interrupted=True)
     except SkillplanError as error:
         return report_error(error, words)

@@ -15,6 +15,7 @@ from typer.main import get_command
 from skillplan.cli import rich_help
 from skillplan.cli.options.grouped import grouped
 from skillplan.cli.options.shared import OUTPUT
+from skillplan.cli.writing import guarded_stdout
 from skillplan.errors import nearest
 
 # Brackets that rich would take for markup, as in [x, y], are written \[x, y].
@@ -49,6 +50,7 @@ class Command(TyperCommand):
         if option is not None:
             option.rich_help_panel = OUTPUT
             untyped(option)
+            option.callback = _print_help
         return option
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
@@ -61,9 +63,10 @@ class Command(TyperCommand):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print the help, and the lists below it."""
         rich_help.load()
-        super().format_help(ctx, formatter)
-        for title, lines in self._lists.items():
-            _print_panel(title, lines)
+        with guarded_stdout():
+            super().format_help(ctx, formatter)
+            for title, lines in self._lists.items():
+                _print_panel(title, lines)
 
 
 class CommandGroup(TyperGroup):
@@ -74,12 +77,14 @@ class CommandGroup(TyperGroup):
         option = super().get_help_option(ctx)
         if option is not None:
             untyped(option)
+            option.callback = _print_help
         return option
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print the help."""
         rich_help.load()
-        super().format_help(ctx, formatter)
+        with guarded_stdout():
+            super().format_help(ctx, formatter)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Return name, command and the words after it, or name the nearest command."""
@@ -157,6 +162,13 @@ def untyped(parameter: Any) -> None:
         parameter.metavar = ""
         # Without a default Typer would load pydantic to see that there is no value.
         parameter.default = bool(parameter.default)
+
+
+def _print_help(ctx: Any, parameter: Any, wanted: bool) -> None:
+    if wanted and not ctx.resilient_parsing:
+        with guarded_stdout():
+            typer.echo(ctx.get_help(), color=ctx.color)
+        ctx.exit()
 
 
 def _no_type(ctx: Any) -> None:

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from skillplan.cli.writing import tell
 from skillplan.solvers.compilation import on_compilation
 
 NOTICE = (
@@ -24,7 +25,7 @@ def compilation_announced() -> Iterator[None]:
 
     def announce(kernel: str) -> None:
         if not announced:
-            print(NOTICE, file=sys.stderr)
+            tell(NOTICE)
         announced.append(kernel)
 
     done = on_compilation(announce)

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from skillplan.cli.interruption import heeding
+from skillplan.views.text.escaping import escaped
 
 
 class Count:
@@ -57,7 +58,7 @@ class Count:
             console=Console(stderr=True),
             transient=True,
         )
-        self._line = self._bar.add_task(label, total=total)
+        self._line = self._bar.add_task(escaped(label), total=total)
 
     def __enter__(self) -> Count:
         if self._bar is not None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import io
 import json
-import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from itertools import pairwise
@@ -11,7 +11,7 @@ from typing import Any
 
 import typer
 
-from skillplan.cli.writing import write_out
+from skillplan.cli.writing import tell, write_out
 from skillplan.errors import SkillplanError, TaskError, exit_code
 from skillplan.plugins.blame import traceback_text
 
@@ -35,7 +35,9 @@ def report_usage(error: typer.TyperException, words: Sequence[str]) -> int:
         error.possibilities = None  # type: ignore[attr-defined]
     # Where nothing was typed the help has been printed, and is all there is to say.
     if type(error).__name__ != "NoArgsIsHelpError":
-        error.show()  # type: ignore[attr-defined]
+        shown = io.StringIO()
+        error.show(file=shown)  # type: ignore[attr-defined]
+        tell(shown.getvalue(), end="")
     _print_document(error_document(error), words)
     return error.exit_code
 
@@ -53,12 +55,10 @@ def report_error(error: SkillplanError, words: Sequence[str]) -> int:
     lines = error.lines() if isinstance(error, TaskError) else [str(error)]
     shown = lines[:_MOST_LINES]
     for line in shown:
-        # A file may hold what a terminal cannot print.
-        text = line.encode(sys.stderr.encoding or "utf-8", "backslashreplace")
-        print(f"skillplan: error: {text.decode(sys.stderr.encoding or 'utf-8')}", file=sys.stderr)
+        tell(f"skillplan: error: {line}")
     if len(lines) > len(shown):
-        print(f"skillplan: and {len(lines) - len(shown)} more faults", file=sys.stderr)
-    print(traceback_text(error), file=sys.stderr, end="")
+        tell(f"skillplan: and {len(lines) - len(shown)} more faults")
+    tell(traceback_text(error), end="")
     _print_document(error_document(error), words)
     return error.exit_code
 
@@ -73,10 +73,9 @@ def report_bug(error: BaseException, words: Sequence[str]) -> None:
     words
         The command line.
     """
-    print(
+    tell(
         f"skillplan: internal error: {type(error).__name__}: {error}\n"
-        "This is a bug in skillplan. Set SKILLPLAN_DEBUG=1 to see where, and report it.",
-        file=sys.stderr,
+        "This is a bug in skillplan. Set SKILLPLAN_DEBUG=1 to see where, and report it."
     )
     _print_document(error_document(error), words)
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
 from skillplan import errors
-from skillplan.cli.writing import write_out
+from skillplan.cli.writing import as_json, tell, write_out
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.output_path import output_path, refusing
@@ -29,15 +28,14 @@ def emit(
     CSV holds rows only: where the command has `failed`, what the table would say below them
     goes to stderr.
     """
-    write_out(f"{as_json(document)}\n" if style == "json" else render(tables, style, sys.stdout))
+    if style == "json":
+        write_out(f"{as_json(document)}\n")
+    else:
+        # What is marked for a terminal is escaped before.
+        write_out(render(tables, style, sys.stdout), marked=style == "table")
     if style == "csv" and failed:
         for note in (note for table in tables for note in table.notes):
-            print(note, file=sys.stderr)
-
-
-def as_json(document: dict[str, Any]) -> str:
-    """Return a document as JSON; a number that is not finite is a bug and raises ValueError."""
-    return json.dumps(document, indent=2, allow_nan=False)
+            tell(note)
 
 
 def exit_code(results: Sequence[Result | ChainResult]) -> int:

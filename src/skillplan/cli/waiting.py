@@ -12,6 +12,7 @@ from skillplan.cli.interruption import heeding
 from skillplan.errors import OptionError
 from skillplan.solvers.gap import relative_gap
 from skillplan.solvers.stop import Progress, Stop
+from skillplan.views.text.escaping import escaped
 from skillplan.workers.resident_memory import resident_bytes
 
 
@@ -127,7 +128,7 @@ class _Bar:
             console=Console(stderr=True),
             transient=True,
         )
-        self.progress.add_task(label, total=None)
+        self.progress.add_task(escaped(label), total=None)
 
     def __call__(self, progress: Progress) -> None:
         """Show the figures, as soon as the line is drawn again."""

@@ -4,4 +4,13 @@ It holds what computes with torch. It never reads or writes files, grades its ow
 imports the command line, views or trainings of skillplan.
 """
 
+import os
+
 __version__ = "0.2.0"
+
+try:
+    os.getcwd()
+except OSError:
+    # PyTorch's library MKL would end the whole program when it is loaded.
+    message = "the current folder is gone, and PyTorch needs one; change to a folder that exists"
+    raise ImportError(message) from None

@@ -19,6 +19,7 @@ from skillplan.cli.options.shared import (
     TaskFile,
 )
 from skillplan.cli.options.values import count_option
+from skillplan.cli.writing import tell
 
 HELP = """Show, verify, fill and clear the verdicts kept on disk.
 
@@ -209,7 +210,7 @@ def clear(
     what = "everything" if problem is None else f"what was kept for {problem.name}"
     if not yes and sys.stdin.isatty():
         # Not Typer's own prompt: part of it goes to stdout, where JSON stands alone.
-        print(f"Remove {what} in {root}? [y/N]: ", end="", file=sys.stderr, flush=True)
+        tell(f"Remove {what} in {root}? [y/N]: ", end="")
         if sys.stdin.readline().strip().lower() not in ("y", "yes"):
             raise typer.Abort
     try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import os
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -26,6 +25,7 @@ from skillplan.cli.options.shared import (
 )
 from skillplan.cli.options.values import count_option, one_of
 from skillplan.cli.result_input import RESULT_HELP, load
+from skillplan.cli.writing import tell, write_out
 from skillplan.errors import OptionError, name_hint
 from skillplan.views.figures.catalogue import RUN_FIGURES, TASK_FIGURES, figure_module
 
@@ -240,7 +240,6 @@ def _plot(
     """Solve what a figure needs, or take it from a result, and draw it."""
     from skillplan.cli.output import exit_code
     from skillplan.cli.waiting import stoppable
-    from skillplan.cli.writing import write_out
     from skillplan.pipeline.registry import load, make_options
     from skillplan.records.result import Status
     from skillplan.views.figures.figure_file import checked_path, save_figure
@@ -308,7 +307,7 @@ def _split(inputs: Sequence[str]) -> tuple[list[str], str | None]:
 
 def _say_why(name: str, answer: Any) -> None:
     reason = answer.reason.rstrip(".")
-    print(f"skillplan: {name}: {answer.status}: {reason}. Nothing drawn.", file=sys.stderr)
+    tell(f"skillplan: {name}: {answer.status}: {reason}. Nothing drawn.")
 
 
 def _module(figure: str) -> Any:

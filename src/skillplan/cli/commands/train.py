@@ -22,6 +22,7 @@ from skillplan.cli.options.shared import (
     solver_option,
 )
 from skillplan.cli.options.values import count_option, positive_seconds
+from skillplan.cli.writing import tell
 
 TRAINING = "Training"
 
@@ -179,7 +180,7 @@ def command(
     if out is None:
         out = str(next_folder(plan.task.name, solver))
         words += ["--out", out]
-        print(f"writing to {out}", file=sys.stderr)
+        tell(f"writing to {out}")
     with TrainingFolder(
         out, plan, problem, part=part, changes=reading.settings(), resume=resume, command=words
     ) as folder:
@@ -196,5 +197,5 @@ def command(
     emit(style, result.document(), training_tables(result), failed=code != 0)
     if result.interrupted:
         again = shlex.join(["skillplan", *(word for word in words if word != "--resume")])
-        print(f"interrupted; go on with: {again} --resume", file=sys.stderr)
+        tell(f"interrupted; go on with: {again} --resume")
     return code

@@ -8,10 +8,9 @@ def command() -> int:
 
     What is compiled is kept on this machine, so that it is done once. It takes about a minute.
     """
-    import sys
     import time
 
-    from skillplan.cli.writing import write_out
+    from skillplan.cli.writing import tell, write_out
     from skillplan.pipeline.warm_up import warm_up_steps
     from skillplan.solvers.compilation import on_compilation
 
@@ -21,7 +20,7 @@ def command() -> int:
     done = on_compilation(kernels.append)
     try:
         for number, (what, compile_it) in enumerate(steps, 1):
-            print(f"compiling {number} of {len(steps)}: {what}", file=sys.stderr)
+            tell(f"compiling {number} of {len(steps)}: {what}")
             compile_it()
     finally:
         done()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Collection, Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -18,6 +17,7 @@ from skillplan.cli.options.values import (
     positive_seconds,
     whole_number,
 )
+from skillplan.cli.writing import tell
 from skillplan.errors import OptionError
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -429,7 +429,7 @@ class Limits:
 def warn_of(problem: Problem) -> None:
     """Print on stderr what in a task file is valid, but hardly meant."""
     for warning in problem.warnings:
-        print(f"skillplan: warning: {warning}", file=sys.stderr)
+        tell(f"skillplan: warning: {warning}")
 
 
 def parse_options(entries: Iterable[str], solver: str | None) -> dict[str, dict[str, Any]]:

@@ -13,6 +13,7 @@ from skillplan.records.optimum import Optimum
 from skillplan.records.training.outcome import deviation
 from skillplan.training.group_job import GroupReport
 from skillplan.training.training_plan import TrainingPlan
+from skillplan.views.text.escaping import escaped
 
 
 class TrainingDisplay:
@@ -57,7 +58,7 @@ class TrainingDisplay:
             TextColumn("left"),
             TimeRemainingColumn(),
         )
-        self._line = self._bar.add_task(label, total=total)
+        self._line = self._bar.add_task(escaped(label), total=total)
         # The figures stand below: beside the bar they would not fit a narrow terminal.
         self._live = Live(
             get_renderable=lambda: Group(self._bar, Text(self.figures())),

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from skillplan.cli.writing import tell, write_out
 from skillplan.errors import OptionError, TaskError, exit_code
 from skillplan.views.figures.catalogue import RUN_FIGURES
 
@@ -59,7 +59,6 @@ def plot_run_folders(
         If a folder holds nothing to draw, several are not of the same task, or a file cannot be
         written.
     """
-    from skillplan.cli.writing import write_out
     from skillplan.views.figures.figure_file import checked_path, save_figure
 
     if out is not None and figure is None:
@@ -116,7 +115,7 @@ class _Compared:
 
     def say(self, text: str) -> None:
         """Print on stderr what is not drawn."""
-        print(f"skillplan: {text}", file=sys.stderr)
+        tell(f"skillplan: {text}")
 
     def figure(self, name: str) -> Figure:
         """Return a figure by name."""
@@ -184,7 +183,7 @@ class _Drawn:
 
     def say(self, text: str) -> None:
         """Print on stderr what is not drawn."""
-        print(f"skillplan: {self.folder.path}: {text}", file=sys.stderr)
+        tell(f"skillplan: {self.folder.path}: {text}")
 
     def figure(self, name: str) -> Figure:
         """Return a figure by name."""

@@ -8,11 +8,13 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.output_path import output_path
 from skillplan.views.figures.figure_style import house_style
+from skillplan.views.text.escaping import escaped
 
 SUFFIXES = (".png", ".svg")
 
@@ -37,6 +39,9 @@ def figure_bytes(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
     if suffix not in SUFFIXES:
         raise ValueError(f"A figure is saved as one of {', '.join(SUFFIXES)}, not {suffix!r}.")
     made = io.BytesIO()
+    for text in figure.findobj(Text):
+        # Titles and labels hold names of documents.
+        text.set_text(escaped(text.get_text()))
     with house_style():
         if suffix == ".png":
             FigureCanvasAgg(figure)

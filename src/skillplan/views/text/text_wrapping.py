@@ -7,16 +7,17 @@ from collections.abc import Sequence
 
 from rich.cells import cell_len, chop_cells
 
+from skillplan.views.text.escaping import escaped
+
 # A line may end after these; a sequence of actions, a path and a sum of facts have no blanks.
 _AFTER_LIST = re.compile(r"(?<=[,;/+|])")
 _AFTER_NAME = re.compile(r"(?<=[,;/+|_.:=-])|(?=[(\[])")
-_CONTROL = {code: None for code in (*range(32), 127) if chr(code) != "\n"}
 _NOTE_LABEL = re.compile(r"\S{1,24}( \S+)?\s{2,}")
 
 
 def printable(text: str) -> str:
-    """Return a text without characters that would move the cursor; a tab becomes a space."""
-    return text.replace("\t", " ").translate(_CONTROL)
+    """Return a text as `escaped` has it; a tab becomes a space."""
+    return escaped(text.replace("\t", " "))
 
 
 def text_width(text: str) -> int:

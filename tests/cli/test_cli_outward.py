@@ -1,0 +1,212 @@
+"""What leaves the program: nothing raw, and no fault where nobody listens."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from skillplan.cli import standard_streams, writing
+from skillplan.errors import OptionError
+
+PROGRAM = [sys.executable, "-m", "skillplan"]
+RAW = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069\ufeff]")
+HOSTILE = "\x1b[31m\x9b2J\x7f\u202e\u2066\u200b\u2028[red][/]"
+FULL = pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
+
+# A back end whose verdict, and a solver whose exception, hold what a terminal would obey.
+DETECTOR = '''
+    from skillplan import Detector, Verdict
+
+    class Rude(Detector):
+        """Refuse with a reason that colours the screen."""
+
+        name = "rude"
+
+        def check(self, skill, state):
+            return Verdict.refuse("\\x1b[31mred\\u202e[bold]\\x7f", rests_on=())
+'''
+SOLVER = '''
+    from skillplan import Solver
+
+    class Rude(Solver):
+        """Fail with words that colour the screen."""
+
+        name = "rude"
+
+        def solve(self, model, *, seed=0):
+            raise RuntimeError("\\x1b[31mred\\u202e[bold]\\x7f")
+'''
+
+
+def both(outcome: Any) -> str:
+    """Return all that was printed."""
+    return str(outcome.out + outcome.err)
+
+
+class TestNothingRaw:
+    def test_a_file_name_is_written_out(self, cli: Any) -> None:
+        """In the message that there is no such file."""
+        outcome = cli("check", f"{HOSTILE}.yaml")
+        assert 2 == outcome.code
+        assert r"\x1b[31m" in outcome.err
+        assert None is RAW.search(both(outcome))
+
+    @pytest.mark.parametrize("words", [("check", f"--{HOSTILE}"), (HOSTILE,), ("check",)])
+    def test_a_line_that_is_not_understood_is_written_out(
+        self, cli: Any, words: tuple[str, ...]
+    ) -> None:
+        """Unknown options and commands, as Typer finds them."""
+        outcome = cli(*words)
+        assert 2 == outcome.code
+        assert None is RAW.search(both(outcome))
+
+    @pytest.mark.parametrize("style", ["table", "csv", "md", "json"])
+    def test_a_name_in_a_task_file_is_written_out(
+        self, cli: Any, board: str, tmp_path: Path, style: str
+    ) -> None:
+        """Of a description, which may be any text."""
+        text = Path(board).read_text("utf-8")
+        named = re.sub(
+            r"(?m)^description:.*$", 'description: "\\\\x1b[31m\\\\u202e[red]\\\\x7f"', text
+        )
+        path = tmp_path / "board\x1b\u202e.yaml"
+        path.write_text(named, "utf-8")
+        for words in (("check", str(path)), ("evaluate", str(path), "--sequence", "0")):
+            outcome = cli(*words, "--format", style)
+            assert outcome.code in (0, 1)
+            assert None is RAW.search(both(outcome))
+
+    @pytest.mark.parametrize("style", ["table", "csv", "md", "json"])
+    def test_an_exception_of_a_plugin_is_written_out(
+        self, cli: Any, board: str, install: Any, style: str
+    ) -> None:
+        """Its brackets are no markup, and JSON holds the words whole."""
+        install("solver", "rude", "rude_solver:Rude", SOLVER)
+        outcome = cli("compare", board, "--solvers", "rude", "--format", style)
+        assert 2 == outcome.code
+        assert None is RAW.search(both(outcome))
+        if style == "json":
+            assert "\x1b[31mred\u202e[bold]\x7f" in outcome.document["rows"][0]["reason"]
+        elif style != "csv":
+            assert r"[31mred\u202e" in outcome.out.replace("\\\\", "\\")
+
+    def test_a_traceback_is_written_out(
+        self, cli: Any, board: str, install: Any, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """With SKILLPLAN_DEBUG."""
+        monkeypatch.setenv("SKILLPLAN_DEBUG", "1")
+        install("solver", "rude", "rude_solver:Rude", SOLVER)
+        outcome = cli("search-optimal", board, "--solver", "rude")
+        assert "Traceback" in outcome.err
+        assert None is RAW.search(both(outcome))
+
+
+def test_a_warning_of_python_is_written_out(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a library that quotes what it was given."""
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    standard_streams.escape_warnings()
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        warnings.warn("\x1b[31mred", UserWarning, stacklevel=1)
+    assert r"UserWarning: \x1b[31mred" in capsys.readouterr().err
+
+
+class Broken:
+    """A stream that cannot be written to."""
+
+    encoding = "utf-8"
+
+    def __init__(self, error: OSError) -> None:
+        self.error = error
+
+    def write(self, text: str) -> int:
+        raise self.error
+
+    def flush(self) -> None:
+        """Hold nothing."""
+
+    def fileno(self) -> int:
+        raise OSError("no descriptor")
+
+
+def test_a_full_stderr_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    """There is nobody to tell."""
+    monkeypatch.setattr(sys, "stderr", Broken(OSError(28, "No space left on device")))
+    writing.tell("anything")
+
+
+def test_a_full_stdout_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else a file would be half written without a word."""
+    monkeypatch.setattr(sys, "stdout", Broken(OSError(28, "No space left on device")))
+    with pytest.raises(OptionError, match="cannot be written: No space left"):
+        writing.write_out("anything")
+
+
+def test_a_reader_who_has_gone_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As with ``| head``."""
+    monkeypatch.setattr(sys, "stdout", Broken(BrokenPipeError()))
+    writing.write_out("anything")
+
+
+def in_a_shell(line: str, environment: dict[str, str], cwd: Path) -> tuple[int, str]:
+    """Return exit code and all that stderr shows of ``skillplan LINE``."""
+    script = f"{line.replace('skillplan', ' '.join(PROGRAM))}"
+    done = subprocess.run(
+        ["bash", "-c", script], capture_output=True, text=True, env=environment, cwd=cwd
+    )
+    return done.returncode, done.stderr
+
+
+BAD_NUMBER = "skillplan: error: The output cannot be written: Bad file descriptor.\n"
+NO_SPACE = "skillplan: error: The output cannot be written: No space left on device.\n"
+
+
+@FULL
+def test_closed_streams_end_with_the_documented_code(
+    environment: dict[str, str], tmp_path: Path
+) -> None:
+    """A closed stdout is an error; a closed stderr is silence, and nothing else changes."""
+    assert (2, "") == in_a_shell("skillplan check no.yaml 2>&-", environment, tmp_path)
+    assert (2, BAD_NUMBER) == in_a_shell("skillplan --version >&-", environment, tmp_path)
+
+
+@FULL
+@pytest.mark.slow(reason="a dozen processes")
+@pytest.mark.parametrize(
+    ("line", "code", "said"),
+    [
+        ("skillplan check BOARD >&-", 2, BAD_NUMBER),
+        ("skillplan check BOARD >/dev/full", 2, NO_SPACE),
+        ("skillplan --help >/dev/full", 2, NO_SPACE),
+        ("skillplan --version >/dev/full", 2, NO_SPACE),
+        ("skillplan check --help >&-", 2, BAD_NUMBER),
+        ("skillplan check BOARD 2>&-", 0, ""),
+        ("skillplan check no.yaml 2>/dev/full", 2, ""),
+        ("skillplan check no.yaml --format json >/dev/full 2>/dev/full", 2, ""),
+        ("skillplan --nonsense 2>/dev/full", 2, ""),
+        ("skillplan --help | true; exit ${PIPESTATUS[0]}", 0, ""),
+        ("skillplan check --help | head -1; exit ${PIPESTATUS[0]}", 0, ""),
+        ("skillplan check BOARD 0<&- 1>&- 2>&-", 2, ""),
+        ("LC_ALL=POSIX PYTHONUTF8=0 PYTHONCOERCECLOCALE=0 skillplan --help", 0, ""),
+        ("LC_ALL=POSIX PYTHONUTF8=0 PYTHONCOERCECLOCALE=0 skillplan check BOARD", 0, ""),
+        ("ulimit -n 16; skillplan search-optimal BOARD", 0, ""),
+        ("ulimit -n 16; skillplan compare BOARD --solvers exact", 0, ""),
+        ("mkdir gone; cd gone; rmdir ../gone; skillplan search-optimal BOARD", 0, ""),
+        ("mkdir gone; cd gone; rmdir ../gone; skillplan check BOARD", 0, ""),
+        ("env -i PYTHONPATH=$PYTHONPATH skillplan search-optimal BOARD", 0, ""),
+    ],
+)
+def test_no_surroundings_are_too_poor(
+    environment: dict[str, str], board: str, tmp_path: Path, line: str, code: int, said: str
+) -> None:
+    """Closed and full streams, few files, no folder, no HOME, no locale."""
+    assert (code, said) == in_a_shell(line.replace("BOARD", board), environment, tmp_path)
