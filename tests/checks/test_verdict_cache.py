@@ -345,7 +345,7 @@ def test_processes_killed_at_any_instant_leave_a_sound_cache(tmp_path):
     """Two at a time write to one folder and are killed again and again: what is there holds."""
     rng = random.Random(3)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    for seed in range(examples(4, fewest=1)):
+    for seed in range(examples(4, fewest=2)):
         writers = [
             subprocess.Popen(
                 [sys.executable, "-c", WRITER, str(tmp_path), str(10 * seed + number)],

@@ -243,9 +243,9 @@ def searched(folder, n, limit_mib, time_limit_s):
 @pytest.mark.parametrize(
     ("n", "limit_mib", "time_limit_s"),
     [
-        (60, 400, 1),
+        (40, 400, 2),
         pytest.param(
-            380, 600, 25, marks=pytest.mark.slow(reason="380 nodes for 25 s; 60 in every run")
+            380, 600, 25, marks=pytest.mark.slow(reason="380 nodes for 25 s; 40 in every run")
         ),
     ],
 )
