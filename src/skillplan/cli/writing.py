@@ -10,7 +10,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import IO, Any
+from typing import Any, TextIO
 
 from skillplan.errors import OptionError
 from skillplan.views.text.escaping import escaped
@@ -80,14 +80,14 @@ def tell(text: str, end: str = "\n") -> None:
         _mute(sys.stderr)
 
 
-def _write(stream: IO[str], text: str) -> None:
+def _write(stream: TextIO, text: str) -> None:
     encoding = stream.encoding or "utf-8"
     # A name may hold what the terminal cannot print.
     stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
     stream.flush()
 
 
-def _mute(stream: IO[str]) -> None:
+def _mute(stream: TextIO) -> None:
     """Send all that a stream still holds, and all that follows, nowhere."""
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)

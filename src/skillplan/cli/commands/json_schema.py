@@ -18,8 +18,7 @@ def command(
     ] = "assembly",
 ) -> int:
     """Print the JSON Schema of task files of KIND, by default assembly, for editors."""
-    from skillplan.cli.output import as_json
-    from skillplan.cli.writing import write_out
+    from skillplan.cli.writing import as_json, write_out
     from skillplan.pipeline import registry
 
     schema = registry.load("domain", kind).Config.model_json_schema(by_alias=True)

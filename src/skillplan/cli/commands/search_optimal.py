@@ -83,7 +83,8 @@ def command(
     from contextlib import nullcontext
     from dataclasses import replace
 
-    from skillplan.cli.output import as_json, emit, exit_code
+    from skillplan.cli.output import emit, exit_code
+    from skillplan.cli.writing import as_json
     from skillplan.pipeline.solve_problem import solve_problem
     from skillplan.pipeline.solver_choice import solver_names
     from skillplan.views.tables.solved import solved_tables

@@ -164,8 +164,9 @@ def command(
     from contextlib import ExitStack
 
     from skillplan.cli.counting import counting
-    from skillplan.cli.output import as_json, emit
+    from skillplan.cli.output import emit
     from skillplan.cli.result_output import write_folder
+    from skillplan.cli.writing import as_json
     from skillplan.errors import OptionError
     from skillplan.sweep.parameter_study import do_study, plan_study
     from skillplan.sweep.study_folder import RESULT, STARTS, StudyFolder
