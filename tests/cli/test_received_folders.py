@@ -23,8 +23,7 @@ from tabular_learner import learner_installed
 
 ROOT = Path(__file__).parents[2]
 BOARD = str(ROOT / "configs" / "inverter_board.yaml")
-CASES = str(ROOT / "configs" / "swarmitfix_cases.yaml")
-STUDY = ("sweep", CASES, "-O", "episodes=200", "--starts", "C20", "--runs", "1")
+STUDY = ("sweep", BOARD, "-O", "episodes=20", "--runs", "1")
 QUICK = ("--solver", "tabular", "--runs", "2", "--steps", "200", "--checkpoint", "100")
 EVENTS = "tensorboard/run-00/events.out.tfevents.skillplan"
 FOLDERS = ("runs", "groups", "tensorboard", "runs/00", "groups/0")

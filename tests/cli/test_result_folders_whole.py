@@ -7,6 +7,7 @@ import os
 import shutil
 import threading
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,7 @@ from skillplan.files.folder_lock import FolderLock
 
 ROOT = Path(__file__).parents[2]
 BOARD = str(ROOT / "configs" / "inverter_board.yaml")
-CASES = str(ROOT / "configs" / "swarmitfix_cases.yaml")
-STUDY = ("sweep", CASES, "-O", "episodes=200", "--starts", "C20", "--runs", "1")
+STUDY = ("sweep", BOARD, "-O", "episodes=20", "--runs", "1")
 EXACT = ("--solver", "exact")
 WHOLE = ["plan.csv", "result.json"]
 
@@ -84,7 +84,8 @@ class TestTwoSearches:
         self, cli: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """A second search at the last rename is refused, and the first result is whole."""
-        folder, seen = tmp_path / "run", []
+        folder = tmp_path / "run"
+        seen: list[None] = []
         replace = os.replace
 
         def interrupted(source: Any, target: Any) -> None:
@@ -273,9 +274,7 @@ class TestFullDisks:
             folder.mkdir()
             write_as_one(folder, {"a.csv": "old", "result.json": "old"}, within=folder)
             new = {"a.csv": "new", "result.json": "new"}
-            ended = killed_at(
-                nth, monkeypatch, lambda new=new, to=folder: write_as_one(to, new, within=to)
-            )
+            ended = killed_at(nth, monkeypatch, partial(write_as_one, folder, new, within=folder))
             if (folder / "result.json").exists():
                 found = (folder / "result.json").read_text()
                 assert found == (folder / "a.csv").read_text()

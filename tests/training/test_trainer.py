@@ -13,6 +13,7 @@ import pytest
 
 from skillplan.errors import OptionError, PluginError
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.plugins.blame import Interrupted
 from skillplan.records.training.outcome import RunStatus
 from skillplan.records.training.run_folder import RunFolder
 from skillplan.training.group_training import GroupTraining
@@ -149,8 +150,8 @@ class TestWhatHappens:
     ) -> None:
         """As SIGKILL ends it: before something is forced to disk, or before it is renamed."""
 
-        class Ended(BaseException):
-            pass
+        class Ended(Interrupted):
+            """What a plugin made up would be its own failure, and end nothing."""
 
         counted = 0
 
