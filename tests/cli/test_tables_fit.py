@@ -203,12 +203,12 @@ class TestVerifyInShort:
 
     def test_verbose_lists_every_claim(self, cli: Any, result: Callable[[str], str]) -> None:
         out = cli("verify", result(BOARD), "--verbose").out
-        assert 7 == sum(" holds " in line for line in out.splitlines())
+        assert 9 == sum(" holds " in line for line in out.splitlines())
 
     def test_markdown_holds_every_claim(self, cli: Any, result: Callable[[str], str]) -> None:
         """As it did before there was a short form."""
         out = cli("verify", result(BOARD), "--format", "md").out
-        assert 7 == out.count("| holds |")
+        assert 9 == out.count("| holds |")
 
 
 def test_explain_prints_evidence_as_a_list(cli: Any) -> None:

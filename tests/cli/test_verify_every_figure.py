@@ -192,7 +192,7 @@ def test_every_leaf_of_a_fleet_is_checked_or_listed(cli: Any, tmp_path: Path) ->
 def solved_policy(solved: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The board by value iteration, which stores its policy."""
     folder = tmp_path_factory.mktemp("policy") / "run"
-    return solved(folder, BOARD, "--solver", "value-iteration")
+    return Path(solved(folder, BOARD, "--solver", "value-iteration"))
 
 
 def test_a_changed_leaf_of_policies_is_noticed(solved_policy: Path, tmp_path: Path) -> None:
@@ -294,7 +294,12 @@ class TestWhatWasAsked:
 
         opened = []
         real = pipeline.warm_cache
-        monkeypatch.setattr(pipeline, "warm_cache", lambda: opened.append(1) or real())
+
+        def open_cache() -> Any:
+            opened.append(1)
+            return real()
+
+        monkeypatch.setattr(pipeline, "warm_cache", open_cache)
         assert 0 == cli("verify", str(run)).code
         assert [] == opened
         document = cli("verify", str(run), "--warm", "--format", "json").document

@@ -156,10 +156,29 @@ class _Check:
 
     def single(self) -> Iterator[Claim]:
         """Yield the claims of the only task."""
-        yield from self._task_claims(self.stored, self.problem.part(self.origin.part))
+        task = self.problem.part(self.origin.part)
+        if self._replay(self.stored, task):
+            yield from self._task_claims(self.stored, task)
+        else:
+            yield self._given_up("plan")
 
     def chain(self) -> Iterator[Claim]:
-        """Yield the claims of every task of a chain, grounded as it was when that was solved."""
+        """Yield the claims of every task of a chain, grounded as it was when that was solved.
+
+        All plans are replayed before anything is proved, which may take the time that there is.
+        """
+        grounded: list[tuple[StoredPart, Task]] = []
+        amiss = self._replay_chain(grounded)
+        for part, task in grounded:
+            for claim in self._task_claims(part, task):
+                yield replace(claim, claim=f"{part.name}: {claim.claim}")
+        if amiss is not None:
+            yield amiss
+        elif all(one.sound for one in self.replayed.values()):
+            yield from self._sum_claims(self.stored.sequences or [])
+
+    def _replay_chain(self, grounded: list[tuple[StoredPart, Task]]) -> Claim | None:
+        """Replay part after part, as far as that goes; return why it does not go to the end."""
         stored, problem = self.stored, self.problem
         parts = [*stored.stages, *(stored.sequences or ())]
         tasks = problem.follow({}, stored.replans) if stored.replans else problem.tasks
@@ -167,28 +186,26 @@ class _Check:
         for index, part in enumerate(parts):
             if index and part.stage != parts[index - 1].stage:
                 if self.stop.overdue():
-                    yield self._given_up(part.name)
-                    return
+                    return self._given_up(part.name)
                 try:
                     tasks = problem.follow(plans, stored.replans)
                 except ChainBroken as error:
                     words = f"does not follow from the parts before: {error}"
-                    yield Claim(part.name, Outcome.FAILS, words, "grounding")
-                    return
+                    return Claim(part.name, Outcome.FAILS, words, "grounding")
             if index >= len(tasks) or tasks[index].name != part.name:
                 here = tasks[index].name if index < len(tasks) else "nothing"
                 words = f"{part.name} stands where the chain has {here}"
-                yield Claim(part.name, Outcome.FAILS, words, "grounding")
-                return
-            for claim in self._task_claims(part, tasks[index]):
-                yield replace(claim, claim=f"{part.name}: {claim.claim}")
-            one = self.replayed.get(part.name)
-            if one is None or not one.sound:
+                return Claim(part.name, Outcome.FAILS, words, "grounding")
+            if not self._replay(part, tasks[index]):
+                return self._given_up(f"{part.name}: plan")
+            grounded.append((part, tasks[index]))
+            one = self.replayed[part.name]
+            if not one.sound:
                 # Nothing can be grounded on a plan that does not hold.
-                return
+                return None
             if one.walked is not None:
                 plans[part.name] = tuple(step.skill for step in one.walked.steps)
-        yield from self._sum_claims(stored.sequences or [])
+        return None
 
     def _given_up(self, claim: str) -> Claim:
         words = "interrupted" if self.stop.interrupted else stopped_words(self.stop)
@@ -202,26 +219,29 @@ class _Check:
             self.asked.setdefault(repr(one), one)
         return model
 
-    def _task_claims(self, stored: StoredResult | StoredPart, task: Task) -> Iterator[Claim]:
+    def _replay(self, stored: StoredResult | StoredPart, task: Task) -> bool:
+        """Replay a plan; return whether there was time for it."""
         if self.stop.interrupted:
-            yield self._given_up("plan")
-            return
-        self.stop.renew()
-        self.stop.decimals = task.metric.decimals
+            return False
         # A verdict of one state does not answer for another where the plan is replayed.
         fresh = self.cache if self.warm else AskingCache(self.cache)
         try:
-            walking = self._model(task, fresh)
-            with closing(walking.feasibility):
-                walked = walked_plan(stored, walking)
-                expected = self._expected(task, walking)
+            model = self._model(task, fresh)
+            with closing(model.feasibility):
+                walked = walked_plan(stored, model)
+                expected = self._expected(task, model)
         except SearchStopped:
-            yield self._given_up("plan")
-            return
+            return False
         self.replayed[task.name] = Replayed(task, stored, walked, expected)
+        return True
+
+    def _task_claims(self, stored: StoredResult | StoredPart, task: Task) -> Iterator[Claim]:
+        self.stop.renew()
+        self.stop.decimals = task.metric.decimals
+        one = self.replayed[task.name]
         model = self._model(task, self.cache)
         with closing(model.feasibility):
-            yield from checked_claims(stored, walked, model, self.stop, expected)
+            yield from checked_claims(stored, one.walked, model, self.stop, one.expected)
 
     def _expected(self, task: Task, model: SkillModel) -> PolicyValue | None:
         """Return what the policy beside the result is worth, of a task with chance."""

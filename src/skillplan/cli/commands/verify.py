@@ -41,7 +41,14 @@ def command(
             rich_help_panel=BACK_ENDS,
         ),
     ] = False,
-    no_cache: Annotated[bool, typer.Option("--no-cache", hidden=True)] = False,
+    no_cache: Annotated[
+        bool,
+        typer.Option(
+            "--no-cache",
+            hidden=True,
+            help="As without --warm; kept for scripts that say so.",
+        ),
+    ] = False,
     time_limit_s: Annotated[
         float,
         typer.Option(
