@@ -1,0 +1,156 @@
+"""Solvers that claim what is not so, and back ends that answer as none may."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from tally import Tally
+
+from situations import fake_back_end, model_of, solver_that, two_roads_task
+from skillplan.errors import BackEndError, SkillplanError
+from skillplan.pipeline.run import solve
+from skillplan.solvers.solution import Plan, Solution
+from skillplan.task.verdict import Verdict
+
+Act = Callable[[Any, Any], Any]
+
+
+def _solved() -> tuple[tuple[str, ...], float]:
+    result = solve(two_roads_task(), "exact")
+    assert result.cost is not None
+    return tuple(step.skill for step in result.steps), result.cost
+
+
+class Agreeable(float):
+    """A number that equals every other."""
+
+    __hash__ = float.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        return True
+
+    def __lt__(self, other: object) -> bool:
+        return False
+
+    def __sub__(self, other: object) -> float:
+        return 0.0
+
+
+def _moving_the_start(solver: Any, model: Any) -> Solution:
+    skills, _ = _solved()
+    state = model.task.initial
+    for name in skills:
+        skill = next(one for one in model.task.skills if one.name == name)
+        state = model.transition(state, skill).next_state
+    object.__setattr__(model.task, "initial", state)
+    return Solution(Plan((), 0.0), 0.0, True)
+
+
+def _free_skills(solver: Any, model: Any) -> Solution:
+    skills, _ = _solved()
+    for skill in model.task.skills:
+        object.__setattr__(skill, "cost", 0.0)
+    return Solution(Plan(skills, 0.0), 0.0, True)
+
+
+def _leaving(solver: Any, model: Any) -> Solution:
+    raise SystemExit(0)
+
+
+def _interrupting(solver: Any, model: Any) -> Solution:
+    raise GeneratorExit
+
+
+def solvers() -> dict[str, Act]:
+    """Return fifteen liars: they claim what is not so, change the task, or end the program."""
+    plan, cost = _solved()
+    claims: dict[str, Callable[[], Any]] = {
+        "a plan that is free": lambda: Solution(Plan(plan, 0.0), 0.0, True),
+        "a plan that is dearer": lambda: Solution(Plan(plan, cost + 1), cost + 1, True),
+        "a cost that is no number": lambda: Solution(Plan(plan, math.nan), math.nan, True),
+        "a cost that equals all": lambda: Solution(
+            Plan(plan, Agreeable(0.0)), Agreeable(0.0), True
+        ),
+        "an infinite bound": lambda: Solution(Plan(plan, cost), math.inf, True),
+        "a bound above its cost": lambda: Solution(Plan(plan, cost), cost * 2, False),
+        "a skill that is none": lambda: Solution(Plan(("fly",), 0.0), 0.0, True),
+        "no skill at all": lambda: Solution(Plan((), 0.0), 0.0, True),
+        "half a plan": lambda: Solution(Plan(plan[:-1], cost), cost, True),
+        "a plan backwards": lambda: Solution(Plan(plan[::-1], cost), cost, True),
+        "no solution": lambda: None,
+    }
+    acts: dict[str, Act] = {
+        name: (lambda solver, model, make=make: make()) for name, make in claims.items()
+    }
+    return {
+        **acts,
+        "a start that is the goal": _moving_the_start,
+        "skills that cost nothing": _free_skills,
+        "the end of the program": _leaving,
+        "the end of a generator": _interrupting,
+    }
+
+
+def _solver_is_caught(act: Act) -> None:
+    """Assert that a liar is not believed, ends nothing, and leaves the task as it was."""
+    task = two_roads_task()
+    _, cost = _solved()
+    try:
+        result = solve(task, solver_that(act))
+    except SkillplanError:
+        pass
+    else:
+        believed = result.status in ("optimal", "solved")
+        assert not believed or result.cost == cost, f"believed: {result.status} at {result.cost}"
+        assert result.status != "optimal" or result.lower_bound == cost, "believed its bound"
+    honest = solve(task, "exact")
+    assert ("optimal", cost) == (honest.status, honest.cost), "the task was changed"
+
+
+def _raising(error: BaseException) -> Callable[[Any, Any], Any]:
+    def check(skill: Any, state: Any) -> Any:
+        raise error
+
+    return check
+
+
+def detectors() -> dict[str, Any]:
+    """Return six answers that are none."""
+    return {
+        "an error": _raising(RuntimeError("gone")),
+        "the end of the program": _raising(SystemExit(0)),
+        "nothing": lambda skill, state: None,
+        "a truth value": lambda skill, state: True,
+        "a text": lambda skill, state: "feasible",
+        "a class": lambda skill, state: Verdict,
+    }
+
+
+def _detector_is_caught(answer: Any) -> None:
+    """Assert that a back end that gives no verdict is named, and nothing is planned with it."""
+    task = two_roads_task()
+    model = model_of(task, fake_back_end(task, answer, name="liar"))
+    with pytest.raises(BackEndError, match="liar"):
+        list(model.transitions(task.initial))
+
+
+def lie(tally: Tally) -> None:
+    """Do a case of every liar."""
+    for number, (name, act) in enumerate(solvers().items()):
+        tally.case("lying-solver", number, _case(_solver_is_caught, name, act))
+    for number, (name, answer) in enumerate(detectors().items()):
+        tally.case("lying-detector", number, _case(_detector_is_caught, name, answer))
+
+
+def _case(check: Callable[[Any], None], name: str, liar: Any) -> Callable[[random.Random], None]:
+    def case(chance: random.Random) -> None:
+        try:
+            check(liar)
+        except AssertionError as error:
+            raise AssertionError(f"{name}: {error}") from None
+
+    return case

@@ -1,0 +1,101 @@
+"""The campaign of ``make fault-campaign`` in short, and that it finds what it looks for."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "tests" / "campaign"))
+
+import failing_io  # noqa: E402
+import liars  # noqa: E402
+import mutated_inputs  # noqa: E402
+import tally as tallies  # noqa: E402
+from interrupted_writes import fail_every_call_of_a_search  # noqa: E402
+
+SEED = 20261122
+
+
+@pytest.fixture
+def tally(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> tallies.Tally:
+    """An empty tally, and a cache of its own."""
+    monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "cache"))
+    return tallies.Tally(SEED)
+
+
+@pytest.fixture
+def starter(tmp_path: Path) -> Path:
+    """A small task file."""
+    path = tmp_path / "task.yaml"
+    assert 0 == tallies.survives("init", "assembly", "--out", path)
+    return path
+
+
+def test_liars_are_caught(tally: tallies.Tally) -> None:
+    """Fifteen solvers and six detectors."""
+    liars.lie(tally)
+    assert {"lying-solver": 15, "lying-detector": 6} == tally.cases
+    assert [] == tally.failures
+
+
+def test_a_few_dozens_of_spoilt_inputs_do_no_harm(
+    tally: tallies.Tally, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two of each kind but for networks, which take a training first."""
+    inputs = mutated_inputs.Inputs(tmp_path, networks=False)
+    for kind, way in inputs.ways().items():
+        for number in range(2):
+            tally.case(kind, number, way)
+    assert 18 == sum(tally.cases.values())
+    assert [] == tally.failures
+
+
+def test_a_search_survives_a_failure_of_its_calls(tally: tallies.Tally, starter: Path) -> None:
+    """Every third that opens, writes, renames or forces to disk, by a full disk."""
+    fail_every_call_of_a_search(tally, starter, ["ENOSPC"], step=3)
+    assert tally.cases["fail-search"] > 2
+    assert [] == tally.failures
+
+
+def test_the_shim_fails_the_call_of_that_number_and_no_other(tmp_path: Path) -> None:
+    """Opening, writing, forcing to disk, renaming; beneath its folder only."""
+
+    def write(folder: Path) -> None:
+        with (folder / "a").open("wb") as file:
+            file.write(b"content")
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(folder / "a", folder / "b")
+
+    inside, beside = tmp_path / "inside", tmp_path / "beside"
+    inside.mkdir()
+    beside.mkdir()
+    for number in range(1, 5):
+        with failing_io.failing(inside, tmp_path / f"calls-{number}", number, "short"):
+            write(beside)
+            with pytest.raises(OSError, match="No space left on device"):
+                write(inside)
+    with failing_io.failing(inside, tmp_path / "calls", 0, "EIO"):
+        write(inside)
+    assert 4 == (tmp_path / "calls").stat().st_size
+
+
+def test_a_failure_is_kept_with_the_seed_that_makes_it_again(tally: tallies.Tally) -> None:
+    """A traceback, an exit code, a hang, and what was touched outside."""
+
+    def fails(chance: object) -> None:
+        tallies.holds_to_its_word(7, "oops")
+
+    tally.case("kind", 4, fails)
+    assert 1 == len(tally.failures)
+    assert tally.failures[0].startswith(f"{SEED}:kind:4  AssertionError: (7, 'oops')")
+    with pytest.raises(AssertionError, match="outside"), tallies.guarded_folder() as inside:
+        (inside.parent / "untouched" / "0.txt").write_text("gone")
+    again = tallies.Tally(SEED, only=f"{SEED}:kind:4")
+    again.case("kind", 3, fails)
+    again.case("kind", 4, fails)
+    assert {"kind": 1} == again.cases
