@@ -117,7 +117,13 @@ def test_every_command_tells_the_same(words, run):
     assert (2, "", expected_lines(path)) == (code, out, err.splitlines())
 
 
-@pytest.mark.parametrize("stem", ["alias_bomb", "tag_python_object"])
+@pytest.mark.parametrize(
+    "stem",
+    [
+        pytest.param("alias_bomb", marks=pytest.mark.slow(reason="another file in every run")),
+        "tag_python_object",
+    ],
+)
 def test_a_process_of_its_own_says_the_same(stem):
     """No traceback, on whatever way the error leaves the process."""
     path = next(path for path in CORPUS if path.stem == stem)
@@ -500,7 +506,7 @@ EXPENSIVE = {
     *("back_ends_many", "bench_large", "boxes_1024", "equal_keys", "goals_unknown", "keys"),
     *("number_keys", "options_many", "tags", "vertices_many"),
     *("aliases", "anchors", "chart_circle", "fleet_large", "long_chart", "long_list"),
-    "unknown_keys",
+    *("unknown_keys", "bench_goals", "goals_500", "large_flow", "parts_256"),
 }
 
 
@@ -510,7 +516,7 @@ EXPENSIVE = {
         sorted(set(PATHOLOGICAL) - EXPENSIVE),
         pytest.param(
             sorted(EXPENSIVE),
-            marks=pytest.mark.slow(reason="17 of them, a second each; the others in every run"),
+            marks=pytest.mark.slow(reason="21 of them, a second each; the others in every run"),
         ),
     ],
     ids=["quick", "expensive"],
@@ -538,7 +544,14 @@ def test_no_file_hangs_or_exhausts_memory(tmp_path, names):
 
 
 @pytest.mark.parametrize(
-    "parts", [96, pytest.param(256, marks=pytest.mark.slow(reason="96 parts in every run"))]
+    "parts",
+    [
+        40,
+        *(
+            pytest.param(parts, marks=pytest.mark.slow(reason="40 parts in every run"))
+            for parts in (96, 256)
+        ),
+    ],
 )
 def test_a_search_on_a_large_task_heeds_its_time_limit(tmp_path, parts):
     """Preparing it included: many parts, each pair of them in the chart."""
@@ -554,6 +567,7 @@ def test_a_search_on_a_large_task_heeds_its_time_limit(tmp_path, parts):
     assert (True, "") == (done.returncode in (0, 1), done.stderr)
 
 
+@pytest.mark.slow(reason="files of 400,000 values; the alias bomb in every run")
 def test_more_values_than_allowed_are_refused_however_they_come(faults_of):
     """Written out or by aliases."""
     written = HEAD + f"x: [{'1,' * (MAX_VALUES + 100_001)}]\n"

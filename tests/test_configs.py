@@ -288,6 +288,7 @@ class TestExpectedFigures:
         seen = {task.observe(state) for state in states}
         assert content_of(path)["expect"]["observations"] == len(seen)
 
+    @pytest.mark.slow(reason="walks the board twice; its counts in a comparison of every run")
     @configs_expecting("sequences")
     def test_brute_force_counts_the_expected_sequences(self, path: Path) -> None:
         """As many of each length, and a count of another kind agrees."""

@@ -44,6 +44,7 @@ def test_solve_board_prints_the_proved_sequence() -> None:
     assert sum(float(line.split()[2]) for line in steps) == pytest.approx(1.86709, abs=1e-4)
 
 
+@pytest.mark.slow(reason="a process; the same script with the board in every run")
 def test_solve_board_takes_another_task() -> None:
     """The larger board, by its path."""
     title, *steps = run("solve_board.py", str(ROOT / "configs" / "motor_drive.yaml"))
@@ -51,6 +52,7 @@ def test_solve_board_takes_another_task() -> None:
     assert 41 == len(steps)
 
 
+@pytest.mark.slow(reason="a process; the detector beside the built-in ones in every run")
 def test_own_solver_is_judged_like_any_other() -> None:
     """Its plan is valid, costs more than the optimum, and no proof is granted."""
     own, exact = run("own_solver.py")

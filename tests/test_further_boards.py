@@ -98,6 +98,7 @@ class TestTheRelayRail:
         columns = tuple((f"terminal_{i}", f"relay_{i}") for i in range(1, 6))
         assert (columns, ()) == (derived.missing, derived.extra)
 
+    @pytest.mark.slow(reason="solves the rail by boxes; by its chart in every run")
     def test_the_fingers_cost_two_centimetres(self, rail: Task) -> None:
         """By boxes alone, a relay would come before its terminal block."""
         by_boxes, by_chart = solve(rail, setup=BY_BOXES), solve(rail)

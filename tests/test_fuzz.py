@@ -202,10 +202,10 @@ STRUCTURES = st.recursive(
 
 
 def many(count):
-    """Return settings for `count` examples in the whole suite, and a fifteenth in every run."""
+    """Return settings for `count` examples in the whole suite, and a twentieth in every run."""
     thorough = settings.get_current_profile_name() == "thorough"
     return settings(
-        max_examples=(count if thorough else max(10, count // 15)) * FACTOR,
+        max_examples=(count if thorough else max(6, count // 20)) * FACTOR,
         derandomize=FACTOR == 1,
         deadline=None,
         database=None,

@@ -10,6 +10,7 @@ import sys
 import tomllib
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -121,6 +122,7 @@ class TestStarting:
         assert set() == {*HEAVY, "rich"} & loaded
         assert "yaml" in loaded
 
+    @pytest.mark.slow(reason="a process; the board needs no arrays in every run")
     def test_the_optimum_beside_a_sequence_of_the_board_needs_none(self) -> None:
         """It is small, so that exact search proves it."""
         sequence = ("--sequence", "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15")
@@ -164,9 +166,14 @@ class TestFiles:
             assert home.search(text) is None, name
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text("utf-8"))
+
+
 def lines_of_functions(path: Path) -> Iterator[tuple[str, int]]:
     """Yield every function of a module and how many lines its body has without its docstring."""
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             body = node.body[ast.get_docstring(node) is not None :]
             if body:
@@ -194,7 +201,7 @@ def test_the_list_of_slow_tests_is_current() -> None:
 
 def public_definitions(path: Path) -> Iterator[tuple[str, ast.AST]]:
     """Yield every public class, function and method of a module, and the module."""
-    tree = ast.parse(path.read_text("utf-8"))
+    tree = parsed(path)
     yield "the module", tree
     stack: list[tuple[str, ast.AST]] = [("", tree)]
     while stack:

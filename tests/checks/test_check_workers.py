@@ -203,7 +203,9 @@ def test_the_engine_and_the_detector_of_one_question_are_asked_in_one_process(tm
     assert all(one == other for one, other in pairs)
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize(
+    "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
+)
 def test_every_process_tells_its_back_ends_what_is_beside_them(jobs):
     """As this one does."""
     plain = Feasibility(TASK, one_engine())
@@ -267,6 +269,7 @@ def test_a_process_that_is_killed_costs_its_check_only(tmp_path, how):
     assert len([one for one in checks_in(log) if one[1] == "pick(fuse)"]) == 2
 
 
+@pytest.mark.slow(reason="a process that is killed; one that is killed twice in every run")
 def test_a_process_that_is_killed_once_costs_nothing_but_time(tmp_path):
     """The second attempt gives the verdict."""
     options = {"log": str(tmp_path), "fail_on": "pick(fuse)", "how": "kill", "once": True}
@@ -439,6 +442,9 @@ def test_processes_end_with_the_program_that_started_them(tmp_path, number):
     wait_until_gone({one for *_, one in checks_in(log)})
 
 
+@pytest.mark.slow(
+    reason="a script in processes of its own; another one of processes that end in every run"
+)
 def test_a_script_that_would_start_itself_again_is_told(tmp_path):
     """Its last line says what is missing; nothing hangs."""
     process, _ = program(tmp_path, 0, guarded=False)
@@ -458,6 +464,7 @@ def test_a_program_ends_at_once_though_its_processes_were_never_closed(tmp_path)
     wait_until_gone({one for *_, one in checks_in(log)})
 
 
+@pytest.mark.slow(reason="processes; ending a trial early in every run")
 def test_whoever_polls_can_end_the_asking_in_the_middle_of_a_check(tmp_path):
     """What is under way is given up; the next question finds processes again."""
 
@@ -479,7 +486,9 @@ def test_whoever_polls_can_end_the_asking_in_the_middle_of_a_check(tmp_path):
     assert feasibility.verdict(*question_on("pick(fuse)")).stage in ("", "expensive-engine")
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize(
+    "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="in one process in every run"))]
+)
 def test_progress_counts_checks_done_reused_and_to_go(jobs):
     """Up to the last of a batch; a question that is answered from memory is not shown."""
     counts = []
@@ -497,6 +506,7 @@ def test_progress_counts_checks_done_reused_and_to_go(jobs):
     assert len(counts) == seen
 
 
+@pytest.mark.slow(reason="processes that wait; several skills are checked at once in every run")
 def test_a_model_asks_for_all_skills_of_a_state_at_once(tmp_path):
     """Its transitions are those of one that asks one after the other."""
     (tmp_path / "log").mkdir()
@@ -516,6 +526,7 @@ def test_there_is_at_least_one_process(make):
         make(TASK, [], 0)
 
 
+@pytest.mark.slow(reason="processes; verdicts in several processes in every run")
 def test_an_enumeration_is_the_same_in_several_processes():
     """A whole level of states at a time."""
     found = [

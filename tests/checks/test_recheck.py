@@ -39,7 +39,9 @@ def test_a_sample_depends_on_the_seed_only(folder):
     assert [one for _, one in draw(kept, 10_000, seed=0)] == kept[0]
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize(
+    "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
+)
 def test_sound_verdicts_are_the_same_bit_for_bit(folder, jobs):
     """Of every skill, in one process or several."""
     drawn = draw(folder.kept_for([engine()]), 10_000, seed=0)
@@ -81,7 +83,9 @@ def test_a_difference_says_in_what(folder, change, differs_in):
     assert trial.same == (not differs_in)
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize(
+    "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
+)
 def test_a_trial_can_be_ended_early(folder, jobs):
     """What has been tried by then is returned."""
     drawn = draw(folder.kept_for([engine()]), 10_000, seed=0)
@@ -96,7 +100,9 @@ def test_a_trial_can_be_ended_early(folder, jobs):
     assert 2 <= len(trials) < len(drawn)
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize(
+    "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
+)
 def test_a_back_end_that_raises_is_named(folder, tmp_path, jobs):
     """It is no difference."""
     log = tmp_path / "log"

@@ -55,6 +55,13 @@ SOURCE = '''
             folder = os.environ.get("SLOW_LOG")
             if folder:
                 open(f"{folder}/{time.monotonic_ns()}.{os.getpid()}", "w").close()
+            if os.environ.get("SLOW_NARROW") == skill.name:
+                # Rests on all that it looks at, but says that it rests on nothing.
+                nothing = self.task.facts.of()
+                there = "placed(pcb)" in state
+                if there:
+                    return Verdict.infeasible("the board is in the way", nothing, nothing)
+                return Verdict.feasible(nothing, nothing)
             if os.environ.get("SLOW_LIES") == skill.name:
                 return Verdict.infeasible("lies", verdict.present, verdict.absent)
             return verdict
@@ -113,6 +120,7 @@ class TestFill:
         result = cli(*on_slow("search-optimal", board, "--format", "json")).document
         assert ("optimal", 0) == (result["status"], made(slow) - int(executions))
 
+    @pytest.mark.slow(reason="five processes; every run has the other commands in several")
     def test_it_is_the_same_in_several_processes_and_stdout_stays_clean(
         self, cli: Any, slow: Path, board: str
     ) -> None:
@@ -159,6 +167,7 @@ class TestFill:
         assert kept >= document["executions"] - 2
         assert kept > 0
 
+    @pytest.mark.slow(reason="a process on a terminal; that of a search in every run")
     def test_progress_shows_checks_done_reused_and_to_go(
         self, slow: Path, environment: dict[str, str], board: str
     ) -> None:
@@ -303,7 +312,13 @@ class TestClear:
         assert "all tasks" in cli("cache", "clear", "--yes").out
         assert 0 == cli("cache", "show", "--format", "json").document["verdicts"]
 
-    @pytest.mark.parametrize(("answer", "left"), [(b"n\n", 1), (b"y\n", 0)])
+    @pytest.mark.parametrize(
+        ("answer", "left"),
+        [
+            (b"n\n", 1),
+            pytest.param(b"y\n", 0, marks=pytest.mark.slow(reason="the answer no in every run")),
+        ],
+    )
     def test_on_a_terminal_it_asks_first(
         self,
         cli: Any,
@@ -342,7 +357,10 @@ class TestOtherCommands:
         "words",
         [
             ("search-optimal", "TASK"),
-            ("chart", "TASK"),
+            pytest.param(
+                ("chart", "TASK"),
+                marks=pytest.mark.slow(reason="five processes; two other commands in every run"),
+            ),
             pytest.param(
                 ("compare", "TASK", "--solvers", "exact,exhaustive"),
                 marks=pytest.mark.slow(reason="ten processes; three other commands in every run"),
@@ -421,3 +439,44 @@ def _timeless(document: Any) -> Any:
     if isinstance(document, dict):
         return {k: _timeless(v) for k, v in document.items() if k not in ("wall_s", "trace")}
     return [_timeless(one) for one in document] if isinstance(document, list) else document
+
+
+class TestElsewhere:
+    def test_a_verdict_that_names_too_few_facts_is_found_out(
+        self, cli: Any, slow: Path, bare: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Neither a search nor the same state would tell."""
+        monkeypatch.setenv("SLOW_NARROW", "pick(switch_1)")
+        words = (bare, "--physics", "slow")
+        assert 0 == cli("cache", "fill", *words, "--format", "json").code
+        assert 0 == cli("cache", "verify", *words, "--sample", "1000").code
+        outcome = cli("cache", "verify", *words, "--sample", "1000", "--elsewhere")
+        assert 3 == outcome.code
+        assert "Back end 'slow' contradicts itself about pick(switch_1): " in outcome.err
+        assert "placed(pcb)" in outcome.err.rpartition("should have named")[2]
+
+    def test_what_contradicts_itself_is_dropped(
+        self, cli: Any, slow: Path, bare: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """And asked again by the next run; the others hold wherever they claim to."""
+        monkeypatch.setenv("SLOW_NARROW", "pick(switch_1)")
+        words = (bare, "--physics", "slow")
+        cli("cache", "fill", *words, "--format", "json")
+        check = ("cache", "verify", *words, "--sample", "1000", "--elsewhere", "--format", "json")
+        kept = cli("cache", "show", *words, "--format", "json").document["verdicts"]
+        assert 3 == cli(*check).code
+        second = cli(*check)
+        assert (0, 0) == (second.code, second.document["different"])
+        assert second.document["tried"] > 10
+        assert kept - 1 == second.document["kept"]
+
+    def test_a_search_asks_expensive_back_ends_again_only_when_told(
+        self, cli: Any, slow: Path, bare: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """With --audit; the exit code is that of a back end that failed."""
+        monkeypatch.setenv("SLOW_NARROW", "pick(switch_1)")
+        words = ("search-optimal", bare, "--physics", "slow", "--no-cache", "--format", "json")
+        assert 3 != cli(*words).code
+        outcome = cli(*words, "--audit", "500")
+        assert 3 == outcome.code
+        assert "Back end 'slow' contradicts itself about pick(switch_1): " in outcome.err

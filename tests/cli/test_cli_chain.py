@@ -95,6 +95,7 @@ class TestSearch:
         assert "skillplan.policy/1" == document["schema"]
         assert [["at(C42)"], ["at(C29)"]] == [entry["goal"] for entry in document["policies"]]
 
+    @pytest.mark.slow(reason="solves a whole sheet; a value of a board is set in every run")
     def test_a_value_may_be_set_beside_the_file(self, cli: Any) -> None:
         """Another rule for the goals: not the optimum, and said to be so."""
         words = ("--set", "base.goal_choice=nearest-centroid", "--set", "base.home=C78")
@@ -129,6 +130,9 @@ def table_3() -> Any:
 
 
 class TestCompare:
+    @pytest.mark.slow(
+        reason="learns with every solver of the table; every run compares fewer on the board"
+    )
     def test_every_solver_has_a_row(self, table_3: Any) -> None:
         assert "skillplan.comparison/1" == table_3["schema"]
         assert list(SOLVERS) == [row["solver"] for row in table_3["rows"]]
@@ -286,6 +290,9 @@ class TestCheck:
 
 
 class TestExitCodes:
+    @pytest.mark.slow(
+        reason="plans a sheet in vain; the comparison tells the same reason in every run"
+    )
     def test_no_goals_is_1_with_the_reason(self, cli: Any) -> None:
         outcome = cli("search-optimal", POLYGONAL, "--solver", "csp", "--format", "json")
         assert (1, "unsolved") == (outcome.code, outcome.document["status"])

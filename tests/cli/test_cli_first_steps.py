@@ -37,7 +37,17 @@ with compilation_announced():
 
 
 class TestInit:
-    @pytest.mark.parametrize("kind", registry.names("domain"))
+    @pytest.mark.parametrize(
+        "kind",
+        [
+            pytest.param(
+                kind, marks=pytest.mark.slow(reason="solves a chain; the other kinds in every run")
+            )
+            if kind == "swarmitfix"
+            else kind
+            for kind in registry.names("domain")
+        ],
+    )
     def test_the_starter_is_valid_and_solved(self, cli: Any, tmp_path: Path, kind: str) -> None:
         """Commented, too; and the next two commands are those that were told."""
         path = tmp_path / f"mine{SUFFIXES[kind]}"
@@ -104,11 +114,17 @@ class TestWarmUp:
         assert ["compiling 1 of 2: this", "compiling 2 of 2: that"] == outcome.err.splitlines()
         assert outcome.out.startswith("2 kernels compiled in ")
 
+    @pytest.mark.slow(
+        reason="warms up twice; every run asks once whether all solvers find their kernels"
+    )
     @pytest.mark.usefixtures("warm")
     def test_a_second_time_nothing_is_left(self, cli: Any) -> None:
         """What is kept is loaded."""
         assert "nothing to compile: all kernels are kept already\n" == cli("warm-up").out
 
+    @pytest.mark.slow(
+        reason="learns with nine solvers; every run tells of kernels that are compiled"
+    )
     @pytest.mark.usefixtures("warm")
     def test_all_solvers_find_their_kernels(self, cli: Any, board: str) -> None:
         """On a board, with and without chance, and on a bench."""
@@ -125,6 +141,7 @@ class TestWarmUp:
 
 
 class TestNotice:
+    @pytest.mark.slow(reason="compiles kernels in a process; every run tells of them in this one")
     def test_a_terminal_is_told_once(self) -> None:
         """Of several kernels in one line on stderr, and nothing on stdout."""
         far, near = pty.openpty()

@@ -77,13 +77,22 @@ def test_a_table_begins_with_its_title(cli: Any, words: list[str], command: str)
     assert "" == outcome.err
 
 
-@every_command
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param(command, marks=pytest.mark.slow(reason="four searches; others in every run"))
+        if command in ("compare", "evaluate", "search-optimal")
+        else command
+        for command in COMMANDS
+    ],
+)
 def test_the_format_does_not_change_the_exit_code(cli: Any, words: list[str]) -> None:
     """All four formats end alike."""
     codes = {cli(*words, "--format", style).code for style in ("table", "json", "csv", "md")}
     assert 1 == len(codes)
 
 
+@pytest.mark.slow(reason="searches twelve parts twice; long lines of the board in every run")
 def test_redirected_tables_are_not_cut_to_80_columns(cli: Any, motor: str) -> None:
     """A sequence of 41 actions stands on one line."""
     out = cli("compare", motor, "--solvers", "exact").out

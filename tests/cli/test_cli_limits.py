@@ -87,6 +87,7 @@ print(json.dumps([done.returncode, json.loads(done.stdout), peak]))
 
 
 class TestMemoryLimit:
+    @pytest.mark.slow(reason="fills 64 MiB; the portfolio keeps its limit in every run")
     def test_exact_search_ends_with_a_bound_within_the_limit(self, big_board: str) -> None:
         """No more than 10 % above it at any time, and the most of it is used."""
         words = [sys.executable, "-m", "skillplan", "search-optimal", big_board, *EXACT]
@@ -134,6 +135,7 @@ class TestStall:
         assert (0, "solved", "stalled") == (outcome.code, document["status"], document["reason"])
         assert 0.3 <= document["stats"]["wall_s"] < 30
 
+    @pytest.mark.slow(reason="two searches that stall; every run has one")
     def test_of_compare_each_solver_has_its_own(self, cli: Any, board: str) -> None:
         """What one waits for is not taken from the next."""
         words = ("--solvers", "exhaustive,exact", "--stall", "30", "--memory-limit", "8GiB")
@@ -167,7 +169,16 @@ class TestStart:
         assert "solved" == cli("search-optimal", motor, *EXACT, *words).document["status"]
         return folder
 
-    @pytest.mark.parametrize("named", ["", "result.json"])
+    @pytest.mark.parametrize(
+        "named",
+        [
+            "",
+            pytest.param(
+                "result.json",
+                marks=pytest.mark.slow(reason="another name of the same file in every run"),
+            ),
+        ],
+    )
     def test_a_search_goes_on_from_an_earlier_result(
         self, cli: Any, motor: str, earlier: Path, named: str
     ) -> None:
@@ -186,6 +197,7 @@ class TestStart:
         assert given["actions"] == outcome.document["actions"]
         assert outcome.document["cost"] == pytest.approx(given["cost"], abs=1e-12)
 
+    @pytest.mark.slow(reason="searches twelve parts; JSON tells it in every run")
     def test_the_table_says_so(self, cli: Any, motor: str, earlier: Path) -> None:
         """In a line of its own."""
         out = cli("search-optimal", motor, "--solver", "exact", "--start", str(earlier)).out
@@ -222,7 +234,7 @@ class TestStart:
             ("[]", "is no document skillplan.result/1"),
             ('{"schema": "skillplan.chart/1"}', "is no document skillplan.result/1"),
             ('{"schema": "skillplan.result/9"}', "is of another version"),
-            ('{"schema": "skillplan.result/1"}', "is damaged: solver: Field required"),
+            ('{"schema": "skillplan.result/1"}', "is damaged: solver: key 'solver' is missing"),
         ],
     )
     def test_what_is_no_result_is_refused(

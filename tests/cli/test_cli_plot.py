@@ -63,12 +63,27 @@ def texts(path: Path) -> set[str]:
             ("--solver", "policy-iteration"),
             {"C1", "C15", "Policy of base-1: from C1 to C8"},
         ),
-        ("policy", QUICK, {"P1", "goal"}),
+        pytest.param(
+            "policy",
+            QUICK,
+            {"P1", "goal"},
+            marks=pytest.mark.slow(reason="a policy that is not learned in every run"),
+        ),
         ("rewards", (), {"reward [-]", "C15"}),
         ("gantt", (), {"head", "PKM", "base", "sequence 1"}),
         ("q-values", QUICK, {"Q(s, a) [-]", "episode [-]"}),
-        ("q-values", (*QUICK, "--states", "C2,C3"), {"Q(s, a) [-]"}),
-        ("learning", (*QUICK, "--seeds", "2"), {"base-1: C1 to C8", "base-3: C8 to C15"}),
+        pytest.param(
+            "q-values",
+            (*QUICK, "--states", "C2,C3"),
+            {"Q(s, a) [-]"},
+            marks=pytest.mark.slow(reason="all states in every run"),
+        ),
+        pytest.param(
+            "learning",
+            (*QUICK, "--seeds", "2"),
+            {"base-1: C1 to C8", "base-3: C8 to C15"},
+            marks=pytest.mark.slow(reason="learns all ways; one of them in every run"),
+        ),
         ("learning", (*QUICK, "--seeds", "1", "--part", "base-1"), {"base-1: C1 to C8"}),
     ],
 )
@@ -82,6 +97,7 @@ def test_a_figure_of_a_walk_is_drawn(
     assert written <= texts(Path("f.svg"))
 
 
+@pytest.mark.slow(reason="solves and draws a whole sheet; the other figures in every run")
 def test_the_placement_of_a_trajectory_is_drawn(cli: Any, walk: str) -> None:
     """With the goals of Table 3, and as many steps."""
     outcome = cli("plot", POLYGONAL, "placement", "--out", "f.svg")
@@ -90,6 +106,7 @@ def test_the_placement_of_a_trajectory_is_drawn(cli: Any, walk: str) -> None:
     assert {title, "C42", "C29", "C54", "b7\N{EN DASH}9", "h16", "home"} <= texts(Path("f.svg"))
 
 
+@pytest.mark.slow(reason="draws a fleet; its figure in test_figures.py of every run")
 def test_the_ways_of_a_fleet_are_drawn(cli: Any, walk: str, meet: str) -> None:
     """By the solver for fleets, or by any other that gives a plan."""
     assert 0 == cli("plot", meet, "fleet", "--out", "f.svg").code
@@ -115,6 +132,9 @@ def test_a_picture_is_named_after_task_and_figure(cli: Any, walk: str) -> None:
     assert 11.55 * 30 == pytest.approx(int.from_bytes(content[16:20], "big"), abs=1)
 
 
+@pytest.mark.slow(
+    reason="draws three figures; equal figures are equal files in test_figures.py of every run"
+)
 def test_equal_calls_write_equal_files(cli: Any, walk: str) -> None:
     """A seed says all; another one learns something else."""
     for out, seed in (("a.svg", "1"), ("b.svg", "1"), ("c.svg", "2")):
@@ -176,6 +196,7 @@ def test_a_figure_of_one_base_does_not_fit_a_fleet(
     assert message in outcome.err
 
 
+@pytest.mark.slow(reason="plans a sheet in vain; the comparison of such a chain in every run")
 def test_a_chain_without_a_plan_is_not_drawn(cli: Any, walk: str) -> None:
     """Exit code 1 and the reason: the planner of 2014 finds no shared pin."""
     outcome = cli("plot", POLYGONAL, "placement", "--solver", "csp")

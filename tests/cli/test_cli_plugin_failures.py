@@ -82,7 +82,18 @@ class TestASolver:
             f"({place}; SKILLPLAN_DEBUG=1 shows the traceback)\n" == outcome.err
         )
 
-    @pytest.mark.parametrize("method", ["solve", "constructor"])
+    @pytest.mark.parametrize(
+        "method",
+        [
+            "solve",
+            pytest.param(
+                "constructor",
+                marks=pytest.mark.slow(
+                    reason="walks the board again; a failing search in every run"
+                ),
+            ),
+        ],
+    )
     def test_in_a_comparison_it_is_a_row_and_the_others_run_on(
         self, cli: Any, board: str, faulty: Any, method: str
     ) -> None:
@@ -176,6 +187,7 @@ class TestABackEnd:
         assert ["failed", "failed"] == [row["status"] for row in rows]
         assert all(place in row["reason"] for row in rows)
 
+    @pytest.mark.slow(reason="a process; in this one in every run")
     def test_so_it_is_in_a_process_of_its_own(
         self, cli: Any, board: str, faulty: Any, monkeypatch: pytest.MonkeyPatch
     ) -> None:

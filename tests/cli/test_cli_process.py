@@ -83,6 +83,7 @@ def on_a_terminal(words: list[str], columns: int, environment: dict[str, str]) -
 
 
 class TestAsAModule:
+    @pytest.mark.slow(reason="a process; every run has the exit codes of that module")
     def test_python_m_is_the_same_program(self, environment: dict[str, str], board: str) -> None:
         """`python -m skillplan` solves, prints one document, and is silent on stderr."""
         command = [*SKILLPLAN, "search-optimal", board, "--format", "json"]
@@ -144,6 +145,9 @@ class TestInterruption:
         assert document["stats"]["expanded"] > 0
         assert "Traceback" not in screen.read()
 
+    @pytest.mark.slow(
+        reason="a process; every run waits for the progress before it interrupts a search"
+    )
     def test_progress_shows_on_the_terminal_and_goes_away(
         self, long_search: tuple[subprocess.Popen[str], Terminal]
     ) -> None:
@@ -157,6 +161,9 @@ class TestInterruption:
         assert "bound 0." in shown
         assert "\x1b[2K" in shown[-20:]
 
+    @pytest.mark.slow(
+        reason="searches for more than a second; every run shows the progress on a terminal"
+    )
     def test_progress_shows_the_speed_after_a_second(
         self, long_search: tuple[subprocess.Popen[str], Terminal]
     ) -> None:
@@ -168,6 +175,9 @@ class TestInterruption:
         process.communicate(timeout=PATIENCE_S)
         assert 130 == process.returncode
 
+    @pytest.mark.slow(
+        reason="a process of two searches; a single search that is interrupted in every run"
+    )
     def test_an_interrupted_comparison_keeps_what_is_done(
         self, environment: dict[str, str], motor: str, deaf_solver: str
     ) -> None:
@@ -241,7 +251,7 @@ class TestPipes:
     @pytest.mark.parametrize(
         "style",
         [
-            "table",
+            pytest.param("table", marks=pytest.mark.slow(reason="JSON in every run")),
             "json",
             pytest.param("csv", marks=pytest.mark.slow(reason="two formats in every run")),
             pytest.param("md", marks=pytest.mark.slow(reason="two formats in every run")),
@@ -264,6 +274,7 @@ class TestPipes:
             os.close(ours)
         assert (0, b"") == (done.returncode, done.stderr)
 
+    @pytest.mark.slow(reason="a process in a pipe; a reader who has gone in every run")
     def test_head_gets_its_line(self, environment: dict[str, str], board: str) -> None:
         """In a real shell pipeline."""
         shell = f"'{sys.executable}' -m skillplan check '{board}' | head -1"
@@ -287,7 +298,7 @@ class TestPipes:
         [
             "ascii",
             pytest.param("latin-1", marks=pytest.mark.slow(reason="two encodings in every run")),
-            "utf-8",
+            pytest.param("utf-8", marks=pytest.mark.slow(reason="ASCII in every run")),
         ],
     )
     def test_any_encoding_of_stdout_will_do(
@@ -302,6 +313,7 @@ class TestPipes:
         lines = done.stdout.decode(encoding).splitlines()
         assert {"─" if encoding == "utf-8" else "-"} == set(lines[2]) - {"+"}
 
+    @pytest.mark.slow(reason="a process; every run has output that is redirected without colour")
     def test_no_progress_where_stderr_is_no_terminal(
         self, environment: dict[str, str], motor: str
     ) -> None:
@@ -312,6 +324,9 @@ class TestPipes:
         )
         assert (1, b"") == (done.returncode, done.stderr)
 
+    @pytest.mark.slow(
+        reason="a process; redirected tables are not cut in every run, in this process"
+    )
     def test_redirected_output_is_plain_and_loses_nothing(
         self, environment: dict[str, str], motor: str
     ) -> None:
@@ -327,6 +342,7 @@ class TestPipes:
 
 
 class TestTerminals:
+    @pytest.mark.slow(reason="a process on a terminal; a comparison fits 80 columns in every run")
     def test_a_plan_fits_80_columns(self, environment: dict[str, str], motor: str) -> None:
         """A line for each step, none of them wrapped; the sequence wraps between its actions."""
         shown = on_a_terminal(["search-optimal", motor], 80, environment)
@@ -348,6 +364,7 @@ class TestTerminals:
         assert f"exact: makespan [s] 69.5; sequence {sequence}" in lines
         assert all(len(line) <= 80 for line in lines)
 
+    @pytest.mark.slow(reason="a process on a terminal; a comparison on a narrower one in every run")
     def test_a_wide_terminal_has_all_in_one_table(
         self, environment: dict[str, str], board: str
     ) -> None:
@@ -362,7 +379,7 @@ class TestTerminals:
         [
             30,
             pytest.param(70, marks=pytest.mark.slow(reason="two other widths in every run")),
-            80,
+            pytest.param(80, marks=pytest.mark.slow(reason="30 columns in every run")),
             pytest.param(120, marks=pytest.mark.slow(reason="two other widths in every run")),
         ],
     )
@@ -378,6 +395,7 @@ class TestTerminals:
         assert set(expected) == set(actual)
         assert "so far     0.40262 m, 13.6 s\n" in notes
 
+    @pytest.mark.slow(reason="a process on a terminal; a comparison fits 80 columns in every run")
     def test_an_explanation_is_readable_in_80_columns(
         self, environment: dict[str, str], board: str
     ) -> None:

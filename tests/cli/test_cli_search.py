@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from skillplan.cli import writing
-from skillplan.cli.output import save
+from skillplan.cli.result_output import write_folder
 from skillplan.errors import OptionError
 
 EXACT = ("--solver", "exact")
@@ -41,7 +41,17 @@ def test_a_time_limit_too_short_for_a_plan_leaves_a_bound(cli: Any, motor: str) 
     assert 0 < document["lower_bound"] <= 11.58291 + 5e-6
 
 
-@pytest.mark.parametrize(("solver", "gap"), [("exact", "0.3"), ("exhaustive", "0.9")])
+@pytest.mark.parametrize(
+    ("solver", "gap"),
+    [
+        ("exact", "0.3"),
+        pytest.param(
+            "exhaustive",
+            "0.9",
+            marks=pytest.mark.slow(reason="walks the whole board; exact search in every run"),
+        ),
+    ],
+)
 def test_a_gap_is_good_enough(cli: Any, board: str, motor: str, solver: str, gap: str) -> None:
     """The search ends early, with a gap no larger than asked for."""
     task = motor if solver == "exact" else board
@@ -53,6 +63,7 @@ def test_a_gap_is_good_enough(cli: Any, board: str, motor: str, solver: str, gap
     assert document["stats"]["expanded"] < full["stats"]["expanded"]
 
 
+@pytest.mark.slow(reason="searches twelve parts; another gap in every run")
 def test_a_small_gap_is_met_on_the_larger_board(cli: Any, motor: str) -> None:
     """Within 10 % of the optimum, and proved to be."""
     document = cli("search-optimal", motor, "--gap", "0.1", "--format", "json").document
@@ -134,7 +145,7 @@ class TestOut:
 
         monkeypatch.setattr(os, "fsync", fail)
         with pytest.raises(OptionError, match=r"result\.json cannot be written: No space left"):
-            save(tmp_path, "result.json", "{}")
+            write_folder(tmp_path, {"result.json": "{}"})
         assert [] == list(tmp_path.iterdir())
 
 
@@ -204,9 +215,12 @@ class TestCompare:
         assert ", cold cache\n" in cli("compare", board, "--solvers", "exact").out
         assert ", warm cache\n" in cli("compare", board, "--solvers", "exact", "--warm").out
 
+    @pytest.mark.slow(
+        reason="a solver that uses up three seconds; one search that time ends in every run"
+    )
     def test_each_solver_has_its_own_time_limit(self, cli: Any, motor: str) -> None:
         """One that uses its time up takes none from the next."""
-        words = ("--solvers", "exhaustive,exact", "--time-limit", "1")
+        words = ("--solvers", "exhaustive,exact", "--time-limit", "3")
         rows = cli("compare", motor, *words, "--format", "json").document["rows"]
         assert ["unsolved", "optimal"] == [row["status"] for row in rows]
 

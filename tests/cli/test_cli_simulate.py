@@ -188,7 +188,13 @@ class TestSimulate:
         assert "" == rows[0]["screw_1_x_m"]
         assert {"trace": str(path)} == outcome.document["files"]
 
-    @pytest.mark.parametrize("suffix", [".gif", ".mp4"])
+    @pytest.mark.parametrize(
+        "suffix",
+        [
+            ".gif",
+            pytest.param(".mp4", marks=pytest.mark.slow(reason="another format in every run")),
+        ],
+    )
     def test_the_video_shows_simulated_time_at_the_speed_asked_for(
         self, cli: Any, board: str, puppet: str, tmp_path: Path, suffix: str
     ) -> None:

@@ -84,12 +84,16 @@ class TestOutput:
         ]
         assert {"2"} == {row["runs"] for row in rows}
 
-    @pytest.mark.parametrize("style", ["table", "md"])
+    @pytest.mark.parametrize(
+        "style",
+        ["table", pytest.param("md", marks=pytest.mark.slow(reason="another format in every run"))],
+    )
     def test_the_table_has_a_row_for_every_setting(self, cli: Any, style: str) -> None:
         out = cli("sweep", CASES, *QUICK, "--format", style).out
         assert "five-cases: sarsa, 2 settings of 2 runs, one-at-a-time" in out
         assert "C20 4, C6 3 steps, proved by exact search" in out
 
+    @pytest.mark.slow(reason="draws a study; every run has the columns of that figure")
     def test_a_figure_is_drawn(self, cli: Any, tmp_path: Path) -> None:
         picture = tmp_path / "study.png"
         assert 0 == cli("sweep", CASES, *QUICK, "--plot", str(picture)).code
@@ -120,9 +124,21 @@ class TestFolder:
         ("words", "message"),
         [
             (("--seed", "1"), "the seeds: 0 there, 1 now"),
-            (("--set", "bench.pitch_m=0.3"), "is another one, in the task"),
-            (("--design", "grid"), 'the design: "one-at-a-time" there, "grid" now'),
-            (("-O", "alpha=0.2"), "is another one, in the fixed options"),
+            pytest.param(
+                ("--set", "bench.pitch_m=0.3"),
+                "is another one, in the task",
+                marks=pytest.mark.slow(reason="other seeds in every run"),
+            ),
+            pytest.param(
+                ("--design", "grid"),
+                'the design: "one-at-a-time" there, "grid" now',
+                marks=pytest.mark.slow(reason="other seeds in every run"),
+            ),
+            pytest.param(
+                ("-O", "alpha=0.2"),
+                "is another one, in the fixed options",
+                marks=pytest.mark.slow(reason="other seeds in every run"),
+            ),
         ],
     )
     @pytest.mark.usefixtures("in_this_process")
@@ -187,6 +203,7 @@ class TestFaults:
         assert 1 == outcome.code
         assert [0] == [one["arrived"] for one in outcome.document["settings"]]
 
+    @pytest.mark.slow(reason="waits for processes; a training that is interrupted in every run")
     def test_ctrl_c_prints_what_is_done(self, environment: dict[str, str], tmp_path: Path) -> None:
         """To the whole group, as a terminal sends it: one document, no noise, exit code 130."""
         values = ["-O", "episodes=100,100000000", "--runs", "3", "--jobs", "2"]

@@ -77,6 +77,7 @@ class TestEvaluate:
         assert "paper dev." in out
         assert "N/A" in out
 
+    @pytest.mark.slow(reason="four evaluations; the roll-out itself in every run")
     def test_it_is_the_same_every_time_and_the_seed_decides(self, cli: Any, runs: Path) -> None:
         def told(*words: str) -> Any:
             out = cli("evaluate", str(runs), "--temperature", "0.4", *words, "--format", "json")
@@ -108,6 +109,7 @@ class TestEvaluate:
             ",".join(map(str, run["actions"])) for run in outcome.document["runs"][:2]
         ]
 
+    @pytest.mark.slow(reason="two evaluations; a changed task in every run")
     def test_back_ends_are_those_of_the_training_unless_named(self, cli: Any, runs: Path) -> None:
         words = ("evaluate", str(runs), "--format", "json")
         assert "precedence" == cli(*words).document["collision"]
@@ -199,6 +201,9 @@ class TestAfterTraining:
         assert trained["optimum"] == tried["optimum"]
         assert 0 == cli("plot", runs).code
 
+    @pytest.mark.slow(
+        reason="trains on three layouts; runs of one board are tried on others in every run"
+    )
     def test_runs_of_a_family_are_tried_on_layouts_they_have_not_seen(
         self, cli: Any, tmp_path: Path, learner: str
     ) -> None:
@@ -242,6 +247,9 @@ class TestLayouts:
 
 
 class TestChance:
+    @pytest.mark.slow(
+        reason="draws and solves a task of chance; every run holds others to the optimum"
+    )
     def test_policies_are_held_to_the_least_expected_cost(self, cli: Any, tmp_path: Path) -> None:
         """A lucky episode costs less, and is no deviation."""
         path = write_runs(tmp_path / "runs", GRASPS, [OPTIMAL], observation="paper")
@@ -276,6 +284,7 @@ class TestPlot:
         assert "episode [-]" in texts(target)
         assert not (runs / "success.png").exists()
 
+    @pytest.mark.slow(reason="draws two figures; every run draws both with the proved optimum")
     def test_what_is_known_of_the_optimum_is_not_proved_again(self, cli: Any, runs: Path) -> None:
         """It stands in result.json."""
         result = {"schema": "skillplan.training/1", "optimum": 1.5}
@@ -284,6 +293,7 @@ class TestPlot:
         assert "proved optimum 1.50000 m" in texts(runs / "distances.svg")
         assert not any("Moller" in text for text in texts(runs / "success.svg"))
 
+    @pytest.mark.slow(reason="draws a figure; both are drawn in every run")
     def test_without_a_completed_sequence_the_other_figure_is_drawn(
         self, cli: Any, tmp_path: Path
     ) -> None:

@@ -182,7 +182,20 @@ class TestPlot:
         assert (0, f"{path}\n") == (outcome.code, outcome.out)
         assert "place(transformer)" in texts(path)
 
-    @pytest.mark.parametrize("figure", ["gantt", "placement", "rewards"])
+    @pytest.mark.parametrize(
+        "figure",
+        [
+            "gantt",
+            pytest.param(
+                "placement",
+                marks=pytest.mark.slow(reason="draws two figures; another one in every run"),
+            ),
+            pytest.param(
+                "rewards",
+                marks=pytest.mark.slow(reason="draws two figures; another one in every run"),
+            ),
+        ],
+    )
     def test_a_stored_chain_is_drawn(
         self, cli: Any, corner: str, solved_corner: Path, tmp_path: Path, figure: str
     ) -> None:
@@ -195,6 +208,7 @@ class TestPlot:
         with Image.open(of_result) as drawn, Image.open(of_task) as expected:
             assert expected.tobytes() == drawn.tobytes()
 
+    @pytest.mark.slow(reason="draws a policy; a stored chain in every run")
     def test_a_stored_policy_is_drawn(self, cli: Any, learned: str, tmp_path: Path) -> None:
         """From the policies.json beside the plan."""
         path = tmp_path / "policy.svg"
@@ -240,6 +254,7 @@ class TestRuns:
         assert [2, 1] == [row["completed_runs"] for row in document["rows"]]
         assert cli("evaluate", str(good), *JSON).document["runs"] == document["rows"][0]["runs"]
 
+    @pytest.mark.slow(reason="every run has them side by side in JSON")
     def test_the_table_has_a_row_for_each(self, cli: Any, good: Path, poor: Path) -> None:
         """By its folder."""
         lines = cli("evaluate", str(good), str(poor), "--format", "csv").out.splitlines()
@@ -253,6 +268,7 @@ class TestRuns:
         assert 2 == outcome.code
         assert f"{BOARD} is no folder of training runs" in outcome.err
 
+    @pytest.mark.slow(reason="evaluates twice; a folder in every run")
     def test_the_document_of_a_folder_means_the_folder(self, cli: Any, good: Path) -> None:
         """Of training runs as of results."""
         (good / "result.json").write_text("{}")
@@ -261,7 +277,13 @@ class TestRuns:
             document["runs"] == cli("evaluate", str(good / "result.json"), *JSON).document["runs"]
         )
 
-    @pytest.mark.parametrize("figure", ["success", "distances"])
+    @pytest.mark.parametrize(
+        "figure",
+        [
+            "success",
+            pytest.param("distances", marks=pytest.mark.slow(reason="another figure in every run")),
+        ],
+    )
     def test_their_curves_stand_in_one_figure(
         self, cli: Any, good: Path, poor: Path, tmp_path: Path, figure: str
     ) -> None:
@@ -273,6 +295,7 @@ class TestRuns:
         assert "poor: " in shown
         assert "2 trainings: inverter-board" in shown
 
+    @pytest.mark.slow(reason="draws two figures; every run draws each by name")
     def test_without_a_name_both_figures_go_here(
         self, cli: Any, good: Path, poor: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import pytest
+
 
 def printed(before: str, *words: str) -> str:
     """Return the help that a fresh interpreter prints after a statement."""
@@ -13,6 +15,7 @@ def printed(before: str, *words: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow(reason="two processes; the help of every command in every run")
 def test_it_looks_as_with_all_of_rich() -> None:
     """What is left out would have changed nothing."""
     whole = "import rich.markdown, rich.traceback, typer.rich_utils"

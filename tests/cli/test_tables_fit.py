@@ -54,6 +54,8 @@ COMMANDS: dict[str, tuple[int, tuple[str, ...]]] = {
     "cache clear": (0, ("cache", "clear", "--yes")),
 }
 
+LONG = ("compare solvers of the bench", "search-optimal of nodes", "search-optimal of a fleet")
+
 
 @pytest.fixture
 def printed(monkeypatch: pytest.MonkeyPatch) -> list[Table]:
@@ -107,7 +109,15 @@ def fits(tables: list[Table], text: str, monkeypatch: pytest.MonkeyPatch) -> Non
         assert widest(shown) <= width
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow(reason="a second; other tables in every run"))
+        if name in LONG
+        else name
+        for name in COMMANDS
+    ],
+)
 def test_no_line_is_wider_than_the_output(
     cli: Any, printed: list[Table], monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
@@ -127,7 +137,10 @@ def test_columns_counts_in_a_pipe_too(
     assert widest(cli("chart", BOARD).out) <= width
 
 
-@pytest.mark.parametrize("task", [BOARD, BENCH])
+@pytest.mark.parametrize(
+    "task",
+    [BOARD, pytest.param(BENCH, marks=pytest.mark.slow(reason="a sheet; the board in every run"))],
+)
 @pytest.mark.parametrize("words", [(), ("--verbose",)])
 def test_verify_fits(
     cli: Any,
@@ -159,6 +172,7 @@ def test_evaluate_of_runs_fits(
     fits(printed, outcome.out, monkeypatch)
 
 
+@pytest.mark.slow(reason="two trainings; one that fits in every run")
 def test_several_trainings_side_by_side_fit(
     cli: Any, runs: str, tmp_path: Path, printed: list[Table], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -189,12 +203,12 @@ class TestVerifyInShort:
 
     def test_verbose_lists_every_claim(self, cli: Any, result: Callable[[str], str]) -> None:
         out = cli("verify", result(BOARD), "--verbose").out
-        assert 7 == sum(" holds " in line for line in out.splitlines())
+        assert 9 == sum(" holds " in line for line in out.splitlines())
 
     def test_markdown_holds_every_claim(self, cli: Any, result: Callable[[str], str]) -> None:
         """As it did before there was a short form."""
         out = cli("verify", result(BOARD), "--format", "md").out
-        assert 7 == out.count("| holds |")
+        assert 9 == out.count("| holds |")
 
 
 def test_explain_prints_evidence_as_a_list(cli: Any) -> None:

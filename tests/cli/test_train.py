@@ -73,6 +73,7 @@ class TestOutput:
         rows = list(csv.DictReader(io.StringIO(cli("train", BOARD, *QUICK, *words).out)))
         assert ["0", "1", "2"] == [row["run"] for row in rows]
 
+    @pytest.mark.slow(reason="two trainings; every run has the names of folders that are free")
     def test_without_a_name_the_folder_is_the_next_free_one(
         self, cli: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -82,6 +83,7 @@ class TestOutput:
             assert f"writing to {name}\n" == cli("train", BOARD, *QUICK).err
             assert (Path(name) / "result.json").is_file()
 
+    @pytest.mark.slow(reason="a training; the other endings in every run")
     def test_a_training_in_which_no_run_completes_ends_with_1(
         self, cli: Any, tmp_path: Path
     ) -> None:
@@ -90,6 +92,9 @@ class TestOutput:
         assert 1 == outcome.code
         assert 0 == outcome.document["completed_runs"]
 
+    @pytest.mark.slow(
+        reason="a training on a terminal; every run shows the progress of a search there"
+    )
     def test_on_a_terminal_it_shows_how_the_runs_stand(self, tmp_path: Path) -> None:
         words = [*QUICK[:-4], "--steps", "800", "-O", "pause_s=0.001", "--out"]
         command = [sys.executable, "-m", "skillplan", "train", BOARD, *words, str(tmp_path / "a")]
@@ -123,7 +128,7 @@ class TestInterruption:
         """To the whole group, as a terminal sends it."""
         folder = tmp_path / "run"
         # A pause changes nothing but an option; both trainings have it.
-        words = [*QUICK, "-O", "pause_s=0.003", "--out", str(folder)]
+        words = [*QUICK, "-O", "pause_s=0.002", "--out", str(folder)]
         command = [sys.executable, "-m", "skillplan", "train", BOARD, *words]
         process = subprocess.Popen(
             [*command, "--format", "json"],
@@ -160,8 +165,16 @@ class TestInterruption:
     @pytest.mark.parametrize(
         ("kills", "steps"),
         [
-            (1, 600),
-            pytest.param(20, 20_000, marks=pytest.mark.slow(reason="20 kills; one in every run")),
+            pytest.param(
+                1,
+                600,
+                marks=pytest.mark.slow(
+                    reason="a killed program; one that is interrupted in every run"
+                ),
+            ),
+            pytest.param(
+                20, 20_000, marks=pytest.mark.slow(reason="20 kills; Ctrl-C in every run")
+            ),
         ],
     )
     def test_sigkill_at_random_instants_changes_nothing(
@@ -195,6 +208,7 @@ class TestInterruption:
         assert learned_bytes(whole) == learned_bytes(cut)
         assert event_lengths(whole) == event_lengths(cut)
 
+    @pytest.mark.slow(reason="a killed program; one whose processes check is killed in every run")
     def test_sigkill_of_the_program_alone_ends_its_processes_before_another_goes_on(
         self, cli: Any, environment: dict[str, str], tmp_path: Path
     ) -> None:
@@ -251,7 +265,12 @@ class TestFaults:
             "cut",
             pytest.param("changed", marks=pytest.mark.slow(reason="two ways in every run")),
             pytest.param("emptied", marks=pytest.mark.slow(reason="two ways in every run")),
-            "other version",
+            pytest.param(
+                "other version",
+                marks=pytest.mark.slow(
+                    reason="goes on from each damaged file; every run has those that are cut"
+                ),
+            ),
         ],
     )
     def test_every_damaged_file_is_named_or_made_anew(
@@ -292,7 +311,15 @@ class TestFaults:
 
     @pytest.mark.parametrize(
         "jobs",
-        ["1", pytest.param("2", marks=pytest.mark.slow(reason="two processes; one in every run"))],
+        [
+            pytest.param(
+                "1",
+                marks=pytest.mark.slow(
+                    reason="a process; every run ends one at a write, and tells of a full disk"
+                ),
+            ),
+            pytest.param("2", marks=pytest.mark.slow(reason="two processes; one in every run")),
+        ],
     )
     def test_a_full_disk_is_one_message_and_the_checkpoint_is_intact(
         self, cli: Any, kept: Path, environment: dict[str, str], tmp_path: Path, jobs: str
@@ -333,6 +360,7 @@ class TestFaults:
         assert {"failed"} == {one["status"] for one in outcome.document["runs"]}
         assert "the simulator has gone away" in outcome.document["runs"][0]["reason"]
 
+    @pytest.mark.slow(reason="a process that trains; the same from Python in every run")
     def test_a_folder_in_use_is_not_written_to(
         self, cli: Any, run_dir: Path, environment: dict[str, str]
     ) -> None:

@@ -197,6 +197,7 @@ def test_a_document_has_the_keys_that_the_reference_says(command, monkeypatch, t
     validate(json.loads(printed[printed.index("{") : printed.rindex("}") + 1]))
 
 
+@pytest.mark.slow(reason="a search, a study and a chain; other documents in every run")
 def test_the_documents_of_results_and_studies_have_those_keys(tmp_path, monkeypatch):
     """A result's verification, a study and its manifest, and policies validate, too."""
     monkeypatch.chdir(tmp_path)
@@ -257,6 +258,7 @@ def validate(document: dict[str, Any]) -> None:
             validate(row)
 
 
+@pytest.mark.slow(reason="checks every schema; documents are held to theirs in every run")
 def test_the_schemas_that_are_published_are_json_schemas(tmp_path):
     """Validators elsewhere can read each of them."""
     generated_reference.write_json_schemas(tmp_path)

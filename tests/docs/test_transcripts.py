@@ -19,6 +19,17 @@ def takes_part(page, *, slow):
     )
 
 
+LONG_PAGES = {
+    "docs/explanation/solvers.md",
+    "docs/howto/compare.md",
+    "docs/howto/output.md",
+    "docs/howto/python.md",
+    "docs/howto/sop.md",
+    "docs/howto/verify.md",
+    "docs/tutorials/swarmitfix.md",
+}
+
+
 def named(page):
     return str(page.relative_to(ROOT))
 
@@ -46,7 +57,17 @@ def follow(page, request, *, with_slow):
 
 
 @pytest.mark.usefixtures("folder")
-@pytest.mark.parametrize("page", [p for p in PAGES if takes_part(p, slow=False)], ids=named)
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(p, marks=pytest.mark.slow(reason="a second of commands; others in every run"))
+        if named(p) in LONG_PAGES
+        else p
+        for p in PAGES
+        if takes_part(p, slow=False)
+    ],
+    ids=named,
+)
 def test_a_page_shows_what_is_printed(page, request):
     """Each quick command and script of a page prints what the page shows, times aside."""
     follow(page, request, with_slow=False)

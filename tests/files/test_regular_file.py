@@ -121,12 +121,14 @@ class TestFolders:
         """However deep."""
         assert b"mine" == read_bytes(folder / "deep" / "file", 10, within=folder)
 
-    def test_a_link_that_stays_in_the_folder_is_followed(self, folder: Path) -> None:
-        """To a file and to a folder."""
+    def test_a_link_that_stays_in_the_folder_is_refused_as_well(self, folder: Path) -> None:
+        """To a file and to a folder: what writes to one file must not change another."""
         (folder / "link").symlink_to("deep/file")
         (folder / "way").symlink_to("deep", target_is_directory=True)
-        assert b"mine" == read_bytes(folder / "link", 10, within=folder)
-        assert b"mine" == read_bytes(folder / "way" / "file", 10, within=folder)
+        for path in (folder / "link", folder / "way" / "file"):
+            with pytest.raises(RefusedFile, match="there is a link on the way to it"):
+                read_bytes(path, 10, within=folder)
+        assert folder / "deep" / "file" == real_path_within(folder / "link", folder)
 
     @pytest.mark.parametrize("target", ["../secret", "/dev/zero"])
     def test_a_link_that_leads_out_of_the_folder_is_refused(

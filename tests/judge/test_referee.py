@@ -603,6 +603,7 @@ def test_the_referee_queries_cheap_back_ends_again_but_no_expensive_ones():
         assert len(back_end.asked) >= result.checks > 0
 
 
+@pytest.mark.slow(reason="walks the board by both solvers; every run proves so of the lid task")
 def test_a_config_changed_into_one_without_a_plan_is_proved_so():
     """By both solvers, and granted by the referee: a chart against the geometry."""
     content = config_content("inverter_board")

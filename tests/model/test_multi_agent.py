@@ -62,6 +62,9 @@ class TestRecognition:
         assert ("r1", "r2", "r3") == problem.agents
         assert BENCH.n_pins == len(problem.resources)
 
+    @pytest.mark.slow(
+        reason="every two moves on a bench; every run has the rejected moves of two robots"
+    )
     def test_moves_of_two_clash_where_they_sweep_a_common_pin(self) -> None:
         bench = Bench(4, 7, 0.34)
         problem = recognise(task_of(bench, random_robots(bench, 2, 0)))

@@ -10,11 +10,10 @@ from skillplan.domains.load import Problem
 from skillplan.errors import OptionError, PluginError
 from skillplan.pipeline.chain import (
     solve_chain,
-    solver_names,
-    solvers_by_stage,
 )
 from skillplan.pipeline.comparison import solve_chain_with_all
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.solver_choice import solver_names, solvers_by_stage
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Status
 from skillplan.solvers.stop import Stop
@@ -134,6 +133,7 @@ class TestSolvers:
         with pytest.raises(PluginError, match="exat"):
             solvers_by_stage("base=exat", ["base"])
 
+    @pytest.mark.slow(reason="solves a sheet by several solvers; one for every stage in every run")
     def test_several_solvers_run_one_after_the_other(self, polygonal: Problem) -> None:
         """With a stop each, and none after one that the user has interrupted."""
         names = ["exact", "policy-iteration"]

@@ -210,7 +210,13 @@ def test_a_plan_takes_as_long_as_the_back_ends_say():
     assert {step.duration_s for step in result.steps} == {7.5}
 
 
-@pytest.mark.parametrize("solver", ["exact", "exhaustive"])
+@pytest.mark.parametrize(
+    "solver",
+    [
+        "exact",
+        pytest.param("exhaustive", marks=pytest.mark.slow(reason="exact search in every run")),
+    ],
+)
 def test_a_result_does_not_depend_on_how_many_processes_check(solver):
     """Neither plan, nor proof, nor counts."""
     task = lid_task()

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from situations import FakeSetup
 from skillplan.errors import BackEndError, SearchStopped, SolverError
 from skillplan.pipeline import registry
 from skillplan.pipeline.run import solve
@@ -23,7 +24,14 @@ from skillplan.testing import lid_task
 PATIENCE_S = 20
 HEAD = """
 import os, time
-from skillplan import Plan, Solution, Solver
+from skillplan import Detector, Plan, Solution, Solver, Verdict
+
+
+class Unsure(Detector):
+    name = "unsure"
+
+    def check(self, skill, state):
+        return Verdict.unknown("who knows")
 
 
 class Stubborn(Solver):
@@ -191,3 +199,23 @@ def test_no_exception_handler_of_a_solver_catches_a_stop() -> None:
     assert not issubclass(SearchStopped, Exception)
     assert not issubclass(SearchStopped, BackEndError)
     assert GRACE_S > 0
+
+
+def test_a_bound_that_rests_on_unknown_verdicts_is_none(
+    stubborn: Callable[[str], str],
+) -> None:
+    """What was queried is told with the bound, so that an ended process leaves no false proof."""
+    name = stubborn(
+        """
+        model.transitions(model.initial)
+        self.stop.bound(1.0)
+        while True:
+            time.sleep(0.01)
+        """
+    )
+    import stubborn_solver
+
+    unsure = FakeSetup(make=lambda task: [stubborn_solver.Unsure(task)])
+    result = solve(lid_task(), name, unsure, stop=Stop(time_limit_s=2))
+    assert ("unsolved", None) == (result.status, result.lower_bound)
+    assert "unknown" in result.reason

@@ -65,6 +65,7 @@ def test_neither_order_nor_repetition_changes_it(pair: tuple[list[float], list[f
     assert interquartile_mean(pair[0]) == interquartile_mean(pair[1])
 
 
+@pytest.mark.slow(reason="300 bootstraps; single intervals in every run")
 def test_the_interval_holds_the_true_figure_as_often_as_it_says() -> None:
     """Of 300 sets of ten normal runs at least 85 %: a bootstrap of ten runs is a bit narrow."""
     draws = np.random.default_rng(5).normal(size=(300, 10))

@@ -43,6 +43,7 @@ def test_what_is_small_is_left_to_exact_search(board_task):
     assert choice(board_task) == "exact, as it is small"
 
 
+@pytest.mark.slow(reason="searches twelve parts; other choices in every run")
 def test_jobs_in_an_order_are_left_to_the_portfolio(motor_drive_task):
     """Where exact search has no proof after a while, or there are many jobs."""
     assert choice(motor_drive_task) == "exact, as it is small" or choice(
@@ -91,7 +92,14 @@ def assert_proved(model, expected):
         assert walked.cost == pytest.approx(expected[0], abs=1e-9)
 
 
-@pytest.mark.parametrize("name", ["ESC07", "ESC12", "rbg048a"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "ESC07",
+        pytest.param("ESC12", marks=pytest.mark.slow(reason="others in every run")),
+        "rbg048a",
+    ],
+)
 def test_it_proves_what_is_published(name):
     """On instances of sequential ordering, in less than a second each."""
     result = solve(instance(name).task, "auto", stop=Stop(time_limit_s=60))
@@ -105,6 +113,7 @@ def test_it_proves_what_is_published_of_larger_instances(name):
     test_it_proves_what_is_published(name)
 
 
+@pytest.mark.slow(reason="searches for a second; a gap ends it in every run")
 def test_a_search_that_runs_out_of_time_has_a_plan_and_a_bound():
     """On an instance that takes longer to prove."""
     result = solve(instance("ry48p.1").task, "auto", stop=Stop(time_limit_s=1))

@@ -116,6 +116,7 @@ def test_the_board_has_the_optimum_that_was_computed_independently(board_task):
     assert result.gap == 0.0
 
 
+@pytest.mark.slow(reason="walks the board; compare of both solvers in every run")
 def test_it_expands_a_fiftieth_of_what_brute_force_visits(board_task):
     """On the board."""
     exact, brute = (solve(board_task, name, CHART) for name in ("exact", "exhaustive"))
@@ -162,6 +163,7 @@ def uniform_cost(task):
     return None
 
 
+@pytest.mark.slow(reason="searches twelve parts; the board in every run")
 def test_it_agrees_with_uniform_cost_search_on_the_motor_drive(motor_drive_task):
     """Twelve parts, five screws and three tools."""
     cost, steps = uniform_cost(motor_drive_task)
@@ -281,6 +283,7 @@ def test_the_gap_of_a_stopped_search_is_granted_by_the_referee(motor_drive_task)
     assert result.gap == pytest.approx(1 - result.lower_bound / result.cost)
 
 
+@pytest.mark.slow(reason="searches twelve parts; auto stops at a gap in every run")
 def test_it_stops_once_the_gap_is_small_enough(motor_drive_task):
     """At the price of the proof."""
     result = solve(motor_drive_task, "exact", CHART, stop=Stop(gap=0.2))

@@ -56,6 +56,7 @@ def walked(board_task):
     return solve(board_task, "exhaustive", CHART)
 
 
+@pytest.mark.slow(reason="walks the board; its counts in the comparison of every run")
 def test_the_board_has_as_many_sequences_as_were_computed_independently(walked, board_task):
     """120 of 15 skills, 12,420 of at most 20."""
     assert walked.trace["sequences_by_length"] == BY_LENGTH

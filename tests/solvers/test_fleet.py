@@ -117,6 +117,7 @@ class TestTwo:
             assert result.trace["makespan_proved"]
             assert_valid(bench, robots, result)
 
+    @pytest.mark.slow(reason="two robots on the whole bench; on smaller ones in every run")
     def test_exact_search_agrees_on_the_papers_bench(self) -> None:
         for seed in range(examples(2, fewest=1)):
             task = task_of(BENCH, random_robots(BENCH, 2, seed))
@@ -198,11 +199,13 @@ class TestMany:
         robots = {"a": (a, b), "b": (b, c), "c": (c, a)}
         assert_valid(bench, robots, solved(task_of(bench, robots)))
 
+    @pytest.mark.slow(reason="two fleets of six; random fleets in every run")
     def test_the_same_seed_gives_the_same_schedule(self) -> None:
         task = task_of(BENCH, random_robots(BENCH, 6, 3))
         first, second = (solved(task, seed=5).trace["schedule"] for _ in range(2))
         assert first == second
 
+    @pytest.mark.slow(reason="three fleets of six; random fleets in every run")
     def test_more_rounds_are_no_worse(self) -> None:
         task = task_of(BENCH, random_robots(BENCH, 6, 3))
         costs = [solved(task, rounds=rounds).cost for rounds in (0, 30, 200)]
@@ -222,9 +225,10 @@ class TestEnds:
             result = solved(task_of(BENCH, random_robots(BENCH, count, 0)), stop=stop)
             assert "unsolved" == result.status
 
+    @pytest.mark.slow(reason="searches for two seconds; its other ends in every run")
     def test_interrupted_in_its_improvement_it_has_a_plan(self) -> None:
         robots = random_robots(BENCH, 8, 0)
-        stop = Stop(time_limit_s=0.4)
+        stop = Stop(time_limit_s=2)
         result = solved(task_of(BENCH, robots), stop=stop, rounds=10_000_000)
         assert "solved" == result.status
         assert "time limit" in result.reason

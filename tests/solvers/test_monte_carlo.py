@@ -18,6 +18,7 @@ class TestMonteCarloSolver(SolverSuite):
     solver: ClassVar[str] = "monte-carlo"
 
 
+@pytest.mark.slow(reason="learns a bench; value iteration is step-minimal in every run")
 def test_its_ways_are_step_minimal_from_nearly_all_starts_to_all_goals() -> None:
     shares = []
     # In every run every sixth goal.

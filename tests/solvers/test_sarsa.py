@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import pytest
+
 from example_count import examples
 from skillplan.pipeline.run import make_model, make_solver
 from skillplan.solvers.learning.sarsa import SarsaSolver
@@ -28,6 +30,7 @@ def test_the_defaults_are_the_parameters_of_the_paper() -> None:
     assert options.epsilon_end is None
 
 
+@pytest.mark.slow(reason="learns a bench; value iteration is step-minimal in every run")
 def test_its_ways_are_step_minimal_from_nearly_all_starts_to_all_goals() -> None:
     shares = []
     # In every run every third goal.

@@ -123,6 +123,7 @@ def test_exact_search_proves_the_same_optimum_from_any_plan(start):
     assert (result.status, result.cost) == (Status.OPTIMAL, 3.0)
 
 
+@pytest.mark.slow(reason="searches twelve parts twice; other warm starts in every run")
 def test_exact_search_looks_at_less_from_a_good_plan(motor_drive_task):
     """What costs as much as the plan is not kept."""
     cold = solve(motor_drive_task, "exact")

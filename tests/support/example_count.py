@@ -3,7 +3,7 @@
 from hypothesis import settings
 
 
-def examples(count: int, fewest: int = 10) -> int:
+def examples(count: int, fewest: int = 6) -> int:
     """Return how many examples to draw under the profile in force (see the root's conftest).
 
     Parameters

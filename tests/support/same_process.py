@@ -35,6 +35,9 @@ class SameProcessWorker(Worker):
     def answer(self) -> Answer:
         return Answer(pickle.loads(pickle.dumps(self.work(pickle.loads(self.job)))))
 
+    def ask_to_stop(self) -> None:
+        """It has nothing to do while anybody could ask."""
+
     def end(self, *, gently: bool = True) -> None:
         self.ended = True
 

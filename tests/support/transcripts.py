@@ -11,6 +11,7 @@ A page is a Markdown file. These of its fences take part, in the order of the pa
 
 import contextlib
 import io
+import os
 import re
 import shlex
 import sys
@@ -138,7 +139,8 @@ def run(words):
 
     with _captured() as stream, contextlib.suppress(SystemExit):
         main(words[1:])
-    return _text(stream)
+    # As on the machine of a reader, who has not set the variable.
+    return _text(stream).replace(os.environ.get("SKILLPLAN_CACHE_DIR", "\0"), "~/.cache/skillplan")
 
 
 def executed(script, namespace):

@@ -258,6 +258,7 @@ class TestIntervals:
         assert one.low == pytest.approx(1 - other.high, abs=1e-12)
         assert 0 <= one.low <= one.value
 
+    @pytest.mark.slow(reason="many draws; single intervals in every run")
     def test_the_interval_of_a_mean_covers_it_95_times_of_100(self) -> None:
         rng, covered = random.Random(1), 0
         for _ in range(2000):
@@ -351,6 +352,9 @@ class TestStudies:
         assert [4, 3] == [one.steps for one in result.records[0].outcomes]
         assert 1 == result.summary([0]).best
 
+    @pytest.mark.slow(
+        reason="two processes that compile; a run in a process of its own that fails in every run"
+    )
     def test_results_depend_neither_on_processes_nor_on_their_order(self, walk: Task) -> None:
         values = [("episodes", "200,400"), ("alpha", "0.1,0.5")]
         plan, job = plan_study(walk, "sarsa", values, starts=["C20", "C78"], runs=2)
@@ -531,7 +535,18 @@ class TestFolders:
 
 class TestKilling:
     @pytest.mark.parametrize(
-        "kills", [1, pytest.param(6, marks=pytest.mark.slow(reason="6 kills; 1 in every run"))]
+        "kills",
+        [
+            pytest.param(
+                1,
+                marks=pytest.mark.slow(
+                    reason="a study killed and done again; a training cut short in every run"
+                ),
+            ),
+            pytest.param(
+                6, marks=pytest.mark.slow(reason="6 kills; a training cut short in every run")
+            ),
+        ],
     )
     def test_killed_at_any_instant_and_resumed_it_equals_an_uninterrupted_study(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str], kills: int
@@ -578,6 +593,9 @@ class TestKilling:
             json.loads((tmp_path / "killed" / "sweep.json").read_text())
         )
 
+    @pytest.mark.slow(
+        reason="a study that is killed; every run kills a program whose processes check skills"
+    )
     def test_processes_end_with_the_program_that_started_them(self, tmp_path: Path) -> None:
         """However abruptly that ends."""
         if not Path("/proc").is_dir():
@@ -617,8 +635,13 @@ class TestFigures:
     @pytest.mark.parametrize(
         "design",
         [
-            "one-at-a-time",
-            pytest.param("grid", marks=pytest.mark.slow(reason="one design in every run")),
+            pytest.param(
+                "one-at-a-time",
+                marks=pytest.mark.slow(reason="draws a study; other figures in every run"),
+            ),
+            pytest.param(
+                "grid", marks=pytest.mark.slow(reason="draws a study; other figures in every run")
+            ),
         ],
     )
     def test_there_is_a_column_for_every_option(self, walk: Task, design: str) -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from skillplan.errors import OptionError, PluginError
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.plugins.blame import Interrupted
 from skillplan.records.training.outcome import RunStatus
 from skillplan.records.training.run_folder import RunFolder
 from skillplan.training.group_training import GroupTraining
@@ -100,10 +101,12 @@ class TestWhatIsKept:
 
 
 class TestWhatHappens:
+    @pytest.mark.slow(reason="two processes; one process in every run, and searches in several")
     def test_processes_change_nothing(self, whole: Path, tmp_path: Path) -> None:
         train(tmp_path / "two", jobs=2)
         assert learned_bytes(whole) == learned_bytes(tmp_path / "two")
 
+    @pytest.mark.slow(reason="another training; every run stops and goes on with one")
     def test_how_often_a_checkpoint_is_kept_changes_nothing(
         self, whole: Path, tmp_path: Path
     ) -> None:
@@ -115,7 +118,7 @@ class TestWhatHappens:
         [
             pytest.param(1, 1, marks=pytest.mark.slow(reason="two others in every run")),
             (1, 3),
-            (1, 6),
+            pytest.param(1, 6, marks=pytest.mark.slow(reason="another stop in every run")),
             pytest.param(1, 7, marks=pytest.mark.slow(reason="two others in every run")),
             pytest.param(2, 5, marks=pytest.mark.slow(reason="two processes; one in every run")),
         ],
@@ -147,8 +150,8 @@ class TestWhatHappens:
     ) -> None:
         """As SIGKILL ends it: before something is forced to disk, or before it is renamed."""
 
-        class Ended(BaseException):
-            pass
+        class Ended(Interrupted):
+            """What a plugin made up would be its own failure, and end nothing."""
 
         counted = 0
 
@@ -171,7 +174,16 @@ class TestWhatHappens:
         assert learned_bytes(whole) == learned_bytes(tmp_path / "a")
 
     @pytest.mark.parametrize(
-        "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
+        "jobs",
+        [
+            pytest.param(
+                1,
+                marks=pytest.mark.slow(
+                    reason="waits for a stride; every run stops between two strides"
+                ),
+            ),
+            pytest.param(2, marks=pytest.mark.slow(reason="one process in every run")),
+        ],
     )
     def test_a_stride_that_takes_too_long_after_a_stop_is_given_up(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, jobs: int
@@ -208,6 +220,7 @@ class TestWhatHappens:
         )
         assert own != other
 
+    @pytest.mark.slow(reason="goes on with a training; every run goes on with one that was stopped")
     def test_pieces_of_lines_beyond_the_checkpoint_are_cut_off(
         self, whole: Path, tmp_path: Path
     ) -> None:
@@ -251,7 +264,16 @@ class TestFailures:
         assert not result.interrupted
 
     @pytest.mark.parametrize(
-        "jobs", [1, pytest.param(2, marks=pytest.mark.slow(reason="one process in every run"))]
+        "jobs",
+        [
+            pytest.param(
+                1,
+                marks=pytest.mark.slow(
+                    reason="a group that raises; a run that cannot go on in every run"
+                ),
+            ),
+            pytest.param(2, marks=pytest.mark.slow(reason="one process in every run")),
+        ],
     )
     def test_a_group_that_raises_does_not_take_the_others_along(
         self, whole: Path, tmp_path: Path, jobs: int
@@ -368,6 +390,7 @@ class TestPlans:
         assert message in str(caught.value)
 
 
+@pytest.mark.slow(reason="four trainings; links out of a folder in test_run_folder.py of every run")
 def test_a_training_writes_nothing_through_a_link_out_of_its_folder(tmp_path: Path) -> None:
     """A folder of runs that somebody else has sent."""
     train(tmp_path / "kept", steps=200, stop_after=1)

@@ -140,6 +140,7 @@ class TestCounting:
         assert {"mass_g": 0.0} == wrong["readings"]
         assert decisive(trials, "blind", Truth.COLLISION) is None
 
+    @pytest.mark.slow(reason="tries two back ends on the board; the other counts in every run")
     def test_what_is_unknown_is_neither_a_miss_nor_an_alarm(self, board) -> None:
         """It is counted apart."""
 

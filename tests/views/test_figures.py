@@ -158,7 +158,15 @@ def collection(figure: Figure, gid: str) -> Collection:
 
 
 class TestFiles:
-    @pytest.mark.parametrize("name", FIGURES)
+    @pytest.mark.parametrize(
+        "name",
+        [
+            name
+            if name in ("gantt", "placement", "rewards")
+            else pytest.param(name, marks=pytest.mark.slow(reason="other figures in every run"))
+            for name in FIGURES
+        ],
+    )
     def test_equal_figures_are_equal_files(self, name: str) -> None:
         """Neither the time nor anything random is in them."""
         assert svg(name) == figure_bytes(FIGURES[name](), ".svg")
@@ -169,7 +177,15 @@ class TestFiles:
         assert content == figure_bytes(some_rewards(), ".png", 40)
         assert b"tEXt" not in content
 
-    @pytest.mark.parametrize("name", FIGURES)
+    @pytest.mark.parametrize(
+        "name",
+        [
+            name
+            if name in ("gantt", "rewards")
+            else pytest.param(name, marks=pytest.mark.slow(reason="other figures in every run"))
+            for name in FIGURES
+        ],
+    )
     def test_a_png_has_the_size_of_its_figure(self, name: str) -> None:
         """In dots: inches times dots per inch."""
         figure = FIGURES[name]()
@@ -309,6 +325,7 @@ class TestPolicy:
             written
         )
 
+    @pytest.mark.slow(reason="draws a bench of 30 by 61; smaller benches in every run")
     def test_names_too_small_to_read_are_left_out(self) -> None:
         """On a large bench there are arrows only."""
         assert "C7" not in texts(a_policy(Bench(30, 61, 0.34), 0, None))
@@ -432,6 +449,7 @@ class TestLabelPlacer:
 
 
 class TestGantt:
+    @pytest.mark.slow(reason="draws 40 sequences; a short chart in every run")
     def test_a_long_chart_goes_on_in_further_lines(self) -> None:
         """Broken between sequences only, to the same scale, and never more than eight."""
         figure = a_gantt(40)
@@ -475,6 +493,7 @@ class TestRewards:
         assert {"B0", "B2", "C1", "C4", "\N{MINUS SIGN}1.50", "1.50"} <= written
         assert {"base-1", "base-2", "action", "reward [-]"} <= written
 
+    @pytest.mark.slow(reason="draws 120 steps; fewer in every run")
     def test_many_steps_are_numbered_sparsely(self) -> None:
         """Labels keep apart."""
         figure = some_rewards(120)

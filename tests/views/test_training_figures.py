@@ -162,7 +162,10 @@ class TestDistances:
             distances_figure([a_curve([0, 0])], METRIC, HEADING)
 
 
-@pytest.mark.parametrize("suffix", [".png", ".svg"])
+@pytest.mark.parametrize(
+    "suffix",
+    [pytest.param(".png", marks=pytest.mark.slow(reason="another format in every run")), ".svg"],
+)
 def test_equal_figures_are_equal_files(suffix: str) -> None:
     curves = [a_curve([0, 1, 1] * 50, run=run) for run in range(3)]
     for draw in (

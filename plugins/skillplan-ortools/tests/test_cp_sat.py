@@ -38,17 +38,25 @@ class TestCpSatSolver(SolverSuite):
     [
         ("inverter_board", ("precedence",)),
         ("inverter_board", ("aabb",)),
-        ("motor_drive", ("precedence",)),
+        pytest.param(
+            "motor_drive",
+            ("precedence",),
+            marks=pytest.mark.slow(reason="smaller boards in every run"),
+        ),
         pytest.param(
             "motor_drive",
             ("aabb",),
-            marks=pytest.mark.slow(reason="the largest; by chart in every run"),
+            marks=pytest.mark.slow(reason="smaller boards in every run"),
         ),
-        ("relay_rail", ("precedence",)),
+        pytest.param(
+            "relay_rail",
+            ("precedence",),
+            marks=pytest.mark.slow(reason="smaller boards in every run"),
+        ),
         pytest.param(
             "relay_rail",
             ("aabb",),
-            marks=pytest.mark.slow(reason="other boards by boxes, and this by chart, in every run"),
+            marks=pytest.mark.slow(reason="other boards by boxes in every run"),
         ),
         ("battery_module", ("precedence",)),
         ("battery_module", ("aabb",)),
@@ -68,7 +76,7 @@ def test_it_proves_what_exact_search_proves(config, collision):
     ("name", "optimum"),
     [
         ("ESC07", 2125),
-        ("ESC12", 1675),
+        pytest.param("ESC12", 1675, marks=pytest.mark.slow(reason="a smaller one in every run")),
         pytest.param("br17.10", 55, marks=pytest.mark.slow(reason="two others in every run")),
     ],
 )
@@ -166,16 +174,18 @@ def test_a_task_with_nothing_to_do_is_solved_by_doing_nothing():
 
 
 @pytest.mark.parametrize(
-    "name",
+    ("name", "limit_s"),
     [
-        pytest.param("ry48p.4", marks=pytest.mark.slow(reason="the largest in every run")),
-        "rbg253a",
-        pytest.param("kro124p.1", marks=pytest.mark.slow(reason="the largest in every run")),
+        ("ry48p.4", 0.5),
+        *(
+            pytest.param(name, 1.5, marks=pytest.mark.slow(reason="a smaller one in every run"))
+            for name in ("rbg253a", "kro124p.1")
+        ),
     ],
 )
-def test_a_search_that_runs_out_of_time_has_a_plan_and_a_bound_and_no_proof(name):
+def test_a_search_that_runs_out_of_time_has_a_plan_and_a_bound_and_no_proof(name, limit_s):
     """On instances large and small it ends within a fraction of a second."""
-    task, stop = instance(name), Stop(time_limit_s=1.5)
+    task, stop = instance(name), Stop(time_limit_s=limit_s)
     begin_s = time.monotonic()
     result = solve(task, "cp-sat", stop=stop)
     assert time.monotonic() - begin_s < 3.5
@@ -185,6 +195,7 @@ def test_a_search_that_runs_out_of_time_has_a_plan_and_a_bound_and_no_proof(name
     assert (result.lower_bound or 0) < result.cost
 
 
+@pytest.mark.slow(reason="searches for half a second; the time limit ends another one in every run")
 def test_ctrl_c_ends_the_search_at_once():
     """The signal is heeded while CP-SAT searches, not when it is done."""
     stop = Stop()
@@ -224,6 +235,9 @@ def test_it_stops_before_memory_runs_out():
     assert result.reason == "memory limit"
 
 
+@pytest.mark.slow(
+    reason="searches twelve jobs; a plan to start from in every run for the portfolio"
+)
 def test_it_begins_with_the_plan_that_it_was_given():
     """A search without time to find another returns that one."""
     task = instance("ESC12")
@@ -236,6 +250,7 @@ def test_it_begins_with_the_plan_that_it_was_given():
     assert not solution.proved
 
 
+@pytest.mark.slow(reason="two searches of twelve jobs; it proves the small instance in every run")
 def test_with_one_worker_the_same_seed_searches_in_the_same_way():
     """To the last branch."""
     first, second = (solve(instance("ESC12"), "cp-sat", seed=5) for _ in range(2))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-INSTANCE = Path(__file__).parents[3] / "configs" / "ESC12.sop"
+INSTANCE = Path(__file__).parents[3] / "tests" / "instances" / "sop" / "ESC07.sop"
 
 
 @pytest.mark.parametrize(
@@ -27,4 +27,4 @@ def test_a_comparison_may_hold_both_in_any_order(solvers: str) -> None:
         [sys.executable, "-m", "skillplan", *words], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.count(",optimal,1675,") == 2
+    assert done.stdout.count(",optimal,2125,") == 2

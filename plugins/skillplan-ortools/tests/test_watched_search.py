@@ -82,6 +82,7 @@ def test_where_nothing_leads_through_all_jobs_it_says_so():
     assert not outcome.complete
 
 
+@pytest.mark.slow(reason="searches for a second; CP-SAT as a solver is ended by time in every run")
 def test_a_stopped_run_keeps_its_bound_and_claims_no_proof():
     """It ends within a fraction of a second, and the optimum 31446 is not refuted."""
     network, stop = open_instance(), Stop(time_limit_s=1.0)

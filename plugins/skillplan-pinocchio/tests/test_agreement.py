@@ -207,6 +207,9 @@ def executed_order(task):
     return Order(task, engine, contacts)
 
 
+@pytest.mark.slow(
+    reason="executes four pairs of the board; every run compares the same two on a smaller task"
+)
 def test_it_agrees_with_simulated_execution_on_a_sample_of_pairs(board, swept):
     """As many that may follow as may not."""
     executed = executed_order(board)

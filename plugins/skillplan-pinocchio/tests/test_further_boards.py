@@ -14,7 +14,14 @@ CONFIGS = Path(__file__).parents[3] / "configs"
 SWEPT = Setup(collision=("swept",))
 
 
-@pytest.mark.parametrize("name", ["battery_module", "relay_rail", "inverter_grasps"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("battery_module", marks=pytest.mark.slow(reason="another board in every run")),
+        pytest.param("relay_rail", marks=pytest.mark.slow(reason="another board in every run")),
+        "inverter_grasps",
+    ],
+)
 def test_swept_derives_the_hand_made_chart(name: str) -> None:
     """Neither more nor less."""
     derived = derive_chart(make_feasibility(load_problem(CONFIGS / f"{name}.yaml").task, SWEPT))
@@ -29,7 +36,11 @@ def test_swept_derives_the_hand_made_chart(name: str) -> None:
         pytest.param(
             "relay_rail", "exact", marks=pytest.mark.slow(reason="two other boards in every run")
         ),
-        ("inverter_grasps", "value-iteration"),
+        pytest.param(
+            "inverter_grasps",
+            "value-iteration",
+            marks=pytest.mark.slow(reason="another board in every run"),
+        ),
     ],
 )
 def test_swept_gives_the_optimum_of_the_chart(name: str, solver: str) -> None:
@@ -40,7 +51,18 @@ def test_swept_gives_the_optimum_of_the_chart(name: str, solver: str) -> None:
     assert by_hulls.cost == pytest.approx(by_chart.cost)
 
 
-@pytest.mark.parametrize("count", [2, pytest.param(12, marks=pytest.mark.slow(reason="12 boards"))])
+@pytest.mark.parametrize(
+    "count",
+    [
+        pytest.param(
+            2,
+            marks=pytest.mark.slow(
+                reason="solves two more boards by hulls; every run solves the board itself by hulls"
+            ),
+        ),
+        pytest.param(12, marks=pytest.mark.slow(reason="12 boards")),
+    ],
+)
 def test_the_layouts_of_the_inverter_s_family_leave_room_for_the_hand(count: int) -> None:
     """The chart's optimum can be executed on all of them."""
     for task in load_problem(CONFIGS / "inverter_board.yaml").variants(5, count):

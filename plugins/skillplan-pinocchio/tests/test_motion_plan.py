@@ -60,6 +60,7 @@ def test_an_elbow_that_is_free_is_preferred_to_the_nearest():
     assert LinkSweep(ARM, elbow.path).touch(MAST, 2e-4, 40) is None
 
 
+@pytest.mark.slow(reason="plans by every elbow; the free one in every run")
 def test_where_every_elbow_meets_something_all_are_kept():
     """Those that meet the least first: it depends on the state which of them is free."""
     planned = planner(WALL, MAST).plan(linear_motion())
@@ -70,6 +71,7 @@ def test_where_every_elbow_meets_something_all_are_kept():
     assert not any(elbow.blocked for elbow in planned.elbows)
 
 
+@pytest.mark.slow(reason="plans by every elbow; the free one in every run")
 def test_what_is_always_there_comes_last():
     """An elbow that runs into the table helps in no state."""
     planned = planner(WALL, box("rock", (0.02, 0.02, 0.8), (0.25, 0.0, 0.4))).plan(linear_motion())

@@ -69,6 +69,7 @@ def block(start_m, goal_m, size_m):
     return {"tool": "gripper", "size_m": size_m, "start_m": start_m, "goal_m": goal_m}
 
 
+@pytest.mark.slow(reason="plans past a screen; other pictures in every run")
 def test_the_arm_is_shown_where_a_link_runs_into_something():
     """Behind a screen that no elbow leads past."""
     content = {
@@ -107,6 +108,7 @@ def test_what_the_jaws_cannot_hold_is_said_instead():
         SweptDetector(task).hulls(task.skill("pick(slab)"), state)
 
 
+@pytest.mark.slow(reason="draws by the command; the same hulls without it in every run")
 def test_explain_draws_them_without_an_engine_that_moves_bodies(tmp_path, capsys):
     """Where it refused before: the engine is kinematic."""
     path = tmp_path / "hulls.png"

@@ -293,6 +293,7 @@ class TestLinks:
         content["parts"]["screen"] = block([0.6, 0.3], [0.25, 0.0], size_m)
         return verdict_of(content, "place(base)", "held(base)", "placed(screen)", **options)
 
+    @pytest.mark.slow(reason="plans past a wide screen; past a narrow one in every run")
     def test_the_arm_runs_into_what_stands_between_it_and_its_target(self):
         """No elbow leads past a wide screen before the base."""
         verdict = self.screened([0.04, 0.6, 0.55])
@@ -452,6 +453,7 @@ def test_a_task_without_an_arm_is_refused():
     assert detector.faults() == {}
 
 
+@pytest.mark.slow(reason="searches the board by hulls; battery_module in every run")
 def test_the_board_is_solved_with_it(board):
     """To the same optimum as with the chart, in the time that the arm takes."""
     result = solve(board, "exact", Setup(collision=("swept",)))

@@ -72,6 +72,7 @@ def test_a_part_put_through_another_is_a_collision(task, detectors) -> None:
     assert verdict.evidence["force_n"] > 1.0
 
 
+@pytest.mark.slow(reason="an execution; a part put through another in every run")
 def test_what_only_ends_elsewhere_is_the_engines_business(task, detectors) -> None:
     """A switch that falls past the missing board touches nothing that it should not."""
     engine, pairs, _ = detectors
@@ -80,6 +81,9 @@ def test_what_only_ends_elsewhere_is_the_engines_business(task, detectors) -> No
     assert engine.check(*question).is_infeasible
 
 
+@pytest.mark.slow(
+    reason="three back ends; a part put through another in every run, by the same execution"
+)
 def test_one_question_is_simulated_once(task, monkeypatch) -> None:
     """Engine and detectors share the execution."""
     made = [PybulletEngine(task), ContactPairsDetector(task), ContactForceDetector(task)]
@@ -98,6 +102,7 @@ def test_one_question_is_simulated_once(task, monkeypatch) -> None:
     assert executed == ["pick(clock)"]
 
 
+@pytest.mark.slow(reason="two executions; bodies far off change no digit in every run")
 def test_a_verdict_is_the_same_bit_for_bit_wherever_it_applies(task, detectors) -> None:
     """In another state that agrees on the facts, from detectors that were asked nothing yet."""
     skill = task.skill("place(switch_1)")
@@ -112,7 +117,17 @@ def test_a_verdict_is_the_same_bit_for_bit_wherever_it_applies(task, detectors) 
     assert json.dumps(dict(known.evidence)) == json.dumps(dict(fresh.evidence))
 
 
-@pytest.mark.parametrize("kind", ["beside", "light, beside", "tall", "too deep"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "beside",
+        pytest.param(
+            "light, beside", marks=pytest.mark.slow(reason="other obstacles in every run")
+        ),
+        "tall",
+        "too deep",
+    ],
+)
 def test_a_hand_that_hits_something_is_caught(task, kind) -> None:
     """A finger, the palm, a light block, the table."""
     trials = injected_collisions(task, task.skill("pick(switch_1)"), task.initial)

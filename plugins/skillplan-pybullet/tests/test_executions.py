@@ -50,7 +50,16 @@ def board():
 
 
 class TestWhatAVerdictRestsOn:
-    @pytest.mark.parametrize("holder_m", [[0.62, 0.30], [0.25, 1.20]])
+    @pytest.mark.parametrize(
+        "holder_m",
+        [
+            pytest.param(
+                [0.62, 0.30],
+                marks=pytest.mark.slow(reason="two executions; another place in every run"),
+            ),
+            [0.25, 1.20],
+        ],
+    )
     def test_a_way_that_depends_on_the_tool_rests_on_the_tool(self, holder_m) -> None:
         found = content("motor_drive", tool_change={"style": "swap"})
         found["tools"]["suction_cup"]["holder_m"] = holder_m
@@ -65,6 +74,9 @@ class TestWhatAVerdictRestsOn:
         assert other.applies_in(from_cup)
         assert not other.applies_in(from_gripper)
 
+    @pytest.mark.slow(
+        reason="several executions; every run finds other collisions on the way of a hand"
+    )
     def test_what_stands_above_the_safe_height_is_met_on_the_travel(self) -> None:
         found = content("inverter_board")
         found["parts"]["switch_1"]["start_m"] = [0.30, -0.40]
@@ -109,12 +121,14 @@ class TestScrews:
 
         return make
 
+    @pytest.mark.slow(reason="executions beside a post; what it passes by is none in every run")
     def test_what_the_screwdriver_hits_while_it_presses_is_a_collision(self, beside_a_post) -> None:
         _, hit = beside_a_post(-0.0005)
         assert hit.is_infeasible
         assert set(hit.evidence["bodies"]) == {"screwdriver", "post"}
         assert hit.evidence["during"] == "the driving of screw_1"
 
+    @pytest.mark.slow(reason="an execution; a driven screw in every run")
     def test_a_driven_screw_is_solid_for_the_robot_again(self, board) -> None:
         skill, state = imagined(board, "fasten(screw_1)")
         (motion,) = linear_motions(board, skill, state)
@@ -140,7 +154,7 @@ class TestSimulationsThatSayNothing:
     @pytest.mark.parametrize(
         "speed_m_per_s",
         [
-            math.nan,
+            pytest.param(math.nan, marks=pytest.mark.slow(reason="another speed in every run")),
             60.0,
             pytest.param(1e200, marks=pytest.mark.slow(reason="two speeds in every run")),
         ],
@@ -175,7 +189,12 @@ class TestHands:
     @pytest.mark.parametrize(
         "part",
         [
-            "capacitor_1",
+            pytest.param(
+                "capacitor_1",
+                marks=pytest.mark.slow(
+                    reason="an execution of the larger board; parts that come to rest in every run"
+                ),
+            ),
             pytest.param("capacitor_2", marks=pytest.mark.slow(reason="the other in every run")),
         ],
     )
@@ -193,7 +212,11 @@ class TestHands:
 
     @pytest.mark.parametrize(
         "height_m",
-        [0.0, pytest.param(0.003, marks=pytest.mark.slow(reason="its ends in every run")), 0.02],
+        [
+            pytest.param(0.0, marks=pytest.mark.slow(reason="another height in every run")),
+            pytest.param(0.003, marks=pytest.mark.slow(reason="its ends in every run")),
+            0.02,
+        ],
     )
     def test_from_how_high_a_part_is_let_go_takes_nothing_out_of_the_world(
         self, board, height_m

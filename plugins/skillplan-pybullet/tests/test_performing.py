@@ -88,6 +88,7 @@ def test_the_trace_has_sixty_rows_a_second_and_touches_nothing_unexpected(perfor
     assert times == sorted(times)
 
 
+@pytest.mark.slow(reason="executes a wrong plan; a part that ends below its goal in every run")
 def test_a_plan_ends_at_the_first_skill_that_fails(task):
     wrong = [task.skills[action] for action in (2, 3, 4)]
     found = PybulletEngine(task).perform(wrong)
@@ -104,11 +105,15 @@ def test_a_plan_that_collides_ends_there(task):
     assert found.failed.skill == "place(transformer)"
 
 
+@pytest.mark.slow(reason="an execution; the plan that ends at the first failure in every run")
 def test_it_stops_after_the_skill_under_way(task):
     found = PybulletEngine(task).perform([task.skills[a] for a in OPTIMAL], stopped=lambda: True)
     assert [one.skill for one in found.skills] == ["pick(pcb)"]
 
 
+@pytest.mark.slow(
+    reason="renders a skill in the simulation; every run shows the end of a feasible skill"
+)
 def test_the_moment_of_a_collision_shows_the_culprits_in_red(task):
     engine = PybulletEngine(task)
     image = engine.picture(task.skill("place(transformer)"), state_after(task, (0, 1, 10, 11, 8)))
@@ -121,6 +126,7 @@ def test_the_end_of_a_feasible_skill_shows_nothing_in_red(task):
     assert red_pixels(image) == 0
 
 
+@pytest.mark.slow(reason="renders a skill in the simulation; every run renders its end")
 def test_footage_shows_the_whole_skill(task):
     images = list(PybulletEngine(task).footage(task.skill("pick(clock)"), task.initial, 2.0))
     assert 4 <= len(images) <= 8

@@ -45,6 +45,14 @@ class TestConformance(EngineSuite):
             every = [query for query in every if query[0].name == "pick(lid)"]
         yield from random.Random(4).sample(every, count)
 
+    @pytest.mark.slow(reason="executions again; a reused verdict equals a fresh one in every run")
+    def test_it_answers_the_same_whatever_was_checked_before(self) -> None:
+        super().test_it_answers_the_same_whatever_was_checked_before()
+
+    @pytest.mark.slow(reason="executions again; the facts of verdicts on the board in every run")
+    def test_a_verdict_rests_on_facts_that_hold(self) -> None:
+        super().test_a_verdict_rests_on_facts_that_hold()
+
 
 class TestThePapersBoard:
     @pytest.mark.slow(reason="the same executions, read by detectors, in every run")
@@ -60,7 +68,7 @@ class TestThePapersBoard:
         "part",
         [
             "pcb",
-            "brace",
+            pytest.param("brace", marks=pytest.mark.slow(reason="another part in every run")),
             *(
                 pytest.param(part, marks=pytest.mark.slow(reason="two parts in every run"))
                 for part in ("switch_1", "transformer", "clock")
@@ -81,6 +89,7 @@ class TestThePapersBoard:
         assert verdict.reason == "switch_1 came to rest 6.0 mm below its goal"
         assert "placed(pcb)" in (verdict.absent or ())
 
+    @pytest.mark.slow(reason="an execution; a part put through another in every run")
     def test_the_transformer_does_not_go_under_the_brace(self, task, engine):
         verdict = engine.check(*imagined(task, "place(transformer)", "pcb", "brace"))
         assert verdict.is_infeasible
@@ -158,7 +167,12 @@ class TestDeterminism:
     @pytest.mark.parametrize(
         "questions",
         [
-            QUESTIONS[:2],
+            pytest.param(
+                QUESTIONS[:2],
+                marks=pytest.mark.slow(
+                    reason="six executions; in every run bodies far off change no digit"
+                ),
+            ),
             pytest.param(QUESTIONS, marks=pytest.mark.slow(reason="two of four in every run")),
         ],
         ids=["two", "four"],
@@ -201,23 +215,34 @@ class TestOptions:
         assert verdict.is_feasible, verdict
         assert verdict.evidence["sensed"]["tip_error_m"] < 0.001
 
+    @pytest.mark.slow(
+        reason="an execution; a part let go from there in test_executions.py of every run"
+    )
     def test_a_drop_from_two_centimetres_still_arrives(self, task):
         engine = self.made(task, drop_height_m=0.02)
         assert engine.check(*imagined(task, "place(clock)", "pcb")).is_feasible
 
-    @pytest.mark.parametrize("control", ["osc", "position"])
+    @pytest.mark.parametrize(
+        "control",
+        [
+            pytest.param("osc", marks=pytest.mark.slow(reason="the other control in every run")),
+            "position",
+        ],
+    )
     def test_either_control_drives_a_screw_with_the_force_asked_for(self, task, control):
         engine = self.made(task, control=control, press_force_n=8.0)
         verdict = engine.check(*imagined(task, "fasten(screw_1)", "pcb", "transformer", "brace"))
         assert verdict.is_feasible, verdict
         assert 6.0 <= verdict.evidence["sensed"]["fastening_force_n"] <= 9.5
 
+    @pytest.mark.slow(reason="an execution; a screw that presses on nothing in every run")
     def test_a_screw_that_has_to_be_pressed_harder_is_not_driven(self, task):
         engine = self.made(task, min_fastening_force_n=20.0)
         verdict = engine.check(*imagined(task, "fasten(screw_1)", "pcb", "transformer", "brace"))
         assert verdict.is_infeasible
         assert "where 20.0 N are needed" in verdict.reason
 
+    @pytest.mark.slow(reason="two executions; a part that ends below its goal in every run")
     def test_an_exact_tolerance_refuses_what_a_loose_one_grants(self, task):
         question = imagined(task, "place(switch_1)", "pcb")
         assert self.made(task, position_tolerance_m=1e-6).check(*question).is_infeasible

@@ -68,6 +68,7 @@ def stopped_at(folder: Path, runs: int, steps: int, reports: int | None, **more:
         assert trainer.train().interrupted == (reports is not None)
 
 
+@pytest.mark.slow(reason="three trainings; going on bit for bit in every run")
 def test_a_stop_changes_nothing(tmp_path: Path) -> None:
     """Metrics, policies and checkpoints are the same to the byte."""
     whole, cut = tmp_path / "whole", tmp_path / "cut"

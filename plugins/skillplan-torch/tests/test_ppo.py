@@ -69,16 +69,25 @@ class TestPpoSolver(SolverSuite):
     solver = "ppo"
     options = {"steps": 1_000, "rollout": 128, "batch": 64, "width": 32}  # noqa: RUF012
 
+    @pytest.mark.slow(reason="two trainings; runs alone and among others in every run")
+    def test_the_same_seed_gives_the_same_plan(self):
+        super().test_the_same_seed_gives_the_same_plan()
+
 
 class TestLearning:
+    @pytest.mark.slow(reason="a training; PPO solves the lid task in every run")
     def test_the_cheaper_of_two_roads_is_learned(self):
         result = solve(two_roads_task(), solver(steps=1_500))
         assert result.cost == 3.0
 
+    @pytest.mark.slow(
+        reason="a training of 3,000 steps; PpoSolver solves the lid task in every run"
+    )
     def test_the_lid_is_screwed_on_at_least_cost(self):
         result = solve(lid_task(), solver(steps=3_000, rollout=128, batch=64))
         assert result.cost == pytest.approx(solve(lid_task(), "exact").cost)
 
+    @pytest.mark.slow(reason="a training; DQN under chance in every run")
     def test_a_skill_that_may_fail_is_tried_again(self):
         result = solve(retry_task(0.5), solver(steps=600))
         assert result.cost == pytest.approx(4.0)
@@ -136,6 +145,7 @@ class TestPoliciesFollowed:
         assert 0 < len(followed) <= len(updates)
         assert min(e.step for e in followed) > SMALL["rollout"]
 
+    @pytest.mark.slow(reason="a training of 2,400 steps; that of DQN in every run")
     def test_the_best_policy_does_what_it_was_kept_for(self):
         learner, steps = solver(), 2_400
         training = learner.begin(places(learner, 2), [0, 1], steps)
@@ -165,7 +175,13 @@ class TestPoliciesFollowed:
 
 
 class TestRunsSideBySide:
-    @pytest.mark.parametrize("options", [{}, {"mask": "none", "novelty": 1.0, "layers": 1}])
+    @pytest.mark.parametrize(
+        "options",
+        [
+            pytest.param({}, marks=pytest.mark.slow(reason="other options in every run")),
+            {"mask": "none", "novelty": 1.0, "layers": 1},
+        ],
+    )
     def test_a_run_is_the_same_alone_and_among_others(self, options):
         learner = solver(**options)
         together = begun(learner, [5, 3, 8])
@@ -181,6 +197,7 @@ class TestRunsSideBySide:
             for weight, other in zip(alone.learned(0).last.weights, ours, strict=True):
                 assert weight.tobytes() == other.tobytes()
 
+    @pytest.mark.slow(reason="trains large networks; small ones in every run")
     def test_of_networks_as_large_as_the_board_s_that_is_so_to_the_last_bit(self, board):
         learner, steps = PpoSolver(PpoSolver.Options(rollout=256)), 600
         together = learner.begin(places(learner, 3, board), [0, 1, 2], steps)
@@ -197,6 +214,7 @@ class TestRunsSideBySide:
         first, second = ([e.actions for e in episodes if e.run == run] for run in (0, 1))
         assert first != second
 
+    @pytest.mark.slow(reason="a training; one of DQN that breaks in every run")
     def test_a_run_that_breaks_is_named_and_the_others_go_on(self):
         learner = solver()
         training = begun(learner, [0, 1])
@@ -214,7 +232,7 @@ class TestRunsSideBySide:
 
 
 class TestGoingOn:
-    @settings(max_examples=examples(12, fewest=3))
+    @settings(max_examples=examples(12, fewest=2))
     @given(cuts=st.lists(st.integers(0, STEPS), max_size=4), novelty=st.sampled_from([0.0, 1.0]))
     def test_a_training_that_was_interrupted_goes_on_bit_for_bit(self, cuts, novelty):
         learner = solver(novelty=novelty)

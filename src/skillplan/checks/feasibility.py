@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skillplan.checks.query_batch import QueryBatch
+from skillplan.checks.reuse_sample import ReuseSample
 from skillplan.checks.single_check import (
     Checked,
     CheckRequest,
@@ -92,6 +93,8 @@ class Feasibility:
         Queries for which an expensive back end had to work; any back end where none is expensive.
     reached
         Queries that reached such a back end, including those whose verdict was known.
+    reused
+        Some of the verdicts that were reused.
     queried
         How often each back end was queried.
 
@@ -119,6 +122,7 @@ class Feasibility:
         self.cache = VerdictCache() if cache is None else cache
         self.checks = 0
         self.hits = 0
+        self.reused = ReuseSample()
         self.executions = 0
         self.reached = 0
         self.queried: Counter[str] = Counter({back_end.name: 0 for back_end in self.back_ends})
@@ -270,6 +274,8 @@ class Feasibility:
                     checked = check(back_end, skill, state)
                 verdict = checked.verdict
                 self.cache.keep(back_end, skill, checked, state)
+            else:
+                self.reused.note(index, back_end, skill, state, verdict)
             if verdict.status is VerdictStatus.INFEASIBLE:
                 break
             if verdict.status is VerdictStatus.UNKNOWN:

@@ -7,11 +7,14 @@ from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 
+from skillplan.checks.audit import contradiction, contradicts
 from skillplan.checks.check_workers import CheckWorkers
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import Checked, CheckRequest, check
 from skillplan.checks.verdict_folder import KeptVerdict
 from skillplan.errors import BackEndError
+from skillplan.task.back_end import BackEnd
+from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 
@@ -27,12 +30,16 @@ class Trial:
     fresh
         What the back end says now.
     differs_in
-        Of status, reason, facts and evidence those that are not the same, bit for bit.
+        Of status, reason, facts and evidence those that are not the same, bit for bit; where it
+        was checked in another state only the status counts.
+    state
+        Where the fresh one is from.
     """
 
     kept: KeptVerdict
     fresh: Verdict
     differs_in: tuple[str, ...]
+    state: State
 
     @property
     def same(self) -> bool:
@@ -63,6 +70,7 @@ def put_to_the_test(
     feasibility: Feasibility,
     drawn: Sequence[tuple[int, KeptVerdict]],
     *,
+    elsewhere: Sequence[State] | None = None,
     jobs: int = 1,
     stopped: Callable[[], bool] = lambda: False,
     on_trial: Callable[[], None] = lambda: None,
@@ -76,6 +84,8 @@ def put_to_the_test(
         are used.
     drawn
         What to try.
+    elsewhere
+        For each another state to which it claims to apply; None for those that they were made in.
     jobs
         How many processes, >= 1.
     stopped
@@ -91,7 +101,11 @@ def put_to_the_test(
         If a kept verdict is not of this task.
     """
     task, back_ends = feasibility.task, feasibility.back_ends
-    trials = [_Trying(task, index, kept, on_trial) for index, kept in drawn]
+    states = elsewhere or [task.facts.of(*kept.record.state) for _, kept in drawn]
+    trials = [
+        _Trying(task, index, kept, state, on_trial)
+        for (index, kept), state in zip(drawn, states, strict=True)
+    ]
     if jobs > 1:
 
         def poll() -> None:
@@ -112,6 +126,63 @@ def put_to_the_test(
     return [trial.outcome for trial in trials if trial.outcome is not None]
 
 
+def other_states(
+    task: Task, drawn: Sequence[tuple[int, KeptVerdict]], states: Sequence[State], seed: int
+) -> tuple[list[tuple[int, KeptVerdict]], list[State]]:
+    """Return those verdicts that claim to apply in another state, too, and one such for each.
+
+    Parameters
+    ----------
+    task
+        Whose verdicts.
+    drawn
+        Verdicts, each with the index of its back end.
+    states
+        That can be reached.
+    seed
+        Governs the choice of the state.
+    """
+    draw = random.Random(seed)
+    chosen, others = [], []
+    for index, kept in drawn:
+        record = kept.record
+        verdict, made_in = record.verdict(task.facts), task.facts.of(*record.state)
+        skill = task.skills[task.action(record.skill)]
+        fit = [
+            state
+            for state in states
+            if state != made_in and verdict.applies_in(state) and skill.applicable(state)
+        ]
+        if fit:
+            chosen.append((index, kept))
+            others.append(draw.choice(fit))
+    return chosen, others
+
+
+def first_contradiction(back_ends: Sequence[BackEnd], trials: Sequence[Trial]) -> BackEndError:
+    """Return the error that tells of the first kept verdict that does not hold elsewhere.
+
+    Parameters
+    ----------
+    back_ends
+        Those that were asked.
+    trials
+        At least one of them with another status than what is kept.
+    """
+    trial = next(trial for trial in trials if not trial.same)
+    record = trial.kept.record
+    back_end = next(one for one in back_ends if one.name == record.back_end)
+    task = back_end.task
+    return contradiction(
+        back_end,
+        task.skills[task.action(record.skill)],
+        record.verdict(task.facts),
+        task.facts.of(*record.state),
+        trial.fresh,
+        trial.state,
+    )
+
+
 class _Stopped(Exception):
     """Raised where trying is given up."""
 
@@ -120,12 +191,17 @@ class _Trying:
     """One kept verdict, and the one check that is made of it."""
 
     def __init__(
-        self, task: Task, index: int, kept: KeptVerdict, on_trial: Callable[[], None]
+        self,
+        task: Task,
+        index: int,
+        kept: KeptVerdict,
+        state: State,
+        on_trial: Callable[[], None],
     ) -> None:
         record = kept.record
         self.kept = kept
         self.said = record.verdict(task.facts)
-        state = task.facts.of(*record.state)
+        self._made_here = state == task.facts.of(*record.state)
         self.request = CheckRequest(index, task.skills[task.action(record.skill)], state)
         self.outcome: Trial | None = None
         self.error: BackEndError | None = None
@@ -138,7 +214,12 @@ class _Trying:
     def go_on(self, said: Checked | None) -> CheckRequest | None:
         if said is None:
             return self.request
-        self.outcome = Trial(self.kept, said.verdict, _differences(self.said, said.verdict))
+        fresh = said.verdict
+        if self._made_here:
+            differs = _differences(self.said, fresh)
+        else:
+            differs = ("status",) if contradicts(self.said, fresh) else ()
+        self.outcome = Trial(self.kept, fresh, differs, self.request.state)
         self._on_trial()
         return None
 

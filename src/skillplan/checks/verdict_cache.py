@@ -35,20 +35,31 @@ class _Shelf:
     Within a group a look-up is a dictionary's, however many verdicts it holds.
     """
 
-    def __init__(self, verdicts: Iterable[Verdict] = ()) -> None:
+    def __init__(self, verdicts: Iterable[tuple[Verdict, State]] = ()) -> None:
         self._groups: dict[int, dict[int, Verdict]] = {}
-        for verdict in verdicts:
-            self.add(verdict)
+        # By the facts that it rests on, the state in which a verdict was made.
+        self._made_in: dict[tuple[int, int], State] = {}
+        for verdict, state in verdicts:
+            self.add(verdict, state)
 
-    def __iter__(self) -> Iterator[Verdict]:
-        for group in self._groups.values():
-            yield from group.values()
+    def __iter__(self) -> Iterator[tuple[Verdict, State]]:
+        for basis, group in self._groups.items():
+            for present, verdict in group.items():
+                yield verdict, self._made_in[basis, present]
 
-    def add(self, verdict: Verdict) -> None:
+    def made_in(self, verdict: Verdict) -> State | None:
+        """Return the state in which a verdict was made."""
+        assert verdict.present is not None
+        assert verdict.absent is not None
+        basis = verdict.present.bits | verdict.absent.bits
+        return self._made_in.get((basis, verdict.present.bits))
+
+    def add(self, verdict: Verdict, state: State) -> None:
         assert verdict.present is not None
         assert verdict.absent is not None
         basis = verdict.present.bits | verdict.absent.bits
         self._groups.setdefault(basis, {})[verdict.present.bits] = verdict
+        self._made_in[basis, verdict.present.bits] = state
 
     def find(self, bits: int) -> Verdict | None:
         for basis, group in self._groups.items():
@@ -75,7 +86,15 @@ class VerdictCache:
 
     def keep(self, back_end: BackEnd, skill: Skill, checked: Checked, state: State) -> None:
         """Keep what was said of a skill in a state; the verdict names the facts it rests on."""
-        self._shelf(back_end, skill).add(checked.verdict)
+        self._shelf(back_end, skill).add(checked.verdict, state)
+
+    def made_in(self, back_end: BackEnd, skill: Skill, verdict: Verdict) -> State | None:
+        """Return the state in which a verdict of this cache was made, or None."""
+        return self._shelf(back_end, skill).made_in(verdict)
+
+    def made(self, back_end: BackEnd, skill: Skill) -> Iterator[tuple[Verdict, State]]:
+        """Yield the verdicts on a skill, each with the state in which it was made."""
+        yield from self._shelf(back_end, skill)
 
     def only(self, back_ends: Iterable[BackEnd]) -> VerdictCache:
         """Return a cache in memory that starts with the verdicts of some back ends."""
@@ -100,6 +119,28 @@ class VerdictCache:
 
     def _new_shelf(self, back_end: BackEnd, skill: Skill) -> _Shelf:
         return _Shelf()
+
+
+class AskingCache(VerdictCache):
+    """Answers nothing, so that every query is put to a back end; keeps what is said elsewhere.
+
+    Parameters
+    ----------
+    kept
+        Where verdicts are kept.
+    """
+
+    def __init__(self, kept: VerdictCache) -> None:
+        super().__init__()
+        self._kept = kept
+
+    def find(self, back_end: BackEnd, skill: Skill, state: State) -> Verdict | None:
+        """Return None."""
+        return None
+
+    def keep(self, back_end: BackEnd, skill: Skill, checked: Checked, state: State) -> None:
+        """Keep what was said where others find it."""
+        self._kept.keep(back_end, skill, checked, state)
 
 
 class _DiskShelf(_Shelf):
@@ -138,7 +179,8 @@ class _DiskShelf(_Shelf):
             self.seen.add(name)
             path = self.folder / name
             try:
-                self.add(read_record(path).verdict(self._facts))
+                record = read_record(path)
+                self.add(record.verdict(self._facts), self._facts.of(*record.state))
             except FileNotFoundError:
                 continue
             except (OSError, ValueError):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import importlib
 import os
 import sys
@@ -159,8 +158,6 @@ def run(arguments: Sequence[str]) -> int:
 
     No exception whatever reaches the user as a traceback, and none of a plugin's ends the program.
     """
-    # Importing makes thousands of objects and no garbage.
-    gc.set_threshold(50_000, *gc.get_threshold()[1:])
     # Pydantic would read the metadata of all that is installed to find plugins of its own.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     return _run(list(arguments))

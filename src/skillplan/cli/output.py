@@ -1,22 +1,23 @@
-"""Printing of documents and tables, and saving of results."""
+"""Printing of documents and tables, and saving of single files."""
 
 from __future__ import annotations
 
 import os
 import sys
 from collections.abc import Collection, Sequence
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from skillplan import errors
 from skillplan.cli.writing import as_json, tell, write_out
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.output_path import output_path, refusing
-from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result, Status
 from skillplan.views.text.rendering import render
 from skillplan.views.text.table import Table
+
+if TYPE_CHECKING:
+    from skillplan.records.chain_result import ChainResult
 
 
 def emit(
@@ -51,28 +52,6 @@ def exit_code(results: Sequence[Result | ChainResult]) -> int:
     )
 
 
-def prepare_folder(out: str | None) -> Path | None:
-    """Return the folder for results, made if need be.
-
-    Raises
-    ------
-    OptionError
-        If it cannot be made or holds something already: no earlier result is ever overwritten.
-    """
-    if out is None:
-        return None
-    folder = Path(out)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        occupied = next(folder.iterdir(), None)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise OptionError(f"--out {out}: cannot be used: {reason}.") from None
-    if occupied is not None:
-        raise OptionError(f"--out {out}: is not empty. Name a new folder.")
-    return folder
-
-
 def write_new_file(out: str, text: str, suffixes: Collection[str], what: str) -> None:
     """Write a file that is not there yet, in one piece.
 
@@ -97,17 +76,3 @@ def write_new_file(out: str, text: str, suffixes: Collection[str], what: str) ->
         raise OptionError(f"--out {out}: is there already. Name a new file.")
     with refusing("--out", path):
         write_whole(path, text)
-
-
-def save(folder: Path, name: str, text: str) -> None:
-    """Write a file in one piece: it is there whole or not at all.
-
-    Raises
-    ------
-    OptionError
-        If it cannot be written.
-    """
-    try:
-        write_whole(folder / name, text)
-    except OSError as error:
-        raise OptionError(f"--out {folder}: {name} cannot be written: {error.strerror}.") from None

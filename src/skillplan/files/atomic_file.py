@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
 from skillplan.files.folder import sync_folder
-from skillplan.files.regular_file import real_path_within
+from skillplan.files.regular_file import plain_path_within
 
 # A name has 255 bytes at most, of which the temporary file needs some.
 _KEPT_NAME_BYTES = 160
@@ -33,7 +33,7 @@ def write_whole(
     content
         Text is written as UTF-8.
     within
-        A folder that the file must lie in, wherever links lead; None for anywhere.
+        A folder that the file must lie in, with no link on the way to it; None for anywhere.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def replacing(path: Path, *, within: str | os.PathLike[str] | None = None) -> It
     path
         The file to be replaced; need not be there.
     within
-        A folder that it must lie in, wherever links lead; None for anywhere.
+        A folder that it must lie in, with no link on the way to it; None for anywhere.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def replacing(path: Path, *, within: str | os.PathLike[str] | None = None) -> It
         there stays.
     """
     if within is not None:
-        path = real_path_within(path.parent, within) / path.name
+        path = plain_path_within(path.parent, within) / path.name
     temporary = _temporary_name(path)
     file = temporary.open("xb")
     try:
@@ -93,6 +93,91 @@ def written_beside(path: Path) -> Iterator[Path]:
         _put_in_place(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def write_as_one(
+    folder: Path, contents: Mapping[str, str | bytes], *, within: str | os.PathLike[str]
+) -> None:
+    """Write several files of a folder, the last of which says that all are there.
+
+    Everything is on disk before anything takes its place, and an earlier last file is gone before
+    another takes its own. So a program that ends in between leaves no last file, but a piece of it,
+    by which `is_unfinished` knows.
+
+    Parameters
+    ----------
+    folder
+        Of the files.
+    contents
+        By name; text is written as UTF-8.
+    within
+        A folder that it must lie in, with no link on the way to it.
+
+    Raises
+    ------
+    OSError
+        If one cannot be written; its `filename` is the file. Where there is no room, what was there
+        before stays; else none of them is left.
+    """
+    folder = plain_path_within(folder, within)
+    *names, last = contents
+    # That of the last file comes first and goes last: while it is there, the others may be ours.
+    pieces = {name: _temporary_name(folder / name) for name in (last, *names)}
+    placed: list[Path] = []
+    try:
+        for name, piece in pieces.items():
+            _write_piece(piece, contents[name], folder / name)
+        sync_folder(folder)
+        (folder / last).unlink(missing_ok=True)
+        for name in (*names, last):
+            with _blaming(folder / name):
+                if name == last:
+                    sync_folder(folder)
+                os.replace(pieces[name], folder / name)
+            placed.append(folder / name)
+        sync_folder(folder)
+    except BaseException:
+        for path in (*reversed(placed), *reversed(pieces.values())):
+            path.unlink(missing_ok=True)
+        raise
+
+
+def _write_piece(piece: Path, content: str | bytes, path: Path) -> None:
+    with _blaming(path), piece.open("xb") as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+@contextmanager
+def _blaming(path: Path) -> Iterator[None]:
+    """Say of a failure which file could not be written, rather than a piece of it."""
+    try:
+        yield
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), os.fspath(path)) from None
+
+
+def remove_unfinished(folder: Path, *, within: str | os.PathLike[str]) -> None:
+    """Remove what programs left in a folder that were killed while they wrote.
+
+    Parameters
+    ----------
+    folder
+        The folder; where it is missing there is nothing to do.
+    within
+        A folder that it must lie in, with no link on the way to it.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read or written, or there is a link on the way.
+    """
+    folder = plain_path_within(folder, within)
+    with suppress(FileNotFoundError):
+        for name in os.listdir(folder):
+            if is_unfinished(name):
+                (folder / name).unlink(missing_ok=True)
 
 
 def is_unfinished(name: str, of: str | None = None) -> bool:

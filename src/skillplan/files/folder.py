@@ -1,4 +1,4 @@
-"""Folders: made without following a link out of another, and forced to disk."""
+"""Folders: made without following a link in another, and forced to disk."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import errno
 import os
 from pathlib import Path
 
-from skillplan.files.regular_file import real_path_within
+from skillplan.files.regular_file import plain_path_within
 
 # File systems that cannot force a folder to disk say so by these.
 _NOT_FOR_FOLDERS = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)
@@ -20,14 +20,14 @@ def make_folder(path: Path, *, within: Path) -> None:
     path
         The folder.
     within
-        One that it must lie in, wherever links lead.
+        One that it must lie in, with no link on the way to it.
 
     Raises
     ------
     OSError
-        If it cannot be made, or a link leads out of `within`.
+        If it cannot be made, or there is a link on the way.
     """
-    real_path_within(path, within).mkdir(parents=True, exist_ok=True)
+    plain_path_within(path, within).mkdir(parents=True, exist_ok=True)
 
 
 def sync_folder(folder: Path) -> None:

@@ -6,7 +6,7 @@ import os
 import time
 from pathlib import Path
 
-from filelock import lock_descriptor
+from filelock import lock_descriptor, unlock_descriptor
 
 from skillplan.errors import OptionError
 
@@ -37,12 +37,13 @@ class FolderLock:
 
     def __init__(self, folder: Path, writer: str, patience_s: float = 0.0) -> None:
         self._descriptor: int | None = None
+        self._held = False
         try:
             self._descriptor = os.open(folder, os.O_RDONLY)
-            held = self._acquired(time.monotonic() + patience_s)
+            self._held = self._acquired(time.monotonic() + patience_s)
         except OSError:
             return
-        if not held:
+        if not self._held:
             self.release()
             raise OptionError(f"--out {folder}: another {writer} is writing there just now.")
 
@@ -57,5 +58,8 @@ class FolderLock:
     def release(self) -> None:
         """Let others write."""
         if self._descriptor is not None:
+            if self._held:
+                # A process that was forked meanwhile has the descriptor, too.
+                unlock_descriptor(self._descriptor)
             os.close(self._descriptor)
-            self._descriptor = None
+            self._descriptor, self._held = None, False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from skillplan.files.regular_file import open_regular
+from skillplan.files.regular_file import RefusedFile, open_regular
 
 
 class GrowingFile:
@@ -18,17 +18,21 @@ class GrowingFile:
     path
         The file.
     within
-        The folder that it must lie in, wherever links lead.
+        The folder that it must lie in, with no link on the way to it.
 
     Raises
     ------
     OSError
-        If it cannot be opened, is no regular file, or a link leads out of the folder.
+        If it cannot be opened, is no regular file, there is a link on the way, or it has another
+        name by which it would change, too.
     """
 
     def __init__(self, path: Path, within: Path) -> None:
         flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT
         self._file = os.fdopen(open_regular(path, flags, within=within), "ab", buffering=0)
+        if os.fstat(self._file.fileno()).st_nlink > 1:
+            self._file.close()
+            raise RefusedFile("shared", path)
 
     @property
     def length(self) -> int:

@@ -9,8 +9,9 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from skillplan.errors import OptionError, format_path
+from skillplan.errors import OptionError
 from skillplan.files.regular_file import read_bytes
+from skillplan.files.schema_errors import schema_issues
 from skillplan.files.strict_json import parse_json
 
 _MOST_BYTES = 64 * 1024 * 1024
@@ -43,7 +44,7 @@ def read_document(
     remedy
         What to do where the file is not as it was written; no full stop.
     within
-        A folder that the file must lie in, wherever links lead; None for anywhere.
+        A folder that the file must lie in, with no link on the way to it; None for anywhere.
 
     Raises
     ------
@@ -88,9 +89,26 @@ def read_checked(
         As for `read_document`, or if the content does not fit.
     """
     document = read_document(path, schema, remedy, within=within)
+    return fitted(document, path, model, remedy)
+
+
+def fitted(document: Mapping[str, Any], path: Path, model: type[_Content], remedy: str) -> _Content:
+    """Return a document that has been read as a model has it.
+
+    Parameters
+    ----------
+    document
+        As `read_document` gave it.
+    path, model, remedy
+        As for `read_checked`.
+
+    Raises
+    ------
+    OptionError
+        If the content does not fit.
+    """
     try:
         return model.model_validate_json(json.dumps(document))
     except ValidationError as error:
-        fault = error.errors(include_url=False)[0]
-        where = format_path(tuple(fault["loc"]))
-        raise OptionError(f"{path}: is damaged: {where}: {fault['msg']}. {remedy}.") from None
+        fault = str(schema_issues(error, model)[0]).rstrip(".")
+        raise OptionError(f"{path}: is damaged: {fault}. {remedy}.") from None

@@ -1,7 +1,7 @@
 """Opening and reading files: regular ones only, and never more of one than a limit allows.
 
 A folder, a pipe, a socket and a device are refused before anything waits for them. Where a file
-must lie in a folder, no link leads out of it.
+must lie in a folder that somebody else may have made, no link of that folder is followed.
 """
 
 from __future__ import annotations
@@ -9,10 +9,11 @@ from __future__ import annotations
 import errno
 import os
 import stat
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
-Refusal = Literal["folder", "irregular", "large", "outside"]
+Refusal = Literal["folder", "irregular", "large", "outside", "link", "shared"]
 
 _CHUNK_BYTES = 1024 * 1024
 # Nothing is waited for, nothing becomes this process's terminal, and no other program inherits it.
@@ -27,6 +28,8 @@ _WORDS: dict[Refusal, tuple[int, str]] = {
     "irregular": (errno.EINVAL, "it is no regular file"),
     "large": (errno.EFBIG, "it is larger than the {most_bytes:,} bytes that it may have"),
     "outside": (errno.ELOOP, "a link leads out of the folder"),
+    "shared": (errno.EMLINK, "the same file has another name, a hard link; copy it"),
+    "link": (errno.ELOOP, "there is a link on the way to it"),
 }
 
 
@@ -64,12 +67,12 @@ def read_bytes(
     most_bytes
         Greatest size [B], >= 0. No more than one byte beyond it is ever read.
     within
-        A folder that the file must lie in, wherever links lead; None for anywhere.
+        A folder that the file must lie in, with no link on the way to it; None for anywhere.
 
     Raises
     ------
     RefusedFile
-        If it is no regular file, is too large, or a link leads out of `within`.
+        If it is no regular file, is too large, or there is a link below `within`.
     OSError
         If it cannot be read; `strerror` says why.
     """
@@ -103,12 +106,12 @@ def open_regular(
     flags
         As for `os.open`; with ``O_CREAT`` it is made where there is none.
     within
-        A folder that the file must lie in, wherever links lead; None for anywhere.
+        A folder that the file must lie in, with no link on the way to it; None for anywhere.
 
     Raises
     ------
     RefusedFile
-        If it is no regular file, or a link leads out of `within`.
+        If it is no regular file, or there is a link below `within`.
     OSError
         If it cannot be opened; `strerror` says why.
     """
@@ -144,9 +147,51 @@ def real_path_within(path: str | os.PathLike[str], folder: str | os.PathLike[str
     return real
 
 
+def plain_path_within(path: str | os.PathLike[str], folder: str | os.PathLike[str]) -> Path:
+    """Return where a path of a folder really is; the folder may be a link, and nothing in it.
+
+    Parameters
+    ----------
+    path
+        The path, which need not be there.
+    folder
+        As the path begins, or as it really is.
+
+    Raises
+    ------
+    RefusedFile
+        If a link, or ``..``, leads out of the folder, or there is a link on the way.
+    """
+    real, root = real_path_within(path, folder), Path(os.path.realpath(folder))
+    named = Path(os.path.abspath(path))
+    for start in (Path(os.path.abspath(folder)), root):
+        if named.is_relative_to(start):
+            if root / named.relative_to(start) != real:
+                break
+            return real
+    raise RefusedFile("link", path)
+
+
+def is_folder(path: str | os.PathLike[str]) -> bool:
+    """Whether a path is a folder; one that the system cannot even look for is none."""
+    return _has_kind(path, stat.S_ISDIR)
+
+
+def is_regular(path: str | os.PathLike[str]) -> bool:
+    """Whether a path is a regular file; one that the system cannot even look for is none."""
+    return _has_kind(path, stat.S_ISREG)
+
+
+def _has_kind(path: str | os.PathLike[str], is_kind: Callable[[int], bool]) -> bool:
+    try:
+        return is_kind(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return False
+
+
 def _opened_within(path: str | os.PathLike[str], flags: int, within: str | os.PathLike[str]) -> int:
-    """Open a file of a folder, without any link on the path that was found to stay in it."""
-    real = real_path_within(path, within)
+    """Open a file of a folder, step by step and without following any link."""
+    real = plain_path_within(path, within)
     _refuse_irregular(path, _status(real))
     if os.open not in os.supports_dir_fd:
         return os.open(real, flags | _CAREFUL | _BINARY, 0o666)

@@ -92,6 +92,8 @@ def _words(fault: Mapping[str, Any]) -> str:
         word = "at least" if kind == "too_short" else "at most"
         entries = "entry" if bound == 1 else "entries"
         return f"must have {word} {bound} {entries}, not {len(value)}."
+    if kind == "string_too_long":
+        return f"must have at most {context['max_length']} characters, not {len(value)}."
     if kind == "literal_error":
         return f"must be {context['expected']}, not {shown(value)}."
     if kind == "string_pattern_mismatch":

@@ -17,6 +17,7 @@ from skillplan.judge.second_proof import (
     least_cost_of_orders,
     least_cost_of_states,
 )
+from skillplan.model.policy_value import PolicyValue
 from skillplan.model.replay import Replay, replay
 from skillplan.model.skill_model import SkillModel
 from skillplan.records.certificate import Claim, Outcome
@@ -30,22 +31,50 @@ ARITHMETIC = "arithmetic"
 EXPECTATION = "values of all states"
 _PROVED = (Status.OPTIMAL, Status.INFEASIBLE)
 # Durations come from engines, whose figures may differ in the last places.
-_SAME_TIME = 1e-6
+SAME_TIME_S = 1e-6
 # Under chance the checker takes all states.
 _CHANCE_STATES = 20_000
 
 
-def checked_claims(stored: StoredClaims, model: SkillModel, stop: Stop) -> Iterator[Claim]:
+def walked_plan(stored: StoredClaims, model: SkillModel) -> Replay | None:
+    """Return a stored plan, replayed; None where it is none of this task, or there is none.
+
+    Raises
+    ------
+    BackEndError
+        If a back end fails.
+    SearchStopped
+        If the time limit is long over.
+    """
+    if not stored.skills and stored.cost is None:
+        return None
+    try:
+        return replay(model, [model.task.skill(name) for name in stored.skills])
+    except OptionError:
+        return None
+
+
+def checked_claims(
+    stored: StoredClaims,
+    walked: Replay | None,
+    model: SkillModel,
+    stop: Stop,
+    expected: PolicyValue | None = None,
+) -> Iterator[Claim]:
     """Yield the claims of a plan, or of there being none, each with what became of it.
 
     Parameters
     ----------
     stored
         What is claimed.
+    walked
+        Its plan, as `walked_plan` gives it.
     model
         A fresh model of the task.
     stop
         When to give up the second proof.
+    expected
+        Under chance, what the policy that was stored beside is worth; None where there is none.
 
     Raises
     ------
@@ -53,9 +82,17 @@ def checked_claims(stored: StoredClaims, model: SkillModel, stop: Stop) -> Itera
         If a back end fails.
     """
     if stored.skills or stored.cost is not None:
-        yield from _plan_claims(stored, model)
+        yield from _plan_claims(stored, walked, model, expected)
     yield from calculated_claims(stored)
-    yield from _proof_claims(stored, model, stop)
+    try:
+        yield from _proof_claims(stored, model, stop)
+    except SearchStopped:
+        yield Claim(_proved_name(stored), Outcome.NOT_CHECKED, stopped_words(stop), "second proof")
+
+
+def stopped_words(stop: Stop) -> str:
+    """Return why something was given up."""
+    return stop.reason or "stopped before it was done"
 
 
 def calculated_claims(stored: StoredClaims) -> Iterator[Claim]:
@@ -98,22 +135,36 @@ def _status_claim(status: Status, cost: float | None, bound: float | None) -> Cl
     return Claim("status", Outcome.HOLDS, str(status), ARITHMETIC)
 
 
-def _plan_claims(stored: StoredClaims, model: SkillModel) -> Iterator[Claim]:
+def _plan_claims(
+    stored: StoredClaims,
+    walked: Replay | None,
+    model: SkillModel,
+    expected: PolicyValue | None,
+) -> Iterator[Claim]:
     task = model.task
-    try:
-        skills = [task.skill(name) for name in stored.skills]
-    except OptionError as error:
-        yield Claim("plan", Outcome.FAILS, f"is not one of this task: {error}", REPLAY)
+    if walked is None:
+        try:
+            for name in stored.skills:
+                task.skill(name)
+        except OptionError as error:
+            yield Claim("plan", Outcome.FAILS, f"is not one of this task: {error}", REPLAY)
         return
-    walked = replay(model, skills)
-    detail = f"{len(skills)} skills lead to the goal"
+    detail = f"{len(stored.skills)} skills lead to the goal"
     if walked.violations:
         fault = walked.violations[0]
         where = f"step {fault.step + 1} ({fault.skill})" if fault.skill else "the end"
         detail = f"fails at {where}: {fault.stage}: {fault.reason}"
     yield _claim("plan", not walked.violations, detail, detail, REPLAY)
-    yield _steps_claim(stored, walked, timed=model.feasibility.tells_time)
+    yield _steps_claim(stored, walked)
     if walked.violations or stored.cost is None:
+        return
+    if not task.deterministic and expected is not None:
+        same = expected.cost is not None and abs(stored.cost - expected.cost) <= 1e-9 * max(
+            1.0, expected.cost
+        )
+        words = expected.problem or f"the policy is expected to cost {_figure(expected.cost)}"
+        bad = f"{words}, claimed {_figure(stored.cost)}"
+        yield _claim("cost", same, f"{_figure(expected.cost)} {stored.cost_unit}", bad, EXPECTATION)
         return
     if not task.deterministic:
         words = "is expected over all outcomes; the plan shows the nominal ones only"
@@ -125,7 +176,7 @@ def _plan_claims(stored: StoredClaims, model: SkillModel) -> Iterator[Claim]:
     yield _claim("cost", same, good, bad, REPLAY)
 
 
-def _steps_claim(stored: StoredClaims, walked: Replay, *, timed: bool) -> Claim:
+def _steps_claim(stored: StoredClaims, walked: Replay) -> Claim:
     """Check that a document says the same thing in all its places."""
     n = len(stored.skills)
     fault = ""
@@ -141,7 +192,7 @@ def _steps_claim(stored: StoredClaims, walked: Replay, *, timed: bool) -> Claim:
         elif abs(claimed.cost - step.cost) > tolerance(step.cost):
             figures = f"{_figure(step.cost)}, not {_figure(claimed.cost)}"
             fault = fault or f"{place}{step.skill} costs {figures}"
-        elif not timed and abs(claimed.duration_s - step.duration_s) > _SAME_TIME:
+        elif abs(claimed.duration_s - step.duration_s) > SAME_TIME_S:
             figures = f"{_figure(step.duration_s)} s, not {_figure(claimed.duration_s)} s"
             fault = fault or f"{place}{step.skill} takes {figures}"
     return _claim("steps", not fault, "as replayed, one by one", fault, REPLAY)
@@ -153,7 +204,7 @@ def _proof_claims(stored: StoredClaims, model: SkillModel, stop: Stop) -> Iterat
     if bound is None:
         return
     least = _least_cost(stored, model, stop)
-    name = str(stored.status) if stored.status in _PROVED else "lower bound"
+    name = _proved_name(stored)
     if least.cost is None:
         yield Claim(name, Outcome.NOT_CHECKED, least.why_not, least.method)
         return
@@ -168,13 +219,17 @@ def _proof_claims(stored: StoredClaims, model: SkillModel, stop: Stop) -> Iterat
     yield _claim(name, holds, good, bad, least.method)
 
 
+def _proved_name(stored: StoredClaims) -> str:
+    return str(stored.status) if stored.status in _PROVED else "lower bound"
+
+
 def _least_cost(stored: StoredClaims, model: SkillModel, stop: Stop) -> LeastCost:
     """Return the least cost by another method than the claimed one, where one is fit.
 
     The same method in other code is the last resort.
     """
     if not model.task.deterministic:
-        return _least_expected_cost(model)
+        return _least_expected_cost(model, stop)
     by_orders = "dynamic program" in stored.bound_method or stored.solver == "subset-dp"
     expensive = any(back_end.expensive for back_end in model.feasibility.back_ends)
     if expensive:
@@ -212,11 +267,11 @@ def _by_orders(model: SkillModel, stop: Stop) -> LeastCost:
     return found
 
 
-def _least_expected_cost(model: SkillModel) -> LeastCost:
+def _least_expected_cost(model: SkillModel, stop: Stop) -> LeastCost:
     from skillplan.model.least_expected_cost import least_expected_cost
 
     try:
-        least = least_expected_cost(model, _CHANCE_STATES)
+        least = least_expected_cost(model, _CHANCE_STATES, stop)
     except ModelTooLarge:
         return LeastCost(EXPECTATION, why_not=f"too large, more than {_CHANCE_STATES:,} states")
     if model.stats.unknown:

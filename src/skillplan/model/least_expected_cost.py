@@ -14,6 +14,7 @@ Both meet where sweeping changes nothing any more.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,7 +90,9 @@ class _Rows:
         return rows
 
 
-def least_expected_cost(model: SkillModel, limit: int) -> float | None:
+def least_expected_cost(
+    model: SkillModel, limit: int, over: Callable[[], bool] = lambda: False
+) -> float | None:
     """Return the least expected cost of a policy that reaches the goal with certainty.
 
     The step limit does not count: under chance no number of skills suffices for certain.
@@ -100,6 +103,8 @@ def least_expected_cost(model: SkillModel, limit: int) -> float | None:
         Queried about every skill that is applicable in a reachable state.
     limit
         The most states to look at, >= 1.
+    over
+        Polled with every sweep; the values are given up once it is true.
 
     Returns
     -------
@@ -121,15 +126,17 @@ def least_expected_cost(model: SkillModel, limit: int) -> float | None:
     own = np.zeros(len(mdp.actions), dtype=np.bool_)
     own[chosen[chosen >= 0]] = True
     values = np.zeros(len(mdp.states))
-    if not _come_to_rest(_Rows.of(mdp, own), values):
+    if not _come_to_rest(_Rows.of(mdp, own), values, over):
         return None
-    return float(values[0]) if _come_to_rest(_Rows.of(mdp, safe), values) else None
+    return float(values[0]) if _come_to_rest(_Rows.of(mdp, safe), values, over) else None
 
 
-def _come_to_rest(rows: _Rows, values: NDArray[np.float64]) -> bool:
+def _come_to_rest(rows: _Rows, values: NDArray[np.float64], over: Callable[[], bool]) -> bool:
     """Sweep over the values of all states that have rows until they change no more."""
     states = rows.owners[rows.begins]
     for _ in range(_MOST_SWEEPS):
+        if over():
+            return False
         lowest = np.minimum.reduceat(rows.values(values), rows.begins)
         change = float(np.abs(lowest - values[states]).max())
         values[states] = lowest

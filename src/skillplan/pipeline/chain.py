@@ -6,27 +6,24 @@ the trajectory, goals of the base, paths of the base.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from skillplan.checks.feasibility import introduced
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.domain import Account
 from skillplan.domains.load import Problem
-from skillplan.errors import ChainBroken, OptionError, SkillplanError, name_hint
-from skillplan.pipeline.registry import load
+from skillplan.errors import ChainBroken, SkillplanError
 from skillplan.pipeline.run import Attempt, attempt, grade, make_draft, make_solver, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solver_choice import REFERENCE, made_for, solvers_by_stage
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.grading import Grade
 from skillplan.records.result import Result, Status
 from skillplan.solvers.solution import Plan, Solution
-from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
-
-REFERENCE = "exact"
 
 
 def solve_chain(
@@ -38,6 +35,7 @@ def solve_chain(
     stop: Stop | None = None,
     cache: VerdictCache | None = None,
     jobs: int = 1,
+    audit: int | None = None,
 ) -> ChainResult:
     """Solve the tasks of a problem in turn and have each judged.
 
@@ -64,6 +62,8 @@ def solve_chain(
         Where verdicts are kept; a fresh one in memory by default.
     jobs
         In how many processes expensive back ends are queried; 1 for this one.
+    audit
+        As in `solve`, for each search.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def solve_chain(
     """
     stop = Stop() if stop is None else stop
     spare = problem.spare_back_ends
-    return Chain(problem, solver, setup, seed, stop, cache, jobs, spare=spare).run()
+    return Chain(problem, solver, setup, seed, stop, cache, jobs, spare=spare, audit=audit).run()
 
 
 class Chain:
@@ -82,7 +82,7 @@ class Chain:
 
     Parameters
     ----------
-    problem, solver, setup, seed, stop, cache, jobs
+    problem, solver, setup, seed, stop, cache, jobs, audit
         As in `solve_chain`.
     spare
         Back ends constructed already; those that are used are taken out.
@@ -110,6 +110,7 @@ class Chain:
         jobs: int,
         *,
         spare: list[BackEnd],
+        audit: int | None = None,
     ) -> None:
         self.problem = problem
         self.solver = solver
@@ -118,6 +119,7 @@ class Chain:
         self.stop = stop
         self.cache = VerdictCache() if cache is None else cache
         self.jobs = jobs
+        self.audit = audit
         self.spare = spare
         self.tasks = problem.tasks
         self.parts: list[ChainPart] = []
@@ -126,7 +128,7 @@ class Chain:
         stages = (*problem.domain.stages, *(task.stage for task in problem.tasks))
         self.solvers = solvers_by_stage(solver, dict.fromkeys(stages))
         # A solver that is made for a stage searches even what has a plan by rule.
-        self.searched = {stage for stage, name in self.solvers.items() if _made_for(name) == stage}
+        self.searched = {stage for stage, name in self.solvers.items() if made_for(name) == stage}
         self.policies: dict[tuple[object, ...], Attempt] = {}
         self.optima: dict[tuple[object, ...], tuple[float | None, str]] = {}
 
@@ -215,6 +217,7 @@ class Chain:
             cache=self.cache,
             jobs=self.jobs,
             back_ends=self._back_ends(task),
+            audit=self.audit,
         )
 
     def _back_ends(self, task: Task) -> Sequence[BackEnd]:
@@ -257,58 +260,6 @@ class Chain:
             proved = best.status is Status.OPTIMAL
             self.optima[key] = (best.cost, best.bound_method) if proved else (None, "")
         return self.optima[key]
-
-
-def solvers_by_stage(spec: str, stages: Iterable[str]) -> dict[str, str]:
-    """Return the solver of every stage.
-
-    Parameters
-    ----------
-    spec
-        A solver's name, or ``STAGE=NAME`` entries after commas or plus signs.
-    stages
-        The stages that there may be.
-
-    Raises
-    ------
-    OptionError
-        If an entry names a stage that there is not.
-    PluginError
-        If a solver is unknown or broken.
-    """
-    stages = list(stages)
-    if "=" not in spec:
-        only = _made_for(spec)
-        return {stage: spec if only in (None, stage) else REFERENCE for stage in stages}
-    chosen = dict.fromkeys(stages, REFERENCE)
-    named: set[str] = set()
-    for entry in _entries(spec):
-        stage, _, name = entry.partition("=")
-        if stage in named:
-            raise OptionError(f"Two solvers for the stage {stage!r}. Give one.")
-        named.add(stage)
-        if stage not in chosen:
-            raise OptionError(f"No stage {stage!r} in this task. {name_hint(stage, stages)}")
-        _made_for(name)
-        chosen[stage] = name
-    return chosen
-
-
-def solver_names(spec: str) -> tuple[str, ...]:
-    """Return the solvers that a choice of solvers names."""
-    if "=" not in spec:
-        return (spec,)
-    return tuple(dict.fromkeys(entry.partition("=")[2] for entry in _entries(spec)))
-
-
-def _entries(spec: str) -> list[str]:
-    return [entry.strip() for entry in spec.replace("+", ",").split(",") if entry.strip()]
-
-
-def _made_for(name: str) -> str | None:
-    """Return the only stage that a solver searches, or None."""
-    plugin: type[Solver] = load("solver", name)
-    return plugin.stage
 
 
 def _answers(solution: Solution, task: Task) -> bool:

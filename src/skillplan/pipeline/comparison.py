@@ -17,9 +17,10 @@ from skillplan.errors import (
     TaskError,
 )
 from skillplan.judge.referee import cross_examine
-from skillplan.pipeline.chain import Chain, solver_names
+from skillplan.pipeline.chain import Chain
 from skillplan.pipeline.run import check_solver, make_draft, solve, warm_cache
 from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solver_choice import solver_names
 from skillplan.plugins.blame import debugging, traceback_text
 from skillplan.records.chain_result import ChainResult
 from skillplan.records.grading import Grade
@@ -42,6 +43,7 @@ def compare_solvers(
     make_stop: Callable[[str], Stop] = lambda name: Stop(),
     warm: bool = False,
     jobs: int = 1,
+    audit: int | None = None,
 ) -> list[Result] | list[ChainResult]:
     """Solve a problem with several solvers in turn and hold their claims together.
 
@@ -61,6 +63,8 @@ def compare_solvers(
         Whether verdicts kept on disk may be used; otherwise each starts with a cold cache.
     jobs
         How many processes expensive back ends, and solvers that can, may use; 1 for this one.
+    audit
+        As in `solve`.
 
     Returns
     -------
@@ -84,9 +88,17 @@ def compare_solvers(
             make_stop=make_stop,
             make_cache=warm_cache if warm else VerdictCache,
             jobs=jobs,
+            audit=audit,
         )
     return solve_all(
-        problem.task, solvers, setup, seed=seed, make_stop=make_stop, warm=warm, jobs=jobs
+        problem.task,
+        solvers,
+        setup,
+        seed=seed,
+        make_stop=make_stop,
+        warm=warm,
+        jobs=jobs,
+        audit=audit,
     )
 
 
@@ -99,6 +111,7 @@ def solve_all(
     make_stop: Callable[[str], Stop] = lambda name: Stop(),
     warm: bool = False,
     jobs: int = 1,
+    audit: int | None = None,
 ) -> list[Result]:
     """Solve a task with several solvers, cold unless `warm`, and hold their claims together.
 
@@ -109,7 +122,9 @@ def solve_all(
         stop = make_stop(name)
         cache = warm_cache() if warm else VerdictCache()
         try:
-            result = solve(task, name, setup, seed=seed, stop=stop, cache=cache, jobs=jobs)
+            result = solve(
+                task, name, setup, seed=seed, stop=stop, cache=cache, jobs=jobs, audit=audit
+            )
         except _WRONG_INPUT:
             raise
         except SkillplanError as error:
@@ -131,6 +146,7 @@ def solve_chain_with_all(
     make_stop: Callable[[str], Stop] = lambda name: Stop(),
     make_cache: Callable[[], VerdictCache] = VerdictCache,
     jobs: int = 1,
+    audit: int | None = None,
 ) -> list[ChainResult]:
     """Solve a chain with several solvers in turn, each with a cache and a stop of its own.
 
@@ -140,7 +156,7 @@ def solve_chain_with_all(
     results = []
     for name in solvers:
         stop = make_stop(name)
-        chain = Chain(problem, name, setup, seed, stop, make_cache(), jobs, spare=[])
+        chain = Chain(problem, name, setup, seed, stop, make_cache(), jobs, spare=[], audit=audit)
         try:
             result = chain.run()
         except _WRONG_INPUT:

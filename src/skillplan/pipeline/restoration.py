@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.load import Problem
 from skillplan.errors import ChainBroken, OptionError, name_hint
 from skillplan.model.skill_model import SkillModel
+from skillplan.pipeline.result_origin import found_origin, origin_problem
 from skillplan.pipeline.run import solve
-from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.setup import Setup
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.origin import Origin
 from skillplan.records.result import Result, Status
@@ -22,7 +22,6 @@ from skillplan.records.stored.result_file import (
     StoredClaims,
     StoredPart,
     StoredResult,
-    other_task,
     read_result,
 )
 from skillplan.records.stored.result_folder import policies_path, result_path
@@ -209,9 +208,9 @@ class LoadedResult:
 
     def _policy(self, task: Task) -> Policy | None:
         """Return the policy that was stored beside the result, if there is one for the task."""
-        path = policies_path(str(result_path(self.path).parent))
+        folder = str(result_path(self.path).parent)
         with suppress(OptionError):
-            return read_policy(path, task).policy
+            return read_policy(policies_path(folder), task, within=folder).policy
         return None
 
 
@@ -240,55 +239,11 @@ def load_result(
     if stored.status in (Status.REFUSED, Status.WRONG, Status.FAILED):
         raise OptionError(f"{path}: claims nothing, its status is {stored.status}.")
     origin = override.over(found_origin(path, stored, override.file))
-    problem = load_problem(origin.file, named_back_ends(origin), origin.changes)
-    difference = other_task(stored, problem)
+    problem, difference = origin_problem(path, stored, origin, named=override.file is not None)
     if difference is not None and not changed_task:
         raise OptionError(f"{path}: is of another task: {difference}.")
     setup = Setup(origin.physics, origin.collision, origin.options)
     return LoadedResult(path, stored, origin, problem, setup)
-
-
-def found_origin(path: str, stored: StoredResult, task_file: str | None) -> Origin:
-    """Return how to load a result's task; by the names of its back ends where no more is known.
-
-    Parameters
-    ----------
-    path
-        Of the result, beside which the task file is looked for.
-    stored
-        What it says.
-    task_file
-        The task file, if it is not to be looked for.
-
-    Raises
-    ------
-    OptionError
-        If the task file is not said, or not found.
-    """
-    if stored.origin is not None:
-        origin = stored.origin.origin()
-    elif task_file is None:
-        raise OptionError(f"{path}: does not say which file its task is from. Name it by --task.")
-    else:
-        part = None if stored.is_chain else stored.task.name
-        collision = tuple(filter(None, stored.collision.split(",")))
-        origin = Origin(task_file, part, {}, stored.physics, collision)
-    if task_file is not None:
-        return replace(origin, file=task_file)
-    folder = result_path(path).parent
-    for candidate in (Path(origin.file), folder / origin.file, folder / Path(origin.file).name):
-        if candidate.is_file():
-            return replace(origin, file=str(candidate))
-    raise OptionError(
-        f"{path}: its task {origin.file} is neither here nor beside it. Name it by --task."
-    )
-
-
-def named_back_ends(origin: Origin) -> Mapping[str, list[str]]:
-    """Return the names of the back ends that an origin chooses, by kind."""
-    named = {"physics": [] if origin.physics is None else [origin.physics]}
-    named["collision"] = list(origin.collision)
-    return {kind: names for kind, names in named.items() if names}
 
 
 class _Stored(Solver):

@@ -11,17 +11,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from skillplan.chart.precedence_chart import derive_chart
+from skillplan.checks.audit import audit as hold_together
 from skillplan.checks.feasibility import CheckCount, Feasibility
+from skillplan.checks.reuse_sample import DEFAULT_SIZE
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
 from skillplan.errors import SearchStopped, SolverError
 from skillplan.judge.plain_solution import plain_solution
 from skillplan.judge.referee import judge
 from skillplan.judge.untouched import Untouched
-from skillplan.model.obstruction import obstruction
 from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.pipeline import registry
-from skillplan.pipeline.search_apart import Found, must_be_apart, search_apart
 from skillplan.pipeline.setup import Setup
 from skillplan.plugins.blame import blame
 from skillplan.records.grading import Draft, Grade
@@ -34,6 +33,9 @@ from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
 
 DEFAULT_SOLVER = "auto"
+
+DEFAULT_AUDIT = 4
+"""So many verdicts are asked again after a search, where that costs nothing to speak of."""
 
 # Larger tasks are not charted just to say why they have no plan.
 _MOST_CHARTED = 64
@@ -137,6 +139,7 @@ def solve(
     jobs: int = 1,
     start: Plan | None = None,
     back_ends: Sequence[BackEnd] | None = None,
+    audit: int | None = None,
 ) -> Result:
     """Solve a task and have the solution judged.
 
@@ -161,13 +164,16 @@ def solve(
         where it does not, the trace says so under ``start``.
     back_ends
         Those constructed already for this task and setup; None to construct them.
+    audit
+        How many verdicts that were reused are asked again after the search; None for a handful, and
+        then none of expensive back ends.
 
     Raises
     ------
     OptionError, PluginError
         If a plugin or option is wrong, or the start plan is of another task.
     BackEndError
-        If a back end fails.
+        If a back end fails or contradicts itself.
     """
     cache = VerdictCache() if cache is None else cache
     made = attempt(
@@ -180,6 +186,7 @@ def solve(
         jobs=jobs,
         start=start,
         back_ends=back_ends,
+        audit=audit,
     )
     return grade(task, made, setup, cache, jobs=jobs)
 
@@ -231,12 +238,13 @@ def attempt(
     jobs: int = 1,
     start: Plan | None = None,
     back_ends: Sequence[BackEnd] | None = None,
+    audit: int | None = None,
 ) -> Attempt:
     """Let a solver work on a task; errors are those of `solve`.
 
     Parameters
     ----------
-    task, solver, setup, seed, stop, cache, jobs, start, back_ends
+    task, solver, setup, seed, stop, cache, jobs, start, back_ends, audit
         As in `solve`.
     """
     stop = Stop() if stop is None else stop
@@ -252,6 +260,8 @@ def attempt(
         task, setup, cache, stop.overdue, jobs=jobs, on_check=stop.checked, back_ends=back_ends
     )
     back_ends = model.feasibility.back_ends
+    size = DEFAULT_AUDIT if audit is None else audit
+    model.feasibility.reused.most = max(DEFAULT_SIZE, 2 * size)
     draft = make_draft(task, solver.name, setup, seed)
     before = Untouched(task)
     begin_s = time.perf_counter()
@@ -261,10 +271,14 @@ def attempt(
         if refusal is not None:
             return Attempt(draft, Solution(), refusal=refusal, back_ends=back_ends)
         with closing(model.feasibility):
-            if not given and must_be_apart(solver, stop):
-                search = _Search(partial(search_apart, solver, task, back_ends, cache, seed, stop))
-            else:
-                search = _Search(partial(_search, solver, model, seed, stop))
+            search = _Search(partial(_search, solver, model, seed, stop))
+            if not (given or solver.polls) and stop.limits_effort:
+                # Takes what starts processes, which most searches can do without.
+                from skillplan.pipeline import search_apart as apart
+
+                if apart.is_possible():
+                    args = (solver, task, back_ends, cache, seed, stop)
+                    search = _Search(partial(apart.search_apart, *args))
             if start is None:
                 solution = search()
             else:
@@ -276,6 +290,8 @@ def attempt(
         wall_s = time.perf_counter() - begin_s
     finally:
         touched = before.restore()
+    if not touched and not stop.interrupted:
+        hold_together(model.feasibility, size, seed, dear=audit is not None)
     stats = search.stats
     iterations = _count(solution, "iterations", "expanded", "visited")
     draft = replace(
@@ -374,6 +390,10 @@ def _why_infeasible(model: SkillModel, *, charted: bool) -> str:
 
     A chart needs states that the search did not meet; expensive back ends are not queried there.
     """
+    # Only where there is no plan.
+    from skillplan.chart.precedence_chart import derive_chart
+    from skillplan.model.obstruction import obstruction
+
     task = model.task
     if charted and task.deterministic and len(task.operations) <= _MOST_CHARTED:
         obstacle = derive_chart(model.feasibility).obstacle(task)
@@ -414,17 +434,18 @@ class _Search:
         Does it.
     """
 
-    def __init__(self, do: Callable[[], Found]) -> None:
+    def __init__(self, do: Callable[[], tuple[Solution, ModelStats]]) -> None:
         self._do = do
         self.stats = ModelStats()
 
     def __call__(self) -> Solution:
-        found = self._do()
-        self.stats = found.stats
-        return found.solution
+        solution, self.stats = self._do()
+        return solution
 
 
-def _search(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> Found:
+def _search(
+    solver: Solver, model: SkillModel, seed: int, stop: Stop
+) -> tuple[Solution, ModelStats]:
     try:
         with _blamed(type(solver)):
             solution = solver.solve(model, seed=seed)
@@ -435,7 +456,7 @@ def _search(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> Found:
             f"The solver {solver.name!r} returned {type(solution).__name__}, not a Solution."
         )
     try:
-        return Found(plain_solution(solution), model.stats)
+        return plain_solution(solution), model.stats
     except Exception as error:
         words = f"The solver {solver.name!r} returned a Solution that cannot be read"
         raise SolverError(f"{words}: {error}.") from None

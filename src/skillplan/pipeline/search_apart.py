@@ -40,23 +40,8 @@ GRACE_S = 1.0
 _TELL_EVERY_S = 0.02
 
 _Content = tuple[Task, list[tuple[type[BackEnd], BaseModel]], type[Solver], BaseModel, Path | None]
-_Told = tuple[Plan | None, float | None, int]
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """What a search came to, and what it asked of its model.
-
-    Parameters
-    ----------
-    solution
-        The solver's answer, or the best that it had told.
-    stats
-        What was queried; nothing is known of a process that was ended.
-    """
-
-    solution: Solution
-    stats: ModelStats
+# The best plan and bound so far, how many nodes, and what was queried until then.
+_Told = tuple[Plan | None, float | None, int, ModelStats]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,10 +59,12 @@ class _Raised:
     back_end: bool
 
 
-def must_be_apart(solver: Solver, stop: Stop) -> bool:
-    """Whether a solver may not be trusted with this process under the limits that there are."""
-    limited = stop.limited or stop.memory_limit_bytes is not None
-    return limited and not solver.polls and not LocalProcesses(1).refusal
+_Answer = tuple[Solution, ModelStats] | _Raised
+
+
+def is_possible() -> bool:
+    """Whether a process can be started from here; not from one that does jobs itself."""
+    return not LocalProcesses(1).refusal
 
 
 def search_apart(
@@ -88,7 +75,7 @@ def search_apart(
     seed: int,
     stop: Stop,
     executor: Executor | None = None,
-) -> Found:
+) -> tuple[Solution, ModelStats]:
     """Let a solver search in a process of its own, and end that when its time has come.
 
     Parameters
@@ -107,6 +94,13 @@ def search_apart(
         Its limits count for the process, which is asked to stop once it is true.
     executor
         Where it runs instead.
+
+    Returns
+    -------
+    Solution
+        The solver's answer, or the best that it had told.
+    ModelStats
+        What was queried; of a process that was ended, until it last told anything.
 
     Raises
     ------
@@ -129,9 +123,10 @@ def search_apart(
         worker.end(gently=False)
 
 
-def _heard(name: str, worker: Worker, place: Executor, stop: Stop) -> Found:
+def _heard(name: str, worker: Worker, place: Executor, stop: Stop) -> tuple[Solution, ModelStats]:
     """Listen to a search until it ends, or has to be ended."""
     asked_s: float | None = None
+    stats = ModelStats()
     while True:
         for ready in place.first_ready([worker]):
             said = ready.answer()
@@ -142,58 +137,55 @@ def _heard(name: str, worker: Worker, place: Executor, stop: Stop) -> Found:
                     f"The solver {name!r} failed: its process was ended by {said.how}."
                 )
             if isinstance(said, News):
-                _note(said.content, stop)
+                stats = _note(said.content, stop)
             elif isinstance(said, Answer):
                 return _found(said.content)
         limit, held = stop.memory_limit_bytes, resident_bytes_of(worker.number)
         if limit is not None and held is not None and held > limit:
             stop.end(MEMORY_LIMIT)
-            return _best(stop)
+            return Solution(stop.best, stop.lower_bound), stats
         if stop():
             if asked_s is None:
                 asked_s = time.monotonic()
                 worker.ask_to_stop()
             elif time.monotonic() > asked_s + GRACE_S:
-                return _best(stop)
+                return Solution(stop.best, stop.lower_bound), stats
 
 
-def _best(stop: Stop) -> Found:
-    return Found(Solution(stop.best, stop.lower_bound), ModelStats())
-
-
-def _note(told: _Told, stop: Stop) -> None:
-    plan, bound, nodes = told
+def _note(told: _Told, stop: Stop) -> ModelStats:
+    plan, bound, nodes, stats = told
     if plan is not None:
         stop.incumbent(plan)
     if bound is not None:
         stop.bound(bound, nodes)
+    return stats
 
 
-def _found(content: Found | _Raised) -> Found:
-    if isinstance(content, Found):
+def _found(content: _Answer) -> tuple[Solution, ModelStats]:
+    if not isinstance(content, _Raised):
         return content
     error = (BackEndError if content.back_end else SolverError)(content.words)
     error.remote_traceback = content.traceback
     raise error
 
 
-def _prepare(content: _Content) -> Callable[[_Job], Found | _Raised]:
+def _prepare(content: _Content) -> Callable[[_Job], _Answer]:
     """Return what searches, in a process of its own."""
     task, made, solver, options, folder = content
 
-    def search(job: _Job) -> Found | _Raised:
+    def search(job: _Job) -> _Answer:
         try:
             return _search(job)
         except SkillplanError as error:
             return _Raised(str(error), traceback_text(error), isinstance(error, BackEndError))
 
-    def _search(job: _Job) -> Found:
+    def _search(job: _Job) -> tuple[Solution, ModelStats]:
         stop = _started(job)
         back_ends = construct(task, made)
         cache = VerdictCache() if folder is None else DiskVerdictCache(folder)
         model = SkillModel(Feasibility(task, back_ends, cache), stop.overdue)
         try:
-            with _Reporter(stop):
+            with _Reporter(stop, model):
                 solution = solver(options, stop).solve(model, seed=job.seed)
             if not isinstance(solution, Solution):
                 raise SolverError(
@@ -205,7 +197,7 @@ def _prepare(content: _Content) -> Callable[[_Job], Found | _Raised]:
         except BaseException as error:
             say = f"The solver {solver.name!r} failed"
             blame(error, solver, lambda words: f"{say}: {words}", SolverError)
-        return Found(_portable(solver.name, solution), model.stats)
+        return _portable(solver.name, solution), model.stats
 
     return search
 
@@ -230,11 +222,14 @@ class _Reporter:
     ----------
     stop
         Of the search.
+    model
+        What the search queries.
     """
 
-    def __init__(self, stop: Stop) -> None:
+    def __init__(self, stop: Stop, model: SkillModel) -> None:
         self._stop = stop
-        self._told: _Told = (stop.best, stop.lower_bound, 0)
+        self._model = model
+        self._told = (stop.best, stop.lower_bound)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._repeat, daemon=True)
 
@@ -254,11 +249,11 @@ class _Reporter:
     def report(self) -> None:
         """Tell what is new."""
         stop = self._stop
-        known = (stop.best, stop.lower_bound, stop.nodes)
-        if known[:2] != self._told[:2]:
+        best, bound = known = (stop.best, stop.lower_bound)
+        if known != self._told:
             self._told = known
-            plan = None if known[0] is None else plain_plan(known[0])
-            tell((plan, *known[1:]))
+            plan = None if best is None else plain_plan(best)
+            tell((plan, bound, stop.nodes, self._model.stats))
 
 
 def _started(job: _Job) -> Stop:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError
-from skillplan.pipeline.chain import solve_chain
 from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup
-from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
 from skillplan.solvers.solution import Plan
 from skillplan.solvers.stop import Stop
+
+if TYPE_CHECKING:  # most files are of a single task
+    from skillplan.records.chain_result import ChainResult
 
 
 def solve_problem(
@@ -25,6 +28,7 @@ def solve_problem(
     cache: VerdictCache | None = None,
     jobs: int = 1,
     start: Plan | None = None,
+    audit: int | None = None,
 ) -> Result | ChainResult:
     """Solve what a file describes and have it judged.
 
@@ -51,6 +55,8 @@ def solve_problem(
         How many processes expensive back ends, and solvers that can, may use; 1 for this one.
     start
         A plan to start from; only for a single task.
+    audit
+        As in `solve`; of a chain for each of its searches.
 
     Returns
     -------
@@ -71,7 +77,11 @@ def solve_problem(
     if problem.is_chain and part is None:
         if start is not None:
             raise OptionError("A plan to start from is for one task of a chain; name its part.")
-        return solve_chain(problem, name, setup, seed=seed, stop=stop, cache=cache, jobs=jobs)
+        from skillplan.pipeline.chain import solve_chain
+
+        return solve_chain(
+            problem, name, setup, seed=seed, stop=stop, cache=cache, jobs=jobs, audit=audit
+        )
     task = problem.part(part)
     return solve(
         task,
@@ -82,5 +92,6 @@ def solve_problem(
         cache=cache,
         jobs=jobs,
         start=start,
+        audit=audit,
         back_ends=setup.back_ends(task, problem.spare_back_ends),
     )

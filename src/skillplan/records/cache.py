@@ -91,6 +91,10 @@ class CacheTest:
         Whether it was ended before all chosen were tried.
     dropped
         How many of those that are different have been removed.
+    elsewhere
+        Whether they were tried in other states than they were made in.
+    nowhere_else
+        How many of those chosen apply in no other state that was found.
     """
 
     task: Task
@@ -99,6 +103,8 @@ class CacheTest:
     seed: int
     interrupted: bool = False
     dropped: int = 0
+    elsewhere: bool = False
+    nowhere_else: int = 0
 
     @property
     def different(self) -> list[Trial]:
@@ -117,12 +123,15 @@ class CacheTest:
             "different": len(self.different),
             "dropped": self.dropped,
             "interrupted": self.interrupted,
+            "elsewhere": self.elsewhere,
+            "nowhere_else": self.nowhere_else,
             "rows": [
                 {
                     "back_end": trial.kept.record.back_end,
                     "skill": trial.kept.record.skill,
                     "present": list(trial.kept.record.present),
                     "absent": list(trial.kept.record.absent),
+                    "state": list(trial.state),
                     "same": trial.same,
                     "differs_in": list(trial.differs_in),
                     "kept": _said(trial.kept.record.status, trial.kept.record.reason),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
@@ -32,12 +32,15 @@ class Claim:
         The figures, or why it fails or was not checked.
     method
         How it was checked.
+    open
+        Whether the result may be valid though this was not checked.
     """
 
     claim: str
     outcome: Outcome
     detail: str
     method: str
+    open: bool = True
 
     def document(self) -> dict[str, str]:
         """Return the claim as JSON values."""
@@ -47,6 +50,27 @@ class Claim:
             "detail": self.detail,
             "method": self.method,
         }
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A back end that was queried to check a result.
+
+    Parameters
+    ----------
+    name, version
+        Its own.
+    options
+        All of them, as JSON values.
+    """
+
+    name: str
+    version: str
+    options: Mapping[str, Any]
+
+    def document(self) -> dict[str, Any]:
+        """Return it as JSON values."""
+        return {"name": self.name, "version": self.version, "options": dict(self.options)}
 
 
 @dataclass(frozen=True)
@@ -61,6 +85,12 @@ class Certificate:
         Its task.
     claims
         All of them, in the order of checking.
+    asked
+        The back ends that were queried.
+    unchecked
+        Key of the result to why what stands there cannot be checked.
+    warm
+        Whether verdicts kept on disk were used.
     """
 
     file: str
@@ -68,11 +98,24 @@ class Certificate:
     kind: str
     sha256: str
     claims: Sequence[Claim]
+    asked: Sequence[Asked] = ()
+    unchecked: Mapping[str, str] = field(default_factory=dict)
+    warm: bool = False
 
     @property
     def valid(self) -> bool:
-        """Whether no claim fails; some may not have been checked."""
-        return all(claim.outcome is not Outcome.FAILS for claim in self.claims)
+        """Whether no claim fails, and every plan could be replayed; others may be open."""
+        return not self.failing
+
+    @property
+    def failing(self) -> list[Claim]:
+        """The claims that make the result invalid."""
+        return [
+            claim
+            for claim in self.claims
+            if claim.outcome is Outcome.FAILS
+            or (claim.outcome is Outcome.NOT_CHECKED and not claim.open)
+        ]
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.verification/1``."""
@@ -82,4 +125,9 @@ class Certificate:
             "task": {"name": self.name, "kind": self.kind, "sha256": self.sha256},
             "claims": [claim.document() for claim in self.claims],
             "valid": self.valid,
+            "warm": self.warm,
+            "asked": [one.document() for one in self.asked],
+            "not_checked": [
+                {"key": key, "reason": reason} for key, reason in self.unchecked.items()
+            ],
         }

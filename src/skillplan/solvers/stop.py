@@ -216,6 +216,11 @@ class Stop:
         return math.isfinite(self._deadline_s)
 
     @property
+    def limits_effort(self) -> bool:
+        """Whether time or memory is limited, which is kept though a solver does not poll."""
+        return self.limited or self._memory_limit_bytes is not None
+
+    @property
     def reason(self) -> str | None:
         """Why the search was stopped, or None while it was not."""
         if self._stopped_s is None:

@@ -13,7 +13,7 @@ from typing import Any
 
 from skillplan import __version__
 from skillplan.errors import OptionError
-from skillplan.files.atomic_file import is_unfinished, write_whole
+from skillplan.files.atomic_file import is_unfinished, remove_unfinished, write_whole
 from skillplan.files.folder_lock import FolderLock
 from skillplan.files.growing_file import GrowingFile
 from skillplan.files.regular_file import read_bytes
@@ -123,20 +123,18 @@ class StudyFolder:
 
     def _open(self, plan: SweepPlan, resume: bool, command: tuple[str, ...]) -> None:
         self.path.mkdir(parents=True, exist_ok=True)
-        # A program that was ended while it wrote the manifest leaves a piece of one.
-        there = list(self.path.iterdir())
-        pieces = [one for one in there if is_unfinished(one.name, MANIFEST)]
-        found = {one.name for one in there} - {one.name for one in pieces}
+        self._lock = FolderLock(self.path, "study")
+        # A program that was ended while it wrote leaves pieces; of its first file that is all.
+        there = {one.name for one in self.path.iterdir()}
+        found = there - {name for name in there if is_unfinished(name, MANIFEST)}
         if found and not resume:
             raise OptionError(
                 f"--out {self.path}: is not empty. Name a new folder, or go on with --resume."
             )
         if found - {RUNS} and MANIFEST not in found:
             raise OptionError(f"--out {self.path}: holds no {MANIFEST}, so nothing to resume.")
-        self._lock = FolderLock(self.path, "study")
         self._lines = GrowingFile(self.path / RUNS, self.path)
-        for piece in pieces:
-            piece.unlink(missing_ok=True)
+        remove_unfinished(self.path, within=self.path)
         wanted = _identity(plan)
         if MANIFEST in found:
             self._compare(wanted)

@@ -11,14 +11,16 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.regular_file import read_bytes
+from skillplan.files.schema_errors import schema_issues
 from skillplan.files.strict_json import parse_json
 from skillplan.records import schemas
 from skillplan.solvers.learning.learner import Snapshot
@@ -26,7 +28,18 @@ from skillplan.solvers.learning.learner import Snapshot
 _KEY = "skillplan"
 # More than any replay memory that fits into a machine of today.
 _MOST_BYTES = 64 * 1024**3
+_MOST_SHOWN = 40
 _REMEDY = "Delete it, and --resume begins its runs again"
+
+
+class _Content(BaseModel):
+    """What stands beside the arrays: anybody can make a hash that fits."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    steps: int = Field(ge=0)
+    lengths: dict[str, Annotated[int, Field(ge=0)]]
+    notes: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -58,7 +71,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint, *, within: Path | None 
     checkpoint
         What it holds.
     within
-        A folder that the file must lie in, wherever links lead; None for anywhere.
+        A folder that the file must lie in, with no link on the way to it; None for anywhere.
 
     Raises
     ------
@@ -92,7 +105,7 @@ def read_checkpoint(path: Path, *, within: Path | None = None) -> Checkpoint | N
     path
         Of the file.
     within
-        A folder that the file must lie in, wherever links lead; None for anywhere.
+        A folder that the file must lie in, with no link on the way to it; None for anywhere.
 
     Raises
     ------
@@ -116,15 +129,21 @@ def read_checkpoint(path: Path, *, within: Path | None = None) -> Checkpoint | N
         if _digest(text, arrays) != header["sha256"]:
             raise ValueError("its hash is another one")
         content = parse_json(text)
+        schema = content.pop("schema")
     except (SafetensorError, ValueError, KeyError, TypeError, AttributeError) as error:
         reason = f"{type(error).__name__}: {error}" if isinstance(error, KeyError) else str(error)
         raise OptionError(f"{path}: is damaged: {reason.rstrip('.')}. {_REMEDY}.") from None
-    if content["schema"] != schemas.CHECKPOINT:
+    if schema != schemas.CHECKPOINT:
         raise OptionError(
-            f"{path}: is of another version, {content['schema']}; this skillplan reads "
+            f"{path}: is of another version, {str(schema)[:_MOST_SHOWN]}; this skillplan reads "
             f"{schemas.CHECKPOINT}. Use the version that wrote it."
         )
-    return Checkpoint(content["steps"], content["lengths"], Snapshot(arrays, content["notes"]))
+    try:
+        said = _Content.model_validate(content)
+    except ValidationError as error:
+        fault = str(schema_issues(error, _Content)[0]).rstrip(".")
+        raise OptionError(f"{path}: is damaged: {fault}. {_REMEDY}.") from None
+    return Checkpoint(said.steps, said.lengths, Snapshot(arrays, said.notes))
 
 
 def _digest(text: str, arrays: Mapping[str, NDArray[Any]]) -> str:

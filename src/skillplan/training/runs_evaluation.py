@@ -24,8 +24,17 @@ _MOST_PLACES = 1_024
 _NO_POLICY = "it has no policy yet: its training was cut off; train --resume goes on"
 
 
-def check_same_task(folder: RunFolder, problem: Problem) -> None:
+def check_same_task(folder: RunFolder, problem: Problem, *, quoted: bool = True) -> None:
     """See that a file is the task that the runs have learned.
+
+    Parameters
+    ----------
+    folder
+        The runs.
+    problem
+        What was loaded.
+    quoted
+        Whether what the file holds may be told.
 
     Raises
     ------
@@ -34,6 +43,11 @@ def check_same_task(folder: RunFolder, problem: Problem) -> None:
     """
     if problem.sha256 == folder.manifest.task.sha256:
         return
+    if not quoted:
+        raise OptionError(
+            f"{problem.source}: is not the task that {folder.path} has learned, which names it. "
+            f"--task {folder.task_copy} is what it was; --task {problem.source} tells what changed."
+        )
     changed = what_changed(folder.config, resolved_config(problem))
     raise OptionError(
         f"{problem.source}: is not the task that {folder.path} has learned: {changed}. "

@@ -18,7 +18,12 @@ from typing import Any
 import skillplan
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError
-from skillplan.files.atomic_file import is_unfinished, write_whole
+from skillplan.files.atomic_file import (
+    is_unfinished,
+    remove_unfinished,
+    write_as_one,
+    write_whole,
+)
 from skillplan.files.folder_lock import FolderLock
 from skillplan.files.json_file import json_text
 from skillplan.files.regular_file import read_bytes
@@ -35,6 +40,7 @@ from skillplan.records.training.run_folder import (
     RunManifest,
     TaskReference,
     copy_name,
+    group_path,
     run_path,
 )
 from skillplan.training.run_log import writing
@@ -137,16 +143,16 @@ class TrainingFolder:
         OptionError
             If a file cannot be written.
         """
+        lines = []
         with writing(self.path, METRICS):
-            lines = []
             for run in range(len(self.manifest.seeds)):
                 metrics = run_path(self.path, run) / METRICS
                 for line in metrics_lines(metrics, within=self.path):
                     lines.append(f'{{"run":{run},{line[1:]}\n')
-            write_whole(self.path / METRICS, "".join(lines), within=self.path)
+        text = json.dumps(dict(result), indent=2, allow_nan=False)
         with writing(self.path, RESULT):
-            text = json.dumps(dict(result), indent=2, allow_nan=False)
-            write_whole(self.path / RESULT, text, within=self.path)
+            contents = {METRICS: "".join(lines), RESULT: text}
+            write_as_one(self.path, contents, within=self.path)
 
     def _opened(self, wanted: RunManifest, problem: Problem, resume: bool) -> RunManifest:
         there = {one.name for one in self.path.iterdir()}
@@ -160,18 +166,19 @@ class TrainingFolder:
         if MANIFEST in there:
             stored = RunFolder(self.path)
             self._compare(stored, wanted, problem)
-            for piece in self.path.rglob(".*.tmp"):
-                if is_unfinished(piece.name):
-                    piece.unlink(missing_ok=True)
+            runs = [run_path(self.path, run) for run in range(len(stored.manifest.seeds))]
+            groups = [group_path(self.path, group) for group in range(len(stored.manifest.groups))]
+            for folder in (self.path, *runs, *groups):
+                remove_unfinished(folder, within=self.path)
             return stored.manifest
         if there - begun:
             raise OptionError(f"--out {self.path}: holds no {MANIFEST}, so nothing to resume.")
         content = read_bytes(problem.source, max(MAX_BYTES, problem.domain.max_bytes))
-        write_whole(self.path / copy, content)
-        write_whole(
-            self.path / TASK_CONFIG, json_text(schemas.RESOLVED_TASK, resolved_config(problem))
-        )
-        write_whole(self.path / MANIFEST, json_text(schemas.RUN, wanted))
+        write_whole(self.path / copy, content, within=self.path)
+        config = json_text(schemas.RESOLVED_TASK, resolved_config(problem))
+        write_whole(self.path / TASK_CONFIG, config, within=self.path)
+        write_whole(self.path / MANIFEST, json_text(schemas.RUN, wanted), within=self.path)
+        remove_unfinished(self.path, within=self.path)
         return wanted
 
     def _compare(self, stored: RunFolder, wanted: RunManifest, problem: Problem) -> None:

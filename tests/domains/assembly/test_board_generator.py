@@ -154,7 +154,9 @@ def pairs(chart: Mapping[str, list[str]]) -> set[tuple[str, str]]:
 @pytest.mark.parametrize(
     "density",
     [
-        0.3,
+        pytest.param(
+            0.3, marks=pytest.mark.slow(reason="a board of 256 parts; smaller ones in every run")
+        ),
         *(
             pytest.param(density, marks=pytest.mark.slow(reason="another density in every run"))
             for density in (0.0, 1.0)

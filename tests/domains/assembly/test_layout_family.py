@@ -92,6 +92,7 @@ class TestLayouts:
         assert (0.0, 0.0) == moves(start_of, config, layout, "clip_1")
         assert config.feeders == layout.feeders
 
+    @pytest.mark.slow(reason="tries many layouts; the other errors in every run")
     def test_one_that_is_never_faultless_is_an_error_that_names_the_fault(self) -> None:
         """A metre to and fro puts one of twelve parts out of reach, or close to another."""
         with pytest.raises(OptionError, match="has no faultless layout 0 with seed 7") as caught:
@@ -109,6 +110,7 @@ class TestLayouts:
 
 
 class TestFamily:
+    @pytest.mark.slow(reason="grounds several boards; the same seed in every run")
     @given(seed=SEEDS)
     @settings(max_examples=10)
     def test_its_tasks_differ_in_costs_alone(self, seed: int) -> None:
@@ -163,12 +165,14 @@ class TestFamily:
         assert orders <= len({tuple(s.action for s in result.steps) for result in results})
         assert count == len({f"{result.cost:.9f}" for result in results})
 
+    @pytest.mark.slow(reason="solves eight boards by boxes; one board by boxes in every run")
     def test_the_chart_is_right_on_all_of_them(self, board: Problem) -> None:
         """By boxes, which know starts and goals, the same optimum."""
         for task in board.variants(2, 8):
             by_boxes = solve(task, setup=Setup(collision=("aabb",)))
             assert by_boxes.cost == pytest.approx(solve(task).cost)
 
+    @pytest.mark.slow(reason="grounds a family; another family in every run")
     def test_one_whose_grasps_fail_has_a_family_too(self) -> None:
         """The probabilities stay."""
         changes = {"family.start_shift_m": "0.01"}

@@ -110,7 +110,15 @@ class TestInstances:
         assert sum(costs[i][j] for i, j in pairwise(way)) == done.cost
         assert float(BEST_KNOWN[name]["lower_bound"]) <= done.cost
 
-    @pytest.mark.parametrize(("name", "cost"), [("ESC07", 2125), ("ESC12", 1675)])
+    @pytest.mark.parametrize(
+        ("name", "cost"),
+        [
+            ("ESC07", 2125),
+            pytest.param(
+                "ESC12", 1675, marks=pytest.mark.slow(reason="a smaller one in every run")
+            ),
+        ],
+    )
     def test_exact_search_proves_the_optimum_of_small_ones(self, name: str, cost: int) -> None:
         """The published one."""
         result = solve(instance(name).task, "exact")
@@ -214,6 +222,9 @@ class TestYaml:
         path.write_text(f"kind: sop\nname: ESC07\ncosts:\n{rows}")
         assert there.sha256 == load_problem(path).sha256
 
+    @pytest.mark.slow(
+        reason="a process; the shipped schemas of every run are those of the reference"
+    )
     def test_the_shipped_schema_is_the_printed_one(self) -> None:
         """Editors know what a file may hold, and how large its numbers may be."""
         command = [sys.executable, "-m", "skillplan", "schema", "sop"]

@@ -419,6 +419,7 @@ def test_no_text_raises_anything_but_task_errors(text: str) -> None:
     assert all(len(row) == len(costs) for row in costs)
 
 
+@pytest.mark.slow(reason="a file of many nodes; small ones in every run")
 def test_a_large_file_is_read_and_grounded_at_once(tmp_path: Path) -> None:
     """380 nodes, as the largest of TSPLIB has: about 0.1 s; the limit leaves room for noise."""
     draw = random.Random(0)

@@ -28,7 +28,7 @@ FOLDER = Path(__file__).parents[3] / "configs"
 BENCHES = sorted(FOLDER.glob("swarmitfix_*.yaml"))
 
 
-LARGE = ["swarmitfix_pentagonal", "swarmitfix_triangular"]
+LARGE = ["swarmitfix_open_curve", "swarmitfix_pentagonal", "swarmitfix_triangular"]
 LARGER = pytest.mark.slow(reason="a larger workpiece; smaller ones in every run")
 
 
@@ -40,9 +40,8 @@ def expect_of(path: Path) -> dict[str, Any]:
 def benches_expecting(key: str) -> pytest.MarkDecorator:
     """Run on every file that declares this; on some with the whole suite only."""
     having = [path for path in BENCHES if key in expect_of(path)]
-    slow = LARGE if key == "csp" else LARGE[:1]
     rows = [
-        pytest.param(path, marks=LARGER if path.stem in slow else (), id=path.stem)
+        pytest.param(path, marks=LARGER if path.stem in LARGE else (), id=path.stem)
         for path in having
     ]
     assert any(not row.marks for row in rows), key

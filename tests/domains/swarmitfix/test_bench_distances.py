@@ -64,6 +64,7 @@ class TestDistances:
         assert change.max() <= 1
         assert np.flatnonzero(distances == 0).tolist() == [goal]
 
+    @pytest.mark.slow(reason="the largest bench; smaller ones in every run")
     def test_a_bench_of_780600_positions_is_searched_whole(self) -> None:
         """From a corner; a swing gains two columns at most and one row at most."""
         bench = Bench(rows=600, cols=1301, pitch_m=0.34)

@@ -105,6 +105,7 @@ def test_no_rule_beats_the_whole_trajectory_rule(seed: int) -> None:
         assert (best.total_steps, best.duration_s) <= (other.total_steps, other.duration_s)
 
 
+@pytest.mark.slow(reason="many trajectories; the rule against trying everything in every run")
 def test_greed_does_not_pay_in_general() -> None:
     totals = {
         rule: sum(

@@ -67,6 +67,7 @@ class TestWays:
     def test_no_way_has_fewer_swings(self, start: int, goal: int) -> None:
         assert len(shortest_way(BENCH, start, goal)) == BENCH.distances(goal)[start]
 
+    @pytest.mark.slow(reason="several solvers on a bench; the ways of one in every run")
     @settings(max_examples=examples(100))
     @given(positions, positions)
     def test_solvers_break_ties_in_swings_by_their_time(self, start: int, goal: int) -> None:

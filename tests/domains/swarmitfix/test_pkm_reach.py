@@ -125,6 +125,7 @@ class TestReach:
         gaps = [abs(leg - limit) for leg in legs_m for limit in LIMITS.leg_a_m]
         assert min(gaps) < 1e-9
 
+    @pytest.mark.slow(reason="computes the reach anew; that of the machine in every run")
     @settings(max_examples=examples(15, fewest=3))
     @given(st.floats(0.0, 0.02))
     def test_tighter_limits_never_widen_it(self, cut_m: float) -> None:
@@ -155,6 +156,7 @@ class TestCalibration:
         level = [row for row in WORKING if abs(row["beta_rad"] - MOUNT.tilt_rad) < 2e-4]
         assert (5, 10) == (len(level), len(WORKING))
 
+    @pytest.mark.slow(reason="computes the reach twice more; the reach itself in every run")
     def test_the_sheet_lies_where_the_reach_is_widest(self) -> None:
         def width(sheet_m: float) -> float:
             least, most = horizontal_reach_m(GEOMETRY, LIMITS, replace(MOUNT, sheet_m=sheet_m))

@@ -451,9 +451,10 @@ class TestDxf:
                 "SPLINE #2F: Its knots are not clamped at its ends; convert it to a polyline.",
             ),
             (lambda space: space.add_spline(), "SPLINE #2F: It has 0 control points; give 2 to"),
-            (
+            pytest.param(
                 lambda space: space.add_open_spline([(0, 0), (9e5, 9e5), (0, 9e5), (9e5, 0)]),
                 "SPLINE #2F: It needs more than 100000 points; draw it simpler, or smaller.",
+                marks=pytest.mark.slow(reason="100,000 points; other entities in every run"),
             ),
             (lambda space: space.add_text("hi"), "The model space holds no path on a layer"),
         ],
@@ -488,6 +489,7 @@ class TestDxf:
         text = drawing(lambda space: space.add_line((0, 0), (1, 0)), 19)
         assert refused(tmp_path, "a.dxf", text).startswith("$INSUNITS: The unit 19 is not read")
 
+    @pytest.mark.slow(reason="a process; other starts that load less in every run")
     def test_ezdxf_is_loaded_for_drawings_only(self) -> None:
         code = (
             "import sys; from pathlib import Path; "

@@ -276,6 +276,7 @@ class TestLosses:
         assert search.cost == 1675
         assert set(parallel.lost) <= {"one was ended by signal 9"}
 
+    @pytest.mark.slow(reason="a process; lost checks of processes in every run")
     def test_a_process_that_fails_costs_its_share_only(self, beside):
         """Its words are kept."""
         beside("local-search")
@@ -384,6 +385,9 @@ class TestEndings:
         wait_until(lambda: len(workers(search.pid)) == 1, "no processes")
         return children(search.pid)
 
+    @pytest.mark.slow(
+        reason="a search by two processes; every run interrupts one of a single process"
+    )
     def test_ctrl_c_in_the_terminal_ends_all_with_the_best_so_far(self):
         """The whole group gets the signal; only this process heeds it."""
         search = self.start()
@@ -436,6 +440,9 @@ class TestEndings:
         assert said == ""
 
 
+@pytest.mark.slow(
+    reason="a search by two processes on a large instance; every run stops auto at a gap"
+)
 def test_what_others_find_counts_for_the_gap(at_once):
     """It is asked for in one process only."""
     task = instance("ft70.1").tasks[-1]

@@ -11,8 +11,7 @@ class GreedySolver(Solver):
     """Follow the cheapest feasible skill to the goal; keep the best of many attempts."""
 
     name = "greedy"
-    # It asks `self.stop()` at every step, so that it needs no process of its own under a limit.
-    polls = True
+    polls = True  # `self.stop()`, at every step
 
     class Options(BaseModel):
         """How often to try, and how boldly."""

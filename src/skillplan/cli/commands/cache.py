@@ -72,6 +72,14 @@ def verify(
             text="How many verdicts are checked again.",
         ),
     ] = 10,
+    elsewhere: Annotated[
+        bool,
+        typer.Option(
+            "--elsewhere",
+            help="Check them not in the states that they were made in, but in others that can be "
+            "reached and to which they claim to apply.",
+        ),
+    ] = False,
     seed: Seed = 0,
     jobs: Jobs = 1,
     style: Style = "table",
@@ -79,9 +87,11 @@ def verify(
     """Check again, with fresh back ends, a random sample of the verdicts that TASK would use.
 
     Compares status, reason, facts and evidence bit for bit. What differs is dropped, and the
-    exit code is 3.
+    exit code is 3. With --elsewhere a verdict that does not hold where it claims to shows that the
+    back end names too few facts: it is said which one is missing.
     """
-    from skillplan.checks.recheck import draw, put_to_the_test
+    from skillplan.checks.reachable_sample import reachable_sample
+    from skillplan.checks.recheck import draw, first_contradiction, other_states, put_to_the_test
     from skillplan.checks.verdict_folder import VerdictFolder
     from skillplan.cli.counting import counting
     from skillplan.cli.output import emit
@@ -95,17 +105,34 @@ def verify(
     folder = VerdictFolder(warm_cache().folder)
     kept = folder.kept_for(feasibility.back_ends)
     drawn = draw(kept, sample, seed)
+    chosen, states = drawn, None
     with counting("verifying", len(drawn)) as count:
+        if elsewhere:
+            known = make_feasibility(loaded, setup, warm_cache(), back_ends=made)
+            found = reachable_sample(known, seed, stopped=lambda: count.interrupted)
+            chosen, states = other_states(loaded, drawn, found, seed)
         trials = put_to_the_test(
             feasibility,
-            drawn,
+            chosen,
+            elsewhere=states,
             jobs=jobs,
             stopped=lambda: count.interrupted,
             on_trial=count.one_more,
         )
     dropped = sum(folder.drop(trial.kept) for trial in trials if not trial.same)
+    if elsewhere and not all(trial.same for trial in trials):
+        raise first_contradiction(feasibility.back_ends, trials)
     every = sum(map(len, kept))
-    test = CacheTest(loaded, every, trials, seed, len(trials) < len(drawn), dropped)
+    test = CacheTest(
+        loaded,
+        every,
+        trials,
+        seed,
+        len(trials) < len(chosen),
+        dropped,
+        elsewhere,
+        len(drawn) - len(chosen),
+    )
     emit(style, test.document(), [cache_test_table(test)], failed=bool(test.different))
     different = bool(test.different)
     # A back end that answers otherwise than it did counts more than an early end of the search

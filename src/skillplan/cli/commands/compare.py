@@ -10,6 +10,7 @@ import typer
 from skillplan.cli.options.completion import plugin_lists
 from skillplan.cli.options.shared import (
     BACK_ENDS,
+    Audit,
     BackEnds,
     Jobs,
     Limits,
@@ -63,6 +64,7 @@ def command(
     seed: Seed = 0,
     back_ends: BackEnds,
     jobs: Jobs = 1,
+    audit: Audit = None,
     warm: Annotated[
         bool,
         typer.Option(
@@ -90,7 +92,8 @@ def command(
 
         if back_ends.collision is not None:
             raise OptionError("--collision is for --solvers; name detectors in --detectors.")
-        given = {"--warm": warm, "--jobs": jobs != 1, "--stall": limits.stall_s is not None}
+        given = {"--warm": warm, "--jobs": jobs != 1, "--audit": audit is not None}
+        given |= {"--stall": limits.stall_s is not None}
         given["--memory-limit"] = limits.memory_limit_bytes is not None
         for option in (option for option, present in given.items() if present):
             raise OptionError(f"{option} is for --solvers.")
@@ -105,7 +108,7 @@ def command(
     names = tuple(split_names(solvers or ""))
     if not names:
         raise OptionError("--solvers names no solver.")
-    run = _Run(names, limits, seed, jobs, warm)
+    run = _Run(names, limits, seed, jobs, warm, audit)
     return _compare(task, reading, back_ends, run, style)
 
 
@@ -118,6 +121,7 @@ class _Run:
     seed: int
     jobs: int
     warm: bool
+    audit: int | None
 
 
 def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style: str) -> int:
@@ -125,9 +129,9 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
     from contextlib import ExitStack
 
     from skillplan.cli.output import emit, exit_code
-    from skillplan.pipeline.chain import solver_names
     from skillplan.pipeline.comparison import compare_solvers
     from skillplan.pipeline.run import check_solver
+    from skillplan.pipeline.solver_choice import solver_names
     from skillplan.records import schemas
     from skillplan.solvers.stop import Stop
     from skillplan.views.tables.solved import comparison_tables
@@ -156,6 +160,7 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
             make_stop=make_stop,
             warm=run.warm,
             jobs=run.jobs,
+            audit=run.audit,
         )
     tables = comparison_tables(results, title, last.metric.decimals)
     origin = setup.origin(path, None, reading.settings())

@@ -95,7 +95,9 @@ class Replayed:
             raise OptionError("Give either --sequence or --policy.")
         stored = None
         if self.policy_file is not None:
-            stored = read_policy(policies_path(self.policy_file), task).policy
+            path = policies_path(self.policy_file)
+            within = None if path == self.policy_file else self.policy_file
+            stored = read_policy(path, task, within=within).policy
         if self.start is not None:
             try:
                 initial = start_state(task, self.start)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,6 +10,7 @@ from skillplan.cli.options.shared import (
     LIMITS,
     OUTPUT,
     SOLVER,
+    Audit,
     BackEnds,
     Checking,
     Limits,
@@ -20,6 +21,9 @@ from skillplan.cli.options.shared import (
     solver_option,
 )
 from skillplan.cli.options.values import fraction
+
+if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.cli.result_output import ResultFolder
 
 
 def command(
@@ -47,6 +51,7 @@ def command(
     ] = None,
     back_ends: BackEnds,
     checking: Checking,
+    audit: Audit = None,
     limits: Limits,
     gap: Annotated[
         float,
@@ -63,8 +68,8 @@ def command(
         typer.Option(
             "--out",
             metavar="DIR",
-            help="Also save result.json, plan.csv and, of a solver that learns one, policies.json "
-            "in a new folder.",
+            help="Also save plan.csv, of a solver that learns one policies.json, and result.json "
+            "last, in a new folder, or one whose search was killed.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
@@ -75,16 +80,14 @@ def command(
     Ctrl-C, like the limits of time and memory, prints the best plan so far with its lower bound
     and gap.
     """
+    from contextlib import nullcontext
     from dataclasses import replace
 
-    from skillplan.cli.output import emit, exit_code, prepare_folder, save
+    from skillplan.cli.output import emit, exit_code
     from skillplan.cli.writing import as_json
-    from skillplan.pipeline.chain import solver_names
     from skillplan.pipeline.solve_problem import solve_problem
-    from skillplan.records.stored.policy_file import policy_document, solved_tasks
-    from skillplan.records.stored.result_folder import PLAN, POLICIES, RESULT
-    from skillplan.views.tables.solved import saved_tables, solved_tables
-    from skillplan.views.text.table import as_csv
+    from skillplan.pipeline.solver_choice import solver_names
+    from skillplan.views.tables.solved import solved_tables
 
     part = reading.part
     problem = reading.problem(task, back_ends)
@@ -96,29 +99,41 @@ def command(
         from skillplan.records.stored.result_file import start_plan
 
         plan = start_plan(start, problem, part)
-    folder = prepare_folder(out)
-    with limits.stoppable(solver, gap) as stop:
-        result = solve_problem(
-            problem,
-            part,
-            solver,
-            setup,
-            seed=seed,
-            stop=stop,
-            cache=checking.cache(),
-            jobs=checking.jobs,
-            start=plan,
-        )
-    result = replace(result, origin=setup.origin(task, part, reading.settings()))
-    tables = solved_tables(result, last)
-    if folder is not None:
-        save(folder, RESULT, as_json(result.document()))
-        save(folder, PLAN, as_csv(tables[-1]))
-        for name, table in saved_tables(result).items():
-            save(folder, name, as_csv(table))
-        policies = policy_document(problem.sha256, solver, solved_tasks(result, last))
-        if policies is not None:
-            save(folder, POLICIES, as_json(policies))
+    with nullcontext() if out is None else _held(out) as folder:
+        with limits.stoppable(solver, gap) as stop:
+            result = solve_problem(
+                problem,
+                part,
+                solver,
+                setup,
+                seed=seed,
+                stop=stop,
+                cache=checking.cache(),
+                jobs=checking.jobs,
+                start=plan,
+                audit=audit,
+            )
+        result = replace(result, origin=setup.origin(task, part, reading.settings()))
+        tables = solved_tables(result, last)
+        if folder is not None:
+            from skillplan.records.stored.policy_file import policy_document, solved_tasks
+            from skillplan.records.stored.result_folder import PLAN, POLICIES
+            from skillplan.views.tables.solved import saved_tables
+            from skillplan.views.text.table import as_csv
+
+            beside = {PLAN: as_csv(tables[-1])}
+            beside |= {name: as_csv(table) for name, table in saved_tables(result).items()}
+            policies = policy_document(problem.sha256, solver, solved_tasks(result, last))
+            if policies is not None:
+                beside[POLICIES] = as_json(policies)
+            folder.finish(beside, as_json(result.document()))
     code = exit_code([result])
     emit(style, result.document(), tables, failed=code != 0)
     return code
+
+
+def _held(out: str) -> ResultFolder:
+    """Return the folder of the result, which nobody else writes into meanwhile."""
+    from skillplan.cli.result_output import ResultFolder
+
+    return ResultFolder(out)

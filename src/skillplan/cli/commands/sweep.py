@@ -164,7 +164,8 @@ def command(
     from contextlib import ExitStack
 
     from skillplan.cli.counting import counting
-    from skillplan.cli.output import emit, save
+    from skillplan.cli.output import emit
+    from skillplan.cli.result_output import write_folder
     from skillplan.cli.writing import as_json
     from skillplan.errors import OptionError
     from skillplan.sweep.parameter_study import do_study, plan_study
@@ -209,8 +210,8 @@ def command(
             on_run=lambda record: count.one_more(),
         )
         if folder is not None:
-            save(folder.path, RESULT, as_json(result.document()))
-            save(folder.path, STARTS, as_csv(start_table(result)))
+            starts_csv = as_csv(start_table(result))
+            write_folder(folder.path, {STARTS: starts_csv, RESULT: as_json(result.document())})
     if picture is not None and len(result.records) > len(result.failed):
         _draw(result, picture)
     code = _exit_code(result)

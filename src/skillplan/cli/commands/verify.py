@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from skillplan.cli.options.completion import task_files
-from skillplan.cli.options.shared import LIMITS, OUTPUT, TASK, Caching, Style
-from skillplan.cli.options.values import positive_seconds
+from skillplan.cli.options.shared import BACK_ENDS, LIMITS, OUTPUT, TASK, Style
+from skillplan.cli.options.values import memory_size, positive_seconds
 
 
 def command(
@@ -32,7 +32,23 @@ def command(
             rich_help_panel=TASK,
         ),
     ] = None,
-    caching: Caching,
+    warm: Annotated[
+        bool,
+        typer.Option(
+            "--warm",
+            help="Use verdicts kept on disk instead of asking back ends about everything; the "
+            "result is then no better than they are.",
+            rich_help_panel=BACK_ENDS,
+        ),
+    ] = False,
+    no_cache: Annotated[
+        bool,
+        typer.Option(
+            "--no-cache",
+            hidden=True,
+            help="As without --warm; kept for scripts that say so.",
+        ),
+    ] = False,
     time_limit_s: Annotated[
         float,
         typer.Option(
@@ -43,11 +59,23 @@ def command(
             rich_help_panel=LIMITS,
         ),
     ] = 60.0,
+    memory_limit_bytes: Annotated[
+        int | None,
+        typer.Option(
+            "--memory-limit",
+            parser=memory_size,
+            metavar="SIZE",
+            help="Prove nothing a second time that takes more memory in all than this, such as "
+            "2GiB or 512MiB; 64MiB at least.",
+            rich_help_panel=LIMITS,
+        ),
+    ] = None,
     verbose: Annotated[
         bool,
         typer.Option(
             "--verbose",
-            help="Show every claim with how it was checked, also those that hold.",
+            help="Show every claim with how it was checked, also those that hold, which back "
+            "ends were asked with which options, and what could not be checked.",
             rich_help_panel=OUTPUT,
         ),
     ] = False,
@@ -57,17 +85,22 @@ def command(
 
     The plan is replayed, the arithmetic is done again, and what is claimed of all plans is proved
     a second time, by another method, where the case is small enough and the time limit allows.
-    What does not hold is listed, what does is summed up.
+    Every other figure, and the files beside it, must be what they come to. What does not hold is
+    listed, what does is summed up.
     """
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import stoppable
-    from skillplan.errors import exit_code
+    from skillplan.errors import OptionError, exit_code
     from skillplan.pipeline.certification import certify
+    from skillplan.pipeline.run import warm_cache
     from skillplan.views.tables.certificate import certificate_summary, certificate_table
+    from skillplan.views.tables.saved import csv_files
 
-    with stoppable(time_limit_s, label="verifying") as stop:
-        cache = caching.cache()
-        certificate = certify(result, task_file, stop=stop, cache=cache)
+    if warm and no_cache:
+        raise OptionError("--warm and --no-cache exclude each other.")
+    with stoppable(time_limit_s, label="verifying", memory_limit_bytes=memory_limit_bytes) as stop:
+        cache = warm_cache() if warm else None
+        certificate = certify(result, task_file, stop=stop, cache=cache, saved_tables=csv_files)
     code = exit_code(interrupted=stop.interrupted, solved=certificate.valid)
     # Only people want it short: Markdown and CSV hold every claim.
     whole = verbose or style != "table"

@@ -92,6 +92,20 @@ Jobs = Annotated[
 ]
 
 
+Audit = Annotated[
+    int | None,
+    count_option(
+        "--audit",
+        least=0,
+        most=100_000,
+        text="How many verdicts that the search has reused are asked again after it, where they "
+        "were reused; by default 4, and none of expensive back ends",
+        rich_help_panel=BACK_ENDS,
+        show_default=False,
+    ),
+]
+
+
 @dataclass(frozen=True, slots=True)
 class Reading:
     """How a task file is read.
@@ -154,8 +168,8 @@ class Reading:
 
         named = None if back_ends is None else back_ends.named()
         problem = setup.load_problem(path, named, self.settings())
-        for warning in problem.warnings if warn else ():
-            tell(f"skillplan: warning: {warning}")
+        if warn:
+            warn_of(problem)
         return problem
 
 
@@ -410,6 +424,12 @@ class Limits:
             stall_s=self.stall_s,
             memory_limit_bytes=self.memory_limit_bytes,
         )
+
+
+def warn_of(problem: Problem) -> None:
+    """Print on stderr what in a task file is valid, but hardly meant."""
+    for warning in problem.warnings:
+        tell(f"skillplan: warning: {warning}")
 
 
 def parse_options(entries: Iterable[str], solver: str | None) -> dict[str, dict[str, Any]]:

@@ -172,11 +172,9 @@ def _evaluated(folder: RunFolder, wanted: Wanted) -> tuple[TrainingResult, bool]
     from skillplan.records.training.result import Sampling
     from skillplan.training.layouts_evaluation import unseen_layouts
     from skillplan.training.policy_roll_out import prove_optimum
-    from skillplan.training.runs_evaluation import RunsEvaluation, check_same_task
+    from skillplan.training.runs_evaluation import RunsEvaluation
 
     problem, setup = _loaded(folder, wanted)
-    if not wanted.roll_outs.changed_task:
-        check_same_task(folder, problem)
     task = problem.part(folder.manifest.task.part)
     drawn = Sampling(wanted.roll_outs.episodes, wanted.roll_outs.temperature, wanted.seed)
     evaluation = RunsEvaluation(folder, task, drawn, changed_task=wanted.roll_outs.changed_task)
@@ -234,9 +232,12 @@ def _tried_layouts(
 
 def _loaded(folder: RunFolder, wanted: Wanted) -> tuple[Problem, Setup]:
     """Return the problem, and the back ends: the training's, except for what the options choose."""
+    from contextlib import nullcontext
     from dataclasses import replace
 
-    from skillplan.cli.options.shared import Reading
+    from skillplan.cli.options.shared import Reading, warn_of
+    from skillplan.pipeline.received_task import is_near, unquoted
+    from skillplan.training.runs_evaluation import check_same_task
 
     manifest = folder.manifest
     given = wanted.back_ends
@@ -251,7 +252,14 @@ def _loaded(folder: RunFolder, wanted: Wanted) -> tuple[Problem, Setup]:
         source = folder.source
         kept_changes = [f"{key}={value}" for key, value in manifest.task.changes.items()]
     reading = Reading([*kept_changes, *wanted.reading.changes])
-    problem = reading.problem(source, back_ends)
+    # The copy is as much the folder's as the manifest is; any other file is the reader's own.
+    own = wanted.roll_outs.task_file is not None or source == str(folder.task_copy)
+    with nullcontext() if own else unquoted(str(folder.path), source):
+        problem = reading.problem(source, back_ends, warn=False)
+    told = own or is_near(source, folder.path)
+    if not wanted.roll_outs.changed_task or not told:
+        check_same_task(folder, problem, quoted=told)
+    warn_of(problem)
     setup = back_ends.setup(problem.part(manifest.task.part), _PROVERS)
     kept = dict(manifest.back_end_options)
     merged = {

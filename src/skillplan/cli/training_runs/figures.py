@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from skillplan.cli.writing import tell, write_out
-from skillplan.errors import OptionError, exit_code
+from skillplan.errors import OptionError, TaskError, exit_code
 from skillplan.views.figures.catalogue import RUN_FIGURES
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -233,6 +233,8 @@ class _Drawn:
         return self._known
 
     def _found(self) -> tuple[Task, float | None]:
+        from contextlib import suppress
+
         from skillplan.cli.waiting import stoppable
         from skillplan.pipeline.run import warm_cache
         from skillplan.pipeline.setup import Setup, load_problem
@@ -241,11 +243,13 @@ class _Drawn:
         manifest = self.folder.manifest
         detectors = manifest.collision
         queried = {"physics": [manifest.physics], "collision": list(detectors)}
-        source = self.folder.source
-        problem = load_problem(source, queried, manifest.task.changes)
-        if problem.sha256 != manifest.task.sha256:
-            source = str(self.folder.task_copy)
-            problem = load_problem(source, queried, manifest.task.changes)
+        problem = None
+        # The user's file may have changed, or be none of a task any more; the copy is as it was.
+        with suppress(TaskError, OptionError):
+            problem = load_problem(self.folder.source, queried, manifest.task.changes)
+        if problem is None or problem.sha256 != manifest.task.sha256:
+            copy = str(self.folder.checked_copy())
+            problem = load_problem(copy, queried, manifest.task.changes)
         task = problem.part(manifest.task.part)
         result = self.folder.result()
         if result is not None and isinstance(result.get("optimum"), int | float):

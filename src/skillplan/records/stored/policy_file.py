@@ -76,8 +76,17 @@ class StoredPolicy:
     policy: Policy
 
 
-def read_policy(path: str, task: Task) -> StoredPolicy:
+def read_policy(path: str, task: Task, *, within: str | None = None) -> StoredPolicy:
     """Return the policy of a file that leads to the goal of a task.
+
+    Parameters
+    ----------
+    path
+        The file.
+    task
+        The task.
+    within
+        A folder that it must lie in, with no link on the way to it; None for anywhere.
 
     Raises
     ------
@@ -85,7 +94,7 @@ def read_policy(path: str, task: Task) -> StoredPolicy:
         If the file cannot be read, is no such document, or holds no policy for this goal and
         these skills; the message says which.
     """
-    document = _read(path)
+    document = _read(path, within)
     goal, mine = list(task.goal.requires), fingerprint(task)
     for entry in document["policies"]:
         if entry["fingerprint"] == mine:
@@ -105,6 +114,22 @@ def read_policy(path: str, task: Task) -> StoredPolicy:
     goals = [", ".join(entry["goal"]) for entry in document["policies"]]
     known = "; ".join(goals if len(goals) <= _MOST_NAMED else [*goals[:_MOST_NAMED], "..."])
     raise OptionError(f"{path}: holds no policy for {', '.join(goal)}, only for {known or 'none'}.")
+
+
+def read_policies(path: str, *, within: str | None = None) -> dict[str, Any]:
+    """Return a whole document ``skillplan.policy/1``.
+
+    Parameters
+    ----------
+    path, within
+        As for `read_policy`.
+
+    Raises
+    ------
+    OptionError
+        If the file cannot be read or is no such document.
+    """
+    return _read(path, within)
 
 
 def fingerprint(task: Task) -> str:
@@ -170,20 +195,21 @@ def start_state(task: Task, text: str) -> State:
     return start
 
 
-def _content(path: str) -> bytes:
+def _content(path: str, within: str | None) -> bytes:
     try:
-        return read_bytes(path, _MOST_BYTES)
+        return read_bytes(path, _MOST_BYTES, within=within)
     except RefusedFile as refused:
         if refused.why == "large":
             raise OptionError(f"{path}: is larger than any policy file.") from None
-        what = "is a folder" if refused.why == "folder" else "is no regular file"
+        what = "is a folder" if refused.why == "folder" else f"cannot be read: {refused.strerror}"
+        what = "is no regular file" if refused.why == "irregular" else what
         raise OptionError(f"{path}: {what}. Give the path of a policies.json.") from None
     except OSError as error:
         raise OptionError(f"{path!r}: cannot be read: {error.strerror}.") from None
 
 
-def _read(path: str) -> dict[str, Any]:
-    content = _content(path)
+def _read(path: str, within: str | None) -> dict[str, Any]:
+    content = _content(path, within)
     try:
         document = parse_json(content)
     except ValueError as error:

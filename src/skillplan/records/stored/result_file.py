@@ -9,14 +9,17 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError
-from skillplan.files.json_file import read_checked
+from skillplan.files.json_file import fitted, read_document
+from skillplan.files.regular_file import is_folder
 from skillplan.records import schemas
 from skillplan.records.origin import Origin
 from skillplan.records.result import Status
-from skillplan.records.stored.result_folder import result_path
+from skillplan.records.stored.result_folder import check_finished, result_path
 from skillplan.solvers.solution import Plan
 
 _REMEDY = "Give a result.json of search-optimal, or the folder that --out named"
+# No path of a file is longer.
+_MOST_PATH = 4_096
 # So many characters of a hash distinguish two files.
 _SHOWN_HASH = 12
 
@@ -46,7 +49,7 @@ class StoredStep(_Stored):
 class StoredOrigin(_Stored):
     """The task file of a result and how it was read."""
 
-    file: str
+    file: str = Field(max_length=_MOST_PATH)
     part: str | None = None
     changes: dict[str, str] = Field(default_factory=dict, alias="set")
     physics: str | None = None
@@ -58,6 +61,16 @@ class StoredOrigin(_Stored):
         return Origin(
             self.file, self.part, self.changes, self.physics, tuple(self.collision), self.options
         )
+
+
+class StoredStats(_Stored):
+    """How much a search took; nobody can tell afterwards."""
+
+    states: int = Field(default=0, ge=0)
+    expanded: int | None = Field(default=None, ge=0)
+    checks: int = Field(default=0, ge=0)
+    cache_hits: int = Field(default=0, ge=0)
+    wall_s: float = Field(default=0.0, ge=0)
 
 
 class StoredClaims(_Stored):
@@ -76,6 +89,8 @@ class StoredClaims(_Stored):
     actions: list[int]
     steps: list[StoredStep]
     seed: int = 0
+    reason: str = ""
+    stats: StoredStats = StoredStats()
     trace: dict[str, Any] = Field(default_factory=dict)
 
 
@@ -84,6 +99,8 @@ class StoredPart(StoredClaims):
 
     name: str
     stage: str
+    optimum: float | None = None
+    reused_policy: bool = False
 
 
 class StoredResult(StoredClaims):
@@ -121,20 +138,46 @@ def read_result(path: str) -> StoredResult:
     Raises
     ------
     OptionError
-        If it cannot be read, is no result, is of another version, or lacks a key.
+        If it cannot be read, is no result, is of another version, lacks a key, or its search has
+        not finished.
     """
-    named = Path(path)
-    within = named if named.is_dir() else None
-    return read_checked(result_path(path), schemas.RESULT, StoredResult, _REMEDY, within=within)
+    return read_with_document(path)[0]
 
 
-def other_task(stored: StoredResult, problem: Problem) -> str | None:
-    """Return in words how a result's task differs from a loaded one; None where it is the same."""
+def read_with_document(path: str) -> tuple[StoredResult, dict[str, Any]]:
+    """Return a result as it was stored, and the whole document without the name of its schema.
+
+    Raises
+    ------
+    OptionError
+        As for `read_result`.
+    """
+    check_finished(path)
+    named, file = Path(path), result_path(path)
+    within = named if is_folder(named) else None
+    document = read_document(file, schemas.RESULT, _REMEDY, within=within)
+    return fitted(document, file, StoredResult, _REMEDY), document
+
+
+def other_task(stored: StoredResult, problem: Problem, *, quoted: bool = True) -> str | None:
+    """Return in words how a result's task differs from a loaded one; None where it is the same.
+
+    Parameters
+    ----------
+    stored
+        The result.
+    problem
+        What was loaded.
+    quoted
+        Whether what the file holds may be told.
+    """
     if stored.task.sha256 == problem.sha256:
         return None
     was, now = stored.task.sha256[:_SHOWN_HASH], problem.sha256[:_SHOWN_HASH]
     if (stored.task.kind, stored.task.name) == (problem.kind, problem.name):
         return f"{problem.source} has changed since: its content is {now}, was {was}"
+    if not quoted:
+        return f"the result is of {stored.task.name!r} ({stored.task.kind}), {problem.source} not"
     return (
         f"the result is of {stored.task.name!r} ({stored.task.kind}, {was}), {problem.source} is "
         f"{problem.name!r} ({problem.kind}, {now})"

@@ -93,7 +93,7 @@ def read_metrics(path: Path, run: int, *, within: Path | None = None) -> RunMetr
     run
         The run's number.
     within
-        A folder that the file must lie in, wherever links lead; None for anywhere.
+        A folder that the file must lie in, with no link on the way to it; None for anywhere.
 
     Raises
     ------

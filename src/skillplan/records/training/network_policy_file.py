@@ -120,7 +120,7 @@ def write_network(
     network
         What acts.
     within
-        A folder that the files must lie in, wherever links lead; None for anywhere.
+        A folder that the files must lie in, with no link on the way to them; None for anywhere.
     content
         Fields of `NetworkPolicyContent`, but for ``layers`` and ``sha256``.
 
@@ -153,7 +153,7 @@ def read_network(path: Path, *, within: Path | None = None) -> StoredNetwork:
     path
         A ``policy.json`` or ``last.json``; the weights lie beside it.
     within
-        A folder that both must lie in, wherever links lead; None for anywhere.
+        A folder that both must lie in, with no link on the way to them; None for anywhere.
 
     Raises
     ------

@@ -2,7 +2,8 @@
 
 Whatever is wrong with a file is one error that names it and says what to do. How a folder comes
 about, and survives whatever ends the program, is the business of `skillplan.training`.
-Links out of the folder are refused by `files.regular_file`.
+Somebody else may have made it: `files.regular_file` follows no link in it and opens regular files
+only, and what the manifest says is bounded.
 """
 
 from __future__ import annotations
@@ -10,12 +11,13 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from skillplan.errors import OptionError
 from skillplan.files.json_file import read_checked, read_document
+from skillplan.files.regular_file import is_folder, is_regular, open_regular
 from skillplan.records import schemas
 from skillplan.records.stored.result_folder import MANIFEST as MANIFEST
 from skillplan.records.stored.result_folder import RESULT as RESULT
@@ -25,6 +27,10 @@ from skillplan.solvers.learning.learner import Episode
 
 TASK_CONFIG = "task.json"
 PROGRESS, CHECKPOINT = "progress.json", "checkpoint.safetensors"
+MOST_RUNS = 1_000
+"""As many as --runs takes; what else a manifest lists is not longer either."""
+MOST_PATH = 4_096
+"""No path of a file is longer."""
 _REMEDY = "Bring the file back from a copy, or train again in another folder"
 
 
@@ -32,40 +38,51 @@ class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
+Word = Annotated[str, Field(max_length=MOST_PATH)]
+Amount = Annotated[int, Field(ge=1, le=1_000_000_000)]
+Seed = Annotated[int, Field(ge=0, le=2**64)]
+
+
 class TaskReference(_Part):
     """The task that is learned, and where its file was."""
 
-    name: str
-    kind: str
-    sha256: str = Field(description="hash of the file's content")
-    source: str = Field(description="the file as the user named it")
-    path: str = Field(description="the same from the root")
-    part: str | None = Field(description="of a file that describes a chain, the task meant")
-    changes: dict[str, str] = Field(description="what --set changed, by key path")
+    name: Word
+    kind: Word
+    sha256: Word = Field(description="hash of the file's content")
+    source: Word = Field(description="the file as the user named it")
+    path: Word = Field(description="the same from the root")
+    part: Word | None = Field(description="of a file that describes a chain, the task meant")
+    changes: dict[Word, str] = Field(
+        max_length=MOST_RUNS, description="what --set changed, by key path"
+    )
 
 
 class Family(_Part):
     """Layouts drawn from the task file's family, one for every episode."""
 
-    count: int = Field(ge=1)
-    seed: int = Field(ge=0)
+    count: int = Field(ge=1, le=10_000, description="layouts")
+    seed: Seed
 
 
 class RunManifest(_Part):
     """The settings of a training: the document ``skillplan.run/1``."""
 
     task: TaskReference
-    solver: str
+    solver: Word
     options: dict[str, Any] = Field(description="every option as it counts")
-    steps: int = Field(ge=1, description="environment steps of every run")
-    seed: int = Field(ge=0)
-    seeds: tuple[int, ...] = Field(min_length=1, description="one for every run")
-    physics: str
-    collision: tuple[str, ...]
+    steps: Amount = Field(description="environment steps of every run")
+    seed: Seed
+    seeds: tuple[Seed, ...] = Field(
+        min_length=1, max_length=MOST_RUNS, description="one for every run"
+    )
+    physics: Word
+    collision: tuple[Word, ...] = Field(max_length=MOST_RUNS)
     back_end_options: dict[str, dict[str, Any]]
     family: Family | None
-    checkpoint_steps: int = Field(ge=1)
-    groups: tuple[tuple[int, ...], ...] = Field(description="runs that learn side by side")
+    checkpoint_steps: Amount
+    groups: tuple[Annotated[tuple[int, ...], Field(min_length=1, max_length=MOST_RUNS)], ...] = (
+        Field(max_length=MOST_RUNS, description="runs that learn side by side")
+    )
     command: tuple[str, ...]
     versions: dict[str, str]
     git_commit: str | None
@@ -103,8 +120,10 @@ _SEEN = ("observation", "mask", "objective")
 class GroupProgress(_Part):
     """How far runs that learn side by side have come, and what that took."""
 
-    steps: int = Field(ge=0)
-    failures: dict[int, str] = Field(description="why runs cannot go on, by run")
+    steps: int = Field(ge=0, le=1_000_000_000)
+    failures: dict[int, Annotated[str, Field(max_length=10_000)]] = Field(
+        max_length=MOST_RUNS, description="why runs cannot go on, by run"
+    )
     wall_s: float = Field(ge=0, description="time spent on learning [s]")
     elapsed_s: float = Field(ge=0, description="time of the whole training until then [s]")
     checks: int = Field(ge=0)
@@ -153,11 +172,7 @@ class StoredRun:
 
 def is_run_folder(path: str | os.PathLike[str]) -> bool:
     """Whether a path is a folder of training runs rather than a task file."""
-    folder = Path(path)
-    try:
-        return folder.is_dir() and (folder / MANIFEST).is_file()
-    except (OSError, ValueError):
-        return False
+    return is_folder(path) and is_regular(Path(path) / MANIFEST)
 
 
 def run_path(folder: Path, run: int) -> Path:
@@ -219,14 +234,36 @@ class RunFolder:
 
     @property
     def source(self) -> str:
-        """Where to load the task from: the user's file if it is still there, else the copy."""
-        there = Path(self.manifest.task.path)
-        return str(there if there.is_file() else self.task_copy)
+        """Where to load the task from: the user's file if it is still there, else the copy.
+
+        Raises
+        ------
+        OptionError
+            If neither can be read.
+        """
+        there = self.manifest.task.path
+        return there if is_regular(there) else str(self.checked_copy())
 
     @property
     def task_copy(self) -> Path:
         """The copy of the task file as it was when the training began."""
         return self.path / copy_name(self.manifest.task.path)
+
+    def checked_copy(self) -> Path:
+        """Return the copy, having seen that it is a file of the folder.
+
+        Raises
+        ------
+        OptionError
+            If it is missing, no regular file, or a link.
+        """
+        try:
+            os.close(open_regular(self.task_copy, os.O_RDONLY, within=self.path))
+        except OSError as error:
+            raise OptionError(
+                f"{self.task_copy}: cannot be read: {error.strerror}. {_REMEDY}."
+            ) from None
+        return self.task_copy
 
     def progress(self, group: int) -> GroupProgress | None:
         """Return how far a group has come; None before its first checkpoint.

@@ -68,8 +68,13 @@ def cache_test_table(test: CacheTest) -> Table:
         notes.append(f"{len(test.different)} are different and have been dropped")
         if stuck:
             notes[-1] = f"{len(test.different)} are different; {stuck} could not be removed"
+    elif test.elsewhere:
+        held = "every one of them holds in another state, too"
+        notes.append(held if test.trials else "none of them could be tried in another state")
     elif test.trials:
         notes.append("every one of them is the same, bit for bit")
+    if test.nowhere_else:
+        notes.append(f"{test.nowhere_else} apply in no other state that was found")
     if test.interrupted:
         notes.append("interrupted")
     return Table(f"{test.task.name}: kept verdicts checked again", columns, rows, notes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from skillplan.records.certificate import Certificate, Claim, Outcome
+from skillplan.records.certificate import Asked, Certificate, Claim, Outcome
 from skillplan.views.text.table import Column, Table
 
 # How claims were checked, by the label that stands in front; every other method is a proof.
@@ -16,7 +16,13 @@ _MOST_NAMED = 5
 def certificate_table(certificate: Certificate) -> Table:
     """Return a row for every claim, and what they come to below."""
     everything = len(certificate.claims)
-    return _table(certificate, certificate.claims, [_verdict(certificate, everything)])
+    asked = [_asked(one) for one in certificate.asked]
+    notes = [
+        f"asked      {'; '.join(asked) or 'no back end'}"
+        + (", with verdicts kept on disk" if certificate.warm else ""),
+        *(f"unchecked  {key}: {why}" for key, why in certificate.unchecked.items()),
+    ]
+    return _table(certificate, certificate.claims, [*notes, _verdict(certificate, everything)])
 
 
 def certificate_summary(certificate: Certificate) -> Table:
@@ -31,6 +37,11 @@ def certificate_summary(certificate: Certificate) -> Table:
         if label in groups
     ]
     return _table(certificate, amiss, [*notes, _verdict(certificate, _MOST_NAMED)])
+
+
+def _asked(one: Asked) -> str:
+    options = ", ".join(f"{key}={value}" for key, value in one.options.items())
+    return f"{one.name} {one.version}" + (f" ({options})" if options else "")
 
 
 def _table(certificate: Certificate, claims: Iterable[Claim], notes: Sequence[str]) -> Table:
@@ -55,7 +66,7 @@ def _held(claims: Sequence[Claim]) -> str:
 
 def _verdict(certificate: Certificate, most: int) -> str:
     """Return what it all comes to; of claims that do not hold the names, or how many they are."""
-    failing = [one.claim for one in certificate.claims if one.outcome is Outcome.FAILS]
+    failing = [one.claim for one in certificate.failing]
     if failing:
         return f"verdict    NOT VALID: {_named(failing, most)}"
     open_ = [one.claim for one in certificate.claims if one.outcome is Outcome.NOT_CHECKED]

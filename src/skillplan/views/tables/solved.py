@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
 from skillplan.task.task import Task
-from skillplan.views.tables.chain import appendix_tables, chain_comparison_tables, chain_tables
 from skillplan.views.tables.results import comparison_table, plan_table
 from skillplan.views.text.table import Table
+
+if TYPE_CHECKING:  # most results are of a single task
+    from skillplan.records.chain_result import ChainResult
 
 
 def solved_tables(result: Result | ChainResult, task: Task) -> list[Table]:
@@ -22,14 +24,20 @@ def solved_tables(result: Result | ChainResult, task: Task) -> list[Table]:
     task
         The single task; of a chain any.
     """
-    if isinstance(result, ChainResult):
-        return chain_tables(result)
-    return [plan_table(result, task)]
+    if isinstance(result, Result):
+        return [plan_table(result, task)]
+    from skillplan.views.tables.chain import chain_tables
+
+    return chain_tables(result)
 
 
 def saved_tables(result: Result | ChainResult) -> dict[str, Table]:
     """Return the tables that are saved beside and not shown, by the name of the file."""
-    return appendix_tables(result) if isinstance(result, ChainResult) else {}
+    if isinstance(result, Result):
+        return {}
+    from skillplan.views.tables.chain import appendix_tables
+
+    return appendix_tables(result)
 
 
 def comparison_tables(
@@ -46,8 +54,10 @@ def comparison_tables(
     decimals
         Of the costs of a single task.
     """
-    chains = [result for result in results if isinstance(result, ChainResult)]
-    if chains:
-        return chain_comparison_tables(chains, title)
     single = [result for result in results if isinstance(result, Result)]
-    return [comparison_table(single, title, decimals)]
+    chains = [result for result in results if not isinstance(result, Result)]
+    if not chains:
+        return [comparison_table(single, title, decimals)]
+    from skillplan.views.tables.chain import chain_comparison_tables
+
+    return chain_comparison_tables(chains, title)

@@ -1,0 +1,95 @@
+"""The folder of a search's result: held while it searches, and written as one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from skillplan.errors import OptionError
+from skillplan.files.atomic_file import write_as_one
+from skillplan.files.folder_lock import FolderLock
+from skillplan.records.stored.result_folder import RESULT, leftovers
+
+
+class ResultFolder:
+    """A folder that one search will write its result into; a context manager.
+
+    Parameters
+    ----------
+    out
+        The folder, made if need be.
+
+    Raises
+    ------
+    OptionError
+        If it cannot be made, another search is writing there, or it holds anything but what a
+        search has left that was killed: no earlier result is ever overwritten.
+    """
+
+    def __init__(self, out: str) -> None:
+        self._folder = Path(out)
+        self._lock: FolderLock | None = None
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            self._lock = FolderLock(self._folder, "search")
+            self._clear()
+        except BaseException as error:
+            self.close()
+            if not isinstance(error, OSError | ValueError):
+                raise
+            reason = getattr(error, "strerror", None) or str(error)
+            raise OptionError(f"--out {out}: cannot be used: {reason}.") from None
+
+    def __enter__(self) -> ResultFolder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let others write."""
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
+
+    def finish(self, beside: Mapping[str, str], document: str) -> None:
+        """Write all that there is: whole, and the document last.
+
+        Parameters
+        ----------
+        beside
+            Texts by the names of their files.
+        document
+            The result.
+
+        Raises
+        ------
+        OptionError
+            If a file cannot be written; nothing is left then.
+        """
+        write_folder(self._folder, {**beside, RESULT: document})
+
+    def _clear(self) -> None:
+        left = leftovers(self._folder)
+        if left is None:
+            raise OptionError(f"--out {self._folder}: is not empty. Name a new folder.")
+        for path in left:
+            path.unlink(missing_ok=True)
+
+
+def write_folder(folder: Path, contents: Mapping[str, str]) -> None:
+    """Write files of a folder as one, the last of which says that all are there.
+
+    Raises
+    ------
+    OptionError
+        If one cannot be written; it is named.
+    """
+    for name in contents:
+        if Path(name).name != name:
+            raise OptionError(f"--out {folder}: {name!r} is no name of a file in it.")
+    try:
+        write_as_one(folder, contents, within=folder)
+    except OSError as error:
+        name = Path(str(error.filename or folder)).name
+        raise OptionError(f"--out {folder}: {name} cannot be written: {error.strerror}.") from None

@@ -1,0 +1,207 @@
+"""Detectors that rest on too few facts, or change their mind, are found out after a search."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from skillplan.checks.audit import audit
+from skillplan.checks.feasibility import Feasibility
+from skillplan.collision.detector import Detector
+from skillplan.errors import BackEndError
+from skillplan.model.enumeration import enumerate_feasibility
+from skillplan.pipeline.run import solve
+from skillplan.pipeline.setup import load_problem
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+
+BOARD = str(Path(__file__).parents[2] / "configs/inverter_board.yaml")
+
+
+@pytest.fixture(scope="module")
+def task() -> Task:
+    """The inverter board."""
+    return load_problem(BOARD).task
+
+
+class Honest(Detector):
+    """Refuses the clock once the brace is placed, and says so."""
+
+    name = "honest"
+
+    def check(self, skill: Skill, state: State) -> Verdict:
+        """Return the verdict."""
+        return self.rule(skill, state, named=True)
+
+    def rule(self, skill: Skill, state: State, *, named: bool) -> Verdict:
+        """Return the verdict, with or without the fact that it rests on."""
+        nothing = self.task.facts.of()
+        brace = self.task.facts.of("placed(brace)")
+        if skill.name != "place(clock)":
+            return Verdict.feasible(nothing, nothing)
+        there = "placed(brace)" in state
+        present, absent = (brace, nothing) if there else (nothing, brace)
+        if not named:
+            present = absent = nothing
+        if there:
+            return Verdict.infeasible("the brace is in the way", present, absent)
+        return Verdict.feasible(present, absent)
+
+
+class RestsOnTooFew(Honest):
+    """Names another fact than the one it looks at."""
+
+    name = "too-few"
+
+    def check(self, skill: Skill, state: State) -> Verdict:
+        """Return the verdict, resting on the circuit board only."""
+        said = self.rule(skill, state, named=False)
+        board = self.task.facts.of("placed(pcb)")
+        nothing = self.task.facts.of()
+        here, gone = (board, nothing) if "placed(pcb)" in state else (nothing, board)
+        return Verdict(said.status, said.reason, "", here, gone)
+
+
+class RestsOnNothing(Honest):
+    """Says that its verdict holds everywhere."""
+
+    name = "nothing"
+
+    def check(self, skill: Skill, state: State) -> Verdict:
+        """Return the verdict without a fact."""
+        return self.rule(skill, state, named=False)
+
+
+class ChangesItsMind(Detector):
+    """Answers otherwise the second time."""
+
+    name = "fickle"
+
+    def __init__(self, task: Task, options: Any = None) -> None:
+        super().__init__(task, options)
+        self.asked: set[tuple[str, State]] = set()
+
+    def check(self, skill: Skill, state: State) -> Verdict:
+        """Return that the skill can be executed, once."""
+        key = (skill.name, state)
+        if key in self.asked:
+            return Verdict.infeasible("not again")
+        self.asked.add(key)
+        return Verdict.feasible()
+
+
+class Random(Detector):
+    """Throws a coin."""
+
+    name = "coin"
+
+    def __init__(self, task: Task, options: Any = None) -> None:
+        super().__init__(task, options)
+        self.coin = random.Random(1)
+
+    def check(self, skill: Skill, state: State) -> Verdict:
+        """Return either."""
+        return Verdict.feasible() if self.coin.random() < 0.5 else Verdict.infeasible("tails")
+
+
+def walked(task: Task, detector: type[Detector]) -> Feasibility:
+    """Return checks with which every reachable state was looked at."""
+    feasibility = Feasibility(task, [detector(task)])
+    enumerate_feasibility(feasibility)
+    return feasibility
+
+
+def found_out(task: Task, detector: type[Detector]) -> str:
+    """Return what an audit says of a lying detector."""
+    feasibility = walked(task, detector)
+    with pytest.raises(BackEndError) as caught:
+        audit_often(feasibility, 64)
+    return str(caught.value)
+
+
+def audit_often(feasibility: Feasibility, size: int) -> None:
+    """Ask about other samples, too: one may miss the lie."""
+    for seed in range(20):
+        audit(feasibility, size, seed, dear=False)
+
+
+class TestRestingOnTooFewFacts:
+    def test_the_fact_is_named_with_the_skill_and_both_states(self, task: Task) -> None:
+        """The smallest difference that turns the answer."""
+        said = found_out(task, RestsOnTooFew)
+        assert said.startswith("Back end 'too-few' contradicts itself about place(clock): ")
+        assert "feasible in {" in said
+        assert "infeasible (the brace is in the way) in {" in said
+        assert "placed(brace)" in said.rpartition("should have named")[2]
+
+    def test_resting_on_nothing_is_too_few(self, task: Task) -> None:
+        """A verdict that claims to hold everywhere."""
+        said = found_out(task, RestsOnNothing)
+        assert "resting on no fact" in said
+        assert "placed(brace)" in said.rpartition("should have named")[2]
+
+    def test_an_honest_detector_passes(self, task: Task) -> None:
+        """Whatever is drawn."""
+        feasibility = walked(task, Honest)
+        assert [64] * 5 == [audit(feasibility, 64, seed, dear=False) for seed in range(5)]
+
+
+class TestAnsweringDifferently:
+    @pytest.mark.parametrize("detector", [ChangesItsMind, Random])
+    def test_the_second_answer_in_one_state_is_held_against_the_first(
+        self, task: Task, detector: type[Detector]
+    ) -> None:
+        """Though no verdict of theirs is ever reused."""
+        feasibility = Feasibility(task, [detector(task)])
+        for skill in task.skills:
+            if skill.applicable(task.initial):
+                feasibility.verdict(skill, task.initial)
+        with pytest.raises(BackEndError) as caught:
+            audit_often(feasibility, 4)
+        assert f"{detector.name!r} answers differently the second time: " in str(caught.value)
+        assert "both in {" in str(caught.value)
+
+
+class TestSampling:
+    def test_no_size_asks_nothing(self, task: Task) -> None:
+        """Even of one who lies."""
+        assert 0 == audit(walked(task, RestsOnNothing), 0, 0, dear=False)
+
+    def test_expensive_back_ends_are_asked_only_when_wanted(
+        self, task: Task, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """A handful costs seconds there."""
+        monkeypatch.setattr(Honest, "expensive", True)
+        feasibility = walked(task, Honest)
+        assert 0 == audit(feasibility, 4, 0, dear=False)
+        assert 4 == audit(feasibility, 4, 0, dear=True)
+
+    def test_the_sample_stays_small_and_covers_the_whole_search(self, task: Task) -> None:
+        """Early reuses as well as late ones."""
+        feasibility = walked(task, Honest)
+        rows = feasibility.reused.by_skill()
+        assert feasibility.reused.count > 500
+        assert max(map(len, rows)) < 8
+        assert len({entry.skill.name for row in rows for entry in row}) == len(rows) > 10
+        assert len({entry.state for row in rows for entry in row}) > 30
+
+
+def test_a_search_asks_again_by_itself(task: Task, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the default sample."""
+
+    class Coin(Random):
+        name = "coin"
+
+    def search_often() -> None:
+        for seed in range(10):
+            coin = Coin(task)
+            coin.coin = random.Random(seed)
+            solve(task, "exact", seed=seed, back_ends=[coin])
+
+    with pytest.raises(BackEndError, match="answers differently the second time"):
+        search_often()
