@@ -337,7 +337,8 @@ def shop(tmp_path, monkeypatch):
 )
 def test_a_path_that_is_no_task_file_is_one_clear_message(shop, run, path, message):
     """Nothing hangs, whatever the path leads to."""
-    assert (2, "", f"skillplan: error: {path}: {message}\n") == run("check", path)
+    shown = path.replace("\0", "\\x00")
+    assert (2, "", f"skillplan: error: {shown}: {message}\n") == run("check", path)
 
 
 def test_an_empty_path_is_one_clear_message(run):

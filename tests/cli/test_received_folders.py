@@ -255,7 +255,9 @@ class TestPipesAndDevices:
         changed(result / "result.json", "origin", "file", to="task.yaml") if name[0] == "t" else 0
         for command in ("verify", "evaluate"):
             outcome = cli(command, str(result))
-            assert outcome.code in ((0,) if name == "policies.json" else (2,)), outcome
+            # No reader waits; what lies beside a result in the place of its policies is not valid.
+            codes = {"verify": 1, "evaluate": 0} if name == "policies.json" else {}
+            assert codes.get(command, 2) == outcome.code, outcome
 
 
 class TestBounds:

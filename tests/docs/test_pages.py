@@ -92,6 +92,6 @@ def test_the_examples_of_the_formats_are_solved(tmp_path):
 
 
 def test_the_template_is_short():
-    """The plugin that the tutorial shows whole has under 40 lines."""
+    """The plugin that the tutorial shows whole has 40 lines at most."""
     source = ROOT / "plugins/skillplan-template/src/skillplan_template/greedy.py"
-    assert len(source.read_text("utf-8").splitlines()) < 40
+    assert len(source.read_text("utf-8").splitlines()) <= 40

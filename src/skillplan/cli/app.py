@@ -55,6 +55,9 @@ PANELS = {
 # but for those of `MODULES`.
 COMMANDS = {name: line for commands in PANELS.values() for name, line in commands.items()}
 
+# Shells set it to have a word completed.
+COMPLETION = "_SKILLPLAN_COMPLETE"
+
 MODULES = {"schema": "json_schema"}
 
 EPILOG = (
@@ -175,6 +178,12 @@ def _run(words: list[str]) -> int:
         return exit_code(interrupted=True)
     except SkillplanError as error:
         return report_error(error, words)
+    except SystemExit as ended:
+        # Typer ends so once it has completed a word for a shell; a plugin ends nothing.
+        if not os.environ.get(COMPLETION):
+            report_bug(ended, words)
+            return exit_code(ended)
+        return ended.code if isinstance(ended.code, int) else 0
     except BaseException as error:  # such as a `SystemExit` of a plugin's making
         if os.environ.get("SKILLPLAN_DEBUG"):
             raise

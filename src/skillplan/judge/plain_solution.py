@@ -6,7 +6,6 @@ changes its mind: the referee looks at each once, and judges and keeps what it h
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -28,13 +27,13 @@ def plain_solution(solution: Solution) -> Solution:
     found, proved = solution.found, solution.proved
     if not isinstance(proved, bool):
         raise ValueError(f"its claim of a proof is {proved!r}, neither True nor False")
-    fault = json_fault(solution.trace)
+    trace = _plain(dict(solution.trace))
+    fault = json_fault(trace)
     if fault is not None:
         raise ValueError(f"its trace is not JSON: {fault}")
     bound = _number(solution.lower_bound, "lower bound")
     if bound is not None and math.isnan(bound):
         raise ValueError("its lower bound is not a number")
-    trace = json.loads(json.dumps(dict(solution.trace)))
     return Solution(
         plain_plan(found) if isinstance(found, Plan) else _policy(found), bound, proved, trace
     )
@@ -64,6 +63,24 @@ def _number(value: Any, what: str) -> float | None:
         return float.__add__(float(value), 0.0)
     except Exception:
         raise ValueError(f"its {what} is a {type(value).__name__}, not a number") from None
+
+
+def _plain(value: Any) -> Any:
+    """Return a JSON value read once, without the classes of whoever made it."""
+    if isinstance(value, Mapping):
+        return {_plain(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_plain(item) for item in list.__iter__(value)]
+    if isinstance(value, tuple):
+        return tuple(_plain(item) for item in tuple.__iter__(value))
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, float):
+        return float.__add__(value, 0.0)
+    if isinstance(value, int):
+        return int.__add__(value, 0)
+    # Whatever else there is, JSON does not know.
+    return str.__str__(value) if isinstance(value, str) else value
 
 
 def _policy(found: Mapping[State, Skill] | None) -> Mapping[State, Skill] | None:
