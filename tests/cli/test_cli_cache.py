@@ -137,6 +137,9 @@ class TestFill:
         assert documents[0]["executions"] * 2 == made(slow)
         assert 0 == cli("cache", "show", "--format", "json").document["verdicts"]
 
+    @pytest.mark.slow(
+        reason="executes skills until then; every run has Ctrl-C of train and of search"
+    )
     def test_ctrl_c_keeps_what_was_decided(
         self, slow: Path, environment: dict[str, str], board: str, tmp_path: Path
     ) -> None:

@@ -278,6 +278,9 @@ class TestSimulate:
         assert "simulate needs an engine that moves bodies, such as 'pybullet'" in outcome.err
         assert "pip install skillplan-pybullet" in outcome.err
 
+    @pytest.mark.slow(
+        reason="executes skills until then; every run has Ctrl-C of train and of search"
+    )
     def test_ctrl_c_ends_it_after_the_skill_under_way(
         self, board: str, puppet: str, tmp_path: Path, environment: dict[str, str]
     ) -> None:

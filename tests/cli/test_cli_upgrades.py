@@ -64,6 +64,14 @@ def publish(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Publish
     forget()
 
 
+@pytest.fixture
+def board(tmp_path: Path, cli: Any) -> str:
+    """A small one: each verdict is a file."""
+    path = tmp_path / "small.yaml"
+    cli("generate", "assembly", "--parts", "3", "--density", "0", "--out", str(path))
+    return str(path)
+
+
 def solved(cli: Any, board: str) -> bool:
     words = ("search-optimal", board, "--collision", "watchful", "--format", "json")
     return bool(cli(*words).document["status"] == "optimal")

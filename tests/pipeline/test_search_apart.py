@@ -91,6 +91,7 @@ def test_one_that_never_polls_is_ended_and_its_incumbent_counts(
     assert result.reason.startswith("time limit")
 
 
+@pytest.mark.slow(reason="waits for a process to be ended; every run has one that is")
 def test_one_that_swallows_every_error_is_ended_too(stubborn: Callable[[str], str]) -> None:
     """Though it queries the model for ever."""
     name = stubborn(
@@ -201,6 +202,7 @@ def test_no_exception_handler_of_a_solver_catches_a_stop() -> None:
     assert GRACE_S > 0
 
 
+@pytest.mark.slow(reason="waits for a process to be ended; every run has one that is")
 def test_a_bound_that_rests_on_unknown_verdicts_is_none(
     stubborn: Callable[[str], str],
 ) -> None:

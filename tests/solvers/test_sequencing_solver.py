@@ -243,7 +243,12 @@ def searched(folder, n, limit_mib, time_limit_s):
 @pytest.mark.parametrize(
     ("n", "limit_mib", "time_limit_s"),
     [
-        (40, 400, 2),
+        pytest.param(
+            40,
+            400,
+            2,
+            marks=pytest.mark.slow(reason="2 s; every run has a memory limit in a process"),
+        ),
         pytest.param(
             380, 600, 25, marks=pytest.mark.slow(reason="380 nodes for 25 s; 40 in every run")
         ),

@@ -202,6 +202,7 @@ class TestWhatHappens:
         train(tmp_path / "a", slow, jobs=jobs, resume=True, **more)
         assert learned_bytes(tmp_path / "whole") == learned_bytes(tmp_path / "a")
 
+    @pytest.mark.slow(reason="trains on several layouts; one layout in every run")
     def test_layouts_of_a_family_are_learned_and_gone_on_with(self, tmp_path: Path) -> None:
         """The policies are judged on the file's own layout."""
         more = {"runs": 2, "steps": 400, "family": 3}

@@ -121,6 +121,7 @@ def test_the_moment_of_a_collision_shows_the_culprits_in_red(task):
     assert red_pixels(image) > 1000
 
 
+@pytest.mark.slow(reason="executes and draws; the drawing of a collision is in every run")
 def test_the_end_of_a_feasible_skill_shows_nothing_in_red(task):
     image = PybulletEngine(task).picture(task.skill("pick(brace)"), task.initial)
     assert red_pixels(image) == 0

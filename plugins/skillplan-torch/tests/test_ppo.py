@@ -232,6 +232,7 @@ class TestRunsSideBySide:
 
 
 class TestGoingOn:
+    @pytest.mark.slow(reason="trains again and again; DQN goes on bit for bit in every run")
     @settings(max_examples=examples(12, fewest=2))
     @given(cuts=st.lists(st.integers(0, STEPS), max_size=4), novelty=st.sampled_from([0.0, 1.0]))
     def test_a_training_that_was_interrupted_goes_on_bit_for_bit(self, cuts, novelty):

@@ -155,7 +155,12 @@ class TestSupports:
         assert len(document["goals"]) == len(document["heads"])
 
     @pytest.mark.parametrize(
-        "stem", ["triangular", pytest.param("pentagonal", marks=LARGER), "open_curve"]
+        "stem",
+        [
+            pytest.param("triangular", marks=LARGER),
+            pytest.param("pentagonal", marks=LARGER),
+            "open_curve",
+        ],
     )
     def test_no_stretch_is_left_bare_for_longer_than_the_rule(self, stem: str) -> None:
         """By the stretches that the planned heads bear."""
