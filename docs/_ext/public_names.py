@@ -31,7 +31,7 @@ def errors_page() -> str:
         name
         for name, value in vars(errors).items()
         if inspect.isclass(value)
-        and issubclass(value, errors.SkillplanError)
+        and issubclass(value, (errors.SkillplanError, errors.SearchStopped))
         and name not in skillplan.__all__
     ]
     lines = [f".. autoexception:: skillplan.errors.{name}" for name in found]

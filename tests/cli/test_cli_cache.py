@@ -356,6 +356,7 @@ class TestClear:
 
 
 class TestOtherCommands:
+    @pytest.mark.slow(reason="starts processes; that they change no verdict is in every run")
     @pytest.mark.parametrize(
         "words",
         [

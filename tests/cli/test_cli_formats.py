@@ -130,6 +130,7 @@ def test_a_comparison_shows_checks_beside_seconds(cli: Any, board: str) -> None:
     ] == next(csv.reader(io.StringIO(out)))
 
 
+@pytest.mark.slow(reason="walks all sequences; brute force itself is in every run")
 def test_brute_force_tells_what_it_counted(cli: Any, board: str) -> None:
     """The sequences by length and the worst of the shortest."""
     out = cli("compare", board, "--solvers", "exhaustive").out

@@ -205,6 +205,7 @@ class TestInterruption:
             (row["solver"], row["status"]) for row in rows
         ]
 
+    @pytest.mark.slow(reason="waits for a process; one Ctrl-C is in every run")
     def test_a_second_ctrl_c_ends_it(
         self, environment: dict[str, str], board: str, deaf_solver: str
     ) -> None:
@@ -353,6 +354,7 @@ class TestTerminals:
         assert all(len(line) <= 80 for line in lines)
         assert 41 == len([line for line in lines if re.match(r" *\d+ +\d+ +[a-z]+\(\S+\) ", line)])
 
+    @pytest.mark.slow(reason="a process of its own; tables fit in every run")
     def test_a_comparison_fits_80_columns(self, environment: dict[str, str], board: str) -> None:
         """No figure is cut; what is long stands below the table."""
         words = ["compare", board, "--solvers", "exact,exhaustive", "--set", "step_limit=15"]
@@ -374,6 +376,7 @@ class TestTerminals:
         assert lines[1].split()[-1] == "sequence"
         assert lines[3].rstrip().endswith("0,1,2,3,4,5,8,9,10,11,6,7,13,14,15")
 
+    @pytest.mark.slow(reason="a process for each width; tables fit in every run")
     @pytest.mark.parametrize(
         "columns",
         [

@@ -195,6 +195,7 @@ class TestDetectors:
 
 
 class TestCompare:
+    @pytest.mark.slow(reason="walks all sequences; brute force itself is in every run")
     def test_both_solvers_prove_the_same_optimum(self, cli: Any, board: str) -> None:
         """Rows in the order asked for; each with a cold cache."""
         outcome = cli("compare", board, "--solvers", "exhaustive,exact", "--format", "json")

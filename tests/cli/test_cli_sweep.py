@@ -178,6 +178,7 @@ class TestFaults:
         assert message in outcome.err
         assert "" == outcome.out
 
+    @pytest.mark.slow(reason="starts processes; failed runs are in every run in this one")
     @pytest.mark.parametrize(
         "jobs", ["1", pytest.param("2", marks=pytest.mark.slow(reason="one process in every run"))]
     )

@@ -180,6 +180,7 @@ class TestEvaluate:
 
 
 class TestAfterTraining:
+    @pytest.mark.slow(reason="evaluates twice; the evaluation of runs is in every run")
     def test_evaluate_finds_what_train_has_said(
         self, cli: Any, tmp_path: Path, learner: str
     ) -> None:
@@ -264,6 +265,7 @@ class TestChance:
 
 
 class TestPlot:
+    @pytest.mark.slow(reason="draws two figures; both are drawn by tests of views in every run")
     def test_both_figures_are_drawn_into_the_folder(self, cli: Any, runs: Path) -> None:
         outcome = cli("plot", str(runs))
         names = ["success.png", "success.svg", "distances.png", "distances.svg"]

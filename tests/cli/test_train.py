@@ -259,6 +259,7 @@ class TestFaults:
         assert "" == outcome.out
         assert not folder.exists()
 
+    @pytest.mark.slow(reason="goes on from each; damaged checkpoints are in every run")
     @pytest.mark.parametrize(
         "how",
         [

@@ -170,6 +170,7 @@ def test_one_that_says_it_polls_stays_here(
     assert os.getpid() == solve(lid_task(), name, stop=Stop(time_limit_s=60)).trace["where"]
 
 
+@pytest.mark.slow(reason="imports every plugin; each is imported by tests of its own")
 def test_all_that_come_with_skillplan_poll() -> None:
     """None of them needs a process of its own."""
     for name in registry.names("solver"):

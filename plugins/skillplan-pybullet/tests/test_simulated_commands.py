@@ -91,6 +91,7 @@ def test_the_moment_of_a_collision_is_drawn(call, tmp_path) -> None:
         assert animation.n_frames > 10
 
 
+@pytest.mark.slow(reason="executes and films; a film of a fake engine is in every run")
 def test_a_video_shows_the_plan(call, tmp_path) -> None:
     """At ten times the speed it takes a tenth of the simulated seconds."""
     path = tmp_path / "plan.gif"
