@@ -341,6 +341,7 @@ for seed in range(int(sys.argv[2]), 10_000):
 """
 
 
+@pytest.mark.slow(reason="starts and kills processes; torn files are in every run")
 def test_processes_killed_at_any_instant_leave_a_sound_cache(tmp_path):
     """Two at a time write to one folder and are killed again and again: what is there holds."""
     rng = random.Random(3)

@@ -82,6 +82,7 @@ class TestASolver:
             f"({place}; SKILLPLAN_DEBUG=1 shows the traceback)\n" == outcome.err
         )
 
+    @pytest.mark.slow(reason="walks all sequences; a failed row is in every run")
     @pytest.mark.parametrize(
         "method",
         [

@@ -99,6 +99,7 @@ class TestAsAModule:
         )
         assert (0, f"skillplan, version {__version__}\n") == (done.returncode, done.stdout)
 
+    @pytest.mark.slow(reason="several processes; exit codes of all commands are in every run")
     def test_exit_codes_reach_the_shell(self, environment: dict[str, str], board: str) -> None:
         """1 and 2, as real statuses."""
         for code, words in ((1, ["explain", board, "1"]), (2, ["explain", board, "x"])):

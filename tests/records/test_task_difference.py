@@ -22,6 +22,7 @@ from skillplan.records.task_difference import (
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(),
     lambda values: st.lists(values) | st.dictionaries(st.text(), values),
+    max_leaves=12,
 )
 
 

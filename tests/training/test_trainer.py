@@ -296,6 +296,7 @@ class TestFailures:
         again = train(tmp_path / "a", {"raises": "5@350"}, jobs=jobs, resume=True)
         assert [5, 6] == [one.run for one in again.failed]
 
+    @pytest.mark.slow(reason="starts three processes; killed processes of checks are in every run")
     def test_a_process_that_is_killed_twice_costs_its_runs_only(self, tmp_path: Path) -> None:
         result = train(tmp_path / "a", {"dies": "5@350"}, jobs=2)
         assert [5, 6] == [one.run for one in result.failed]

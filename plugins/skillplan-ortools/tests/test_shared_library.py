@@ -11,6 +11,7 @@ import pytest
 INSTANCE = Path(__file__).parents[3] / "tests" / "instances" / "sop" / "ESC07.sop"
 
 
+@pytest.mark.slow(reason="a process for each order; one comparison is a command of every CI run")
 @pytest.mark.parametrize(
     "solvers",
     [

@@ -50,6 +50,9 @@ def board():
 
 
 class TestWhatAVerdictRestsOn:
+    @pytest.mark.slow(
+        reason="many executions; what verdicts rest on is a property test of every run"
+    )
     @pytest.mark.parametrize(
         "holder_m",
         [
