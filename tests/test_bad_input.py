@@ -544,6 +544,7 @@ def test_no_file_hangs_or_exhausts_memory(tmp_path, names):
         assert [] == [line for line in lines if not line.startswith(in_words)]
 
 
+@pytest.mark.slow(reason="waits for the limit; time limits of searches are in every run")
 @pytest.mark.parametrize(
     "parts",
     [

@@ -175,6 +175,7 @@ def test_no_answer_is_worked_out_twice(tmp_path):
     assert (feasibility.checks, feasibility.hits) == (1, len(states) - 1)
 
 
+@pytest.mark.slow(reason="starts processes; that order changes nothing is in every run")
 def test_several_skills_are_checked_at_once(tmp_path):
     """In other processes than this one."""
     (tmp_path / "log").mkdir()

@@ -204,6 +204,7 @@ class TestLinks:
         for command in ("verify", "evaluate"):
             assert "a link leads out of the folder" in refused(cli(command, str(result)))
 
+    @pytest.mark.slow(reason="runs a study; links in a folder of runs are in every run")
     @pytest.mark.usefixtures("_in_this_process")
     def test_a_study_is_not_gone_on_with_through_links(self, cli: Any, tmp_path: Path) -> None:
         """Neither its runs nor its manifest."""

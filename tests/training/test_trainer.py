@@ -173,6 +173,7 @@ class TestWhatHappens:
         train(tmp_path / "a", resume=True)
         assert learned_bytes(whole) == learned_bytes(tmp_path / "a")
 
+    @pytest.mark.slow(reason="waits for a process to be ended; every run ends one")
     @pytest.mark.parametrize(
         "jobs",
         [

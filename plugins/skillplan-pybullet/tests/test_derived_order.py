@@ -106,6 +106,7 @@ def board(back_end: str) -> Answer:
 
 
 class TestThePapersBoard:
+    @pytest.mark.slow(reason="derives the whole relation; CI does so by a command")
     @pytest.mark.parametrize("back_end", SLOW_BY_PHYSICS)
     def test_the_derived_relation_is_the_hand_made_chart(self, back_end):
         found = board(back_end)

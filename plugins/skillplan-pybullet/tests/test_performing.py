@@ -55,6 +55,7 @@ def performance(request):
     return [skill.name for skill in plan], bodies, found, samples
 
 
+@pytest.mark.slow(reason="executes a whole plan; single skills are executed in every run")
 def test_the_optimum_is_executed_without_a_break(performance):
     plan, _, found, _ = performance
     assert found.failed is None
