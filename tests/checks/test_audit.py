@@ -127,7 +127,7 @@ def found_out(task: Task, detector: type[Detector]) -> str:
 def audit_often(feasibility: Feasibility, size: int) -> None:
     """Ask about other samples, too: one may miss the lie."""
     for seed in range(20):
-        audit(feasibility, size, seed, dear=False)
+        audit(feasibility, size, seed, expensive=False)
 
 
 class TestRestingOnTooFewFacts:
@@ -148,7 +148,7 @@ class TestRestingOnTooFewFacts:
     def test_an_honest_detector_passes(self, task: Task) -> None:
         """Whatever is drawn."""
         feasibility = walked(task, Honest)
-        assert [64] * 5 == [audit(feasibility, 64, seed, dear=False) for seed in range(5)]
+        assert [64] * 5 == [audit(feasibility, 64, seed, expensive=False) for seed in range(5)]
 
 
 class TestAnsweringDifferently:
@@ -170,7 +170,7 @@ class TestAnsweringDifferently:
 class TestSampling:
     def test_no_size_asks_nothing(self, task: Task) -> None:
         """Even of one who lies."""
-        assert 0 == audit(walked(task, RestsOnNothing), 0, 0, dear=False)
+        assert 0 == audit(walked(task, RestsOnNothing), 0, 0, expensive=False)
 
     def test_expensive_back_ends_are_asked_only_when_wanted(
         self, task: Task, monkeypatch: pytest.MonkeyPatch
@@ -178,8 +178,8 @@ class TestSampling:
         """A handful costs seconds there."""
         monkeypatch.setattr(Honest, "expensive", True)
         feasibility = walked(task, Honest)
-        assert 0 == audit(feasibility, 4, 0, dear=False)
-        assert 4 == audit(feasibility, 4, 0, dear=True)
+        assert 0 == audit(feasibility, 4, 0, expensive=False)
+        assert 4 == audit(feasibility, 4, 0, expensive=True)
 
     def test_the_sample_stays_small_and_covers_the_whole_search(self, task: Task) -> None:
         """Early reuses as well as late ones."""

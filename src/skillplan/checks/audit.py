@@ -26,7 +26,7 @@ _MOST_KEPT = 1_000
 _MOST_NAMED = 12
 
 
-def audit(feasibility: Feasibility, size: int, seed: int, *, dear: bool) -> int:
+def audit(feasibility: Feasibility, size: int, seed: int, *, expensive: bool) -> int:
     """Ask back ends again about a sample of what verdicts have answered for them.
 
     Parameters
@@ -37,7 +37,7 @@ def audit(feasibility: Feasibility, size: int, seed: int, *, dear: bool) -> int:
         How many verdicts are put to the test, >= 0.
     seed
         Governs the choice.
-    dear
+    expensive
         Whether expensive back ends are asked, too.
 
     Returns
@@ -53,10 +53,10 @@ def audit(feasibility: Feasibility, size: int, seed: int, *, dear: bool) -> int:
     if not size:
         return 0
     draw = random.Random(seed)
-    chosen = _drawn(feasibility, size, draw, dear=dear)
+    chosen = _drawn(feasibility, size, draw, expensive=expensive)
     if len(chosen) < size:
         # What was never reused can at least be asked a second time.
-        kept = list(_kept(feasibility, dear=dear))
+        kept = list(_kept(feasibility, expensive=expensive))
         chosen += draw.sample(kept, min(size - len(chosen), len(kept)))
     for one in chosen:
         made_in = feasibility.cache.made_in(one.back_end, one.skill, one.verdict)
@@ -181,12 +181,14 @@ def _listed(names: list[str]) -> str:
     return ", ".join(shown) or "a fact"
 
 
-def _drawn(feasibility: Feasibility, size: int, draw: random.Random, *, dear: bool) -> list[Reuse]:
+def _drawn(
+    feasibility: Feasibility, size: int, draw: random.Random, *, expensive: bool
+) -> list[Reuse]:
     """Return some of the reuses: of every skill one, then of every skill another."""
     rows = [
         draw.sample(row, len(row))
         for row in feasibility.reused.by_skill()
-        if dear or not row[0].back_end.expensive
+        if expensive or not row[0].back_end.expensive
     ]
     draw.shuffle(rows)
     depth = max(map(len, rows), default=0)
@@ -194,11 +196,11 @@ def _drawn(feasibility: Feasibility, size: int, draw: random.Random, *, dear: bo
     return order[:size]
 
 
-def _kept(feasibility: Feasibility, *, dear: bool) -> Iterator[Reuse]:
+def _kept(feasibility: Feasibility, *, expensive: bool) -> Iterator[Reuse]:
     """Yield verdicts that were made, as if they had been reused where they were made."""
     left = _MOST_KEPT
     for back_end in feasibility.back_ends:
-        if back_end.expensive and not dear:
+        if back_end.expensive and not expensive:
             continue
         for skill in feasibility.task.skills:
             for verdict, state in feasibility.cache.made(back_end, skill):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,14 +15,12 @@ from skillplan.checks.audit import audit as hold_together
 from skillplan.checks.feasibility import CheckCount, Feasibility
 from skillplan.checks.reuse_sample import DEFAULT_SIZE
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
-from skillplan.errors import SearchStopped, SolverError
-from skillplan.judge.plain_solution import plain_solution
 from skillplan.judge.referee import judge
 from skillplan.judge.untouched import Untouched
 from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.pipeline import registry
 from skillplan.pipeline.setup import Setup
-from skillplan.plugins.blame import blame
+from skillplan.pipeline.solver_call import blamed, plain_answer
 from skillplan.records.grading import Draft, Grade
 from skillplan.records.result import Result, Status
 from skillplan.solvers.solution import Plan, Solution
@@ -110,7 +108,7 @@ def make_solver(name: str, options: Mapping[str, Any], stop: Stop | None = None)
     """
     plugin = registry.load("solver", name)
     validated = registry.make_options("solver", name, plugin, options)
-    with _blamed(plugin):
+    with blamed(plugin):
         solver: Solver = plugin(validated, stop)
     return solver
 
@@ -266,7 +264,7 @@ def attempt(
     before = Untouched(task)
     begin_s = time.perf_counter()
     try:
-        with _blamed(type(solver)):
+        with blamed(type(solver)):
             refusal = solver.refuses(model)
         if refusal is not None:
             return Attempt(draft, Solution(), refusal=refusal, back_ends=back_ends)
@@ -285,13 +283,13 @@ def attempt(
                 # What expensive back ends say of the start plan is kept for the search.
                 kept = cache if expensive(back_ends) else None
                 fresh = make_model(task, setup, kept, jobs=jobs, back_ends=back_ends)
-                with closing(fresh.feasibility), _blamed(type(solver)):
+                with closing(fresh.feasibility), blamed(type(solver)):
                     solution = search_from(start, fresh, search, stop)
         wall_s = time.perf_counter() - begin_s
     finally:
         touched = before.restore()
     if not touched and not stop.interrupted:
-        hold_together(model.feasibility, size, seed, dear=audit is not None)
+        hold_together(model.feasibility, size, seed, expensive=audit is not None)
     stats = search.stats
     iterations = _count(solution, "iterations", "expanded", "visited")
     draft = replace(
@@ -414,17 +412,6 @@ def _count(solution: Solution, *names: str) -> int | None:
     return None
 
 
-@contextmanager
-def _blamed(plugin: type[Solver]) -> Iterator[None]:
-    """Name the solver, and the line of its code, in whatever it raises that is not in words."""
-    try:
-        yield
-    except BaseException as error:
-        blame(
-            error, plugin, lambda words: f"The solver {plugin.name!r} failed: {words}", SolverError
-        )
-
-
 class _Search:
     """A search that is done once, and what was queried in it.
 
@@ -446,20 +433,7 @@ class _Search:
 def _search(
     solver: Solver, model: SkillModel, seed: int, stop: Stop
 ) -> tuple[Solution, ModelStats]:
-    try:
-        with _blamed(type(solver)):
-            solution = solver.solve(model, seed=seed)
-    except SearchStopped:
-        solution = Solution(stop.best, stop.lower_bound)
-    if not isinstance(solution, Solution):
-        raise SolverError(
-            f"The solver {solver.name!r} returned {type(solution).__name__}, not a Solution."
-        )
-    try:
-        return plain_solution(solution), model.stats
-    except Exception as error:
-        words = f"The solver {solver.name!r} returned a Solution that cannot be read"
-        raise SolverError(f"{words}: {error}.") from None
+    return plain_answer(solver, model, seed, stop), model.stats
 
 
 def cache_folder() -> Path:

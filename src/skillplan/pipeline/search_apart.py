@@ -10,7 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,11 @@ from pydantic import BaseModel
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import construct
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
-from skillplan.errors import BackEndError, SearchStopped, SkillplanError, SolverError
-from skillplan.judge.plain_solution import plain_plan, plain_solution
+from skillplan.errors import BackEndError, SkillplanError, SolverError
+from skillplan.judge.plain_solution import plain_plan
 from skillplan.model.skill_model import ModelStats, SkillModel
-from skillplan.plugins.blame import blame, traceback_text
+from skillplan.pipeline.solver_call import blamed, plain_answer
+from skillplan.plugins.blame import traceback_text
 from skillplan.solvers.solution import Plan, Policy, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import MEMORY_LIMIT, Stop
@@ -171,7 +172,7 @@ def _found(content: _Answer) -> tuple[Solution, ModelStats]:
 
 def _prepare(content: _Content) -> Callable[[_Job], _Answer]:
     """Return what searches, in a process of its own."""
-    task, made, solver, options, folder = content
+    task, wanted, solver, options, folder = content
 
     def search(job: _Job) -> _Answer:
         try:
@@ -181,22 +182,13 @@ def _prepare(content: _Content) -> Callable[[_Job], _Answer]:
 
     def _search(job: _Job) -> tuple[Solution, ModelStats]:
         stop = _started(job)
-        back_ends = construct(task, made)
+        back_ends = construct(task, wanted)
         cache = VerdictCache() if folder is None else DiskVerdictCache(folder)
         model = SkillModel(Feasibility(task, back_ends, cache), stop.overdue)
-        try:
-            with _Reporter(stop, model):
-                solution = solver(options, stop).solve(model, seed=job.seed)
-            if not isinstance(solution, Solution):
-                raise SolverError(
-                    f"The solver {solver.name!r} returned {type(solution).__name__}, "
-                    "not a Solution."
-                )
-        except SearchStopped:
-            solution = Solution(stop.best, stop.lower_bound)
-        except BaseException as error:
-            say = f"The solver {solver.name!r} failed"
-            blame(error, solver, lambda words: f"{say}: {words}", SolverError)
+        with _Reporter(stop, model):
+            with blamed(solver):
+                made = solver(options, stop)
+            solution = plain_answer(made, model, job.seed, stop)
         return _portable(solver.name, solution), model.stats
 
     return search
@@ -204,12 +196,11 @@ def _prepare(content: _Content) -> Callable[[_Job], _Answer]:
 
 def _portable(name: str, solution: Solution) -> Solution:
     """Return a solution that can be sent to another process."""
+    found = solution.found
+    if not isinstance(found, Mapping):
+        return solution
     try:
-        plain = plain_solution(solution)
-        found = plain.found
-        if isinstance(found, Mapping):
-            found = Policy(dict(found.items()))
-        return Solution(found, plain.lower_bound, plain.proved, plain.trace)
+        return replace(solution, found=Policy(dict(found.items())))
     except Exception as error:
         words = f"The solver {name!r} returned a Solution that cannot be read"
         raise SolverError(f"{words}: {error}.") from None

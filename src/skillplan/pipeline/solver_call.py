@@ -1,0 +1,57 @@
+"""A call to a solver, here or in a process of its own: blamed for what it raises, made plain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from skillplan.errors import SearchStopped, SolverError
+from skillplan.judge.plain_solution import plain_solution
+from skillplan.model.skill_model import SkillModel
+from skillplan.plugins.blame import blame
+from skillplan.solvers.solution import Solution
+from skillplan.solvers.solver import Solver
+from skillplan.solvers.stop import Stop
+
+
+@contextmanager
+def blamed(plugin: type[Solver]) -> Iterator[None]:
+    """Name the solver, and the line of its code, in whatever it raises that is not in words.
+
+    Raises
+    ------
+    SolverError
+        In the place of what the solver raises.
+    """
+    try:
+        yield
+    except BaseException as error:
+        blame(
+            error, plugin, lambda words: f"The solver {plugin.name!r} failed: {words}", SolverError
+        )
+
+
+def plain_answer(solver: Solver, model: SkillModel, seed: int, stop: Stop) -> Solution:
+    """Let a solver search, and return what it claims as plain values.
+
+    Where the model stopped it, that is the best plan and bound that `stop` was given.
+
+    Raises
+    ------
+    SolverError
+        If it fails, or returns what is no solution.
+    """
+    try:
+        with blamed(type(solver)):
+            solution = solver.solve(model, seed=seed)
+    except SearchStopped:
+        solution = Solution(stop.best, stop.lower_bound)
+    if not isinstance(solution, Solution):
+        raise SolverError(
+            f"The solver {solver.name!r} returned {type(solution).__name__}, not a Solution."
+        )
+    try:
+        return plain_solution(solution)
+    except Exception as error:
+        words = f"The solver {solver.name!r} returned a Solution that cannot be read"
+        raise SolverError(f"{words}: {error}.") from None
