@@ -7,11 +7,11 @@ from pathlib import Path
 
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_as_one
-from skillplan.files.folder_lock import FolderLock
+from skillplan.files.held_folder import HeldFolder
 from skillplan.records.stored.result_folder import RESULT, leftovers
 
 
-class ResultFolder:
+class ResultFolder(HeldFolder):
     """A folder that one search will write its result into; a context manager.
 
     Parameters
@@ -27,30 +27,9 @@ class ResultFolder:
     """
 
     def __init__(self, out: str) -> None:
-        self._folder = Path(out)
-        self._lock: FolderLock | None = None
-        try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            self._lock = FolderLock(self._folder, "search")
+        super().__init__(out)
+        with self._opening("search"):
             self._clear()
-        except BaseException as error:
-            self.close()
-            if not isinstance(error, OSError | ValueError):
-                raise
-            reason = getattr(error, "strerror", None) or str(error)
-            raise OptionError(f"--out {out}: cannot be used: {reason}.") from None
-
-    def __enter__(self) -> ResultFolder:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Let others write."""
-        if self._lock is not None:
-            self._lock.release()
-            self._lock = None
 
     def finish(self, beside: Mapping[str, str], document: str) -> None:
         """Write all that there is: whole, and the document last.
@@ -67,12 +46,12 @@ class ResultFolder:
         OptionError
             If a file cannot be written; nothing is left then.
         """
-        write_folder(self._folder, {**beside, RESULT: document})
+        write_folder(self.path, {**beside, RESULT: document})
 
     def _clear(self) -> None:
-        left = leftovers(self._folder)
+        left = leftovers(self.path)
         if left is None:
-            raise OptionError(f"--out {self._folder}: is not empty. Name a new folder.")
+            raise OptionError(f"--out {self.path}: is not empty. Name a new folder.")
         for path in left:
             path.unlink(missing_ok=True)
 

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import json
 import sys
-from pathlib import Path
 from typing import Any
 
 from skillplan import __version__
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import is_unfinished, remove_unfinished, write_whole
-from skillplan.files.folder_lock import FolderLock
 from skillplan.files.growing_file import GrowingFile
+from skillplan.files.held_folder import HeldFolder
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.strict_json import parse_json
 from skillplan.plugins.installed import registered
@@ -45,7 +44,7 @@ _WORDS = {
 }
 
 
-class StudyFolder:
+class StudyFolder(HeldFolder):
     """A folder that is being written by one study; a context manager.
 
     Parameters
@@ -74,34 +73,18 @@ class StudyFolder:
     def __init__(
         self, path: str, plan: SweepPlan, *, resume: bool = False, command: tuple[str, ...] = ()
     ) -> None:
-        self.path = Path(path)
+        super().__init__(path)
         self.records: list[SweepRecord] = []
         self._lines: GrowingFile | None = None
-        self._lock: FolderLock | None = None
-        try:
+        with self._opening("study"):
             self._open(plan, resume, command)
-        except (OSError, ValueError) as error:
-            self.close()
-            reason = getattr(error, "strerror", None) or str(error)
-            raise OptionError(f"--out {path}: cannot be used: {reason}.") from None
-        except OptionError:
-            self.close()
-            raise
-
-    def __enter__(self) -> StudyFolder:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Let others write."""
         if self._lines is not None:
             self._lines.close()
             self._lines = None
-        if self._lock is not None:
-            self._lock.release()
-            self._lock = None
+        super().close()
 
     def add(self, record: SweepRecord) -> None:
         """Keep a run, whatever happens next.
@@ -122,8 +105,6 @@ class StudyFolder:
             ) from None
 
     def _open(self, plan: SweepPlan, resume: bool, command: tuple[str, ...]) -> None:
-        self.path.mkdir(parents=True, exist_ok=True)
-        self._lock = FolderLock(self.path, "study")
         # A program that was ended while it wrote leaves pieces; of its first file that is all.
         there = {one.name for one in self.path.iterdir()}
         found = there - {name for name in there if is_unfinished(name, MANIFEST)}

@@ -24,7 +24,7 @@ from skillplan.files.atomic_file import (
     write_as_one,
     write_whole,
 )
-from skillplan.files.folder_lock import FolderLock
+from skillplan.files.held_folder import HeldFolder
 from skillplan.files.json_file import json_text
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.yaml import MAX_BYTES
@@ -61,7 +61,7 @@ _WORDS: Mapping[str, str] = {
 _MOST_NAMED = 4
 
 
-class TrainingFolder:
+class TrainingFolder(HeldFolder):
     """A folder that is being written by one training; a context manager.
 
     Parameters
@@ -104,31 +104,10 @@ class TrainingFolder:
         resume: bool = False,
         command: Sequence[str] = (),
     ) -> None:
-        self.path = Path(path)
-        self._lock: FolderLock | None = None
+        super().__init__(path)
         wanted = _manifest(plan, problem, part, changes or {}, command)
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            self._lock = FolderLock(self.path, "training")
+        with self._opening("training"):
             self.manifest = self._opened(wanted, problem, resume)
-        except BaseException as error:
-            self.close()
-            if not isinstance(error, OSError | ValueError):
-                raise
-            reason = getattr(error, "strerror", None) or str(error)
-            raise OptionError(f"--out {path}: cannot be used: {reason}.") from None
-
-    def __enter__(self) -> TrainingFolder:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Let others write."""
-        if self._lock is not None:
-            self._lock.release()
-            self._lock = None
 
     def finish(self, result: Mapping[str, Any]) -> None:
         """Write the result, and what all runs have noted in one file.
