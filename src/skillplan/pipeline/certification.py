@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 from skillplan.checks.verdict_cache import AskingCache, VerdictCache
 from skillplan.domains.load import Problem
 from skillplan.errors import ChainBroken, OptionError, SearchStopped
-from skillplan.files.regular_file import read_bytes
 from skillplan.judge.claim_check import (
     ARITHMETIC,
     REPLAY,
@@ -20,41 +17,32 @@ from skillplan.judge.claim_check import (
     stopped_words,
     walked_plan,
 )
-from skillplan.judge.document_check import differences, leaves
 from skillplan.model.policy_value import PolicyValue, evaluate_policy
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.derivation import (
     UNCHECKED,
     UNDER_CHANCE,
     Replayed,
-    derived_chain,
-    derived_result,
 )
-from skillplan.pipeline.policy_check import policies_fault
+from skillplan.pipeline.record_check import RecordCheck, SavedTables
 from skillplan.pipeline.result_origin import found_origin, origin_problem
 from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup
 from skillplan.records.certificate import Asked, Certificate, Claim, Outcome
-from skillplan.records.chain_result import ChainResult
 from skillplan.records.origin import Origin
-from skillplan.records.result import Result, Status, tolerance
-from skillplan.records.stored.policy_file import read_policies, read_policy
+from skillplan.records.result import Status, tolerance
+from skillplan.records.stored.policy_file import read_policy
 from skillplan.records.stored.result_file import (
     StoredPart,
     StoredResult,
     read_with_document,
 )
-from skillplan.records.stored.result_folder import POLICIES, RESULT, result_path
+from skillplan.records.stored.result_folder import POLICIES, file_beside
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
 
 MOST_REPLANS = 100
 """No solver plans the upper levels of a chain again more often, and every time costs more."""
-_MOST_SHOWN = 5
-_MOST_BYTES = 64 * 1024 * 1024
-
-SavedTables = Callable[[Result | ChainResult, Task], Mapping[str, str]]
-"""Returns the text of the tables that lie beside a result, by the name of the file."""
 
 
 def certify(
@@ -107,7 +95,8 @@ def certify(
         raise OptionError(f"{path}: is damaged: it is of the whole chain and of {origin.part!r}.")
     check = _Check(path, stored, problem, origin, Stop() if stop is None else stop, cache)
     claims = list(check.chain() if stored.is_chain else check.single())
-    claims += check.record_claims(document, saved_tables)
+    record = RecordCheck(path, stored, problem, check.setup, check.model, check.stop)
+    claims += record.claims(document, check.replayed, saved_tables)
     unchecked = dict(UNCHECKED)
     if not all(one.task.deterministic for one in check.replayed.values()):
         unchecked["steps"] = UNDER_CHANCE
@@ -211,8 +200,10 @@ class _Check:
         words = "interrupted" if self.stop.interrupted else stopped_words(self.stop)
         return Claim(claim, Outcome.NOT_CHECKED, words, REPLAY, open=False)
 
-    def _model(self, task: Task, cache: VerdictCache) -> SkillModel:
-        model = make_model(task, self.setup, cache, self.stop.overdue)
+    def model(self, task: Task, cache: VerdictCache | None = None) -> SkillModel:
+        """Return a model of a task, and note which back ends it queries."""
+        kept = self.cache if cache is None else cache
+        model = make_model(task, self.setup, kept, self.stop.overdue)
         for back_end in model.feasibility.back_ends:
             options = back_end.options.model_dump(mode="json")
             one = Asked(back_end.name, back_end.version, options)
@@ -226,7 +217,7 @@ class _Check:
         # A verdict of one state does not answer for another where the plan is replayed.
         fresh = self.cache if self.warm else AskingCache(self.cache)
         try:
-            model = self._model(task, fresh)
+            model = self.model(task, fresh)
             with closing(model.feasibility):
                 walked = walked_plan(stored, model)
                 expected = self._expected(task, model)
@@ -239,13 +230,13 @@ class _Check:
         self.stop.renew()
         self.stop.decimals = task.metric.decimals
         one = self.replayed[task.name]
-        model = self._model(task, self.cache)
+        model = self.model(task)
         with closing(model.feasibility):
             yield from checked_claims(stored, one.walked, model, self.stop, one.expected)
 
     def _expected(self, task: Task, model: SkillModel) -> PolicyValue | None:
         """Return what the policy beside the result is worth, of a task with chance."""
-        path = self._beside(POLICIES)
+        path = file_beside(self.path, POLICIES)
         if task.deterministic or path is None:
             return None
         try:
@@ -278,99 +269,3 @@ class _Check:
         else:
             words = "is about all plans of the stages together; only the parts are proved again"
             yield Claim("lower bound", Outcome.NOT_CHECKED, words, ARITHMETIC)
-
-    def record_claims(self, document: Mapping[str, Any], tables: SavedTables) -> Iterator[Claim]:
-        """Yield whether every figure of the document, and of the files beside, is as it should be.
-
-        Parameters
-        ----------
-        document
-            The result, as it was read.
-        tables
-            Returns what the tables beside it should hold.
-        """
-        if self.stop.interrupted:
-            yield Claim("record", Outcome.NOT_CHECKED, "interrupted", ARITHMETIC)
-            return
-        expected = len([*self.stored.stages, *(self.stored.sequences or ())]) or 1
-        replayed = list(self.replayed.values())
-        if len(replayed) < expected or not all(one.sound for one in replayed):
-            words = "follows from the plans, and those do not hold"
-            yield Claim("record", Outcome.NOT_CHECKED, words, ARITHMETIC)
-            return
-        origin = None if self.stored.origin is None else self.stored.origin.origin()
-        try:
-            derived = self._derived(replayed, origin)
-        except ValueError as error:
-            yield Claim("record", Outcome.FAILS, f"does not go together: {error}", ARITHMETIC)
-            return
-        should = derived.document()
-        should.pop("schema")
-        if origin is None and "origin" not in document:
-            should.pop("origin")
-        amiss = list(differences(document, should))
-        words = "; ".join(amiss[:_MOST_SHOWN])
-        words += f"; and {len(amiss) - _MOST_SHOWN} more" if len(amiss) > _MOST_SHOWN else ""
-        outcome = Outcome.FAILS if amiss else Outcome.HOLDS
-        yield Claim("record", outcome, words or f"{leaves(should)} entries", ARITHMETIC)
-        yield from self._table_claims(tables(derived, replayed[-1].task))
-        yield from self._policy_claims()
-
-    def _derived(self, replayed: list[Replayed], origin: Origin | None) -> Result | ChainResult:
-        if self.stored.is_chain:
-            return derived_chain(self.problem, self.stored, replayed, self.setup, origin)
-        return derived_result(replayed[0], self.setup, self.stored.solver, origin)
-
-    def _beside(self, name: str) -> Path | None:
-        """Return a file beside the result; None where there is none, or it is in no folder."""
-        result = result_path(self.path)
-        path = result.parent / name
-        there = path.exists() or path.is_symlink()
-        return path if result.name == RESULT and there else None
-
-    def _table_claims(self, tables: Mapping[str, str]) -> Iterator[Claim]:
-        for name, text in tables.items():
-            path = self._beside(name)
-            if path is None:
-                continue
-            try:
-                found = read_bytes(path, _MOST_BYTES, within=path.parent).decode("utf-8")
-            except (OSError, UnicodeDecodeError) as error:
-                words = f"cannot be read: {getattr(error, 'strerror', None) or 'it is no text'}"
-                yield Claim(name, Outcome.FAILS, words, ARITHMETIC)
-                continue
-            fault = _line_fault(found.splitlines(), text.splitlines())
-            outcome = Outcome.FAILS if fault else Outcome.HOLDS
-            yield Claim(name, outcome, fault or "as the result says", ARITHMETIC)
-
-    def _policy_claims(self) -> Iterator[Claim]:
-        path = self._beside(POLICIES)
-        if path is None:
-            return
-        header = {"sha256": self.problem.sha256, "solver": self.stored.solver}
-        try:
-            fault = policies_fault(
-                read_policies(str(path), within=str(path.parent)),
-                header,
-                self.replayed,
-                lambda task: self._model(task, self.cache),
-                self.stop,
-            )
-        except OptionError as error:
-            fault = str(error)
-        except (SearchStopped, TimeoutError):
-            words = stopped_words(self.stop)
-            yield Claim(POLICIES, Outcome.NOT_CHECKED, words, ARITHMETIC)
-            return
-        outcome = Outcome.FAILS if fault else Outcome.HOLDS
-        words = fault or "take the way of the plan; all choices can be executed"
-        yield Claim(POLICIES, outcome, words, ARITHMETIC)
-
-
-def _line_fault(found: list[str], should: list[str]) -> str:
-    for number, (one, other) in enumerate(zip(found, should, strict=False), start=1):
-        if one != other:
-            return f"line {number} is {other!r}, claimed {one!r}"
-    if len(found) != len(should):
-        return f"has {len(found)} lines, not {len(should)}"
-    return ""

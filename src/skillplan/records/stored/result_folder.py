@@ -119,3 +119,11 @@ def policies_path(path: str) -> str:
 
 def _is_there(path: Path) -> bool:
     return is_regular(path) or is_folder(path)
+
+
+def file_beside(path: str, name: str) -> Path | None:
+    """Return a file beside a result; None where there is none, or the result is in no folder."""
+    result = result_path(path)
+    beside = result.parent / name
+    there = beside.exists() or beside.is_symlink()
+    return beside if result.name == RESULT and there else None
