@@ -22,7 +22,7 @@ PIP := PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet \
 # A stamp a set of packages, newer than the lists that it was installed from.
 LISTS := pyproject.toml constraints.txt $(wildcard plugins/*/pyproject.toml)
 
-.PHONY: demo test test-all test-slow fault-campaign check format bench schema docs dist-check hashes \
+.PHONY: demo test test-all test-slow test-release fault-campaign check format bench schema docs dist-check hashes \
 	clean help
 
 help:  ## list the targets
@@ -42,11 +42,14 @@ demo: .venv/.demo  ## the board to its proven optimum, also by physics and by le
 test: .venv/.test  ## the suite, without what takes minutes
 	$(PYTEST) tests plugins
 
-test-all: .venv/.test  ## the whole suite
-	$(PYTEST) -m "slow or not slow" --hypothesis-profile=thorough tests plugins
+test-all: .venv/.test  ## the whole suite, in a quarter of an hour at most
+	$(PYTEST) -m "not release" --hypothesis-profile=thorough tests plugins
 
 test-slow: .venv/.test  ## what only the whole suite holds
-	$(PYTEST) -m slow tests plugins
+	$(PYTEST) -m "slow and not release" tests plugins
+
+test-release: .venv/.test  ## claims of minutes each: ten seeds, 20 kills, the largest instances
+	$(PYTEST) -m release tests plugins
 
 fault-campaign: .venv/.test  ## kills, failing writes, mutated inputs and liars; SEED=1 SCALE=1
 	$(BIN)/python tests/campaign --seed $(SEED) --scale $(SCALE)

@@ -25,8 +25,13 @@ settings.load_profile("fast")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
+# All that is collected stays: looking for garbage among it only takes time.
+gc.disable()
+
+
 def pytest_collection_finish(session):
     """Thousands of tests are alive from here on: no garbage collection need look at them again."""
+    gc.enable()
     gc.collect()
     gc.freeze()
     gc.set_threshold(100_000, 20, 20)

@@ -404,6 +404,7 @@ class TestTheBoard:
         worst = brute_force.trace["worst_cost_by_length"]
         assert "2.0586" == f"{worst[15]:.4f}"
 
+    @pytest.mark.slow(reason="by brute force; the same figures in test_exhaustive.py")
     def test_screws_early_need_a_sixteenth_skill(
         self,
         brute_force: Result,

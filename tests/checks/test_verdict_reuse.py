@@ -67,7 +67,15 @@ def assert_reuse(task, make, rng, pairs):
     return reused
 
 
-@pytest.mark.parametrize("back_end", BACK_ENDS)
+@pytest.mark.parametrize(
+    "back_end",
+    [
+        pytest.param(name, marks=pytest.mark.slow(reason="three back ends in every run"))
+        if " " in name
+        else name
+        for name in BACK_ENDS
+    ],
+)
 @settings(max_examples=examples(100))
 @given(content=crowded_assemblies(), seed=seeds)
 def test_a_reused_verdict_equals_a_fresh_one_in_crowded_assemblies(back_end, content, seed):

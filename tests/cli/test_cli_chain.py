@@ -110,6 +110,7 @@ class TestSearch:
         document = cli("search-optimal", goals, *words).document
         assert {"policy-iteration"} == {entry["solver"] for entry in document["sequences"]}
 
+    @pytest.mark.slow(reason="solves twice; from Python in every run")
     def test_the_same_seed_gives_the_same_result(self, cli: Any, goals: str) -> None:
         """All but the seconds."""
         words = ("--solver", "sarsa", "-O", "episodes=500", "--seed", "3", "--format", "json")
@@ -138,6 +139,7 @@ class TestCompare:
         assert list(SOLVERS) == [row["solver"] for row in table_3["rows"]]
         assert all(set(row) >= RESULT_KEYS - {"timeline"} for row in table_3["rows"])
 
+    @pytest.mark.slow(reason="four solvers of a bench; each alone in every run")
     def test_the_makespans_of_table_3_come_out(self, table_3: Any) -> None:
         """By every solver that learns or proves."""
         for row in table_3["rows"]:
@@ -157,6 +159,7 @@ class TestCompare:
             (r["from"], r["to"], r["exact makespan"], r["policy-iteration makespan"]) for r in rows
         ]
 
+    @pytest.mark.slow(reason="solves a bench; exit codes of boards in every run")
     def test_nothing_solved_is_exit_code_1(self, cli: Any) -> None:
         outcome = cli("compare", POLYGONAL, "--solvers", "csp")
         assert 1 == outcome.code

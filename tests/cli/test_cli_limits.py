@@ -247,6 +247,7 @@ class TestStart:
         assert 2 == outcome.code
         assert message in outcome.err
 
+    @pytest.mark.slow(reason="solves a bench; a board goes on in every run")
     def test_a_chain_is_refused_and_its_parts_are_not(
         self, cli: Any, corner: str, solved_corner: Path, tmp_path: Path
     ) -> None:

@@ -84,7 +84,12 @@ def texts(path: Path) -> set[str]:
             {"base-1: C1 to C8", "base-3: C8 to C15"},
             marks=pytest.mark.slow(reason="learns all ways; one of them in every run"),
         ),
-        ("learning", (*QUICK, "--seeds", "1", "--part", "base-1"), {"base-1: C1 to C8"}),
+        pytest.param(
+            "learning",
+            (*QUICK, "--seeds", "1", "--part", "base-1"),
+            {"base-1: C1 to C8"},
+            marks=pytest.mark.slow(reason="learns a way; the same of a board in every run"),
+        ),
     ],
 )
 def test_a_figure_of_a_walk_is_drawn(
@@ -115,7 +120,13 @@ def test_the_ways_of_a_fleet_are_drawn(cli: Any, walk: str, meet: str) -> None:
     assert any("parallel steps" in text for text in written)
 
 
-@pytest.mark.parametrize("figure", ["rewards", "learning"])
+@pytest.mark.parametrize(
+    "figure",
+    [
+        pytest.param("rewards", marks=pytest.mark.slow(reason="another figure in every run")),
+        "learning",
+    ],
+)
 def test_assemblies_are_drawn_too(cli: Any, walk: str, board: str, figure: str) -> None:
     """Where nothing of a bench is shown."""
     words = ("--seeds", "1", *QUICK) if figure == "learning" else ()

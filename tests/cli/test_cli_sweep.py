@@ -67,6 +67,7 @@ def in_this_process() -> Iterator[None]:
 
 @pytest.mark.usefixtures("in_this_process")
 class TestOutput:
+    @pytest.mark.slow(reason="a study; csv and the table in every run")
     def test_json_is_one_document_with_all_runs(self, cli: Any) -> None:
         outcome = cli("sweep", CASES, *QUICK, "--format", "json")
         assert (0, "") == (outcome.code, outcome.err)

@@ -215,6 +215,7 @@ class TestPlot:
         assert 0 == cli("plot", learned, "policy", "--out", str(path)).code
         assert "solver sarsa" in texts(path)
 
+    @pytest.mark.slow(reason="solves a bench twice; a stored one in every run")
     def test_what_a_search_shows_is_searched_anew_as_it_was(
         self, cli: Any, learned: str, tmp_path: Path
     ) -> None:

@@ -54,7 +54,12 @@ COMMANDS: dict[str, tuple[int, tuple[str, ...]]] = {
     "cache clear": (0, ("cache", "clear", "--yes")),
 }
 
-LONG = ("compare solvers of the bench", "search-optimal of nodes", "search-optimal of a fleet")
+LONG = (
+    "compare solvers of the bench",
+    "search-optimal of the bench",
+    "search-optimal of nodes",
+    "search-optimal of a fleet",
+)
 
 
 @pytest.fixture

@@ -177,13 +177,13 @@ def test_every_leaf_of_a_chain_is_checked_or_listed(chain: Path) -> None:
     assert set() == {path for path in found if not CHAIN.fullmatch(path)}
 
 
-@pytest.mark.slow(reason="40 verifications of a fleet, a second each")
+@pytest.mark.slow(reason="15 verifications of a fleet, a second each")
 def test_every_leaf_of_a_fleet_is_checked_or_listed(cli: Any, tmp_path: Path) -> None:
     """Schedule, robots and bounds included."""
     folder = tmp_path / "fleet"
     words = (FLEET, "--format", "json", "--out", str(folder))
     assert 0 == cli("search-optimal", *words).code
-    sample = random.Random(0).sample(one_of_each(document_of(folder)), 40)
+    sample = random.Random(0).sample(one_of_each(document_of(folder)), 15)
     found = unnoticed(folder, "result.json", sample)
     assert set() == {path for path in found if not CHAIN.fullmatch(path)}
 

@@ -87,7 +87,14 @@ class TestLayout:
         assert 0.0 == observation.encode(state)[observation.features.index(f"cost({load.name})")]
 
 
-@pytest.mark.parametrize("kind", ["paper", "markov", "layout"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "paper",
+        "markov",
+        pytest.param("layout", marks=pytest.mark.slow(reason="two other kinds in every run")),
+    ],
+)
 def test_every_state_lies_in_the_space(board_task: Task, kind: str) -> None:
     observation = Observation.of(board_task, kind)
     assert (observation.width,) == observation.space.shape

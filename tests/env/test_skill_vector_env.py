@@ -313,6 +313,7 @@ class TestIndependence:
 
 
 class TestRestoring:
+    @pytest.mark.slow(reason="trainings that go on in every run")
     @given(chancy_tasks(), st.integers(0, 60), st.integers(0, 2**32))
     def test_it_goes_on_bit_for_bit_also_amid_episodes_and_chance(
         self, task: Task, steps: int, seed: int

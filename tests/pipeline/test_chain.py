@@ -117,6 +117,7 @@ class TestSolvers:
     ) -> None:
         assert {"heads": {"exact"}, "goals": {"csp"}, "base": {"exact"}} == solvers_of(curve_by_csp)
 
+    @pytest.mark.slow(reason="solves a bench; from the command line in every run")
     def test_every_stage_may_have_a_solver_of_its_own(self, curve: Problem) -> None:
         spec = "base=policy-iteration,goals=csp"
         assert {"heads": {"exact"}, "goals": {"csp"}, "base": {"policy-iteration"}} == solvers_of(
@@ -151,6 +152,7 @@ class TestSolvers:
 
 
 class TestPolicies:
+    @pytest.mark.slow(reason="learns a bench; a policy of one way in every run")
     def test_a_policy_answers_later_ways_to_the_same_goal(self, polygonal: Problem) -> None:
         """Learned once for C17, C37, C60 and C15 each, from wherever the base comes."""
         chain = solve_chain(polygonal, "policy-iteration")

@@ -158,9 +158,9 @@ def test_a_small_board_is_solved_without_numpy():
     [
         "battery_module",
         pytest.param(
-            "relay_rail", marks=pytest.mark.slow(reason="the largest of three; two in every run")
+            "relay_rail", marks=pytest.mark.slow(reason="the largest of three; one in every run")
         ),
-        "sensor_stack",
+        pytest.param("sensor_stack", marks=pytest.mark.slow(reason="another one in every run")),
     ],
 )
 def test_it_proves_what_exact_search_proves(config):

@@ -9,32 +9,42 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-HEAD = """\
+COLUMNS = """
+| test | cases | why |
+|---|---|---|
+"""
+SECTIONS = {
+    "slow": """\
 # What `make test-all` runs beside `make test`
 
 Each claim has a cheaper case, or a cheaper relative, in every run. Besides, property tests draw a
 fifth of their examples in every run, and all of them here (`tests/support/example_count.py`).
 Printed by `tests/support/list_slow.py`.
+""",
+    "release": """
+# What `make test-release` runs
 
-| test | cases | why |
-|---|---|---|
-"""
+Minutes each. Every claim has a cheaper case in `make test-all`.
+""",
+}
 
 
 class Collector:
     """Counts the cases of every slow test, with the reason that its mark gives."""
 
     def __init__(self) -> None:
-        self.cases: Counter[tuple[str, str]] = Counter()
+        self.cases: Counter[tuple[str, str, str]] = Counter()
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Note them, before those are left out that were not asked for."""
         for item in items:
-            mark = item.get_closest_marker("slow")
-            if mark is not None:
-                name = item.nodeid.partition("[")[0].removesuffix("/")
-                self.cases[name, mark.kwargs["reason"]] += 1
+            for kind in reversed(SECTIONS):
+                mark = item.get_closest_marker(kind)
+                if mark is not None:
+                    name = item.nodeid.partition("[")[0].removesuffix("/")
+                    self.cases[kind, name, mark.kwargs["reason"]] += 1
+                    break
 
 
 def slow_tests() -> str:
@@ -43,8 +53,15 @@ def slow_tests() -> str:
     words = ["--collect-only", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "tests", "plugins"]
     with contextlib.chdir(ROOT), contextlib.redirect_stdout(io.StringIO()):
         assert pytest.main(words, plugins=[found]) == pytest.ExitCode.OK
-    rows = sorted((name, reason, count) for (name, reason), count in found.cases.items())
-    return HEAD + "".join(f"| `{name}` | {count} | {reason} |\n" for name, reason, count in rows)
+    rows = sorted((*key, count) for key, count in found.cases.items())
+    return "".join(
+        head
+        + COLUMNS
+        + "".join(
+            f"| `{name}` | {count} | {why} |\n" for of, name, why, count in rows if of == kind
+        )
+        for kind, head in SECTIONS.items()
+    )
 
 
 if __name__ == "__main__":

@@ -330,6 +330,7 @@ class TestPolicy:
         """On a large bench there are arrows only."""
         assert "C7" not in texts(a_policy(Bench(30, 61, 0.34), 0, None))
 
+    @pytest.mark.slow(reason="draws a policy; another one in every run")
     def test_staying_where_the_goal_is_not_is_shown(self) -> None:
         """As a ring, and as never getting to the goal."""
         recommended = greedy(BENCH, GOAL) | {0: 0}

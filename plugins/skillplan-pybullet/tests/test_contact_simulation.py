@@ -45,10 +45,10 @@ def after(task, *actions):
 @pytest.mark.parametrize(
     "done",
     [
-        # The brace is picked and placed, and a screw driven into it.
+        # The brace is placed, and a screw driven into it.
         done
-        if done in (8, 9, 14)
-        else pytest.param(done, marks=pytest.mark.slow(reason="three skills of it in every run"))
+        if done in (9, 14)
+        else pytest.param(done, marks=pytest.mark.slow(reason="two skills of it in every run"))
         for done in range(len(OPTIMUM))
     ],
 )

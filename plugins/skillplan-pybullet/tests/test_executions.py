@@ -147,6 +147,7 @@ class TestScrews:
             numbers = world.numbers["screwdriver"], world.numbers["screw_1"]
             assert pybullet.getContactPoints(*numbers, physicsClientId=world.client)
 
+    @pytest.mark.slow(reason="executes a skill; other screws in every run")
     def test_what_it_passes_by_is_none(self, beside_a_post) -> None:
         driven, passed = beside_a_post(0.003)
         assert driven.is_feasible, driven.reason

@@ -13,8 +13,18 @@ CONFIGS = Path(__file__).parents[3] / "configs"
 PHYSICS = Setup(physics="pybullet", collision=("contact-pairs",))
 
 
-@pytest.mark.slow(reason="216 executions; the boards by swept hulls in every run")
-@pytest.mark.parametrize("name", ["battery_module", "relay_rail"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            "battery_module",
+            marks=pytest.mark.slow(
+                reason="half a minute of executions; by swept hulls in every run"
+            ),
+        ),
+        pytest.param("relay_rail", marks=pytest.mark.release(reason="minutes of executions")),
+    ],
+)
 def test_physics_proves_the_optimum_of_the_chart(name: str) -> None:
     """Asked about what comes up on the way to the proof: 49 and 167 executions."""
     task = load_problem(CONFIGS / f"{name}.yaml").task

@@ -205,8 +205,17 @@ class TestOptions:
     def made(self, task: Task, **options: object) -> PybulletEngine:
         return PybulletEngine(task, PybulletEngine.Options.model_validate(options))
 
-    @pytest.mark.parametrize("control", ["osc", "position"])
-    @pytest.mark.parametrize("dynamics", ["pybullet", "pinocchio"])
+    @pytest.mark.parametrize(
+        ("dynamics", "control"),
+        [
+            ("pybullet", "osc"),
+            ("pinocchio", "position"),
+            *(
+                pytest.param(*both, marks=pytest.mark.slow(reason="each with another in every run"))
+                for both in (("pybullet", "position"), ("pinocchio", "osc"))
+            ),
+        ],
+    )
     def test_either_control_ends_a_move_within_a_millimetre(self, task, control, dynamics):
         if dynamics == "pinocchio":
             pytest.importorskip("pinocchio", reason="pinocchio is optional here")

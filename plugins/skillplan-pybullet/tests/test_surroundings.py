@@ -25,8 +25,6 @@ from skillplan_pybullet.engine import PybulletEngine
 from skillplan_pybullet.execution.surroundings import Located, Neighbourhood, Surroundings
 
 PRODUCTS = ("inverter_board", "sensor_stack", "motor_drive")
-# Of every product, so many questions that swept hulls find feasible, and as many others.
-SAMPLE = 20
 
 
 def everything(
@@ -47,12 +45,15 @@ def everything(
     return Neighbourhood(there, present, self.task.facts.none, there)
 
 
-def questions(task: Task, seed: int) -> list[tuple[Skill, State]]:
-    """Draw applicable skills in states that random walks reach, half of them feasible."""
+def questions(task: Task, seed: int, sample: int) -> list[tuple[Skill, State]]:
+    """Draw applicable skills in states that random walks reach.
+
+    As many as `sample` are feasible by swept hulls, and as many are not.
+    """
     rng = random.Random(seed)
     model: SkillModel = make_model(task, Setup(physics="kinematic", collision=("swept",)))
     drawn: dict[bool, dict[tuple[str, int], tuple[Skill, State]]] = {True: {}, False: {}}
-    while min(map(len, drawn.values())) < SAMPLE:
+    while min(map(len, drawn.values())) < sample:
         state = model.initial
         while not model.is_goal(state):
             asked = model.applicable(state)
@@ -65,7 +66,7 @@ def questions(task: Task, seed: int) -> list[tuple[Skill, State]]:
     return [
         question
         for found in drawn.values()
-        for question in rng.sample(list(found.values()), SAMPLE)
+        for question in rng.sample(list(found.values()), sample)
     ]
 
 
@@ -76,16 +77,24 @@ def verdicts(task: Task, asked: Sequence[tuple[Skill, State]]) -> list[tuple[Ver
     return [(engine.check(*one), pairs.check(*one)) for one in asked]
 
 
-@pytest.mark.slow(reason="the sample executed twice, in whole worlds, too")
+@pytest.mark.parametrize(
+    "sample",
+    [
+        pytest.param(
+            5, marks=pytest.mark.slow(reason="a sample executed twice, in whole worlds, too")
+        ),
+        pytest.param(20, marks=pytest.mark.release(reason="80 simulated worlds a product")),
+    ],
+)
 @pytest.mark.parametrize("product", PRODUCTS)
-def test_a_world_with_everything_gives_the_same_answer(product, monkeypatch):
+def test_a_world_with_everything_gives_the_same_answer(product, sample, monkeypatch):
     pytest.importorskip("pinocchio", reason="the sample is drawn by swept hulls")
     task = load_problem(BOARD.parent / f"{product}.yaml").task
-    asked = questions(task, seed=4)
+    asked = questions(task, 4, sample)
     reduced = verdicts(task, asked)
     monkeypatch.setattr(Surroundings, "around", everything)
     whole = verdicts(task, asked)
-    assert sum(all(one.is_feasible for one in found) for found in reduced) == SAMPLE
+    assert sum(all(one.is_feasible for one in found) for found in reduced) == sample
     differing = [
         (skill.name, list(state), [one.reason for one in (*here, *there)])
         for (skill, state), here, there in zip(asked, reduced, whole, strict=True)

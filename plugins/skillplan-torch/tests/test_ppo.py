@@ -92,7 +92,13 @@ class TestLearning:
         result = solve(retry_task(0.5), solver(steps=600))
         assert result.cost == pytest.approx(4.0)
 
-    @pytest.mark.slow(reason="ten runs to the optimum of the board")
+    @pytest.mark.parametrize(
+        "runs",
+        [
+            pytest.param(2, marks=pytest.mark.slow(reason="two runs to the optimum of the board")),
+            pytest.param(10, marks=pytest.mark.release(reason="ten runs to the optimum")),
+        ],
+    )
     @pytest.mark.parametrize(
         "options",
         [
@@ -100,12 +106,12 @@ class TestLearning:
             {"mask": "none", "observation": "paper", "novelty": 3.0, "failure": 0.2, "gamma": 0.8},
         ],
     )
-    def test_every_seed_comes_within_one_percent_of_the_board_s_optimum(self, board, options):
+    def test_every_seed_comes_within_one_percent_of_the_board_s_optimum(self, board, options, runs):
         learner = PpoSolver(PpoSolver.Options(**options))
         steps = learner.options.steps
-        training = learner.begin(places(learner, 10, board), range(10), steps)
+        training = learner.begin(places(learner, runs, board), range(runs), steps)
         training.advance(steps)
-        costs = [training.learned(run).best_cost for run in range(10)]
+        costs = [training.learned(run).best_cost for run in range(runs)]
         assert all(cost is not None and cost <= 1.01 * OPTIMUM_M for cost in costs)
 
     def test_masks_hold_in_all_that_is_tried(self):

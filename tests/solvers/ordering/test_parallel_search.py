@@ -340,6 +340,7 @@ class TestLosses:
 
 
 class TestShares:
+    @pytest.mark.slow(reason="half a second; what it tells in every run")
     def test_a_share_that_holds_more_than_it_may_ends(self):
         """Because of the memory limit."""
         share = ShareSearch(Share(ordering("ESC25"), ("local-search",), 0, None, None, 64 * MIB))
