@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from skillplan.collision.precedence import PrecedenceDetector
 from skillplan.errors import OptionError, PluginError
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.plugins.blame import Interrupted
@@ -377,6 +378,20 @@ class TestPlans:
             plan_training(load_problem(BOARD), "sarsa")
         with pytest.raises(PluginError, match=r"Unknown solver 'tabula'. Did you mean 'tabular'\?"):
             plan_training(load_problem(BOARD), "tabula")
+
+    def test_back_ends_that_were_made_to_read_the_file_are_not_made_again(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        made = []
+        begin = PrecedenceDetector.__init__
+
+        def noted(self: PrecedenceDetector, *words: Any, **options: Any) -> None:
+            made.append(self)
+            begin(self, *words, **options)
+
+        monkeypatch.setattr(PrecedenceDetector, "__init__", noted)
+        plan_training(load_problem(BOARD), "tabular")
+        assert len(made) == 1
 
     @pytest.mark.parametrize(
         ("options", "message"),

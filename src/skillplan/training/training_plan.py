@@ -148,7 +148,8 @@ def plan_training(
         checkpoint_steps=checkpoint_steps,
         warm=warm,
     )
-    refusal = plan.learner().refuses(make_model(layouts[0], plan.setup))
+    made = plan.setup.back_ends(layouts[0], problem.spare_back_ends)
+    refusal = plan.learner().refuses(make_model(layouts[0], plan.setup, back_ends=made))
     if refusal is not None:
         raise OptionError(f"The solver {solver!r} cannot serve {task.name!r}: {refusal}")
     return plan
