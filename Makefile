@@ -43,13 +43,13 @@ test: .venv/.test  ## the suite, without what takes minutes
 	$(PYTEST) tests plugins
 
 test-all: .venv/.test  ## the whole suite, in a quarter of an hour at most
-	$(PYTEST) -m "not release" --hypothesis-profile=thorough tests plugins
+	$(PYTEST) -m "not release" --hypothesis-profile=whole tests plugins
 
 test-slow: .venv/.test  ## what only the whole suite holds
 	$(PYTEST) -m "slow and not release" tests plugins
 
-test-release: .venv/.test  ## claims of minutes each: ten seeds, 20 kills, the largest instances
-	$(PYTEST) -m release tests plugins
+test-release: .venv/.test  ## claims of minutes each, and property tests with all their examples
+	$(PYTEST) -m "release or hypothesis" --hypothesis-profile=thorough tests plugins
 
 fault-campaign: .venv/.test  ## kills, failing writes, mutated inputs and liars; SEED=1 SCALE=1
 	$(BIN)/python tests/campaign --seed $(SEED) --scale $(SCALE)

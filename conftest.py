@@ -1,8 +1,8 @@
 """For all tests, of the core and of every plugin: how many examples, and where verdicts are kept.
 
-Property tests draw the same examples in every run. ``make test`` takes the profile `fast`; ``make
-test-all`` takes `thorough`, by ``--hypothesis-profile=thorough``. A test that asks for a
-number of its own asks for ``examples(number)`` of ``tests/support``.
+Property tests draw the same examples in every run. ``make test`` takes the profile `fast`, ``make
+test-all`` takes `whole`, by ``--hypothesis-profile=whole``, and ``make test-release`` `thorough`.
+A test that asks for a number of its own asks for ``examples(number)`` of ``tests/support``.
 """
 
 import gc
@@ -18,6 +18,7 @@ repeatable = settings(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.register_profile("fast", repeatable, max_examples=20)
+settings.register_profile("whole", repeatable, max_examples=40)
 settings.register_profile("thorough", repeatable, max_examples=100)
 settings.load_profile("fast")
 

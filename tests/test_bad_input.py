@@ -517,7 +517,7 @@ EXPENSIVE = {
         sorted(set(PATHOLOGICAL) - EXPENSIVE),
         pytest.param(
             sorted(EXPENSIVE),
-            marks=pytest.mark.slow(reason="21 of them, a second each; the others in every run"),
+            marks=pytest.mark.release(reason="21 of them, a second each; the others in every run"),
         ),
     ],
     ids=["quick", "expensive"],

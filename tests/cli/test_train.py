@@ -173,7 +173,9 @@ class TestInterruption:
                 ),
             ),
             pytest.param(20, 20_000, marks=pytest.mark.release(reason="20 kills")),
-            pytest.param(6, 6_000, marks=pytest.mark.slow(reason="six kills; Ctrl-C in every run")),
+            pytest.param(
+                3, 3_000, marks=pytest.mark.slow(reason="three kills; Ctrl-C in every run")
+            ),
         ],
     )
     def test_sigkill_at_random_instants_changes_nothing(

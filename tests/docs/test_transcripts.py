@@ -28,6 +28,8 @@ LONG_PAGES = {
     "docs/howto/verify.md",
     "docs/tutorials/swarmitfix.md",
 }
+# Of those with fences that take long, half a minute each.
+LONGEST_PAGES = {"docs/howto/compare.md", "docs/tutorials/physics.md"}
 
 
 def named(page):
@@ -73,9 +75,21 @@ def test_a_page_shows_what_is_printed(page, request):
     follow(page, request, with_slow=False)
 
 
-@pytest.mark.slow(reason="physics, training and studies of the pages")
 @pytest.mark.usefixtures("folder")
-@pytest.mark.parametrize("page", [p for p in PAGES if takes_part(p, slow=True)], ids=named)
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(
+            p,
+            marks=pytest.mark.release(reason="half a minute; other pages in the whole suite")
+            if named(p) in LONGEST_PAGES
+            else pytest.mark.slow(reason="physics, training and studies of the pages"),
+        )
+        for p in PAGES
+        if takes_part(p, slow=True)
+    ],
+    ids=named,
+)
 def test_a_page_shows_what_is_printed_where_that_takes_long(page, request):
     """The same with physics, training and studies."""
     follow(page, request, with_slow=True)

@@ -17,14 +17,15 @@ SECTIONS = {
     "slow": """\
 # What `make test-all` runs beside `make test`
 
-Each claim has a cheaper case, or a cheaper relative, in every run. Besides, property tests draw a
-fifth of their examples in every run, and all of them here (`tests/support/example_count.py`).
+Each claim has a cheaper case, or a cheaper relative, in every run. Besides, property tests draw
+more examples here than in every run (`tests/support/example_count.py`).
 Printed by `tests/support/list_slow.py`.
 """,
     "release": """
 # What `make test-release` runs
 
-Minutes each. Every claim has a cheaper case in `make test-all`.
+Each claim has a cheaper case, or a cheaper relative, in `make test-all`. Besides, property tests
+draw all their examples.
 """,
 }
 

@@ -6,12 +6,12 @@ import pytest
 
 from skillplan.testing import DetectorSuite
 
-pytestmark = pytest.mark.slow(reason="the conformance suite of detectors on simulated executions")
 
-
+@pytest.mark.slow(reason="the conformance suite of detectors on simulated executions")
 class TestContactPairs(DetectorSuite):
     detector = "contact-pairs"
 
 
+@pytest.mark.release(reason="a minute; contact pairs in the whole suite")
 class TestContactForce(DetectorSuite):
     detector = "contact-force"

@@ -141,7 +141,7 @@ def test_a_hand_that_hits_something_is_caught(task, kind) -> None:
     assert hit in verdict.reason
 
 
-@pytest.mark.slow(reason="90 executions of the whole board")
+@pytest.mark.release(reason="90 executions of the whole board")
 def test_pairs_tell_right_from_wrong_on_the_whole_board(task) -> None:
     """No false alarm on 60 right executions, no miss on 30 wrong ones; the paper's has many."""
 

@@ -31,6 +31,11 @@ SLOW_BY_PHYSICS = [
     "swept",
     pytest.param("physics", marks=pytest.mark.slow(reason="by swept hulls in every run")),
 ]
+# Of those, some are executed before a release only.
+RELEASED_BY_PHYSICS = [
+    "swept",
+    pytest.param("physics", marks=pytest.mark.release(reason="other products in the whole suite")),
+]
 
 
 @dataclass(frozen=True)
@@ -155,7 +160,7 @@ class TestAPartTakenAway:
         assert found.optimum.cost == pytest.approx(1.494696, abs=1e-6)
 
 
-@pytest.mark.parametrize("back_end", SLOW_BY_PHYSICS)
+@pytest.mark.parametrize("back_end", RELEASED_BY_PHYSICS)
 class TestAStackSwapped:
     """A column of the sensor stack: spacer and sensor on a base, under a cover."""
 
@@ -196,7 +201,7 @@ class TestAPartNextToAFinger:
         assert found.order == ["pcb", "clock", "switch_2"]
         assert found.optimum.cost == pytest.approx(0.755367, abs=1e-6)
 
-    @pytest.mark.parametrize("back_end", SLOW_BY_PHYSICS)
+    @pytest.mark.parametrize("back_end", RELEASED_BY_PHYSICS)
     def test_a_tall_one_has_to_come_after_at_a_cost(self, tmp_path, back_end):
         found = self.beside_a_switch(tmp_path, back_end, 0.060)
         assert found.pairs == {("pcb", "switch_2"), ("pcb", "clock"), ("switch_2", "clock")}

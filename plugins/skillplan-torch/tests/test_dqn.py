@@ -193,7 +193,7 @@ class TestLearning:
     @pytest.mark.parametrize(
         "seeds",
         [
-            pytest.param([3, 4], marks=pytest.mark.slow(reason="two runs of 20,000 steps")),
+            pytest.param([3], marks=pytest.mark.slow(reason="a run of 20,000 steps")),
             pytest.param(
                 [*range(10)], marks=pytest.mark.release(reason="ten runs of 20,000 steps")
             ),

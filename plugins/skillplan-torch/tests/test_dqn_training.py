@@ -92,14 +92,6 @@ def test_a_stop_changes_nothing(tmp_path: Path) -> None:
             ),
         ),
         pytest.param(6, 3_000, 20, marks=pytest.mark.release(reason="20 kills")),
-        pytest.param(
-            6,
-            3_000,
-            3,
-            marks=pytest.mark.slow(
-                reason="three kills; a stop, and kills of another learner, in every run"
-            ),
-        ),
     ],
 )
 def test_sigkill_at_random_instants_changes_nothing(
