@@ -113,6 +113,7 @@ class TestAnHonestResult:
             "physics": None,
             "collision": ["aabb"],
             "options": {"aabb": {"tolerance_m": "0.0001"}},
+            "screening": True,
         } == origin
         assert 0 == cli("verify", str(folder)).code
 

@@ -136,6 +136,7 @@ def test_the_document_says_where_the_task_is_from(optimal: Result) -> None:
         "physics": "kinematic",
         "collision": ["aabb"],
         "options": {"aabb": {}},
+        "screening": False,
     } == replace(optimal, origin=origin).document()["origin"]
 
 

@@ -140,7 +140,7 @@ class Feasibility:
             (index, back_end, back_end.expensive or not expensive, back_end.expensive and jobs > 1)
             for index, back_end in enumerate(self.back_ends)
         )
-        self._timers = tuple(filter(tells_time, self.back_ends))
+        self._timers = tuple(one for one in self.back_ends if tells_time(one) and not one.screens)
         self._durations_s: dict[tuple[str, int], float | None] = {}
         self._stand_bits = _stand_bits(task) if self._timers else 0
 

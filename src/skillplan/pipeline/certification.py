@@ -136,7 +136,7 @@ class _Check:
         self.stored = stored
         self.problem = problem
         self.origin = origin
-        self.setup = Setup(origin.physics, origin.collision, origin.options)
+        self.setup = Setup(origin.physics, origin.collision, origin.options, origin.screening)
         self.stop = stop
         self.warm = cache is not None
         self.cache = VerdictCache() if cache is None else cache

@@ -71,6 +71,7 @@ class Override:
                 plugin: {**origin.options.get(plugin, {}), **self.options.get(plugin, {})}
                 for plugin in named
             },
+            origin.screening,
         )
 
 
@@ -242,7 +243,7 @@ def load_result(
     problem, difference = origin_problem(path, stored, origin, named=override.file is not None)
     if difference is not None and not changed_task:
         raise OptionError(f"{path}: is of another task: {difference}.")
-    setup = Setup(origin.physics, origin.collision, origin.options)
+    setup = Setup(origin.physics, origin.collision, origin.options, origin.screening)
     return LoadedResult(path, stored, origin, problem, setup)
 
 

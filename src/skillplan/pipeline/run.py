@@ -209,6 +209,8 @@ class Attempt:
         Those that were queried; None where none has been constructed.
     touched
         Whether the solver changed the task, which has been undone.
+    doubt
+        Why a proof is not granted although the solver has one; empty without doubt.
     """
 
     draft: Draft
@@ -218,6 +220,7 @@ class Attempt:
     refusal: str | None = None
     back_ends: Sequence[BackEnd] | None = None
     touched: bool = False
+    doubt: str = ""
 
     def back_ends_of(self, task: Task) -> Sequence[BackEnd] | None:
         """Return the back ends if they are of `task`; None where it takes others."""
@@ -247,12 +250,7 @@ def attempt(
     """
     stop = Stop() if stop is None else stop
     given = isinstance(solver, Solver)
-    if isinstance(solver, str):
-        solver = make_solver(solver, setup.options.get(solver, {}), stop)
-    else:
-        solver.stop = stop
-    solver.jobs = jobs
-    stop.decimals = task.metric.decimals
+    solver = _prepared(solver, task, setup, stop, jobs)
     cache = VerdictCache() if cache is None else cache
     model = make_model(
         task, setup, cache, stop.overdue, jobs=jobs, on_check=stop.checked, back_ends=back_ends
@@ -261,6 +259,9 @@ def attempt(
     size = DEFAULT_AUDIT if audit is None else audit
     model.feasibility.reused.most = max(DEFAULT_SIZE, 2 * size)
     draft = make_draft(task, solver.name, setup, seed)
+    by_geometry = _attempt_by_geometry(draft, model, cache, audit, seed, stop)
+    if by_geometry is not None:
+        return by_geometry
     before = Untouched(task)
     begin_s = time.perf_counter()
     try:
@@ -280,16 +281,16 @@ def attempt(
             if start is None:
                 solution = search()
             else:
-                # What expensive back ends say of the start plan is kept for the search.
-                kept = cache if expensive(back_ends) else None
-                fresh = make_model(task, setup, kept, jobs=jobs, back_ends=back_ends)
-                with closing(fresh.feasibility), blamed(type(solver)):
-                    solution = search_from(start, fresh, search, stop)
+                with blamed(type(solver)):
+                    solution = _search_from(start, model, setup, cache, search, stop, jobs)
         wall_s = time.perf_counter() - begin_s
     finally:
         touched = before.restore()
+    trace, doubt = solution.trace, ""
     if not touched and not stop.interrupted:
         hold_together(model.feasibility, size, seed, expensive=audit is not None)
+        executed, doubt = _executed_sample(model, cache, audit, seed, stop)
+        trace = {**trace, **executed}
     stats = search.stats
     iterations = _count(solution, "iterations", "expanded", "visited")
     draft = replace(
@@ -300,11 +301,88 @@ def attempt(
         cache_hits=stats.cache_hits,
         wall_s=wall_s,
         interrupted=stop.interrupted,
-        trace=solution.trace,
+        trace=trace,
     )
-    made = Attempt(draft, solution, stats.unknown > 0, stop.reason, None, back_ends)
+    made = Attempt(draft, solution, stats.unknown > 0, stop.reason, None, back_ends, doubt=doubt)
     # What holds parts of the task as the solver left it serves no more.
     return replace(made, back_ends=None, touched=True) if touched else made
+
+
+def _search_from(
+    start: Plan,
+    model: SkillModel,
+    setup: Setup,
+    cache: VerdictCache,
+    search: _Search,
+    stop: Stop,
+    jobs: int,
+) -> Solution:
+    """Return what a search finds that begins with a plan, if that holds."""
+    back_ends = model.feasibility.back_ends
+    # What expensive back ends say of the start plan is kept for the search.
+    kept = cache if expensive(back_ends) else None
+    fresh = make_model(model.task, setup, kept, jobs=jobs, back_ends=back_ends)
+    with closing(fresh.feasibility):
+        return search_from(start, fresh, search, stop)
+
+
+def _prepared(solver: str | Solver, task: Task, setup: Setup, stop: Stop, jobs: int) -> Solver:
+    """Return a solver that heeds `stop`."""
+    if isinstance(solver, str):
+        solver = make_solver(solver, setup.options.get(solver, {}), stop)
+    else:
+        solver.stop = stop
+    solver.jobs = jobs
+    stop.decimals = task.metric.decimals
+    return solver
+
+
+def _attempt_by_geometry(
+    draft: Draft, model: SkillModel, cache: VerdictCache, audit: int | None, seed: int, stop: Stop
+) -> Attempt | None:
+    """Return an attempt that proves without any execution that there is no plan, or None."""
+    if not _is_screened(model):
+        return None
+    from skillplan.pipeline.screening import ruled_out
+
+    begin_s = time.perf_counter()
+    proof = ruled_out(model.feasibility, cache, stop, seed)
+    if proof is None:
+        return None
+    with closing(model.feasibility):
+        executed, doubt = _executed_sample(model, cache, audit, seed, stop)
+    draft = replace(
+        draft,
+        states=proof.trace["states"],
+        expanded=proof.trace["expanded"],
+        checks=proof.stats.checks,
+        cache_hits=proof.stats.cache_hits,
+        wall_s=time.perf_counter() - begin_s,
+        interrupted=stop.interrupted,
+        trace={
+            **proof.trace,
+            "choice": "exact, by geometry alone, which leaves no plan",
+            **executed,
+        },
+    )
+    return Attempt(draft, Solution(proved=True), back_ends=proof.back_ends, doubt=doubt)
+
+
+def _executed_sample(
+    model: SkillModel, cache: VerdictCache, audit: int | None, seed: int, stop: Stop
+) -> tuple[dict[str, Any], str]:
+    """Execute some of what a screen refused; return figures for the trace, and what is in doubt."""
+    if not _is_screened(model):
+        return {}, ""
+    from skillplan.pipeline.screening import DEFAULT_SAMPLE, executed_sample
+
+    size = DEFAULT_SAMPLE if audit is None else audit
+    sample = executed_sample(model.feasibility, cache, size, seed, stop)
+    return {"screening": sample.document()}, sample.overruled
+
+
+def _is_screened(model: SkillModel) -> bool:
+    return any(one.screens for one in model.feasibility.back_ends)
 
 
 def make_draft(task: Task, solver: str, setup: Setup, seed: int) -> Draft:
@@ -357,6 +435,9 @@ def grade(task: Task, made: Attempt, setup: Setup, cache: VerdictCache, *, jobs:
     said = made.solution.trace.get("reason")
     if granted.status is Status.UNSOLVED and isinstance(said, str):
         reason = said
+    if made.doubt and granted.status in (Status.OPTIMAL, Status.SOLVED, Status.INFEASIBLE):
+        status = Status.UNSOLVED if granted.cost is None else Status.SOLVED
+        granted, reason = replace(granted, status=status, lower_bound=None), made.doubt
     if granted.status in (Status.SOLVED, Status.UNSOLVED) and made.stopped:
         reason = f"{made.stopped}: {reason}" if reason else made.stopped
     return draft.graded(

@@ -17,6 +17,8 @@ from skillplan.task.back_end import BackEnd
 from skillplan.task.task import BackEndChoice, Task
 
 DEFAULT_PHYSICS = "kinematic"
+SCREEN = "swept"
+"""The detector that rules out by geometry what an engine need not execute."""
 BACK_END_KINDS = ("physics", "collision")
 
 
@@ -32,11 +34,15 @@ class Setup:
         Detectors' names; empty for the task file's choice, or else its chart, or else ``aabb``.
     options
         Plugin name to option values; they go before the task file's.
+    screening
+        Whether an installed geometric detector is queried before an engine that executes skills,
+        and what it refuses is not executed.
     """
 
     physics: str | None = None
     collision: tuple[str, ...] = ()
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    screening: bool = False
 
     def back_ends(self, task: Task, spare: list[BackEnd] | None = None) -> list[BackEnd]:
         """Return the back ends for a task, physics first.
@@ -61,11 +67,16 @@ class Setup:
         choices = [("physics", self.physics_choice(task))]
         choices += [("collision", choice) for choice in self.collision_choices(task)]
         spare = [] if spare is None else spare
-        return [self._make(kind, choice, task, spare) for kind, choice in choices]
+        made = [self._make(kind, choice, task, spare) for kind, choice in choices]
+        if self.screens(task):
+            next(one for one in made if one.name == SCREEN).screens = True
+        return made
 
     def origin(self, file: str, part: str | None, changes: Mapping[str, str]) -> Origin:
         """Return what a result says of where it comes from."""
-        return Origin(file, part, changes, self.physics, self.collision, self.options)
+        return Origin(
+            file, part, changes, self.physics, self.collision, self.options, self.screening
+        )
 
     def physics_choice(self, task: Task) -> BackEndChoice:
         """Return the engine that will be queried."""
@@ -74,12 +85,30 @@ class Setup:
         return declared or BackEndChoice(named)
 
     def collision_choices(self, task: Task) -> list[BackEndChoice]:
-        """Return the detectors that will be queried."""
+        """Return the detectors that will be queried, the screen first."""
         declared = {choice.name: choice for choice in task.collision}
-        named = self.collision or tuple(declared)
-        if not named:
-            named = ("precedence",) if task.chart else ("aabb",) if task.scene.bodies else ()
+        named = self._detectors(task)
+        if self.screens(task):
+            named = (SCREEN, *named)
         return [declared.get(name, BackEndChoice(name)) for name in dict.fromkeys(named)]
+
+    def screens(self, task: Task) -> bool:
+        """Return whether a detector that nobody named rules out what need not be executed.
+
+        Raises
+        ------
+        PluginError
+            If the engine is unknown or broken.
+        """
+        if not self.screening or SCREEN in self._detectors(task):
+            return False
+        if SCREEN not in registry.names("collision") or len(task.scene.robots) != 1:
+            return False
+        return bool(registry.load("physics", self.physics_choice(task).name).expensive)
+
+    def _detectors(self, task: Task) -> tuple[str, ...]:
+        named = self.collision or tuple(choice.name for choice in task.collision)
+        return named or (("precedence",) if task.chart else ("aabb",) if task.scene.bodies else ())
 
     def _make(self, kind: str, choice: BackEndChoice, task: Task, spare: list[BackEnd]) -> BackEnd:
         values = {**choice.options, **self.options.get(choice.name, {})}

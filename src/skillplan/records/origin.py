@@ -23,6 +23,8 @@ class Origin:
         Names of the back ends that the user chose; None and empty for the file's choice.
     options
         Plugin name to option values that the user gave.
+    screening
+        Whether geometry was asked before anything was executed.
     """
 
     file: str
@@ -31,6 +33,7 @@ class Origin:
     physics: str | None = None
     collision: tuple[str, ...] = ()
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    screening: bool = False
 
     def document(self) -> dict[str, Any]:
         """Return the origin as JSON values."""
@@ -41,4 +44,5 @@ class Origin:
             "physics": self.physics,
             "collision": list(self.collision),
             "options": {plugin: dict(values) for plugin, values in self.options.items()},
+            "screening": self.screening,
         }

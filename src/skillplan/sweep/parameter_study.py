@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from skillplan.errors import OptionError
@@ -75,7 +76,7 @@ def plan_study(
     job = StudyJob(
         from_starts(task, list(starts)),
         solver,
-        Setup(setup.physics, setup.collision, fixed),
+        replace(setup, options=fixed),
         warm,
     )
     first = next(iter(job.tasks.values()))

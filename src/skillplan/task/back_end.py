@@ -43,6 +43,9 @@ class BackEnd(ABC):
         Order of magnitude of the time one check takes [s]: cheaper back ends are queried first.
     expensive
         Whether its verdicts are worth keeping on disk.
+    screens
+        Whether it is queried only to rule out what expensive ones need not execute; set where it
+        is put before them. How long skills take is then left to them.
     """
 
     name: ClassVar[str]
@@ -54,6 +57,7 @@ class BackEnd(ABC):
     def __init__(self, task: Task, options: BaseModel | None = None) -> None:
         self.task = task
         self.options = self.Options() if options is None else options
+        self.screens = False
 
     def refuses(self) -> str | None:
         """Return in words why this back end cannot serve its task; None if it can."""

@@ -14,6 +14,7 @@ from skillplan.cli.options.shared import (
     BackEnds,
     Jobs,
     Limits,
+    NoScreening,
     Reading,
     Seed,
     Style,
@@ -63,6 +64,7 @@ def command(
     ] = 40,
     seed: Seed = 0,
     back_ends: BackEnds,
+    no_screening: NoScreening = False,
     jobs: Jobs = 1,
     audit: Audit = None,
     warm: Annotated[
@@ -92,7 +94,12 @@ def command(
 
         if back_ends.collision is not None:
             raise OptionError("--collision is for --solvers; name detectors in --detectors.")
-        given = {"--warm": warm, "--jobs": jobs != 1, "--audit": audit is not None}
+        given = {
+            "--no-screening": no_screening,
+            "--warm": warm,
+            "--jobs": jobs != 1,
+            "--audit": audit is not None,
+        }
         given |= {"--stall": limits.stall_s is not None}
         given["--memory-limit"] = limits.memory_limit_bytes is not None
         for option in (option for option, present in given.items() if present):
@@ -108,7 +115,7 @@ def command(
     names = tuple(split_names(solvers or ""))
     if not names:
         raise OptionError("--solvers names no solver.")
-    run = _Run(names, limits, seed, jobs, warm, audit)
+    run = _Run(names, limits, seed, jobs, warm, audit, not no_screening)
     return _compare(task, reading, back_ends, run, style)
 
 
@@ -122,6 +129,7 @@ class _Run:
     jobs: int
     warm: bool
     audit: int | None
+    screening: bool
 
 
 def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style: str) -> int:
@@ -140,7 +148,7 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
     problem = reading.problem(path, back_ends)
     last = problem.tasks[-1]
     every = tuple(dict.fromkeys(each for name in names for each in solver_names(name)))
-    setup = back_ends.setup(last, every)
+    setup = back_ends.setup(last, every, screening=run.screening)
     for name in every:
         check_solver(name, setup.options.get(name, {}))
     with ExitStack() as waiting:

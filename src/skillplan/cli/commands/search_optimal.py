@@ -14,6 +14,7 @@ from skillplan.cli.options.shared import (
     BackEnds,
     Checking,
     Limits,
+    NoScreening,
     PartReading,
     Seed,
     Style,
@@ -50,6 +51,7 @@ def command(
         ),
     ] = None,
     back_ends: BackEnds,
+    no_screening: NoScreening = False,
     checking: Checking,
     audit: Audit = None,
     limits: Limits,
@@ -93,7 +95,7 @@ def command(
     problem = reading.problem(task, back_ends)
     solver = solver or problem.domain.default_solver(problem.config)
     last = problem.tasks[-1] if part is None else problem.part(part)
-    setup = back_ends.setup(problem.tasks[-1], solver_names(solver))
+    setup = back_ends.setup(problem.tasks[-1], solver_names(solver), screening=not no_screening)
     plan = None
     if start is not None:
         from skillplan.records.stored.result_file import start_plan

@@ -289,7 +289,7 @@ class BackEnds:
         given = {"physics": self.physics, "collision": self.collision}
         return {kind: split_names(names) for kind, names in given.items() if names is not None}
 
-    def setup(self, task: Task, solvers: Collection[str] = ()) -> Setup:
+    def setup(self, task: Task, solvers: Collection[str] = (), *, screening: bool = False) -> Setup:
         """Return the setup for a task.
 
         Parameters
@@ -298,6 +298,8 @@ class BackEnds:
             What the file's own choices are taken from.
         solvers
             Those that take part; of a single one options need not name it.
+        screening
+            Whether geometry is asked before anything is executed.
 
         Raises
         ------
@@ -313,7 +315,7 @@ class BackEnds:
         if self.collision is not None and not detectors:
             raise OptionError("--collision names no detector.")
         parsed = parse_options(self.options, next(iter(solvers)) if len(solvers) == 1 else None)
-        setup = Setup(self.physics, detectors, parsed)
+        setup = Setup(self.physics, detectors, parsed, screening)
         taking_part = [
             *solvers,
             setup.physics_choice(task).name,
@@ -324,6 +326,17 @@ class BackEnds:
                 hint = name_hint(plugin, taking_part)
                 raise OptionError(f"No plugin {plugin!r} takes part in this run. {hint}")
         return setup
+
+
+NoScreening = Annotated[
+    bool,
+    typer.Option(
+        "--no-screening",
+        help="Leave all to a physics engine. Otherwise geometry is asked first (swept, if it is "
+        "installed), and what it refuses is executed only for a sample.",
+        rich_help_panel=BACK_ENDS,
+    ),
+]
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,11 +55,18 @@ class StoredOrigin(_Stored):
     physics: str | None = None
     collision: list[str] = Field(default_factory=list)
     options: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    screening: bool = False
 
     def origin(self) -> Origin:
         """Return it as results have it."""
         return Origin(
-            self.file, self.part, self.changes, self.physics, tuple(self.collision), self.options
+            self.file,
+            self.part,
+            self.changes,
+            self.physics,
+            tuple(self.collision),
+            self.options,
+            self.screening,
         )
 
 

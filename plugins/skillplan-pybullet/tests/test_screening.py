@@ -1,0 +1,104 @@
+"""Geometry before simulated execution: who is asked, and what it spares."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from board_situations import BOARD
+from skillplan.pipeline.run import solve
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.records.result import Status
+from skillplan.task.task import Task
+
+pytest.importorskip("skillplan_pinocchio", reason="geometry is asked by swept hulls")
+
+PHYSICS = Setup("pybullet", ("contact-pairs",), screening=True)
+# Two parts so near to each other that the second one's finger finds no room, whichever it is.
+TIGHT = """
+kind: assembly
+name: tight
+robot:
+  name: arm
+  base_m: [0, 0, 0]
+  reach_m: 0.855
+  safe_height_m: 0.2
+  home_m: [0.5, 0.0]
+  travel_speed_m_per_s: 0.25
+tools:
+  gripper: {holder_m: [0.3, 0.3], holder_height_m: 0.1}
+initial_tool: gripper
+parts:
+  left:
+    tool: gripper
+    size_m: [0.02, 0.03, 0.06]
+    start_m: [0.4, -0.2]
+    goal_m: [0.5, 0.1]
+    grasp: {closing_axis: x, depth_m: 0.04}
+  right:
+    tool: gripper
+    size_m: [0.02, 0.03, 0.06]
+    start_m: [0.6, -0.2]
+    goal_m: [0.527, 0.1]
+    grasp: {closing_axis: x, depth_m: 0.04}
+"""
+
+
+@pytest.fixture
+def tight(tmp_path: Path) -> Task:
+    """A product that cannot be built."""
+    (tmp_path / "tight.yaml").write_text(TIGHT)
+    return load_problem(tmp_path / "tight.yaml").task
+
+
+def names(setup: Setup, task: Task) -> list[str]:
+    """Return the detectors that are asked."""
+    return [choice.name for choice in setup.collision_choices(task)]
+
+
+@pytest.fixture(scope="module")
+def board() -> Task:
+    """The inverter board."""
+    return load_problem(BOARD).task
+
+
+class TestWhoIsAsked:
+    def test_hulls_come_before_an_engine_that_executes(self, board: Task) -> None:
+        assert names(PHYSICS, board) == ["swept", "contact-pairs"]
+        assert [one.name for one in PHYSICS.back_ends(board) if one.screens] == ["swept"]
+
+    @pytest.mark.parametrize(
+        "setup",
+        [
+            Setup("pybullet", ("contact-pairs",)),
+            Setup("kinematic", ("aabb",), screening=True),
+            Setup("pybullet", ("aabb", "swept"), screening=True),
+        ],
+        ids=["not asked for", "nothing to execute", "named anyway"],
+    )
+    def test_otherwise_only_what_was_named_is_asked(self, board: Task, setup: Setup) -> None:
+        assert names(setup, board) == list(setup.collision)
+        assert not any(one.screens for one in setup.back_ends(board))
+
+
+def test_a_product_that_cannot_be_built_is_said_without_a_search_by_execution(tight: Task) -> None:
+    result = solve(tight, "exact", PHYSICS)
+    assert result.status is Status.INFEASIBLE
+    assert {"refused": 2, "executed": 2} == result.trace["screening"]
+    assert "right is in the way of place(left) at its goal" in result.reason
+
+
+@pytest.mark.slow(
+    reason="executes what hulls refuse; they agree on every pair in test_agreement.py"
+)
+def test_execution_alone_says_the_same(tight: Task) -> None:
+    result = solve(tight, "exact", Setup("pybullet", ("contact-pairs",)))
+    assert result.status is Status.INFEASIBLE
+
+
+@pytest.mark.slow(reason="executes the board; hulls alone prove its optimum in every run")
+def test_the_board_keeps_its_proved_optimum() -> None:
+    result = solve(load_problem(BOARD).task, "exact", PHYSICS)
+    assert (result.status, round(result.cost or 0.0, 5)) == (Status.OPTIMAL, 1.86709)
+    assert result.trace["screening"]["executed"] == 2
