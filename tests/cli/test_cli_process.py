@@ -14,6 +14,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -238,7 +239,16 @@ class TestInterruption:
 def test_a_signal_ends_it_in_order_before_the_command_is_even_imported(number: int) -> None:
     """From the first line of ours on: with the code of an interruption and without a traceback."""
     words = [sys.executable, "-X", "importtime", "-m", "skillplan", "check", "none.yaml"]
-    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        words,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        # It cannot run ahead of who reads what it imports: there is no room in the pipe.
+        pipesize=4096,
+        # A shell that runs the suite in the background has all of it ignore Ctrl-C.
+        preexec_fn=partial(signal.signal, number, signal.SIG_DFL),
+    )
     assert process.stderr is not None
     with process.stderr as heard:
         said = next(line for line in heard if "typer" in line)
