@@ -132,18 +132,22 @@ def completed(job: Job, folder: Path, environment: Mapping[str, str] | None = No
     return done.returncode
 
 
-def killed(job: Job, folder: Path, after_s: float) -> None:
-    """Start a job and kill it, but not what it started, after a time."""
+def killed(job: Job, folder: Path, after_s: float, *, group: bool) -> None:
+    """Start a job and kill it after a time, alone or with all that it started."""
     process = subprocess.Popen(
         [*PROGRAM, *job.line(folder)],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         env=job.environment(folder),
+        start_new_session=group,
     )
     try:
         process.wait(after_s)
     except subprocess.TimeoutExpired:
-        process.send_signal(signal.SIGKILL)
+        if group:
+            os.killpg(process.pid, signal.SIGKILL)
+        else:
+            process.send_signal(signal.SIGKILL)
         process.wait()
 
 
@@ -169,7 +173,8 @@ def kill_at_random(tally: Tally, task: Path, counts: Mapping[str, int]) -> None:
             ) -> None:
                 shutil.rmtree(inside / "cut", ignore_errors=True)
                 for _ in range(chance.choice((1, 1, 2))):
-                    killed(job, inside / "cut", chance.uniform(0.0, 1.05 * lasts_s))
+                    after_s = chance.uniform(0.0, 1.05 * lasts_s)
+                    killed(job, inside / "cut", after_s, group=chance.random() < 0.5)
                 _comes_to_the_same(job, inside / "cut", wanted)
 
             for number in range(number_of_kills):

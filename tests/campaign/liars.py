@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 import random
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 from tally import Tally
 
-from situations import fake_back_end, model_of, solver_that, two_roads_task
+from situations import FakeSetup, fake_back_end, model_of, solver_that, two_roads_task
 from skillplan.errors import BackEndError, SkillplanError
 from skillplan.pipeline.run import solve
 from skillplan.solvers.solution import Plan, Solution
+from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
+from skillplan.testing import lid_task
 
 Act = Callable[[Any, Any], Any]
 
@@ -118,6 +121,45 @@ def _raising(error: BaseException) -> Callable[[Any, Any], Any]:
     return check
 
 
+def _resting_on_nothing(task: Task) -> Any:
+    """Return answers that depend on the state, and say that they do not."""
+    nothing = task.facts.none
+
+    def answer(skill: Any, state: Any) -> Verdict:
+        if skill.name == "load(screwdriver)" and "placed(fuse)" not in state:
+            return Verdict.infeasible("a rule that it keeps to itself", nothing, nothing)
+        return Verdict.feasible(nothing, nothing)
+
+    return answer
+
+
+def _fickle(task: Task) -> Any:
+    """Return answers that change whenever the same is asked again."""
+    nothing, asked = task.facts.none, Counter[tuple[str, Any]]()
+
+    def answer(skill: Any, state: Any) -> Verdict:
+        asked[skill.name, state] += 1
+        if asked[skill.name, state] % 2:
+            return Verdict.feasible(nothing, nothing)
+        return Verdict.infeasible("not any more", nothing, nothing)
+
+    return answer
+
+
+INCONSISTENT = {
+    "a verdict that names too few facts": _resting_on_nothing,
+    "another verdict every time": _fickle,
+}
+
+
+def _inconsistency_is_caught(make: Callable[[Task], Any]) -> None:
+    """Assert that a search with an audit of all that it reused names the back end."""
+    task = lid_task()
+    setup = FakeSetup(make=lambda task: [fake_back_end(task, make(task), name="liar")])
+    with pytest.raises(BackEndError, match="liar"):
+        solve(task, "exhaustive", setup, audit=10_000)
+
+
 def detectors() -> dict[str, Any]:
     """Return six answers that are none."""
     return {
@@ -144,6 +186,8 @@ def lie(tally: Tally) -> None:
         tally.case("lying-solver", number, _case(_solver_is_caught, name, act))
     for number, (name, answer) in enumerate(detectors().items()):
         tally.case("lying-detector", number, _case(_detector_is_caught, name, answer))
+    for number, (name, make) in enumerate(INCONSISTENT.items()):
+        tally.case("inconsistent-detector", number, _case(_inconsistency_is_caught, name, make))
 
 
 def _case(check: Callable[[Any], None], name: str, liar: Any) -> Callable[[random.Random], None]:
