@@ -85,7 +85,7 @@ class TestWhoIsAsked:
 def test_a_product_that_cannot_be_built_is_said_without_a_search_by_execution(tight: Task) -> None:
     result = solve(tight, "exact", PHYSICS)
     assert result.status is Status.INFEASIBLE
-    assert {"refused": 2, "executed": 2} == result.trace["screening"]
+    assert result.trace["screening"] == {"refused": 2, "executed": 2}
     assert "right is in the way of place(left) at its goal" in result.reason
 
 
