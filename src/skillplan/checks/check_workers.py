@@ -9,9 +9,14 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from pydantic import BaseModel
-
-from skillplan.checks.single_check import Checked, CheckRequest, check, construct, introduce
+from skillplan.checks.single_check import (
+    Checked,
+    CheckRequest,
+    Recipe,
+    check,
+    construct,
+    introduce,
+)
 from skillplan.errors import BackEndError
 from skillplan.plugins.blame import traceback_text
 from skillplan.task.back_end import BackEnd
@@ -38,7 +43,7 @@ class Conversation(Protocol):
 
 
 # What a process starts from, what it is queried about, and what it answers.
-_Content = tuple[Task, list[tuple[type[BackEnd], BaseModel]]]
+_Content = tuple[Task, list[Recipe]]
 _Job = tuple[int, int, int]
 _Fields = tuple[str, str, str, int, int, dict[str, Any], float]
 
@@ -164,7 +169,7 @@ class CheckWorkers:
                 return worker
             worker.end(gently=False)
         if self._content is None:
-            made = [(type(back_end), back_end.options) for back_end in self.back_ends]
+            made = [Recipe.of(back_end) for back_end in self.back_ends]
             self._content = packed((self.task, made), _WHAT)
         return self._executor.start(_prepare, self._content, _WHAT)
 

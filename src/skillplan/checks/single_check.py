@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 from pydantic import BaseModel
 
@@ -73,8 +73,29 @@ class IntroducedBackEnds(tuple[BackEnd, ...]):
     __slots__ = ()
 
 
-def construct(task: Task, wanted: Iterable[tuple[type[BackEnd], BaseModel]]) -> list[BackEnd]:
-    """Return back ends of given classes and options, made in a process of their own.
+class Recipe(NamedTuple):
+    """What it takes to make a back end again in another process.
+
+    Parameters
+    ----------
+    plugin, options
+        Its class, and how it is made.
+    screens
+        As of the back end.
+    """
+
+    plugin: type[BackEnd]
+    options: BaseModel
+    screens: bool
+
+    @classmethod
+    def of(cls, back_end: BackEnd) -> Recipe:
+        """Return that of a back end."""
+        return cls(type(back_end), back_end.options, back_end.screens)
+
+
+def construct(task: Task, wanted: Iterable[Recipe]) -> list[BackEnd]:
+    """Return back ends, made in a process of their own.
 
     Raises
     ------
@@ -82,11 +103,12 @@ def construct(task: Task, wanted: Iterable[tuple[type[BackEnd], BaseModel]]) -> 
         If one fails to start.
     """
     made = []
-    for plugin, options in wanted:
+    for recipe in wanted:
         try:
-            made.append(plugin(task, options))
+            made.append(recipe.plugin(task, recipe.options))
         except BaseException as error:
-            _blame(error, plugin, " to start in a process of its own")
+            _blame(error, recipe.plugin, " to start in a process of its own")
+        made[-1].screens = recipe.screens
     return made
 
 

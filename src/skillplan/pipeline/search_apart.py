@@ -17,7 +17,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from skillplan.checks.feasibility import Feasibility
-from skillplan.checks.single_check import construct
+from skillplan.checks.single_check import Recipe, construct
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
 from skillplan.errors import BackEndError, SkillplanError, SolverError
 from skillplan.judge.plain_solution import plain_plan
@@ -40,7 +40,7 @@ GRACE_S = 1.0
 # Bounds come by the thousand; telling of them more often takes time from the search [s].
 _TELL_EVERY_S = 0.02
 
-_Content = tuple[Task, list[tuple[type[BackEnd], BaseModel]], type[Solver], BaseModel, Path | None]
+_Content = tuple[Task, list[Recipe], type[Solver], BaseModel, Path | None]
 # The best plan and bound so far, how many nodes, and what was queried until then.
 _Told = tuple[Plan | None, float | None, int, ModelStats]
 
@@ -113,7 +113,7 @@ def search_apart(
         If no process can be started.
     """
     folder = cache.folder if isinstance(cache, DiskVerdictCache) else None
-    made = [(type(back_end), back_end.options) for back_end in back_ends]
+    made = [Recipe.of(back_end) for back_end in back_ends]
     content: _Content = (task, made, type(solver), solver.options, folder)
     place = LocalProcesses(1) if executor is None else executor
     worker = place.start(_prepare, packed(content, _WHAT), _WHAT)
