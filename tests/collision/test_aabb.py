@@ -194,6 +194,18 @@ def test_a_turned_part_takes_its_turned_room():
     assert verdict_of(content, "place(bar)", *facts).reason == "bar runs into post on the approach"
 
 
+def test_a_part_that_is_not_turned_by_quarters_is_refused_in_words():
+    """A box about it would take more room than it does."""
+    content = shelf()
+    content["parts"]["bar"] = block([0.4, 0.2], [0.5, 0.0], [0.12, 0.02, 0.02])
+    for yaw_rad in (0.0, 1.5708, -3.14159):
+        content["parts"]["bar"]["goal_yaw_rad"] = yaw_rad
+        assert AabbDetector(assembly(content)).refuses() is None
+    content["parts"]["bar"]["goal_yaw_rad"] = 0.5235988
+    refusal = AabbDetector(assembly(content)).refuses()
+    assert "'bar' is turned by 30 degrees where placed(bar) holds. Take swept" in refusal
+
+
 @pytest.mark.parametrize("tolerance_m", [0.0, 0.003])
 def test_a_slight_overlap_within_the_tolerance_is_a_touch(tolerance_m):
     """Blocks planned 1 mm into each other."""

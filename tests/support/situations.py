@@ -187,7 +187,7 @@ def small_assemblies(draw):
 
 
 @st.composite
-def crowded_assemblies(draw):
+def crowded_assemblies(draw, odd_turns=True):
     """Draw the content of an assembly in which much collides: tall, turned, stacked and close.
 
     No care is taken that it can be built; what a verdict rests on must be right all the same.
@@ -230,7 +230,7 @@ def crowded_assemblies(draw):
             if rng.random() < 0.6:
                 part["goal_m"] = list(parts[below]["goal_m"])
         for key in ("start_yaw_rad", "goal_yaw_rad"):
-            part[key] = rng.choice([0.0, 0.0, math.pi / 2, 0.4])
+            part[key] = rng.choice([0.0, 0.0, math.pi / 2, 0.4 if odd_turns else math.pi])
         parts[f"part_{i}"] = part
     screws = {
         f"screw_{i}": {

@@ -7,6 +7,7 @@ has nothing beneath it: a part left in the air drops and ends elsewhere than pre
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -28,6 +29,10 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
+
+_QUARTER_RAD = math.pi / 2
+# So little does not show in a box: 1 mm of a metre [rad].
+_TURNED_RAD = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +113,19 @@ class AabbDetector(Detector):
                 for _, _, boxes in self._solids(frozenset())
                 for box in boxes
             )
+
+    def refuses(self) -> str | None:
+        """Return which body is not parallel to the axes: a box about it would be too large."""
+        for body, placement, _ in self._placed:
+            yaw_rad = placement.pose.yaw_rad
+            quarters = round(yaw_rad / _QUARTER_RAD)
+            if abs(yaw_rad - quarters * _QUARTER_RAD) > _TURNED_RAD:
+                return (
+                    f"its boxes are parallel to the axes, and {body.name!r} is turned by "
+                    f"{math.degrees(yaw_rad):.4g} degrees where {placement.fact} holds. Take "
+                    "swept, or turn it by quarters"
+                )
+        return None
 
     def check(self, skill: Skill, state: State) -> Verdict:
         """Check the motion of `skill`; see :meth:`BackEnd.check`."""

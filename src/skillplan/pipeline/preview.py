@@ -10,8 +10,9 @@ from skillplan.chart.conflict import conflict_lines
 from skillplan.chart.precedence_chart import DerivedChart, derive_chart
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.load import Problem
+from skillplan.errors import OptionError
 from skillplan.pipeline.run import make_feasibility
-from skillplan.pipeline.setup import DEFAULT_PHYSICS, Setup
+from skillplan.pipeline.setup import DEFAULT_PHYSICS, SCREEN, Setup
 from skillplan.records.preview import DerivedOrder, Preview
 from skillplan.task.task import Task
 
@@ -39,7 +40,7 @@ def preview(
         The engine that is queried; None for ``kinematic``, whatever the file chooses: a preview
         is instant.
     collision
-        Detectors that are queried; empty for ``aabb``.
+        Detectors that are queried; empty for ``aabb``, or ``swept`` where that refuses a task.
     options
         Plugin name to option values.
     cache
@@ -68,8 +69,11 @@ def preview(
 
 
 def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool) -> DerivedOrder:
-    if not named and len(task.operations) > MOST_COMPONENTS:
-        return DerivedOrder(task.name, ())
+    if not named:
+        quick = _quick_setup(task)
+        if quick is None or len(task.operations) > MOST_COMPONENTS:
+            return DerivedOrder(task.name, ())
+        setup = quick
     feasibility = make_feasibility(task, setup, cache)
     with closing(feasibility):
         chart = derive_chart(feasibility)
@@ -82,6 +86,19 @@ def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool)
         chart.impossible,
         tuple(_obstacles(chart, task, names)),
     )
+
+
+def _quick_setup(task: Task) -> Setup | None:
+    """Return the quickest geometry that serves a task: boxes, or hulls where parts are turned."""
+    for setup in (Setup(DEFAULT_PHYSICS, DEFAULT_COLLISION), Setup(DEFAULT_PHYSICS, (SCREEN,))):
+        if setup.collision == (SCREEN,) and not setup.has_screen(task):
+            continue
+        try:
+            setup.back_ends(task)
+        except OptionError:
+            continue
+        return setup
+    return None
 
 
 def _obstacles(chart: DerivedChart, task: Task, names: tuple[str, ...]) -> Iterator[str]:

@@ -31,7 +31,8 @@ class Setup:
     physics
         An engine's name; None for the task file's choice, or else ``kinematic``.
     collision
-        Detectors' names; empty for the task file's choice, or else its chart, or else ``aabb``.
+        Detectors' names; empty for the task file's choice, or else its chart, or else ``swept``, or
+        where that is not installed, or several robots move, ``aabb``.
     options
         Plugin name to option values; they go before the task file's.
     screening
@@ -102,13 +103,19 @@ class Setup:
         """
         if not self.screening or SCREEN in self._detectors(task):
             return False
-        if SCREEN not in registry.names("collision") or len(task.scene.robots) != 1:
+        if not self.has_screen(task):
             return False
         return bool(registry.load("physics", self.physics_choice(task).name).expensive)
 
     def _detectors(self, task: Task) -> tuple[str, ...]:
         named = self.collision or tuple(choice.name for choice in task.collision)
-        return named or (("precedence",) if task.chart else ("aabb",) if task.scene.bodies else ())
+        if named or task.chart or not task.scene.bodies:
+            return named or (("precedence",) if task.chart else ())
+        return (SCREEN if self.has_screen(task) else "aabb",)
+
+    def has_screen(self, task: Task) -> bool:
+        """Return whether the geometric detector is installed and serves as many robots."""
+        return SCREEN in registry.names("collision") and len(task.scene.robots) == 1
 
     def _make(self, kind: str, choice: BackEndChoice, task: Task, spare: list[BackEnd]) -> BackEnd:
         values = {**choice.options, **self.options.get(choice.name, {})}

@@ -267,8 +267,8 @@ class BackEnds:
             "--collision",
             metavar="NAMES",
             autocompletion=plugin_lists("collision"),
-            help="Collision detectors, separated by commas; default: the task file's choice, "
-            "for chart aabb.",
+            help="Collision detectors, separated by commas; default: the task file's choice or "
+            "chart, or else swept, if it is installed; for the command chart aabb.",
             rich_help_panel=BACK_ENDS,
         ),
     ] = None
