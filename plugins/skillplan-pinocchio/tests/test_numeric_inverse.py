@@ -66,6 +66,22 @@ def test_at_least_995_of_1000_reachable_poses_are_solved(name, count):
     assert unreached <= 0.005 * count
 
 
+@pytest.mark.parametrize(
+    ("name", "joint", "angle_rad"),
+    [("panda", 3, -0.0698), ("panda", 0, 2.8973), ("ur5e", 2, 0.0), ("ur5e", 4, math.pi)],
+    ids=["elbow at its limit", "base at its limit", "stretched", "parallel axes"],
+)
+def test_poses_at_limits_and_where_directions_are_lost_are_solved(name, joint, angle_rad):
+    """All of twenty."""
+    arm = ARMS[name]
+    for angles in np.random.default_rng(1).uniform(arm.low_rad, arm.high_rad, (20, arm.model.nq)):
+        angles[joint] = angle_rad
+        target = arm.tip(angles)
+        found = SOLVERS[name].solve(target)
+        assert not isinstance(found, Unreached)
+        assert_solves(arm, found, target)
+
+
 @pytest.mark.release(reason="a time; the benchmark shows it, too")
 @pytest.mark.parametrize("name", ARMS)
 def test_half_of_the_poses_take_less_than_a_millisecond(name):

@@ -172,6 +172,7 @@ def test_the_ur5e_is_of_the_family_by_its_lengths():
         PANDA,
         replace(UR5E, name="tilted", tip=Transform((0.0, 0.0, 0.1), (0.1, 0.0, 0.0))),
         ur_arm("no forearm", (0.1625, -0.425, 0.0, 0.1333, 0.0997, 0.0996)),
+        ur_arm("no offset", (0.1625, -0.425, -0.3922, 0.0, 0.0997, 0.0996)),
     ],
     ids=lambda arm: arm.name,
 )

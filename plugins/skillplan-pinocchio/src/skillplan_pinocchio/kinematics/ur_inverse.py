@@ -65,9 +65,9 @@ class UrLengths:
         )
         upright = all(joint.axis == (0.0, 0.0, 1.0) for joint in description.joints)
         placed = (description.joints[0].placement, *ends)
-        if upright and placed == lengths.placements() and lengths.a2_m and lengths.a3_m:
-            return lengths
-        return None
+        # Without one of these, some joints turn freely wherever the flange is.
+        whole = all((lengths.a2_m, lengths.a3_m, lengths.d4_m))
+        return lengths if whole and upright and placed == lengths.placements() else None
 
     def placements(self) -> tuple[Transform, ...]:
         """Return where the six joints and the tip are, each in the frame before."""
