@@ -2,12 +2,18 @@
 
 Kinematics in the modified convention of Denavit and Hartenberg (Craig), limits from the
 maker's interface specification; the outline of the hand is measured on its collision meshes.
+
+The maker publishes no masses. Those of the links were identified by Gaz, Cognetti, Oliva, Robuffo
+Giordano and De Luca, "Dynamic Identification of the Franka Emika Panda Robot With Retrieval of
+Feasible Parameters Using Penalty-Based Optimization", IEEE Robotics and Automation Letters, 2019.
 """
 
 from __future__ import annotations
 
 import math
 from typing import Final
+
+from skillplan.robots.arm_description import ArmDescription, Joint, LinkInertia, Transform
 
 # Link lengths a [m], offsets d [m] and twists alpha [rad] of the seven joints.
 LINK_LENGTHS_M: Final = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)
@@ -50,3 +56,66 @@ FINGER_PROFILE_M: Final = (
     (0.0354, 0.0106, 0.0, 0.0257),
     (0.0538, 0.0106, 0.0, 0.0265),
 )
+
+_LINKS: Final = (
+    LinkInertia(
+        4.970684,
+        (0.003875, 0.002081, -0.04762),
+        (0.70337, 0.70661, 0.0091170, -0.00013900, 0.0067720, 0.019169),
+    ),
+    LinkInertia(
+        0.646926,
+        (-0.003141, -0.02872, 0.003495),
+        (0.0079620, 0.028110, 0.025995, -0.0039250, 0.010254, 0.00070400),
+    ),
+    LinkInertia(
+        3.228604,
+        (0.027518, 0.039252, -0.066502),
+        (0.037242, 0.036155, 0.010830, -0.0047610, -0.011396, -0.012805),
+    ),
+    LinkInertia(
+        3.587895,
+        (-0.05317, 0.104419, 0.027454),
+        (0.025853, 0.019552, 0.028323, 0.0077960, -0.0013320, 0.0086410),
+    ),
+    LinkInertia(
+        1.225946,
+        (-0.011953, 0.041065, -0.038437),
+        (0.035549, 0.029474, 0.0086270, -0.0021170, -0.0040370, 0.00022900),
+    ),
+    LinkInertia(
+        1.666555,
+        (0.060149, -0.014117, -0.010517),
+        (0.0019640, 0.0043540, 0.0054330, 0.00010900, -0.0011580, 0.00034100),
+    ),
+    LinkInertia(
+        0.735522,
+        (0.010517, -0.004252, 0.061597),
+        (0.012516, 0.010027, 0.0048150, -0.00042800, -0.0011960, -0.00074100),
+    ),
+)
+
+PANDA: Final = ArmDescription(
+    name="Franka Emika Panda",
+    joints=tuple(
+        Joint(
+            f"joint_{index + 1}",
+            Transform.from_modified_dh(
+                LINK_LENGTHS_M[index], LINK_OFFSETS_M[index], LINK_TWISTS_RAD[index]
+            ),
+            JOINT_LOW_RAD[index],
+            JOINT_HIGH_RAD[index],
+            JOINT_SPEED_RAD_PER_S[index],
+            JOINT_ACCELERATION_RAD_PER_S2[index],
+            JOINT_TORQUE_NM[index],
+            link,
+        )
+        for index, link in enumerate(_LINKS)
+    ),
+    tip=Transform((0.0, 0.0, FLANGE_M)),
+    home_rad=READY_RAD,
+)
+"""The arm without its hand; its tip is the flange."""
+
+TIP_ON_FLANGE: Final = Transform((0.0, 0.0, TIP_M), (0.0, 0.0, HAND_YAW_RAD))
+"""The ends of the hand's fingers, seen from the flange."""

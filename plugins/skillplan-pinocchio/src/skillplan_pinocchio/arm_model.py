@@ -1,4 +1,4 @@
-"""A Panda for pinocchio, built from the facts of the robot: no model file is read.
+"""A Panda with its hand for pinocchio, built from its description: no model file is read.
 
 The tip is the lowest point of hand or tool; it is at one and the same distance from the frame
 of the hand whatever is attached.
@@ -15,7 +15,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from skillplan.robots import panda
+from skillplan.robots.arm_description import Transform
 from skillplan.task.motion import Point
+from skillplan_pinocchio.kinematics.serial_arm import build_model
 
 Vector = NDArray[np.float64]
 
@@ -72,9 +74,9 @@ class ArmModel:
 
     def __init__(self, base: Point = (0.0, 0.0, 0.0)) -> None:
         self.base = base
-        self.low_rad: Vector = np.array(panda.JOINT_LOW_RAD)
-        self.high_rad: Vector = np.array(panda.JOINT_HIGH_RAD)
-        self.model = _model(base)
+        self.low_rad: Vector = np.array(panda.PANDA.low_rad)
+        self.high_rad: Vector = np.array(panda.PANDA.high_rad)
+        self.model = build_model(panda.PANDA, Transform(base), panda.TIP_ON_FLANGE)
         self._data = self.model.createData()
         self._tip = self.model.getFrameId("tip")
 
@@ -143,27 +145,3 @@ def pose_down(position: Point, closing_yaw_rad: float) -> Any:
 def closing_yaw_rad(rotation: Vector) -> float:
     """Return the direction in which jaws close, from x about the vertical [rad]."""
     return math.atan2(rotation[1, 1], rotation[0, 1])
-
-
-def _model(base: Point) -> Any:
-    model = pin.Model()
-    parent = 0
-    facts = zip(panda.LINK_LENGTHS_M, panda.LINK_OFFSETS_M, panda.LINK_TWISTS_RAD, strict=True)
-    for number, (length_m, offset_m, twist_rad) in enumerate(facts, start=1):
-        cos, sin = math.cos(twist_rad), math.sin(twist_rad)
-        rotation = np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
-        translation = np.array([length_m, -sin * offset_m, cos * offset_m])
-        if number == 1:
-            translation = translation + np.array(base)
-        placement = pin.SE3(rotation, translation)
-        parent = model.addJoint(parent, pin.JointModelRZ(), placement, f"joint_{number}")
-    model.lowerPositionLimit[:] = panda.JOINT_LOW_RAD
-    model.upperPositionLimit[:] = panda.JOINT_HIGH_RAD
-    model.velocityLimit[:] = panda.JOINT_SPEED_RAD_PER_S
-    model.effortLimit[:] = panda.JOINT_TORQUE_NM
-    cos, sin = math.cos(panda.HAND_YAW_RAD), math.sin(panda.HAND_YAW_RAD)
-    rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    for name, beyond_m in (("hand", 0.0), ("tip", panda.TIP_M)):
-        placement = pin.SE3(rotation, np.array([0.0, 0.0, panda.FLANGE_M + beyond_m]))
-        model.addFrame(pin.Frame(name, parent, placement, pin.FrameType.OP_FRAME))
-    return model

@@ -1,0 +1,1 @@
+"""Where any serial arm is, and which joint angles bring it somewhere."""

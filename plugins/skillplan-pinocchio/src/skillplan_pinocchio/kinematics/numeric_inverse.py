@@ -1,0 +1,175 @@
+"""Joint angles for any pose of any serial arm, by damped least squares from several starts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from skillplan_pinocchio.kinematics.serial_arm import SerialArm, Vector
+
+# A solution is this near, in position [m] and rotation [rad].
+ACCURACY: Final = 1e-8
+
+# Postures among which starts are chosen, and how many of them are tried.
+_SAMPLES = 1024
+_STARTS = 64
+_MOST_ITERATIONS = 40
+# A start is given up where this many iterations did not make the error this much smaller.
+_PATIENCE = 4
+_GAIN = 0.7
+_MOST_STEP_RAD = 0.6
+_DAMPING = 0.1
+# What a radian counts against a metre, when starts are compared [m].
+_RADIAN_M = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Unreached:
+    """That no posture was found for a pose, and how near the nearest one found was.
+
+    Parameters
+    ----------
+    distance_m
+        From the pose [m].
+    angle_rad
+        From its rotation [rad].
+    """
+
+    distance_m: float
+    angle_rad: float
+
+    @property
+    def reason(self) -> str:
+        """One clause."""
+        return (
+            "no posture within the joints' limits was found; the nearest one is "
+            f"{1e3 * self.distance_m:.3g} mm and {self.angle_rad:.3g} rad away"
+        )
+
+
+class NumericInverse:
+    """Joint angles for poses of an arm.
+
+    The same question has the same answer, whatever was asked before.
+
+    Parameters
+    ----------
+    arm
+        With any number of joints; fewer than six reach few poses.
+
+    Examples
+    --------
+    >>> from skillplan.robots.panda import PANDA
+    >>> arm = SerialArm(PANDA)
+    >>> found = NumericInverse(arm).solve(arm.tip(arm.home_rad))
+    >>> bool(np.abs(arm.error(found, arm.tip(arm.home_rad))[0]).max() < 1e-6)
+    True
+    """
+
+    def __init__(self, arm: SerialArm) -> None:
+        self.arm = arm
+        low, high = arm.low_rad, arm.high_rad
+        # Angles beyond one turn lead nowhere else.
+        half = np.minimum((high - low) / 2, math.pi)
+        middle = (low + high) / 2
+        self._starts = middle + half * (2 * _even_points(_SAMPLES, len(low)) - 1)
+        self._features = np.array([_feature(arm.tip(start)) for start in self._starts])
+
+    def solve(self, target: Any, near: Vector | None = None) -> Vector | Unreached:
+        """Return joint angles for a pose.
+
+        Parameters
+        ----------
+        target
+            Where the tip is to be in the world, as `pinocchio.SE3`.
+        near
+            A posture to start from first [rad], shape (joints,); moved into the limits.
+
+        Returns
+        -------
+        Vector
+            Joint angles [rad] within their limits, shape (joints,), with the tip within 1e-8 m
+            and 1e-8 rad of the pose; or that none were found, which is no proof that there are
+            none.
+
+        Raises
+        ------
+        ValueError
+            If the pose is not finite.
+        """
+        wanted = _feature(target)
+        if not np.isfinite(wanted).all():
+            raise ValueError(f"Pose must be finite, not {target}.")
+        nearest = (math.inf, math.inf)
+        if near is not None:
+            start = np.clip(near, self.arm.low_rad, self.arm.high_rad)
+            joints, twist = self._descend(start, target)
+            if joints is not None:
+                return joints
+            nearest = _size(twist)
+        away = self._features - wanted
+        order = np.argsort(np.einsum("ij,ij->i", away, away), kind="stable")
+        for index in order[:_STARTS]:
+            joints, twist = self._descend(self._starts[index], target)
+            if joints is not None:
+                return joints
+            nearest = min(nearest, _size(twist))
+        return Unreached(*nearest)
+
+    def _descend(self, start: Vector, target: Any) -> tuple[Vector | None, Vector]:
+        """Return the joint angles that a start leads to, if any, and the error that is left."""
+        low, high = self.arm.low_rad, self.arm.high_rad
+        joints = start
+        best, waited = math.inf, 0
+        for _ in range(_MOST_ITERATIONS):
+            twist, jacobian = self.arm.error(joints, target)
+            square = float(twist @ twist)
+            if square < ACCURACY**2:
+                return joints, twist
+            if square < _GAIN * best:
+                best, waited = square, 0
+            else:
+                waited += 1
+                if waited > _PATIENCE:
+                    break
+            step = self._step(jacobian, twist, square)
+            moved = joints + step
+            stuck = (moved < low) | (moved > high)
+            if stuck.any():
+                # A joint that would leave its limits stays at them, and the others do the work.
+                held = np.where(stuck, np.clip(moved, low, high) - joints, 0.0)
+                free = jacobian * ~stuck
+                step = held + self._step(free, twist - jacobian @ held, square)
+                moved = np.minimum(np.maximum(joints + step, low), high)
+            joints = moved
+        return None, twist
+
+    def _step(self, jacobian: Vector, twist: Vector, square: float) -> Vector:
+        """Return the change of the joints [rad]; the nearer, the less damped (Sugihara 2011)."""
+        inner = jacobian @ jacobian.T
+        inner.flat[::7] += _DAMPING * square + 1e-12
+        step = jacobian.T @ np.linalg.solve(inner, twist)
+        size = float(np.abs(step).max())
+        return step if size <= _MOST_STEP_RAD else step * (_MOST_STEP_RAD / size)
+
+
+def _feature(pose: Any) -> Vector:
+    """Return coordinates whose distances compare poses."""
+    return np.concatenate([pose.translation, _RADIAN_M * pose.rotation.ravel()])
+
+
+def _size(twist: Vector) -> tuple[float, float]:
+    return float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:]))
+
+
+def _even_points(count: int, dimensions: int) -> Vector:
+    """Return points that fill the unit cube evenly, shape (count, dimensions) (Roberts 2018)."""
+    # The root of x^(d + 1) = x + 1, by iterating what holds at it.
+    root = 2.0
+    for _ in range(64):
+        root = (1 + root) ** (1 / (dimensions + 1))
+    shares = np.array([root ** -(number + 1) for number in range(dimensions)])
+    return np.asarray((0.5 + np.outer(np.arange(1, count + 1), shares)) % 1.0)

@@ -1,0 +1,158 @@
+"""A pinocchio model of any arm that is described, with its base and what is on its flange."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from skillplan.robots.arm_description import ArmDescription, LinkInertia, Transform
+
+Vector = NDArray[np.float64]
+
+_NOWHERE = Transform()
+
+
+class SerialArm:
+    """An arm as it is mounted: where its tip is, and how the tip moves with the joints.
+
+    It keeps no state between calls, but memory to work in: one for each thread.
+
+    Parameters
+    ----------
+    description
+        The robot.
+    base
+        Where it stands in the world.
+    tool
+        Where the tip is, seen from the flange.
+
+    Attributes
+    ----------
+    description
+        As given.
+    base, flange_to_tip
+        As given, as `pinocchio.SE3`.
+    low_rad, high_rad
+        Limits of the joints [rad], shape (joints,).
+    home_rad
+        The description's posture [rad], shape (joints,).
+    model
+        The `pinocchio.Model`, with masses; its frame `tip` is the tip.
+
+    Examples
+    --------
+    >>> from skillplan.robots.ur5e import UR5E
+    >>> SerialArm(UR5E).tip(np.zeros(6)).translation.round(4).tolist()
+    [-0.8172, -0.2329, 0.0628]
+    """
+
+    def __init__(
+        self,
+        description: ArmDescription,
+        base: Transform = _NOWHERE,
+        tool: Transform = _NOWHERE,
+    ) -> None:
+        self.description = description
+        self.base = placement(base)
+        self.flange_to_tip = placement(tool)
+        self.low_rad: Vector = np.array(description.low_rad)
+        self.high_rad: Vector = np.array(description.high_rad)
+        self.home_rad: Vector = np.array(description.home_rad)
+        self.model = build_model(description, base, tool)
+        self._data = self.model.createData()
+        self._tip = self.model.getFrameId("tip")
+
+    def tip(self, joints_rad: Vector) -> Any:
+        """Return where the tip is in the world, as `pinocchio.SE3`.
+
+        Parameters
+        ----------
+        joints_rad
+            Shape (joints,).
+        """
+        pin.framesForwardKinematics(self.model, self._data, joints_rad)
+        return self._data.oMf[self._tip].copy()
+
+    def error(self, joints_rad: Vector, target: Any) -> tuple[Vector, Vector]:
+        """Return how far the tip is from a pose, and the Jacobian, both in the tip's frame.
+
+        Parameters
+        ----------
+        joints_rad
+            Shape (joints,).
+        target
+            Where the tip is to be in the world, as `pinocchio.SE3`.
+
+        Returns
+        -------
+        twist
+            Displacement [m] and rotation vector [rad] that are left to go, shape (6,).
+        jacobian
+            Shape (6, joints).
+        """
+        pin.computeJointJacobians(self.model, self._data, joints_rad)
+        here = pin.updateFramePlacement(self.model, self._data, self._tip)
+        jacobian = pin.getFrameJacobian(self.model, self._data, self._tip, pin.LOCAL)
+        return pin.log6(here.actInv(target)).vector, jacobian
+
+
+def placement(transform: Transform) -> Any:
+    """Return a transform as `pinocchio.SE3`."""
+    roll, pitch, yaw = transform.rpy_rad
+    cr, sr = math.cos(roll), math.sin(roll)
+    cp, sp = math.cos(pitch), math.sin(pitch)
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    rotation = np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+    return pin.SE3(rotation, np.array(transform.xyz_m))
+
+
+def build_model(
+    description: ArmDescription, base: Transform = _NOWHERE, tool: Transform = _NOWHERE
+) -> Any:
+    """Return the `pinocchio.Model` of an arm.
+
+    Parameters
+    ----------
+    description
+        The robot.
+    base
+        Where it stands in the world.
+    tool
+        Where the frame `tip` is, seen from the frame `flange`.
+    """
+    model = pin.Model()
+    model.name = description.name
+    parent, before = 0, placement(base)
+    for joint in description.joints:
+        kind = pin.JointModelRZ() if joint.axis == (0.0, 0.0, 1.0) else _turning(joint.axis)
+        parent = model.addJoint(parent, kind, before * placement(joint.placement), joint.name)
+        model.appendBodyToJoint(parent, _inertia(joint.link), placement(joint.link.frame))
+        before = pin.SE3.Identity()
+    model.lowerPositionLimit[:] = description.low_rad
+    model.upperPositionLimit[:] = description.high_rad
+    model.velocityLimit[:] = description.speed_rad_per_s
+    model.effortLimit[:] = description.torque_nm
+    flange = placement(description.tip)
+    for name, where in (("flange", flange), ("tip", flange * placement(tool))):
+        model.addFrame(pin.Frame(name, parent, where, pin.FrameType.OP_FRAME))
+    return model
+
+
+def _turning(axis: tuple[float, float, float]) -> Any:
+    return pin.JointModelRevoluteUnaligned(np.array(axis))
+
+
+def _inertia(link: LinkInertia) -> Any:
+    xx, yy, zz, xy, xz, yz = link.tensor_kg_m2
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return pin.Inertia(link.mass_kg, np.array(link.centre_m), tensor)
