@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import closing
+from dataclasses import replace
 from typing import Any
 
 from skillplan.chart.conflict import conflict_lines
 from skillplan.chart.precedence_chart import DerivedChart, derive_chart
 from skillplan.checks.verdict_cache import VerdictCache
+from skillplan.collision.aabb import AabbDetector
 from skillplan.domains.load import Problem
-from skillplan.errors import OptionError
 from skillplan.pipeline.run import make_feasibility
 from skillplan.pipeline.setup import DEFAULT_PHYSICS, SCREEN, Setup
 from skillplan.records.preview import DerivedOrder, Preview
@@ -70,7 +71,7 @@ def preview(
 
 def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool) -> DerivedOrder:
     if not named:
-        quick = _quick_setup(task)
+        quick = _quick_setup(task, setup)
         if quick is None or len(task.operations) > MOST_COMPONENTS:
             return DerivedOrder(task.name, ())
         setup = quick
@@ -88,17 +89,11 @@ def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool)
     )
 
 
-def _quick_setup(task: Task) -> Setup | None:
+def _quick_setup(task: Task, boxes: Setup) -> Setup | None:
     """Return the quickest geometry that serves a task: boxes, or hulls where parts are turned."""
-    for setup in (Setup(DEFAULT_PHYSICS, DEFAULT_COLLISION), Setup(DEFAULT_PHYSICS, (SCREEN,))):
-        if setup.collision == (SCREEN,) and not setup.has_screen(task):
-            continue
-        try:
-            setup.back_ends(task)
-        except OptionError:
-            continue
-        return setup
-    return None
+    if AabbDetector(task).refuses() is None:
+        return boxes
+    return replace(boxes, collision=(SCREEN,)) if boxes.has_screen(task) else None
 
 
 def _obstacles(chart: DerivedChart, task: Task, names: tuple[str, ...]) -> Iterator[str]:
