@@ -42,6 +42,7 @@ HEAVY = (
     "pybullet",
     "pinocchio",
     "coal",
+    "toppra",
     "numba",
     "gymnasium",
     "highspy",
@@ -133,7 +134,15 @@ class TestStarting:
         """What pip installs with skillplan is light; the heavy lives in plugins."""
         project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
         names = {re.split(r"[<>=!~ \[]", entry)[0].lower() for entry in project["dependencies"]}
-        assert set() == names & {"torch", "pybullet", "pin", "pinocchio", "coal", "ortools"}
+        assert set() == names & {
+            "torch",
+            "pybullet",
+            "pin",
+            "pinocchio",
+            "coal",
+            "toppra",
+            "ortools",
+        }
 
 
 class TestFiles:

@@ -9,10 +9,10 @@ import coal
 import numpy as np
 
 from skillplan_pinocchio.arm_model import CAPSULES, ArmModel, Vector
+from skillplan_pinocchio.joint_path import JointPath
 from skillplan_pinocchio.obstacles import Obstacle
 from skillplan_pinocchio.shapes import ConvexPiece, geometry_nearness
 from skillplan_pinocchio.sweep import Touch
-from skillplan_pinocchio.timing import JointPath
 
 # Between the nodes of a path a link bulges out by no more than this [m].
 _BULGE_M = 0.02
@@ -110,8 +110,7 @@ class LinkSweep:
     def _segments(self, samples: int) -> list[list[tuple[Vector, Vector]]]:
         if samples not in self._sampled:
             self._sampled[samples] = [
-                self.arm.segments(self.path.at(number / samples)[0])
-                for number in range(samples + 1)
+                self.arm.segments(self.path.at(number / samples)) for number in range(samples + 1)
             ]
         return self._sampled[samples]
 

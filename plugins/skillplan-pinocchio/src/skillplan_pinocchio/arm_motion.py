@@ -10,7 +10,7 @@ import numpy as np
 from skillplan.task.motion import Point
 from skillplan_pinocchio.arm_model import ArmModel, Vector, closing_yaw_rad, pose_down
 from skillplan_pinocchio.inverse_kinematics import Unreachable, elbows, solve
-from skillplan_pinocchio.timing import JointPath
+from skillplan_pinocchio.joint_path import JointPath
 
 # A path is a spline through so many intervals.
 _INTERVALS = 8

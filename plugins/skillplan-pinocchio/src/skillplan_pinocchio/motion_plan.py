@@ -11,8 +11,8 @@ from skillplan_pinocchio.arm_clearance import LinkSweep, LinkTouch
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.arm_motion import descent_paths
 from skillplan_pinocchio.inverse_kinematics import Unreachable
+from skillplan_pinocchio.joint_path import JointPath
 from skillplan_pinocchio.obstacles import Obstacle
-from skillplan_pinocchio.timing import JointPath
 
 
 @dataclass(frozen=True)

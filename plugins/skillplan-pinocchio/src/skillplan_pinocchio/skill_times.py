@@ -11,8 +11,9 @@ from skillplan.task.scene import Robot
 from skillplan.task.task import Task
 from skillplan_pinocchio.arm_model import Vector
 from skillplan_pinocchio.arm_motion import transfer_path
+from skillplan_pinocchio.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
-from skillplan_pinocchio.timing import JointLimits, JointPath
+from skillplan_pinocchio.trajectory import JointLimits, fastest_trajectory
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class SkillTimes:
         self.drop_height_m = drop_height_m
         self._stands: dict[str, Stand] = {}
         self._transfers: dict[tuple[bytes, bytes], JointPath] = {}
-        self._motions_s: dict[LinearMotion, float] = {}
+        self._paths_s: dict[bytes, float] = {}
         self._last = self._last_motions()
 
     def duration_s(self, planned: tuple[ArmMotion, ...], stand: Stand) -> float | None:
@@ -86,14 +87,19 @@ class SkillTimes:
             if not one.elbows or here is None:
                 return None
             path = one.elbows[0].path
-            total_s += self.transfer(here, path.nodes[0]).timed(self.limits).duration_s
-            if one.motion not in self._motions_s:
-                self._motions_s[one.motion] = path.timed(self.limits).duration_s
-            # Up as down.
-            total_s += 2 * self._motions_s[one.motion] + self.dwells_s[one.motion.visit.event]
+            total_s += self._path_s(self.transfer(here, path.nodes[0]))
+            # Up as down, the other way round: the same speeds, and the opposite accelerations.
+            total_s += 2 * self._path_s(path) + self.dwells_s[one.motion.visit.event]
             here = path.nodes[0]
         # A nanosecond is beyond what the limits mean, and the same on every machine.
         return round(total_s, 9)
+
+    def _path_s(self, path: JointPath) -> float:
+        """Return how long a path takes from rest to rest [s]."""
+        key = path.nodes.tobytes()
+        if key not in self._paths_s:
+            self._paths_s[key] = fastest_trajectory(path, self.limits).duration_s
+        return self._paths_s[key]
 
     def transfer(self, start: Vector, end: Vector) -> JointPath:
         """Return the path of the transfer motion between two postures above targets."""

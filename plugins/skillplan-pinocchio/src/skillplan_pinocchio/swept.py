@@ -26,12 +26,13 @@ from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.hand_sweeps import HandSweeps
+from skillplan_pinocchio.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
 from skillplan_pinocchio.obstacles import obstacles_of
 from skillplan_pinocchio.picture import hull_scene
 from skillplan_pinocchio.skill_times import SkillTimes
 from skillplan_pinocchio.swept_motion import Collision, SweptMotion, SweptMotionBuilder, Transfers
-from skillplan_pinocchio.timing import JointLimits, JointPath
+from skillplan_pinocchio.trajectory import JointLimits
 from skillplan_pinocchio.verdict_in_state import VerdictInState
 
 

@@ -11,12 +11,12 @@ from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Pose, Scene
 from skillplan_pinocchio.arm_clearance import LinkTouch
 from skillplan_pinocchio.hand_sweeps import HandSweeps
+from skillplan_pinocchio.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner, spared
 from skillplan_pinocchio.obstacles import Obstacle
 from skillplan_pinocchio.shapes import pieces_of
 from skillplan_pinocchio.support import Supports, supports_of
 from skillplan_pinocchio.sweep import Sweep, Touch
-from skillplan_pinocchio.timing import JointPath
 
 
 @dataclass(frozen=True)

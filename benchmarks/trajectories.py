@@ -1,0 +1,125 @@
+"""Trajectories by toppra against one trapezoid a path: seconds of the plan, and of computing.
+
+The paths are those of the inverter board's optimal plan, checked by swept hulls. The trapezoid is
+the best that gives the parameter of a path constant acceleration, constant speed and constant
+deceleration: of a joint's acceleration a share is kept for the bends of the path. Run from the
+repository: ``python benchmarks/trajectories.py``.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from skillplan import Setup, load_problem, solve
+from skillplan.physics.linear_motions import linear_motions
+from skillplan.records.result import Result
+from skillplan.task.task import Task
+from skillplan_pinocchio.arm_model import ArmModel
+from skillplan_pinocchio.arm_motion import transfer_path
+from skillplan_pinocchio.joint_path import JointPath
+from skillplan_pinocchio.motion_plan import MotionPlanner
+from skillplan_pinocchio.obstacles import obstacles_of
+from skillplan_pinocchio.skill_times import SkillTimes
+from skillplan_pinocchio.swept import SweptDetector
+from skillplan_pinocchio.trajectory import JointLimits, fastest_trajectory
+
+BOARD = "configs/inverter_board.yaml"
+SWEPT = Setup(collision=("swept",))
+SHARES = tuple(step / 40 for step in range(1, 40))
+ROUNDS = 5
+
+Timing = Callable[[JointPath], float]
+
+
+def paths_of(task: Task, result: Result) -> list[tuple[JointPath, int]]:
+    """Return the paths of a plan, in order, each with how often it is run through in turn."""
+    options = SweptDetector.Options()
+    robot = task.scene.robots[0]
+    planner = MotionPlanner(
+        ArmModel(robot.base),
+        obstacles_of(task.scene),
+        tolerance_m=options.tolerance_m,
+        samples=options.samples,
+        check_arm=options.check_arm,
+    )
+    times = SkillTimes(task, robot, planner, JointLimits(), {}, options.drop_height_m)
+    state = task.initial
+    here = times.stand(*robot.place(state)).joints_rad
+    found = []
+    for step in result.steps:
+        skill = task.skill(step.skill)
+        for motion in linear_motions(task, skill, state, options.drop_height_m):
+            down = planner.plan(motion).elbows[0].path
+            found += [(transfer_path(planner.arm, here, down.nodes[0]), 1), (down, 2)]
+            here = down.nodes[0]
+        state = skill.prediction.apply(state)
+    return found
+
+
+def trapezoid_s(path: JointPath, limits: JointLimits) -> float:
+    """Return how long the best trapezoid of the path's parameter takes [s]."""
+    steepest, sharpest = path.steepest, path.sharpest
+    if float(steepest.max()) <= 1e-9:
+        return 0.0
+    top_gain = np.array(limits.acceleration_rad_per_s2)
+    speed = float((np.array(limits.speed_rad_per_s) / np.maximum(steepest, 1e-12)).min())
+    bend = float((top_gain / np.maximum(sharpest, 1e-12)).min())
+    gain = float((top_gain / np.maximum(steepest, 1e-12)).min())
+    return min(
+        _ramps_s(min(speed, math.sqrt(share * bend)), (1 - share) * gain) for share in SHARES
+    )
+
+
+def _ramps_s(speed_per_s: float, acceleration_per_s2: float) -> float:
+    if speed_per_s**2 >= acceleration_per_s2:
+        return 2 / math.sqrt(acceleration_per_s2)
+    return 1 / speed_per_s + speed_per_s / acceleration_per_s2
+
+
+def measured(paths: list[tuple[JointPath, int]], timing: Timing) -> tuple[float, float, float]:
+    """Return the time of the paths [s], and the median and most CPU time that one took [s]."""
+    cpu_s = []
+    for _ in range(ROUNDS):
+        took_s = []
+        for path, _ in paths:
+            begin_s = time.process_time()
+            timing(path)
+            took_s.append(time.process_time() - begin_s)
+        cpu_s.append(took_s)
+    best = [min(values) for values in zip(*cpu_s, strict=True)]
+    total_s = sum(times * timing(path) for path, times in paths)
+    return total_s, statistics.median(best), sum(best)
+
+
+def main() -> None:
+    """Print a row for either way of timing, and their ratio."""
+    task = load_problem(BOARD).task
+    result = solve(task, "exact", SWEPT)
+    assert result.makespan_s is not None
+    limits = JointLimits().scaled(SweptDetector.Options().speed_fraction)
+    paths = paths_of(task, result)
+    ways: dict[str, Timing] = {
+        "trapezoid": lambda path: trapezoid_s(path, limits),
+        "toppra": lambda path: fastest_trajectory(path, limits).duration_s,
+    }
+    found = {name: measured(paths, timing) for name, timing in ways.items()}
+    resting_s = result.makespan_s - found["toppra"][0]
+    print(
+        f"{len(result.steps)} skills of {task.name}, {len(paths)} paths, best of {ROUNDS} rounds\n"
+    )
+    columns = ("moving [s]", "plan [s]", "CPU/path [ms]", "CPU/plan [ms]")
+    print(f"{'timing':12}" + "".join(f"{column:>15}" for column in columns))
+    for name, (moving_s, path_s, all_s) in found.items():
+        row = (moving_s, moving_s + resting_s, 1e3 * path_s, 1e3 * all_s)
+        print(f"{name:12}" + "".join(f"{value:15.3f}" for value in row))
+    one, other = found.values()
+    print(f"\nthe arm moves for {other[0] / one[0]:.3f} of the trapezoids' time")
+
+
+if __name__ == "__main__":
+    main()

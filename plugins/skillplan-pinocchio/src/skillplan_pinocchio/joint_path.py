@@ -1,0 +1,114 @@
+"""A path of the joints: a cubic spline through nodes, and how steep and how bent it is.
+
+The links are checked along this curve, and it is timed as it stands: timing changes when the arm is
+somewhere on it, never where.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class JointPath:
+    """A cubic spline through joint angles, with equal steps of its parameter from 0 to 1.
+
+    Parameters
+    ----------
+    nodes
+        Joint angles [rad], shape (nodes, joints), two nodes at least.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two nodes.
+    """
+
+    def __init__(self, nodes: Sequence[Array] | Array) -> None:
+        self.nodes: Array = np.array(nodes, dtype=float)
+        if len(self.nodes) < 2:
+            raise ValueError(f"Path needs at least two nodes, not {len(self.nodes)}.")
+        intervals = len(self.nodes) - 1
+        self._step = 1 / intervals
+        # Second derivatives at the nodes; none at the ends (a natural spline).
+        self._bends = _solver(intervals) @ self.nodes
+
+    @property
+    def joints(self) -> int:
+        """How many joints it is of."""
+        return int(self.nodes.shape[1])
+
+    def at(self, place: float) -> Array:
+        """Return the joint angles [rad] at a parameter in [0, 1], shape (joints,)."""
+        step = self._step
+        intervals = len(self.nodes) - 1
+        number = min(max(int(place * intervals), 0), intervals - 1)
+        u = place / step - number
+        q0, q1 = self.nodes[number], self.nodes[number + 1]
+        m0, m1 = self._bends[number], self._bends[number + 1]
+        v = 1 - u
+        return np.asarray(
+            v * q0 + u * q1 + step**2 / 6 * ((v**3 - v) * m0 + (u**3 - u) * m1),
+        )
+
+    def derivatives(self, places: Array) -> tuple[Array, Array]:
+        """Return the first and second derivative of the angles by the parameter.
+
+        Parameters
+        ----------
+        places
+            Parameters in [0, 1], shape (places,).
+
+        Returns
+        -------
+        tuple
+            Two arrays of shape (places, joints).
+        """
+        step = self._step
+        intervals = len(self.nodes) - 1
+        number = np.clip((places * intervals).astype(int), 0, intervals - 1)
+        u = (places / step - number)[:, np.newaxis]
+        m0, m1 = self._bends[number], self._bends[number + 1]
+        v = 1 - u
+        rise = (self.nodes[number + 1] - self.nodes[number]) / step
+        slopes = rise + step / 6 * ((1 - 3 * v**2) * m0 + (3 * u**2 - 1) * m1)
+        return slopes, v * m0 + u * m1
+
+    @property
+    def steepest(self) -> Array:
+        """Greatest size of the first derivative of every joint, shape (joints,)."""
+        step, bends = self._step, self._bends
+        rise = np.diff(self.nodes, axis=0) / step
+        before, after = bends[:-1], bends[1:]
+        found = np.maximum(
+            np.abs(rise - step / 6 * (2 * before + after)),
+            np.abs(rise + step / 6 * (before + 2 * after)),
+        )
+        # Within an interval it turns where the second derivative changes its sign.
+        turns = before * after < 0
+        share = np.divide(before, before - after, out=np.zeros_like(before), where=turns)
+        inner = rise + step / 6 * ((1 - 3 * (1 - share) ** 2) * before + (3 * share**2 - 1) * after)
+        found = np.maximum(found, np.where(turns, np.abs(inner), 0.0))
+        return np.asarray(found.max(axis=0))
+
+    @property
+    def sharpest(self) -> Array:
+        """Greatest size of the second derivative of every joint, shape (joints,)."""
+        return np.asarray(np.abs(self._bends).max(axis=0))
+
+
+@lru_cache(maxsize=64)
+def _solver(intervals: int) -> Array:
+    """Return the matrix from nodes to second derivatives, shape (nodes, nodes)."""
+    count = intervals + 1
+    left = np.eye(count)
+    right = np.zeros((count, count))
+    for row in range(1, intervals):
+        left[row, row - 1 : row + 2] = (1, 4, 1)
+        right[row, row - 1 : row + 2] = np.array((1, -2, 1)) * 6 * intervals**2
+    return np.asarray(np.linalg.solve(left, right))
