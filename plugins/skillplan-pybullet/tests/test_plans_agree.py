@@ -159,6 +159,25 @@ def test_both_have_the_limits_of_the_detector(call, tmp_path) -> None:
     assert (code, document["complete"]) == (0, True)
 
 
+@pytest.mark.slow(reason="a search by physics and two plans; limits of a file in every run")
+def test_a_result_is_simulated_with_the_limits_it_was_found_with(call, tmp_path) -> None:
+    """A limit below what resting bodies tremble by: no skill by itself has one in its world."""
+    made = memory()
+    made["parts"]["ram_1"]["goal_m"], made["parts"]["ram_2"]["goal_m"] = [0.3, 0.3], [0.6, 0.1]
+    file, out = tmp_path / "memory.yaml", tmp_path / "out"
+    file.write_text(yaml.safe_dump(made), "utf-8")
+    chosen = ("--physics", "pybullet", "--collision", "contact-pairs", "--no-cache")
+    limit = "contact-pairs.displacement_m"
+    words = ("search-optimal", str(file), *chosen, "-O", f"{limit}=1e-10", "--out", str(out))
+    code, document = call(*words, "--format", "json")
+    assert (code, document["status"]) == (0, "optimal")
+    code, document = call("simulate", str(out), "--format", "json")
+    assert code == 1
+    assert document["skills"][-1]["reason"].endswith("the limit is 1e-07 mm")
+    code, _ = call("simulate", str(out), "-O", f"{limit}=0.001", "--format", "json")
+    assert code == 0
+
+
 def test_a_collision_names_force_instant_and_limit(call, tmp_path) -> None:
     """In simulate and in explain: a finger comes down on the part beside."""
     file = tmp_path / "memory.yaml"
