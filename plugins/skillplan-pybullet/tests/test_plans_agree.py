@@ -18,15 +18,13 @@ from skillplan.domains.assembly.grounding import ground
 from skillplan.domains.assembly.layout_family import layouts
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.pipeline.run import solve
-from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.setup import Setup, load_problem
 from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
 
 PHYSICS = Setup(physics="pybullet", collision=("contact-pairs",))
-TEXTS = {
-    path.stem: path.read_text("utf-8")
-    for path in sorted((Path(__file__).parents[3] / "configs").glob("*.yaml"))
-}
+FOLDER = Path(__file__).parents[3] / "configs"
+TEXTS = {path.stem: path.read_text("utf-8") for path in sorted(FOLDER.glob("*.yaml"))}
 CONFIGS = [name for name, text in TEXTS.items() if "\nkind: assembly\n" in text]
 
 
@@ -235,7 +233,7 @@ def test_what_a_search_proves_is_performed_on_50_boards(board, seed) -> None:
 @pytest.mark.parametrize("name", CONFIGS)
 def test_the_plan_of_a_shipped_board_that_holds_singly_is_performed(name) -> None:
     """The chart's optimum, each skill of which physics finds feasible."""
-    task = assembly(config_content(name))
+    task = load_problem(FOLDER / f"{name}.yaml").task
     solver = ("value-iteration",) if name == "inverter_grasps" else ()
     plan = [step.skill for step in solve(task, *solver).steps]
     assert first_fault(task, plan) is None
