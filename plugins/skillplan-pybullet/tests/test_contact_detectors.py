@@ -123,8 +123,10 @@ class TestContactPairs:
         """Phase, bodies and figure in words, the mover first."""
         pressing = {("transformer", "left finger"): bump(8, 12.0)}
         verdict = ContactPairsDetector(task).verdict_on(a_record(task, pairs_n=pressing))
-        expected = "the left finger pressed on transformer with 12 N on the approach to switch_2"
-        assert expected == verdict.reason
+        assert verdict.reason == (
+            "the left finger pressed on transformer with 12 N on the approach to switch_2 "
+            "at 0.17 s; the limit is 0.05 N"
+        )
         evidence = verdict.evidence
         assert evidence["bodies"] == ["left finger", "transformer"]
         assert evidence["force_n"] == 12.0
@@ -153,8 +155,10 @@ class TestContactPairs:
         """At any moment, also where it comes back."""
         moved = {"pcb": np.zeros(30), "transformer": bump(1, 0.0021, begin=25)}
         verdict = ContactPairsDetector(task).verdict_on(a_record(task, moved_m=moved))
-        expected = "transformer was pushed 2.1 mm aside on the retreat from switch_2"
-        assert expected == verdict.reason
+        assert verdict.reason == (
+            "transformer was pushed 2.1 mm aside on the retreat from switch_2 at 0.42 s; "
+            "the limit is 1 mm"
+        )
         assert verdict.evidence["moved_mm"] == {"transformer": 2.1}
 
     def test_what_came_first_is_the_reason(self, task) -> None:

@@ -67,7 +67,9 @@ def test_a_part_put_through_another_is_a_collision(task, detectors) -> None:
     _, pairs, _ = detectors
     verdict = pairs.check(task.skill("place(transformer)"), after(task, 0, 1, 10, 11, 8))
     assert verdict.reason.startswith("transformer pressed on brace with ")
-    assert verdict.reason.endswith(" N on the approach to transformer")
+    at_s = verdict.evidence["at_s"]
+    expected = f" N on the approach to transformer at {at_s:.2f} s; the limit is 0.05 N"
+    assert verdict.reason.endswith(expected)
     assert "placed(brace)" in verdict.present
     assert verdict.evidence["force_n"] > 1.0
 

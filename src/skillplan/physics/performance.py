@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from skillplan.task.motion import Point
 from skillplan.task.scene import Pose
@@ -142,7 +142,16 @@ class Performance:
 
 
 class Performer(ABC):
-    """What an engine may be besides: able to draw a check and to perform a whole plan."""
+    """What an engine may be besides: able to draw a check and to perform a whole plan.
+
+    Attributes
+    ----------
+    contact_detectors
+        Names of the detectors that rule on the contacts of a performance where they are beside
+        the engine; the first of them where nobody chooses one.
+    """
+
+    contact_detectors: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def picture(self, skill: Skill, state: State) -> Image:

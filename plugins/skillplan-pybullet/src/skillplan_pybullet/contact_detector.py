@@ -118,11 +118,7 @@ class ContactDetector(Detector):
     def contact_verdict(self, record: Record) -> Verdict:
         """Return the verdict on the contacts of an execution that ran to its end."""
 
-    def in_words(self, name: str) -> str:
-        """Return a thing's name with an article, but for parts, which go by their names."""
-        return name if any(body.name == name for body in self.task.scene.bodies) else f"the {name}"
-
-
-def rounded(value: float) -> float:
-    """Return a reading as it goes into evidence: to a millionth, and never minus zero."""
-    return round(float(value), 6) + 0.0
+    @property
+    def parts(self) -> frozenset[str]:
+        """Names of the task's bodies."""
+        return frozenset(body.name for body in self.task.scene.bodies)

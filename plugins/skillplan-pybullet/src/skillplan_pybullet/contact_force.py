@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from skillplan.task.verdict import Verdict
-from skillplan_pybullet.contact_detector import ContactDetector, WindowOptions, rounded
+from skillplan_pybullet.contact_detector import ContactDetector, WindowOptions
 from skillplan_pybullet.record import FRAMES_PER_S, Record
-from skillplan_pybullet.verdicts.contact_threshold import frame_means
+from skillplan_pybullet.verdicts.contact_threshold import frame_means, rounded
 
 _AXES = "xyz"
 
@@ -30,6 +30,7 @@ class ContactForceDetector(ContactDetector):
     """
 
     name = "contact-force"
+    version = "2"
 
     class Options(WindowOptions):
         """Options of the net force."""
@@ -50,10 +51,9 @@ class ContactForceDetector(ContactDetector):
     def contact_verdict(self, record: Record) -> Verdict:
         """Return it; the part whose mean exceeds the threshold first is named."""
         threshold_n = self.options.threshold_n
-        parts = {body.name for body in self.task.scene.bodies}
         means = {
             name: frame_means(np.abs(self._unexplained(record, name)), self.options.frames)
-            for name in sorted(parts & set(record.forces_n))
+            for name in sorted(self.parts & set(record.forces_n))
         }
         means = {name: mean for name, mean in means.items() if len(mean)}
         most_n = max((float(mean.max()) for mean in means.values()), default=0.0)
@@ -69,6 +69,7 @@ class ContactForceDetector(ContactDetector):
         }
         name = min(first, key=lambda one: (first[one], one))
         frame, greatest_n = first[name], float(above[name].max())
+        at_s = record.begin_s + frame / FRAMES_PER_S
         axis = int(np.argmax(above[name].max(axis=0)))
         phase = record.phase(frame)
         reason = (
@@ -80,10 +81,11 @@ class ContactForceDetector(ContactDetector):
             "axis": _AXES[axis],
             "force_n": rounded(greatest_n),
             "during": phase,
-            "at_s": rounded(frame / FRAMES_PER_S),
+            "at_s": rounded(at_s),
             **readings,
         }
-        reason = f"{reason} on {phase}" if phase else reason
+        when = f"on {phase} at {at_s:.2f} s" if phase else f"at {at_s:.2f} s"
+        reason = f"{reason} {when}; the limit is {threshold_n:g} N"
         return Verdict.infeasible(reason, record.present, record.absent, evidence)
 
     def _unexplained(self, record: Record, name: str) -> NDArray[np.float64]:

@@ -13,16 +13,18 @@ from skillplan.physics.engine import Engine
 from skillplan.physics.jaws import jaw_faults
 from skillplan.physics.performance import Image, Performance, Performer, Sample
 from skillplan.task import back_end
+from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 from skillplan_pybullet.arm.dynamics import has_pinocchio
 from skillplan_pybullet.execution.footage import footage, picture
-from skillplan_pybullet.execution.plan_execution import Observers, execute_plan
+from skillplan_pybullet.execution.plan_execution import Observers, Rules, execute_plan
 from skillplan_pybullet.execution.workcell import Workcell
 from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.record import Record
+from skillplan_pybullet.verdicts.contact_judge import judges_among
 from skillplan_pybullet.verdicts.postconditions import Tolerances, postcondition_verdict
 
 # Engine and detectors are queried about the same skill and state, one after the other.
@@ -43,6 +45,7 @@ class PybulletEngine(Engine, Performer):
     version = "3"
     expected_s = 0.6
     expensive = True
+    contact_detectors = ("contact-pairs", "contact-force")
 
     class Options(ExecutionSettings):
         """Options of motion and of what counts as done."""
@@ -77,7 +80,18 @@ class PybulletEngine(Engine, Performer):
     def __init__(self, task: Task, options: back_end.Options | None = None) -> None:
         super().__init__(task, options)
         self._workcell: Workcell | None = None
+        self._judges = judges_among((), self._parts())
         self._records: OrderedDict[tuple[str, int], Record] = OrderedDict()
+
+    def beside(self, others: Sequence[BackEnd]) -> None:
+        """Have the contacts of whole plans, and of pictures, ruled on by the detectors beside it.
+
+        Without one, by the default limits of ``contact-pairs``.
+        """
+        self._judges = judges_among(others, self._parts())
+
+    def _parts(self) -> list[str]:
+        return [body.name for body in self.task.scene.bodies]
 
     @property
     def workcell(self) -> Workcell:
@@ -142,7 +156,7 @@ class PybulletEngine(Engine, Performer):
     def picture(self, skill: Skill, state: State) -> Image:
         """Return the moment of failure, or the end; see :class:`Performer`."""
         failed = not self.check(skill, state).is_feasible
-        return picture(self.workcell, skill, state, blamed=failed)
+        return picture(self.workcell, skill, state, self._judges, blamed=failed)
 
     def footage(self, skill: Skill, state: State, frames_per_s: float) -> Iterator[Image]:
         """Yield pictures of the whole skill; see :class:`Performer`."""
@@ -159,4 +173,5 @@ class PybulletEngine(Engine, Performer):
     ) -> Performance:
         """Execute a plan in one continuous world; see :meth:`Performer.perform`."""
         observers = Observers(frames_per_s, show, note)
-        return execute_plan(self.workcell, self.tolerances, skills, observers, stopped)
+        rules = Rules(self.tolerances, self._judges)
+        return execute_plan(self.workcell, rules, skills, observers, stopped)

@@ -62,6 +62,9 @@ class Record:
         support; None where it stood.
     steps
         Simulation steps.
+    begin_s
+        Simulated time of the first frame [s]: zero for a skill executed by itself, later for one
+        of a whole plan.
     """
 
     skill: str
@@ -79,6 +82,7 @@ class Record:
     upset: str | None = None
     unsettled: str | None = None
     steps: int = 0
+    begin_s: float = 0.0
 
     def phase(self, frame: int) -> str:
         """Return what the robot was at in a frame; empty before it began."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.task.task import Task
 
 ENGINE = "pybullet"
+# A detector that always serves, and that is not queried.
+_ANY = "aabb"
 
 
 def command(
@@ -60,8 +62,8 @@ def command(
             "-O",
             metavar="KEY=VALUE",
             autocompletion=plugin_options,
-            help="Option of the engine, as PLUGIN.KEY=VALUE; 'skillplan plugins physics NAME' "
-            "lists them. May be repeated.",
+            help="Option of the engine, or of the detector whose limits hold for contacts, as "
+            "PLUGIN.KEY=VALUE; 'skillplan plugins KIND NAME' lists them. May be repeated.",
             rich_help_panel=BACK_ENDS,
         ),
     ] = None,
@@ -108,12 +110,15 @@ def command(
 ) -> int:
     """Execute a whole plan of TASK, or that of RESULT, in one continuous simulated world.
 
-    Says how each skill went, what was sensed, and how far from its goal every body ended. The
-    plan ends at the first skill that fails; Ctrl-C ends it after the current skill.
+    Says how each skill went, what was sensed, and how far from its goal every body ended. From
+    what force on a contact is a collision, say the detectors that read contacts, with the options
+    of the task file or of RESULT; where none is chosen, contact-pairs. The plan ends at the first
+    skill that fails; Ctrl-C ends it after the current skill.
     """
     import time
     from contextlib import ExitStack
 
+    from skillplan.checks.single_check import introduce
     from skillplan.cli.counting import counting
     from skillplan.cli.output import emit
     from skillplan.cli.showing import blamed, performer
@@ -125,11 +130,9 @@ def command(
     from skillplan.views.tables.simulation import simulation_tables
     from skillplan.views.video_file import VIDEOS, video_file
 
-    # Detectors are not queried: the engine itself says what touches. Of those that the file
-    # chooses none needs to be installed.
-    back_ends = BackEnds(physics, "aabb", options or [])
+    back_ends = BackEnds(physics, None, options or [])
     loaded, setup, skills = _load(task, sequence, back_ends, reading)
-    engine = performer(setup.back_ends(loaded), "move")
+    engine = performer(introduce(setup.back_ends(loaded)), "move")
     possible, obstacle = applicable_part(loaded, skills)
     film = None if video is None else output_path("--video", video, VIDEOS, "videos")
     table = None if trace is None else output_path("--trace", trace, SUFFIXES, "traces")
@@ -202,25 +205,50 @@ def _load(
     if not stored and sequence is None:
         raise OptionError("Give the plan by --sequence, or a RESULT in the place of TASK.")
 
-    def read(chosen: BackEnds) -> tuple[Task, Setup, tuple[Skill, ...]]:
+    def read(chosen: BackEnds, *, warn: bool) -> _Read:
         if stored:
             loaded = load(path, reading, chosen)
             task, plan = loaded.planned()
-            return task, loaded.setup, task.parse_sequence(",".join(plan))
-        task = reading.task(path, chosen)
-        return task, chosen.setup(task), task.parse_sequence(sequence or "")
+            detectors = loaded.stored.collision.split(",")
+            return _Read(task, loaded.setup, task.parse_sequence(",".join(plan)), detectors)
+        task = reading.problem(path, chosen, warn=warn).part(reading.part)
+        detectors = [choice.name for choice in task.collision]
+        return _Read(task, chosen.setup(task), task.parse_sequence(sequence or ""), detectors)
 
-    task, setup, skills = read(back_ends)
-    if setup.physics is None and task.physics is None:
-        return read(replace(back_ends, physics=_engine()))
-    return task, setup, skills
+    # Of the detectors that the file chooses only those need to be installed that read contacts,
+    # and which these are the engine says.
+    first = read(replace(back_ends, collision=_ANY, options=[]), warn=False)
+    engine = _engine(first)
+    collision = ",".join(_contact_detectors(engine, first.detectors)) or _ANY
+    last = read(replace(back_ends, physics=engine, collision=collision), warn=True)
+    return last.task, last.setup, last.skills
 
 
-def _engine() -> str:
-    """Return the engine that serves where nobody names one."""
+class _Read(NamedTuple):
+    """A plan as it was read, and the names of the detectors that the task or result has."""
+
+    task: Task
+    setup: Setup
+    skills: tuple[Skill, ...]
+    detectors: list[str]
+
+
+def _contact_detectors(engine: str, chosen: Collection[str]) -> list[str]:
+    """Return the detectors that rule on contacts: of those chosen, or else the engine's first."""
+    from skillplan.pipeline import registry
+
+    known = getattr(registry.load("physics", engine), "contact_detectors", ())
+    able = [name for name in known if name in registry.names("collision")]
+    return [name for name in able if name in chosen] or able[:1]
+
+
+def _engine(read: _Read) -> str:
+    """Return the name of the engine chosen, or the file's, or else pybullet."""
     from skillplan.errors import OptionError
     from skillplan.pipeline import registry
 
+    if read.setup.physics is not None or read.task.physics is not None:
+        return read.setup.physics_choice(read.task).name
     if ENGINE not in registry.names("physics"):
         raise OptionError(
             f"simulate needs an engine that moves bodies, such as {ENGINE!r}: "

@@ -9,6 +9,7 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from skillplan.task.scene import Pose
 from skillplan_pybullet.arm.simulated_arm import LINK_NAMES, ROBOT, SimulatedArm
 from skillplan_pybullet.record import FRAMES_PER_S, Pair
 from skillplan_pybullet.simulator.world import STEPS_PER_S, TABLE, World
@@ -51,6 +52,8 @@ class ContactLog:
         # Constraints whose force on a body is a contact's as well, such as a suction cup's.
         self.cups: dict[str, int] = {}
         self.last_pairs: dict[Pair, float] = {}
+        # Where bodies that are not handled stood when the log was begun.
+        self.stood: dict[str, Pose] = {}
         self._origin: dict[str, Vector] = {}
         self._begun = False
 
@@ -58,11 +61,10 @@ class ContactLog:
         """Take what touches now as expected, and where bodies are now as their places."""
         self._begun = True
         self.expected |= self._close()
-        self._origin = {
-            name: np.array(self.world.pose(name).position)
-            for name in self.world.bodies
-            if name not in self.handled
+        self.stood = {
+            name: self.world.pose(name) for name in self.world.bodies if name not in self.handled
         }
+        self._origin = {name: np.array(pose.position) for name, pose in self.stood.items()}
         self.moved = {name: [] for name in self._origin}
 
     def phase(self, label: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from skillplan.physics.linear_motions import linear_motions
@@ -14,7 +14,7 @@ from skillplan_pybullet.execution.workcell import Workcell
 from skillplan_pybullet.record import FRAMES_PER_S, Record
 from skillplan_pybullet.simulator.camera import Camera, alarm
 from skillplan_pybullet.simulator.world import STEPS_PER_S
-from skillplan_pybullet.verdicts.contact_threshold import presses, pushes
+from skillplan_pybullet.verdicts.contact_judge import Judge, collision_in
 
 # Bodies without a support are shown after so many frames, as they fall.
 _FALLING_FRAMES = 4
@@ -40,19 +40,23 @@ class _Taken(Exception):
     """Raised to end an execution whose picture is taken."""
 
 
-def moment_of_failure(record: Record) -> Moment:
+def moment_of_failure(record: Record, judges: Sequence[Judge]) -> Moment:
     """Return when an execution went wrong: the first contact or displacement, else the end."""
-    found: list[tuple[int, tuple[str, ...]]] = [
-        *((press.frame, press.pair) for press in presses(record)),
-        *((frame, (name,)) for name, frame in pushes(record).items()),
-    ]
-    if not found:
+    collision = collision_in(record, judges)
+    if collision is None:
         return Moment(None, ())
-    frame, bodies = min(found)
-    return Moment(frame, bodies)
+    found = collision.evidence
+    return Moment(round(found["at_s"] * FRAMES_PER_S), tuple(found["bodies"]))
 
 
-def picture(workcell: Workcell, skill: Skill, state: State, *, blamed: bool = False) -> Image:
+def picture(
+    workcell: Workcell,
+    skill: Skill,
+    state: State,
+    judges: Sequence[Judge],
+    *,
+    blamed: bool = False,
+) -> Image:
     """Return the moment at which a skill fails in a state, or its end.
 
     Bodies that collide are painted red; where none do and the skill is to be blamed all the
@@ -64,7 +68,7 @@ def picture(workcell: Workcell, skill: Skill, state: State, *, blamed: bool = Fa
         If there is nothing to be seen, in words: the arm cannot follow the motion.
     """
     record = workcell.execute(skill, state)
-    moment = moment_of_failure(record)
+    moment = moment_of_failure(record, judges)
     culprits = moment.bodies
     if blamed and not culprits and skill.motion is not None:
         culprits = tuple(visit.subject for visit in skill.motion.visits(state))

@@ -28,9 +28,10 @@ from skillplan_pybullet.execution.contact_log import STEPS_PER_FRAME
 from skillplan_pybullet.execution.controlled_robot import StuckError
 from skillplan_pybullet.execution.skill_runner import SkillRunner
 from skillplan_pybullet.execution.workcell import SETTLE_S, Workcell
+from skillplan_pybullet.record import FRAMES_PER_S
 from skillplan_pybullet.simulator.camera import Camera
 from skillplan_pybullet.simulator.world import STEPS_PER_S, UpsetError, World
-from skillplan_pybullet.verdicts.contact_threshold import presses
+from skillplan_pybullet.verdicts.contact_judge import Judge, collision_in
 from skillplan_pybullet.verdicts.postconditions import (
     Tolerances,
     offset_m,
@@ -41,6 +42,22 @@ from skillplan_pybullet.verdicts.postconditions import (
 # How the hand is turned in the ready posture [rad].
 _HOME_YAW_RAD = -np.pi / 2
 _OVERVIEW_M = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What has to hold of every skill.
+
+    Parameters
+    ----------
+    tolerances
+        How exactly every prediction has to come true.
+    judges
+        Who rules on contacts.
+    """
+
+    tolerances: Tolerances
+    judges: tuple[Judge, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +81,7 @@ class Observers:
 
 def execute_plan(
     workcell: Workcell,
-    tolerances: Tolerances,
+    rules: Rules,
     skills: Sequence[Skill],
     observers: Observers,
     stopped: Callable[[], bool],
@@ -75,8 +92,8 @@ def execute_plan(
     ----------
     workcell
         Whose task and settings they are.
-    tolerances
-        How exactly every prediction has to come true.
+    rules
+        What has to hold of every skill.
     skills
         The plan.
     observers
@@ -85,14 +102,14 @@ def execute_plan(
         Whether to end before the next skill.
     """
     with World(workcell.settings.friction) as world:
-        return _PlanExecution(workcell, tolerances, world, observers).play(skills, stopped)
+        return _PlanExecution(workcell, rules, world, observers).play(skills, stopped)
 
 
 class _PlanExecution:
     def __init__(
-        self, workcell: Workcell, tolerances: Tolerances, world: World, observers: Observers
+        self, workcell: Workcell, rules: Rules, world: World, observers: Observers
     ) -> None:
-        self.workcell, self.tolerances, self.world = workcell, tolerances, world
+        self.workcell, self.rules, self.world = workcell, rules, world
         self.show, self.note = observers.show, observers.note
         self.task = workcell.task
         self.robot = self.task.scene.robots[0]
@@ -159,13 +176,13 @@ class _PlanExecution:
             return Verdict.feasible(facts.none, facts.none)
         motions = linear_motions(self.task, skill, state, self.workcell.settings.drop_height_m)
         runner = self.runner
-        runner.watch({motion.visit.subject for motion in motions})
+        runner.begin(motions, state)
+        # The frames of a log are the rows of the trace.
+        begin_s = (self.world.steps // STEPS_PER_FRAME + 1) / FRAMES_PER_S
         try:
             for motion in motions:
-                runner.bring_out(motion.visit.subject, state)
-                runner.log.phase(f"the travel to {motion.visit.subject}")
                 yaw_rad = self.workcell.turns.towards(motion, self._posture()).yaw_rad
-                runner.transfer(motion.above, yaw_rad)
+                runner.travel(motion, yaw_rad)
                 runner.run(motion, yaw_rad)
         except (UpsetError, np.linalg.LinAlgError) as error:
             return Verdict.unknown(str(error))
@@ -173,18 +190,19 @@ class _PlanExecution:
             return Verdict.infeasible(str(error), facts.none, facts.none)
         except StuckError:
             runner.sensed["stuck_on"] = runner.log.phase_now
-        return self._sensed(skill, state, motions)
+        return self._sensed(skill, state, motions, begin_s)
 
-    def _sensed(self, skill: Skill, state: State, motions: Sequence[LinearMotion]) -> Verdict:
-        record = self.workcell.record_of(skill, state, motions, self.runner)
-        verdict = postcondition_verdict(skill, record, self.tolerances)
-        if not verdict.is_feasible:
+    def _sensed(
+        self, skill: Skill, state: State, motions: Sequence[LinearMotion], begin_s: float
+    ) -> Verdict:
+        """Return the verdict of a search: a collision is named before what it causes."""
+        record = self.workcell.record_of(skill, state, motions, self.runner, begin_s)
+        verdict = postcondition_verdict(skill, record, self.rules.tolerances)
+        collision = collision_in(record, self.rules.judges)
+        if collision is None:
             return verdict
-        pressing = presses(record)
-        if pressing:
-            reason = " and ".join(pressing[0].pair) + " collided"
-            return Verdict.infeasible(reason, evidence=dict(verdict.evidence))
-        return verdict
+        evidence = {**verdict.evidence, **collision.evidence}
+        return Verdict.infeasible(collision.reason, evidence=evidence)
 
     def _posture(self) -> Posture:
         assert self.arm.wanted is not None

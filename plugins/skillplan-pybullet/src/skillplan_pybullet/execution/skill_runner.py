@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from skillplan.physics.jaws import jaw_opening_m
 from skillplan.physics.linear_motions import LinearMotion, grasp_of
 from skillplan.task.motion import Event, Point
-from skillplan.task.scene import Body, GraspKind, Pose, Scene, Tool
+from skillplan.task.scene import WORLD, Body, GraspKind, Pose, Scene, Tool
 from skillplan.task.state import State
 from skillplan_pybullet.arm.simulated_arm import JAW_SPEED_M_PER_S, SimulatedArm
 from skillplan_pybullet.execution.controlled_robot import ControlledRobot
@@ -24,6 +24,8 @@ _CUP_GAP_M = 0.0015
 _GRIP_S = 0.35
 _LET_GO_S = 0.35
 _SUCTION_S = 0.05
+# Jaws that are this close to where they are to be are there [m].
+_JAWS_PLAY_M = 0.001
 
 
 class SkillRunner(ControlledRobot):
@@ -42,11 +44,31 @@ class SkillRunner(ControlledRobot):
         # Constraints that hold what a feeder hands out.
         self._kept: dict[str, int] = {}
 
+    def begin(self, motions: Sequence[LinearMotion], state: State) -> None:
+        """Have feeders hand out what a skill takes, and log its contacts from now on.
+
+        Every execution of a skill begins here, by itself or in a whole plan: what touches now is
+        expected to, so that what comes from a feeder has to be there already.
+
+        Parameters
+        ----------
+        motions
+            Of the skill.
+        state
+            Where it starts.
+        """
+        handled = {motion.visit.subject for motion in motions}
+        for subject in sorted(handled):
+            self.bring_out(subject, state)
+        self.watch(handled)
+
     def bring_out(self, subject: str, state: State) -> None:
         """Have a feeder hand out what a state has in it; what is elsewhere stays there."""
         body = next((one for one in self.scene.bodies if one.name == subject), None)
         placement = None if body is None else body.placement(state)
-        if body is None or placement is None or placement.solid:
+        if body is None or placement is None or placement.solid or placement.frame != WORLD:
+            return
+        if subject in self._kept:
             return
         if subject not in self.world.numbers:
             self.world.add(body, placement.pose, len(self.world.bodies))
@@ -77,6 +99,20 @@ class SkillRunner(ControlledRobot):
         self.wait(self._jaws_s + _GRIP_S)
         self.world.release(helping)
 
+    def travel(self, motion: LinearMotion, yaw_rad: float) -> None:
+        """Move to above a motion's target, the hand turned so [rad], and the jaws meanwhile.
+
+        Raises
+        ------
+        StuckError
+            If something blocks the arm.
+        """
+        subject = motion.visit.subject
+        self.log.phase(f"the travel to {subject}")
+        if motion.visit.event is Event.GRASP and self._jaws_take_s(subject):
+            self.arm.open(self._opening_for(subject))
+        self.transfer(motion.above, yaw_rad)
+
     def run(self, motion: LinearMotion, yaw_rad: float) -> None:
         """Execute an approach-act-retreat motion from above its target, the hand turned so [rad].
 
@@ -94,6 +130,8 @@ class SkillRunner(ControlledRobot):
             z_m += _DOCK_GAP_M
         elif event is Event.GRASP:
             self.arm.open(self._opening_for(subject))
+            # What was handled before may have left them closer, or wider.
+            self.wait(self._jaws_take_s(subject))
             z_m += self._gap_m(subject)
         elif event is Event.RELEASE:
             z_m += self._gap_m(subject)
@@ -142,6 +180,13 @@ class SkillRunner(ControlledRobot):
     def _jaws_s(self) -> float:
         """How long the jaws take across their clearance [s]."""
         return self.settings.clearance_m / JAW_SPEED_M_PER_S
+
+    def _jaws_take_s(self, subject: str) -> float:
+        """Return how long the jaws still take to be as wide as a part wants them [s]."""
+        if not self.tools.has_jaws:
+            return 0.0
+        away_m = abs(self._opening_for(subject) - self.arm.jaw_width_m()) / 2
+        return away_m / JAW_SPEED_M_PER_S if away_m > _JAWS_PLAY_M else 0.0
 
     def _gap_m(self, subject: str) -> float:
         """Return how far above a part the rim of a cup stops [m]."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -146,7 +147,6 @@ class Workcell:
         runner = SkillRunner(world, arm, scene, self.settings, first.tool)
         if watch is not None:
             runner.every_step = lambda: watch(runner)
-        handled = {motion.visit.subject for motion in plain}
         stopped = None
         try:
             if first.visit.event is Event.RELEASE:
@@ -154,11 +154,10 @@ class Workcell:
             else:
                 runner.bring_out(first.visit.subject, state)
             runner.wait(SETTLE_S)
-            runner.watch(handled)
+            runner.begin(plain, state)
             for index, (motion, yaw_rad) in enumerate(motions):
                 if index or self.surroundings.transfer_matters:
-                    runner.log.phase(f"the travel to {motion.visit.subject}")
-                    runner.transfer(motion.above, yaw_rad)
+                    runner.travel(motion, yaw_rad)
                 runner.run(motion, yaw_rad)
         except StuckError:
             stopped = runner.log.phase_now or "its way before anything was done"
@@ -199,12 +198,25 @@ class Workcell:
                 sensed["jaw_width_m"] = runner.arm.jaw_width_m()
 
     def record_of(
-        self, skill: Skill, state: State, motions: Sequence[LinearMotion], runner: SkillRunner
+        self,
+        skill: Skill,
+        state: State,
+        motions: Sequence[LinearMotion],
+        runner: SkillRunner,
+        begin_s: float,
     ) -> Record:
-        """Return the record of a skill that a robot has just executed in a larger world."""
+        """Return the record of a skill that a robot has just executed in a larger world.
+
+        What it does not handle is expected where it stood when the skill began: how far off its
+        goal it came to rest was the matter of the skill that put it there.
+        """
         self._sense(runner, motions[-1], None)
         none = self.task.facts.none
-        return self._record(skill, state, motions, (none, none), runner)
+        record = self._record(skill, state, motions, (none, none), runner)
+        expected = {
+            name: runner.log.stood.get(name, pose) for name, pose in record.expected.items()
+        }
+        return replace(record, expected=expected, begin_s=begin_s)
 
     def _record(
         self,

@@ -81,3 +81,8 @@ def frame_means(values: NDArray[np.float64], frames: int) -> NDArray[np.float64]
     for shift in range(frames):
         total += padded[shift : shift + len(values)]
     return total / frames
+
+
+def rounded(value: float) -> float:
+    """Return a reading as it goes into evidence: to a millionth, and never minus zero."""
+    return round(float(value), 6) + 0.0
