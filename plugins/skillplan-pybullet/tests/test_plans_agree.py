@@ -115,10 +115,8 @@ def test_a_thin_part_from_a_feeder_on_the_table_is_picked_in_a_whole_plan() -> N
     assert_proved_is_performed(assembly(memory(collision=limits)), Setup(physics="pybullet"))
 
 
-@pytest.mark.parametrize(
-    "first",
-    ["narrow", pytest.param("wide", marks=pytest.mark.slow(reason="the other in every run"))],
-)
+@pytest.mark.slow(reason="executes two plans; a plan with jaws in every run")
+@pytest.mark.parametrize("first", ["narrow", "wide"])
 def test_jaws_are_ready_before_the_hand_comes_down(first) -> None:
     """However wide the part before was, and however low the hand travels."""
     parts = {
@@ -133,6 +131,7 @@ def test_jaws_are_ready_before_the_hand_comes_down(first) -> None:
     assert failed is None, f"{failed.skill}: {failed.verdict.reason}"
 
 
+@pytest.mark.slow(reason="four executions; a whole plan and its skills agree in every run")
 def test_both_have_the_limits_of_the_detector(call, tmp_path) -> None:
     """Those of the file, and -O before them: a module is set down on what may not move at all."""
     limits = {"displacement_m": 1e-10}
@@ -179,6 +178,7 @@ def test_a_result_is_simulated_with_the_limits_it_was_found_with(call, tmp_path)
     assert code == 0
 
 
+@pytest.mark.slow(reason="executes until it collides; a whole plan in every run")
 def test_a_collision_names_force_instant_and_limit(call, tmp_path) -> None:
     """In simulate and in explain: a finger comes down on the part beside."""
     file = tmp_path / "memory.yaml"
