@@ -49,18 +49,21 @@ def main() -> int:
         task = Path(cache) / "task.yaml"
         code, said = call("init", "assembly", "--out", str(task))
         assert code == 0, said
-        if "lies" in parts:
-            progress("liars")
-            lie(tally)
-        if "inputs" in parts:
-            mutate(tally, scaled(INPUTS))
-        if "writes" in parts:
-            modes = ("ENOSPC", "EIO", "short")
-            fail_every_call_of_a_search(tally, task, modes, step=1)
-            fail_calls_of_a_training(tally, task, scaled(CALLS_OF_A_TRAINING))
-        if "kills" in parts:
-            kill_at_random(tally, task, {name: scaled(count) for name, count in KILLS.items()})
-    sys.stdout.write(tally.text())
+        try:
+            if "lies" in parts:
+                progress("liars")
+                lie(tally)
+            if "inputs" in parts:
+                mutate(tally, scaled(INPUTS))
+            if "writes" in parts:
+                modes = ("ENOSPC", "EIO", "short")
+                fail_every_call_of_a_search(tally, task, modes, step=1)
+                fail_calls_of_a_training(tally, task, scaled(CALLS_OF_A_TRAINING))
+            if "kills" in parts:
+                kill_at_random(tally, task, {name: scaled(count) for name, count in KILLS.items()})
+        finally:
+            # Also of what was done before Ctrl-C.
+            sys.stdout.write(tally.text())
     return 1 if tally.failures else 0
 
 
