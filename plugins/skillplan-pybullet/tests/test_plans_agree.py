@@ -214,7 +214,7 @@ def test_what_came_to_rest_within_tolerance_is_no_fault_of_a_later_skill() -> No
 
 
 @pytest.mark.slow(reason="a search and a plan each; a board of two parts in every run")
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0])
 @pytest.mark.parametrize("board", [small_board, generated])
 def test_what_a_search_proves_is_performed(board, seed) -> None:
     """Parts by jaws from feeder and table; boards of `skillplan generate assembly`."""
