@@ -11,9 +11,13 @@ from __future__ import annotations
 
 import logging
 import math
+import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
+from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
@@ -218,23 +222,31 @@ def _rates(slopes: Array, bends: Array, grid: Array, limits: tuple[Array, Array]
 
 @cache
 def _toppra() -> Any:
-    """Return the package; it loads scipy and matplotlib, which only who asks for times needs.
+    """Return the package; it loads scipy, which only who asks for times needs.
 
     It is kept quiet: a run that it does not find is looked for in parts.
     """
-    drawing = logging.getLogger("matplotlib")
-    level = drawing.level
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), _without_drawing():
         # Of docstrings with escapes that Python does not know, where it was not compiled before.
         warnings.simplefilter("ignore")
-        # Of a folder for fonts that cannot be written.
-        drawing.setLevel(logging.CRITICAL)
-        try:
-            import toppra
-        finally:
-            drawing.setLevel(level)
+        import toppra
     logging.getLogger("toppra").setLevel(logging.CRITICAL)
     return toppra
+
+
+@contextmanager
+def _without_drawing() -> Iterator[None]:
+    """Import what imports matplotlib only to draw its own insides, and leave matplotlib alone.
+
+    It takes as long as all the rest, and fails where the environment names a backend that is none.
+    """
+    absent = [name for name in ("matplotlib", "matplotlib.pyplot") if name not in sys.modules]
+    sys.modules.update({name: ModuleType(name) for name in absent})
+    try:
+        yield
+    finally:
+        for name in absent:
+            del sys.modules[name]
 
 
 def _peaks(path: JointPath, places: Array, rates: Array) -> tuple[Array, Array]:
