@@ -119,12 +119,10 @@ def command(
         tables = solved_tables(result, last)
         if folder is not None:
             from skillplan.records.stored.policy_file import policy_document, solved_tasks
-            from skillplan.records.stored.result_folder import PLAN, POLICIES
-            from skillplan.views.tables.solved import saved_tables
-            from skillplan.views.text.table import as_csv
+            from skillplan.records.stored.result_folder import POLICIES
+            from skillplan.views.tables.saved import csv_files
 
-            beside = {PLAN: as_csv(tables[-1])}
-            beside |= {name: as_csv(table) for name, table in saved_tables(result).items()}
+            beside = csv_files(result, last)
             policies = policy_document(problem.sha256, solver, solved_tasks(result, last))
             if policies is not None:
                 beside[POLICIES] = as_json(policies)
