@@ -25,11 +25,11 @@ Path_ = tuple[str | int, ...]
 # What nobody can tell from a plan, as docs/howto/verify.md lists it.
 SINGLE = re.compile(
     r"solver|seed|bound_method|stats\.\w+|trace\..*|trace"
-    r"|origin\.(file|options\..*|set\..*)"
+    r"|origin\.(file|screening|options\..*|set\..*)"
 )
 # Of a chain the whole is made of its parts: less is left open.
 CHAIN = re.compile(
-    r"seed|origin\.(file|options\..*|set\..*)|solver"
+    r"seed|origin\.(file|screening|options\..*|set\..*)|solver"
     r"|(sequences|stages)\.\d+\.(bound_method|reason|trace.*"
     r"|stats\.cache_hits|stats\.checks|stats\.states)"
 )
