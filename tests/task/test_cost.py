@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from situations import assembly, crowded_assemblies, imagined_state
 from skillplan.task.cost import ConstantCost, Cost, DistanceCost, planar_distance
 from skillplan.task.motion import Event, Motion, Route, Visit
+from skillplan.task.pose import Pose
 from skillplan.task.state import Facts
 
 FACTS = Facts(("at(home)", "at(bin)", "tool(a)", "tool(b)", "other"), (("at(home)", "at(bin)"),))
@@ -17,7 +18,7 @@ PLACES = {FACTS.bit("at(home)"): (0.0, 0.0, 0.5), FACTS.bit("at(bin)"): (3.0, 4.
 
 
 def visit(x_m, y_m, z_m=0.0):
-    return Visit((x_m, y_m, z_m), Event.GRASP, "part")
+    return Visit(Pose((x_m, y_m, z_m)), Event.GRASP, "part")
 
 
 def motion(*routes):

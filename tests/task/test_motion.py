@@ -5,11 +5,12 @@ import math
 import pytest
 
 from skillplan.task.motion import Event, Motion, Route, Visit
+from skillplan.task.pose import Pose
 from skillplan.task.state import Facts
 
 FACTS = Facts(("tool(a)", "tool(b)", "hand_free"))
-HERE = Visit((0.1, 0.2, 0.3), Event.LOAD, "a")
-THERE = Visit((0.4, 0.5, 0.6), Event.LOAD, "b")
+HERE = Visit(Pose((0.1, 0.2, 0.3)), Event.LOAD, "a")
+THERE = Visit(Pose((0.4, 0.5, 0.6)), Event.LOAD, "b")
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
@@ -19,7 +20,7 @@ def test_a_visit_is_at_a_finite_place(value):
         position = [0.0, 0.0, 0.0]
         position[axis] = value
         with pytest.raises(ValueError, match="must be finite"):
-            Visit(tuple(position), Event.GRASP, "part")
+            Visit(Pose(tuple(position)), Event.GRASP, "part")
 
 
 @pytest.mark.parametrize("routes", [(), (Route(FACTS.none, (HERE,)), Route(FACTS.none, ()))])

@@ -44,7 +44,8 @@ def regrasped():
 
     def change(task, **grasps):
         bodies = tuple(
-            replace(body, grasp=grasps.get(body.name, body.grasp)) for body in task.scene.bodies
+            replace(body, grasps=(grasps[body.name],) if body.name in grasps else body.grasps)
+            for body in task.scene.bodies
         )
         return replace(task, scene=replace(task.scene, bodies=bodies))
 

@@ -5,6 +5,7 @@ import pytest
 
 from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.motion import Event, Visit
+from skillplan.task.pose import Pose
 from skillplan.task.shape import Box
 from skillplan_pinocchio.arm_clearance import LinkSweep
 from skillplan_pinocchio.arm_model import ArmModel
@@ -18,7 +19,8 @@ TIP, ABOVE = (0.5, 0.0, 0.02), (0.5, 0.0, 0.17)
 
 def linear_motion(tip=TIP, above=ABOVE):
     """Return a motion that takes a part."""
-    return LinearMotion(Visit(tip, Event.GRASP, "part"), tip, above, 0.0, None, None, "part")
+    visit = Visit(Pose(tip), Event.GRASP, "part")
+    return LinearMotion.straight_down(visit, tip, above, 0.0, None, None, "part")
 
 
 def box(name, size, centre, fact=""):

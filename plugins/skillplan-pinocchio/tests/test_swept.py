@@ -11,6 +11,7 @@ from situations import assembly
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.run import make_feasibility, solve
 from skillplan.pipeline.setup import Setup
+from skillplan.task.grasp import AXES
 from skillplan.task.scene import Cylinder, Grasp, GraspKind
 from skillplan.testing import DetectorSuite, lid_task, reachable_states
 from skillplan_pinocchio.swept import SweptDetector
@@ -123,7 +124,7 @@ class TestHand:
         task = assembly(content)
         facts = ("held(top)", "placed(post)")
         assert verdict_in(task, "place(top)", *facts).is_infeasible
-        task = regrasped(task, top=Grasp(GraspKind.JAWS, (0.0, 0.0, 0.018), "y", 0.04))
+        task = regrasped(task, top=Grasp(GraspKind.JAWS, (0.0, 0.0, 0.018), AXES["y"], 0.04))
         assert verdict_in(task, "place(top)", *facts).is_feasible
 
     def test_the_hand_is_wider_than_its_fingers(self):
@@ -156,7 +157,7 @@ class TestHand:
         content["parts"]["base"]["size_m"] = [0.06, 0.1, 0.08]
         task = assembly(content)
         for tip_m, hits in ((0.02, True), (0.06, False)):
-            grasp = Grasp(GraspKind.JAWS, (0.0, 0.0, tip_m), "x", 0.06)
+            grasp = Grasp(GraspKind.JAWS, (0.0, 0.0, tip_m), AXES["x"], 0.06)
             changed = regrasped(task, base=grasp)
             verdict = verdict_in(changed, "pick(base)", "at_start(base)", "hand_free")
             assert verdict.is_infeasible is hits
@@ -168,7 +169,7 @@ class TestHand:
         """The table is there in every state."""
         content = shelf()
         task = assembly(content)
-        task = regrasped(task, base=Grasp(GraspKind.JAWS, (0.0, 0.0, -0.005), "x", 0.06))
+        task = regrasped(task, base=Grasp(GraspKind.JAWS, (0.0, 0.0, -0.005), AXES["x"], 0.06))
         verdict = verdict_in(task, "pick(base)", "at_start(base)", "hand_free")
         assert verdict.reason == "a finger runs into the table on the approach"
         assert verdict.evidence["penetration_m"] == pytest.approx(0.005, abs=1e-6)

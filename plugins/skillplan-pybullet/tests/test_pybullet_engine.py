@@ -15,6 +15,7 @@ from board_situations import BOARD, OPTIMAL, imagined, state_after
 from example_count import examples
 from skillplan.errors import TaskError
 from skillplan.pipeline.setup import load_problem
+from skillplan.task.grasp import AXES
 from skillplan.task.scene import Grasp, GraspKind
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -273,7 +274,9 @@ class TestFaults:
 
     def test_the_engine_itself_knows_what_its_hand_holds(self, task):
         bodies = tuple(
-            dataclasses.replace(body, grasp=Grasp(GraspKind.JAWS, (0.0, 0.0, 0.02), "x", 0.1))
+            dataclasses.replace(
+                body, grasps=(Grasp(GraspKind.JAWS, (0.0, 0.0, 0.02), AXES["x"], 0.1),)
+            )
             if body.name == "clock"
             else body
             for body in task.scene.bodies

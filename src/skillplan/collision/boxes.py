@@ -24,7 +24,20 @@ class WorldBox:
 
 def world_boxes(body: Body, pose: Pose) -> tuple[WorldBox, ...]:
     """Return the boxes of a body at a pose; a turned box becomes its axis-aligned hull."""
-    return tuple(world_box(box, pose.position, pose.yaw_rad) for box in body.boxes)
+    return tuple(box_at(box, pose) for box in body.boxes)
+
+
+def box_at(box: Box, pose: Pose) -> WorldBox:
+    """Return the axis-aligned hull of a body's box, the body at a pose."""
+    if pose.is_upright:
+        return world_box(box, pose.position, pose.yaw_rad)
+    centre = pose.apply(box.centre)
+    half = [
+        sum(abs(part) * extent / 2 for part, extent in zip(row, box.size, strict=True))
+        for row in pose.rotation
+    ]
+    (x, y, z), (a, b, c) = centre, half
+    return WorldBox((x - a, y - b, z - c), (x + a, y + b, z + c))
 
 
 def world_box(box: Box, origin: Point, yaw_rad: float = 0.0) -> WorldBox:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from skillplan.physics.linear_motions import grasp_of
+from skillplan.physics.linear_motions import visited_grasp
 from skillplan.robots.hand import DEFAULT_HAND
 from skillplan.task.motion import Event, Visit
 from skillplan.task.scene import Grasp, GraspKind, Robot, Scene, Tool
@@ -53,7 +53,7 @@ def too_wide(scene: Scene, robot: Robot, skill: Skill) -> str | None:
     attached = skill.parameters.get("tool")
     tool = next((tool for tool in robot.tools if tool.name == attached), None)
     for visit in _handled(skill):
-        grasp = grasp_of(scene.body(visit.subject))
+        grasp = visited_grasp(scene.body(visit.subject), visit)
         opening_m = widest_m(tool)
         if grasp.kind is GraspKind.JAWS and grasp.width_m > opening_m + _ROUNDING_M:
             return (

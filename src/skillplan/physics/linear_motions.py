@@ -1,8 +1,9 @@
 """From a skill's visits to linear motions of the hand: the via points of Moller et al., sec. 4.4.
 
 Every visit is an approach, an act and a retreat: the tip of the hand comes down from above a
-target, acts there, and goes up again. Between two of them it is transferred at safe height. Engines
-and detectors that model a hand share this planner, so that they check one and the same motion.
+target, follows the direction in which its load goes into place, acts there, and goes back the same
+way. Between two of them it is transferred at safe height. Engines and detectors that model a hand
+share this planner, so that they check one and the same motion.
 """
 
 from __future__ import annotations
@@ -11,8 +12,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from skillplan.task.grasp import AXES, Grasp, GraspKind
 from skillplan.task.motion import Event, Point, Visit
-from skillplan.task.scene import Body, Grasp, GraspKind, Robot, Tool
+from skillplan.task.pose import (
+    DOWN,
+    Pose,
+    Quaternion,
+    cross,
+    dot,
+    plus,
+    same_direction,
+    unit,
+)
+from skillplan.task.scene import Body, Robot, Tool
 from skillplan.task.shape import Box
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -24,11 +36,17 @@ _MOST_DEPTH_M = 0.012
 # Unless something else is requested, the hand is turned as the wrist has most room: closing along
 # the y of what it handles [rad].
 _NATURAL_YAW_RAD = math.pi / 2
+# What is left between a hand and the part that it comes to from the side, before and after [m].
+_STANDOFF_M = 0.02
+# How far a screw is from its hole where the hand begins to follow its axis [m].
+_SCREW_STRETCH_M = 0.05
+# A hand that does not point down reaches below its tip by no more than this [m].
+_HAND_RADIUS_M = 0.11
 
 
 @dataclass(frozen=True, slots=True)
 class LinearMotion:
-    """One approach, act and retreat of the hand.
+    """One approach, act and retreat of the hand, which is not turned meanwhile.
 
     Parameters
     ----------
@@ -36,26 +54,100 @@ class LinearMotion:
         What is done, and to what.
     tip
         Where the tip of the hand is when it acts [m]: midway between the fingertips, the rim of
-        the suction cup, or the end of the bit, at the lowest point of the hand or tool.
-    above
-        Where it comes from and goes back to [m].
+        the suction cup, or the end of the bit, at the outermost point of the hand or tool.
     closing_yaw_rad
-        Direction in which jaws close, from x about the vertical [rad].
+        Of a hand that points down the direction in which jaws close, from x about the vertical
+        [rad].
+    orientation
+        How the hand is turned: z points out of it, y along the closing axis of its jaws.
+    approach
+        Where the tip goes in straight lines [m], from at safe height to `tip`; two points at least.
+    retreat
+        Where it goes back [m], from `tip` to safe height.
     carries
         The body in the hand during the approach, or None.
     tool
         The tool attached during the approach, or None.
     leaves_with
         The body in the hand during the retreat, or None.
+    drop_m
+        How high above its goal a part is let go [m], >= 0.
     """
 
     visit: Visit
     tip: Point
-    above: Point
     closing_yaw_rad: float
+    orientation: Quaternion
+    approach: tuple[Point, ...]
+    retreat: tuple[Point, ...]
     carries: str | None
     tool: Tool | None
     leaves_with: str | None
+    drop_m: float = 0.0
+
+    @classmethod
+    def straight_down(
+        cls,
+        visit: Visit,
+        tip: Point,
+        above: Point,
+        closing_yaw_rad: float,
+        carries: str | None,
+        tool: Tool | None,
+        leaves_with: str | None,
+        drop_m: float = 0.0,
+    ) -> LinearMotion:
+        """Return a motion straight down from above a target and up again."""
+        closing = (math.cos(closing_yaw_rad), math.sin(closing_yaw_rad), 0.0)
+        orientation = Pose.of_axes(tip, closing, DOWN).orientation
+        down, up = (above, tip), (tip, above)
+        return cls(
+            visit,
+            tip,
+            closing_yaw_rad,
+            orientation,
+            down,
+            up,
+            carries,
+            tool,
+            leaves_with,
+            drop_m,
+        )
+
+    @property
+    def above(self) -> Point:
+        """Where the tip comes from [m]."""
+        return self.approach[0]
+
+    @property
+    def ends_at(self) -> Point:
+        """Where the tip ends, at safe height [m]."""
+        return self.retreat[-1]
+
+    @property
+    def hand(self) -> Pose:
+        """The pose of the tip when it acts: z points out of the hand, y along the closing axis."""
+        return Pose(self.tip, self.orientation)
+
+    @property
+    def points(self) -> Point:
+        """Unit vector in the world in which the hand points."""
+        return self.hand.rotate(AXES["z"])
+
+    @property
+    def points_down(self) -> bool:
+        """Whether the hand points straight down."""
+        return same_direction(self.points, DOWN)
+
+    @property
+    def is_vertical(self) -> bool:
+        """Whether the hand points down, and goes straight down and up again."""
+        return self.points_down and len(self.approach) == len(self.retreat) == 2
+
+    @property
+    def grasp_tip(self) -> Point:
+        """Where the tip is while what it handles is exactly where it belongs [m]."""
+        return (self.tip[0], self.tip[1], self.tip[2] - self.drop_m)
 
 
 def grasp_of(body: Body) -> Grasp:
@@ -99,7 +191,7 @@ def jaws_about(
     widths = [high - low for low, high in spans]
     axis = "xy".index(closing_axis or ("x" if widths[0] <= widths[1] + 1e-9 else "y"))
     x_m, y_m = at_m or ((low + high) / 2 for low, high in spans)
-    return Grasp(GraspKind.JAWS, (x_m, y_m, top_m - depth_m), "xy"[axis], widths[axis])
+    return Grasp(GraspKind.JAWS, (x_m, y_m, top_m - depth_m), AXES["xy"[axis]], widths[axis])
 
 
 def linear_motions(
@@ -146,6 +238,11 @@ def tool_after(robot: Robot, visit: Visit, tool: Tool | None) -> Tool | None:
     return tool
 
 
+def visited_grasp(scene_body: Body, visit: Visit) -> Grasp:
+    """Return how a visit holds a body: as it says itself, or as the body is held."""
+    return visit.grasp or grasp_of(scene_body)
+
+
 def _linear_motion(
     task: Task,
     robot: Robot,
@@ -154,34 +251,108 @@ def _linear_motion(
     tool: Tool | None,
     drop_height_m: float,
 ) -> LinearMotion:
-    x_m, y_m, z_m = visit.position
-    safe_m = max(robot.safe_height_m, z_m)
-    yaw_rad = visit.yaw_rad + _NATURAL_YAW_RAD
-    lift_m = drop_m = 0.0
     leaves_with = carries
+    grasp: Grasp | None = None
     if visit.event in (Event.GRASP, Event.RELEASE):
-        grasp = grasp_of(task.scene.body(visit.subject))
-        tip_x, tip_y, lift_m = grasp.tip
-        cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
-        x_m, y_m = x_m + cos * tip_x - sin * tip_y, y_m + sin * tip_x + cos * tip_y
-        if grasp.closing_axis == "x":
-            yaw_rad -= _NATURAL_YAW_RAD
-        if visit.event is Event.RELEASE:
-            drop_m, leaves_with = drop_height_m, None
-        else:
-            leaves_with = visit.subject
+        grasp = visited_grasp(task.scene.body(visit.subject), visit)
+        leaves_with = visit.subject if visit.event is Event.GRASP else None
     elif visit.event is Event.FETCH:
         leaves_with = visit.subject
     elif visit.event is Event.DRIVE:
-        # The screw is at the bit, its head on what it fastens once it is driven.
-        lift_m = task.scene.body(visit.subject).height_m
         carries, leaves_with = visit.subject, None
+    points, closing = _hand_directions(visit, grasp)
+    downwards = same_direction(visit.along, DOWN)
+    drops = visit.event is Event.RELEASE and downwards
+    drop_m = drop_height_m if drops else 0.0
+    tip = _tip(task, visit, grasp)
+    body = None if grasp is None else task.scene.body(visit.subject)
+    # Of an upright body, its origin is where it begins.
+    upright = body is None or visit.pose.is_upright
+    low_m = visit.position[2] if body is None or upright else -body.reach_m(visit.pose, DOWN)
+    if same_direction(points, DOWN):
+        yaw_rad = _closing_yaw_rad(visit, grasp, closing)
+    else:
+        yaw_rad, low_m = 0.0, min(low_m, tip[2] - _HAND_RADIUS_M)
+    above_m = max(robot.safe_height_m, low_m) + (tip[2] - low_m)
+    dropped = (tip[0], tip[1], tip[2] + drop_m)
+    orientation = Pose.of_axes(tip, closing, points).orientation
+    approach, retreat = _stretches(visit, grasp, body, tip, points, closing)
     return LinearMotion(
         visit,
-        (x_m, y_m, z_m + lift_m + drop_m),
-        (x_m, y_m, safe_m + lift_m),
+        dropped,
         yaw_rad,
+        orientation,
+        (_at_height(approach[-1], above_m), *reversed(approach[1:]), dropped),
+        (dropped, *retreat[1:], _at_height(retreat[-1], above_m)),
         carries,
         tool,
         leaves_with,
+        drop_m,
     )
+
+
+def _stretches(
+    visit: Visit,
+    grasp: Grasp | None,
+    body: Body | None,
+    tip: Point,
+    points: Point,
+    closing: Point,
+) -> tuple[tuple[Point, ...], tuple[Point, ...]]:
+    """Return where the tip is on the stretches before and after it acts [m], both from `tip`.
+
+    One point only where it goes straight up from there.
+    """
+    backwards = (-points[0], -points[1], -points[2])
+    if grasp is None or body is None:
+        if visit.event is not Event.DRIVE or same_direction(visit.along, DOWN):
+            return (tip,), (tip,)
+        away = (tip, plus(tip, visit.along, -(visit.insert_m or _SCREW_STRETCH_M)))
+        return away, away
+    free_m = body.reach_m(visit.pose, backwards) - dot(tip, backwards) + _STANDOFF_M
+    freed = (tip, plus(tip, backwards, free_m))
+    if visit.event is Event.GRASP:
+        # The load is lifted straight up.
+        return ((tip,) if same_direction(points, DOWN) else freed), (tip,)
+    downwards = same_direction(visit.along, DOWN)
+    length_m = visit.insert_m or free_m
+    inserted = (tip,) if downwards else (tip, plus(tip, visit.along, -length_m))
+    blocked = grasp.kind is GraspKind.JAWS and abs(dot(visit.along, closing)) > 1e-6
+    # Jaws that close along the direction of insertion have the part between them on it.
+    return inserted, (freed if blocked else inserted)
+
+
+def _hand_directions(visit: Visit, grasp: Grasp | None) -> tuple[Point, Point]:
+    """Return in which directions of the world the hand points and its jaws close."""
+    if grasp is not None:
+        return unit(visit.pose.rotate(grasp.approach)), unit(visit.pose.rotate(grasp.closing))
+    points = visit.along if visit.event is Event.DRIVE else DOWN
+    if same_direction(points, DOWN):
+        yaw_rad = visit.yaw_rad + _NATURAL_YAW_RAD
+        return DOWN, (math.cos(yaw_rad), math.sin(yaw_rad), 0.0)
+    # What turns about its own axis may be turned about it: level, if it can be.
+    level = cross(AXES["z"], points)
+    return points, unit(level) if math.hypot(*level) > 1e-6 else AXES["y"]
+
+
+def _closing_yaw_rad(visit: Visit, grasp: Grasp | None, closing: Point) -> float:
+    """Return the direction in which the jaws of a hand that points down close [rad]."""
+    if grasp is None:
+        return visit.yaw_rad + _NATURAL_YAW_RAD
+    if visit.pose.is_upright:
+        return visit.yaw_rad + math.atan2(grasp.closing[1], grasp.closing[0])
+    return math.atan2(closing[1], closing[0])
+
+
+def _tip(task: Task, visit: Visit, grasp: Grasp | None) -> Point:
+    """Return where the tip is while what it handles is where it belongs [m]."""
+    if grasp is not None:
+        return visit.pose.apply(grasp.tip)
+    if visit.event is not Event.DRIVE:
+        return visit.position
+    # The screw is at the bit, its head on what it fastens once it is driven.
+    return plus(visit.position, visit.along, -task.scene.body(visit.subject).height_m)
+
+
+def _at_height(point: Point, height_m: float) -> Point:
+    return (point[0], point[1], max(height_m, point[2]))

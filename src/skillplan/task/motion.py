@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
+from skillplan.task.grasp import Grasp
+from skillplan.task.pose import DOWN, Point, Pose, is_unit
 from skillplan.task.state import State
 
-Point = tuple[float, float, float]
+__all__ = ["Event", "Motion", "Point", "Route", "Visit"]
 
 
 class Event(StrEnum):
@@ -28,30 +30,49 @@ class Visit:
 
     Parameters
     ----------
-    position
-        World position of the target [m]: the bottom centre of the body that is grasped or
-        released, the mouth of a hole or of a tool holder.
+    pose
+        Of the target in the world: of the body that is grasped or released, of the mouth of a hole
+        or of a tool holder. A screw's head is on the side of its z axis.
     event
         What the hand does there.
     subject
         The body or tool it does it to.
-    yaw_rad
-        How the body is turned about the vertical there [rad].
+    grasp
+        How the body is held; None where the body says it.
+    along
+        Unit vector in the world along which the subject moves on the last stretch to where it is
+        left, or a screw into its hole; straight down by default.
+    insert_m
+        Length of that stretch [m], > 0; None for a default.
 
     Raises
     ------
     ValueError
-        If a coordinate is not finite.
+        If `along` is not of length 1, or the length is not positive.
     """
 
-    position: Point
+    pose: Pose
     event: Event
     subject: str
-    yaw_rad: float = 0.0
+    grasp: Grasp | None = None
+    along: Point = DOWN
+    insert_m: float | None = None
 
     def __post_init__(self) -> None:
-        if not all(math.isfinite(value) for value in self.position):
-            raise ValueError(f"Visit position must be finite, not {self.position}.")
+        if not is_unit(self.along):
+            raise ValueError(f"Visit along must be of length 1, not {self.along}.")
+        if self.insert_m is not None and not 0 < self.insert_m < math.inf:
+            raise ValueError(f"Visit insert_m must be > 0, not {self.insert_m}.")
+
+    @property
+    def position(self) -> Point:
+        """Where the origin of the target is in the world [m]."""
+        return self.pose.position
+
+    @property
+    def yaw_rad(self) -> float:
+        """How the target is turned about the vertical [rad]."""
+        return self.pose.yaw_rad
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Constant geometry: bodies, robots and stations, in SI units and the world frame.
 
 Geometry is a function of the state: :meth:`Scene.at` gives every body's pose in a state, so
-that no simulator history is needed to know where things are. Quaternions are ``(x, y, z, w)``.
+that no simulator history is needed to know where things are.
 A body's origin is the centre of its bottom face.
 """
 
@@ -12,7 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from skillplan.task.motion import Point
+from skillplan.task.grasp import Grasp, GraspKind
+from skillplan.task.pose import Point, Pose, Quaternion, dot
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan.task.state import State
 
@@ -34,40 +35,7 @@ __all__ = [
     "ToolKind",
 ]
 
-Quaternion = tuple[float, float, float, float]
 WORLD = "world"
-
-
-@dataclass(frozen=True, slots=True)
-class Pose:
-    """Position [m] and orientation (unit quaternion x, y, z, w).
-
-    Raises
-    ------
-    ValueError
-        If a number is not finite or the quaternion is not of unit length.
-    """
-
-    position: Point
-    orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
-
-    def __post_init__(self) -> None:
-        if not all(math.isfinite(value) for value in (*self.position, *self.orientation)):
-            raise ValueError("Pose must be finite.")
-        norm = math.sqrt(sum(value * value for value in self.orientation))
-        if abs(norm - 1) > 1e-9:
-            raise ValueError(f"Pose quaternion must have unit length, not {norm}.")
-
-    @classmethod
-    def upright(cls, position: Point, yaw_rad: float = 0.0) -> Pose:
-        """Return the pose of a body turned by `yaw_rad` about the vertical."""
-        return cls(position, (0.0, 0.0, math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)))
-
-    @property
-    def yaw_rad(self) -> float:
-        """Rotation about the vertical [rad], in (-pi, pi]."""
-        x, y, z, w = self.orientation
-        return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,47 +60,6 @@ class Placement:
     solid: bool = True
 
 
-class GraspKind(StrEnum):
-    """How a hand holds a part: between two jaws, or by suction from above."""
-
-    JAWS = "jaws"
-    SUCTION = "suction"
-
-
-@dataclass(frozen=True, slots=True)
-class Grasp:
-    """Where and how a hand holds a body.
-
-    Parameters
-    ----------
-    kind
-        Jaws or suction.
-    tip
-        Where the lowest point of the hand is, in the body's frame [m]: midway between the
-        fingertips, or the rim of the suction cup.
-    closing_axis
-        Axis of the body's frame along which jaws close, ``x`` or ``y``.
-    width_m
-        Extent of the body between the jaws [m], > 0; 0 for suction.
-
-    Raises
-    ------
-    ValueError
-        If the axis is neither x nor y, or the width does not fit the kind.
-    """
-
-    kind: GraspKind
-    tip: Point
-    closing_axis: str = "x"
-    width_m: float = 0.0
-
-    def __post_init__(self) -> None:
-        if self.closing_axis not in ("x", "y"):
-            raise ValueError(f"Grasp closes along x or y, not {self.closing_axis!r}.")
-        if (self.width_m > 0) != (self.kind is GraspKind.JAWS):
-            raise ValueError(f"Grasp by {self.kind} cannot have the width {self.width_m} m.")
-
-
 @dataclass(frozen=True)
 class Body:
     """A rigid body made of boxes, cylinders and convex meshes.
@@ -147,8 +74,8 @@ class Body:
         Where it is, by fact.
     mass_kg
         Mass [kg], > 0, spread evenly.
-    grasp
-        How it is held; None for what no hand holds.
+    grasps
+        How it may be held, the preferred first; none for what no hand holds.
 
     Raises
     ------
@@ -160,13 +87,18 @@ class Body:
     shapes: tuple[Shape, ...]
     placements: tuple[Placement, ...]
     mass_kg: float
-    grasp: Grasp | None = None
+    grasps: tuple[Grasp, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.shapes:
             raise ValueError(f"Body {self.name!r} needs at least one shape.")
         if not (math.isfinite(self.mass_kg) and self.mass_kg > 0):
             raise ValueError(f"Body {self.name!r}: mass must be > 0 kg, not {self.mass_kg}.")
+
+    @property
+    def grasp(self) -> Grasp | None:
+        """How it is held unless something else is said; None for what no hand holds."""
+        return self.grasps[0] if self.grasps else None
 
     @property
     def boxes(self) -> tuple[Box, ...]:
@@ -177,6 +109,12 @@ class Body:
     def height_m(self) -> float:
         """Height of its top above its origin [m]."""
         return max(box.centre[2] + box.size[2] / 2 for box in self.boxes)
+
+    def reach_m(self, pose: Pose, direction: Point) -> float:
+        """Return how far it reaches along a direction from the world's origin [m], at a pose."""
+        own = pose.inverse().rotate(direction)
+        away_m = max(shape.reach_m(own) for shape in self.shapes)
+        return dot(pose.position, direction) + away_m
 
     def placement(self, state: State) -> Placement | None:
         """Return where it is in `state`, or None where no fact says so."""
@@ -321,7 +259,5 @@ class Scene:
                 poses[body.name] = placement.pose
             else:
                 _, tip = self.robot(placement.frame).place(state)
-                offset = placement.pose.position
-                position = (tip[0] + offset[0], tip[1] + offset[1], tip[2] + offset[2])
-                poses[body.name] = Pose(position, placement.pose.orientation)
+                poses[body.name] = placement.pose.moved(tip)
         return poses

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from skillplan.task.motion import Point
+from skillplan.task.pose import Point, dot
 
 # A point on the rim of a shape counts to it; rounding may put it so far out [m].
 _RIM_M = 1e-9
@@ -57,6 +57,11 @@ class Box:
         )
         return self.centre[2] + self.size[2] / 2 if inside else None
 
+    def reach_m(self, direction: Point) -> float:
+        """Return how far it reaches along a direction from the body's origin [m]."""
+        half = sum(abs(d) * extent / 2 for d, extent in zip(direction, self.size, strict=True))
+        return dot(direction, self.centre) + half
+
 
 @dataclass(frozen=True, slots=True)
 class Cylinder:
@@ -101,6 +106,12 @@ class Cylinder:
         distance_m = math.hypot(x_m - self.centre[0], y_m - self.centre[1])
         inside = distance_m <= self.diameter_m / 2 + _RIM_M
         return self.centre[2] + self.height_m / 2 if inside else None
+
+    def reach_m(self, direction: Point) -> float:
+        """Return how far it reaches along a direction from the body's origin [m]."""
+        x, y, z = direction
+        away_m = self.diameter_m / 2 * math.hypot(x, y) + self.height_m / 2 * abs(z)
+        return dot(direction, self.centre) + away_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +180,10 @@ class Mesh:
             if min(b, c, 1 - b - c) >= -1e-9:
                 tops_m.append(az + b * (bz - az) + c * (cz - az))
         return max(tops_m, default=None)
+
+    def reach_m(self, direction: Point) -> float:
+        """Return how far it reaches along a direction from the body's origin [m]."""
+        return max(dot(direction, corner) for corner in self.corners)
 
     def _planes(self) -> Iterator[tuple[Point, float]]:
         """Yield of each face the outward normal and the distance from the origin along it."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -86,6 +86,22 @@ class Case:
         _check_probabilities(f"Case {self.fact}", self.outcomes)
 
 
+@dataclass(frozen=True, slots=True)
+class Way:
+    """One of several motions by which a skill may be executed.
+
+    Parameters
+    ----------
+    label
+        What tells it from the others, in words: ``along -x, by the side``.
+    motion
+        The motion.
+    """
+
+    label: str
+    motion: Motion
+
+
 @dataclass(frozen=True)
 class Skill:
     """A grounded robot skill: one arrow label of the transition model.
@@ -114,12 +130,16 @@ class Skill:
     cases
         For a skill whose prediction depends on the state: at most one of their facts holds at a
         time, and the skill is applicable only where one does.
+    ways
+        Where there are several motions to choose from, all of them, the preferred first; its
+        motion is then that of the first. Back ends are queried about one of them at a time.
 
     Raises
     ------
     ValueError
         If the name is empty, no agent is given, there are neither or both of outcomes and cases,
-        two cases have one fact, or the probabilities do not sum to 1.
+        two cases have one fact, the probabilities do not sum to 1, two ways have one label, or the
+        motion is not that of the first way.
     """
 
     name: str
@@ -132,6 +152,7 @@ class Skill:
     motion: Motion | None = None
     parameters: Mapping[str, str] = field(default_factory=dict, hash=False)
     cases: tuple[Case, ...] = field(default=(), hash=False)
+    ways: tuple[Way, ...] = field(default=(), hash=False)
     _cases: Mapping[int, Case] = field(init=False, repr=False, compare=False)
     _conditions: dict[int, Condition] = field(init=False, repr=False, compare=False)
     _selectors: int = field(init=False, repr=False, compare=False)
@@ -148,6 +169,10 @@ class Skill:
         cases = {case.fact.bits: case for case in self.cases}
         if len(cases) != len(self.cases):
             raise ValueError(f"Skill {self.name!r} has two cases for one fact.")
+        if self.ways and self.motion != self.ways[0].motion:
+            raise ValueError(f"Skill {self.name!r} has another motion than its first way.")
+        if len({way.label for way in self.ways}) != len(self.ways):
+            raise ValueError(f"Skill {self.name!r} has two ways of one label.")
         # By number of the fact: powers of two make poor keys, see `State.__hash__`.
         by_number = {bits.bit_length(): case for bits, case in cases.items()}
         object.__setattr__(self, "_cases", by_number)
@@ -159,6 +184,10 @@ class Skill:
         # A mapping proxy cannot be pickled; its content can.
         values = {item.name: getattr(self, item.name) for item in fields(self) if item.init}
         return Skill, tuple({**values, "parameters": dict(self.parameters)}.values())
+
+    def by(self, way: Way) -> Skill:
+        """Return the skill as it is executed in one of its ways, under a name of its own."""
+        return replace(self, name=f"{self.name} {way.label}", motion=way.motion, ways=())
 
     def case(self, state: State) -> Case | None:
         """Return the case that `state` selects; None for a skill without, or where none fits."""

@@ -178,7 +178,7 @@ def _changed(
     if grasp.kind is GraspKind.JAWS:
         too_deep = replace(grasp, tip=(grasp.tip[0], grasp.tip[1], -0.004))
         words = f"the hand reaches 4 mm below {body.name}"
-        yield "too deep", words, _with_body(task, replace(body, grasp=too_deep))
+        yield "too deep", words, _with_body(task, replace(body, grasps=(too_deep,)))
     if visit.event is not Event.RELEASE:
         return
     assert skill.motion is not None

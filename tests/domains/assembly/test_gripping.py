@@ -8,6 +8,7 @@ from situations import assembly, config_content
 from skillplan.domains.assembly import AssemblyDomain
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.physics.linear_motions import grasp_of, jaws_about
+from skillplan.task.grasp import AXES
 from skillplan.task.scene import Grasp, GraspKind, ToolKind
 from skillplan.task.shape import Box, Cylinder
 from skillplan.testing import lid_content
@@ -53,9 +54,9 @@ def issues_of(*arguments, **changes):
 
 def test_a_part_is_held_across_its_narrower_side():
     """Half-way down, 12 mm at most: the tip is above the middle of the part."""
-    assert grasp_in() == Grasp(GraspKind.JAWS, (0.0, 0.0, 0.03 - 0.012), "x", 0.02)
+    assert grasp_in() == Grasp(GraspKind.JAWS, (0.0, 0.0, 0.03 - 0.012), AXES["x"], 0.02)
     low = grasp_in({"size_m": [0.05, 0.04, 0.01]})
-    assert low == Grasp(GraspKind.JAWS, (0.0, 0.0, 0.005), "y", 0.04)
+    assert low == Grasp(GraspKind.JAWS, (0.0, 0.0, 0.005), AXES["y"], 0.04)
 
 
 def test_what_the_file_says_of_a_grasp_goes_before():
@@ -98,7 +99,7 @@ def test_the_hands_own_choice_is_the_file_s():
 
 def test_suction_holds_from_above():
     """On what is highest there."""
-    assert grasp_in(type="suction") == Grasp(GraspKind.SUCTION, (0.0, 0.0, 0.03), "y")
+    assert grasp_in(type="suction") == Grasp(GraspKind.SUCTION, (0.0, 0.0, 0.03), AXES["y"])
     assert grasp_in({"boxes": STEPS}, type="suction").tip == (0.0, 0.0, 0.01)
     assert grasp_in({"boxes": STEPS}, type="suction", at_m=[0.02, 0.01]).tip == (0.02, 0.01, 0.03)
 
@@ -131,7 +132,7 @@ def test_the_board_is_held_as_a_hand_can_hold_it(board_task):
     assert (tools["gripper"].kind, tools["gripper"].opening_m) == (ToolKind.GRIPPER, 0.08)
     assert tools["screwdriver"].kind is ToolKind.SCREWDRIVER
     grasps = {body.name: body.grasp for body in board_task.scene.bodies}
-    assert grasps["pcb"] == Grasp(GraspKind.SUCTION, (0.0, 0.0, 0.006), "y")
+    assert grasps["pcb"] == Grasp(GraspKind.SUCTION, (0.0, 0.0, 0.006), AXES["y"])
     assert grasps["brace"].width_m == 0.02
     assert grasps["brace"].tip == pytest.approx((0.0, 0.0, 0.042))
     closing = {name: grasp.closing_axis for name, grasp in grasps.items() if grasp}

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.linear_motions import LinearMotion, grasp_of, tool_after
+from skillplan.physics.linear_motions import LinearMotion, tool_after, visited_grasp
 from skillplan.task.motion import Event, Point
-from skillplan.task.scene import Pose, Robot, Scene
+from skillplan.task.pose import plus
+from skillplan.task.scene import Robot, Scene
 from skillplan_pinocchio.hulls import HandPart, hand_parts
 from skillplan_pinocchio.motion_plan import spared
 from skillplan_pinocchio.obstacles import Obstacle
-from skillplan_pinocchio.shapes import ConvexPiece, pieces_of
+from skillplan_pinocchio.shapes import pieces_of
 from skillplan_pinocchio.sweep import Sweep, Touch
 
 _HANDLING = (Event.GRASP, Event.RELEASE)
@@ -44,43 +46,31 @@ class HandSweeps:
         motion
             The one that follows.
         start
-            Where the tip comes from [m]; it is taken at the height at which the motion ends.
+            Where the tip comes from [m]; it is taken at the height at which the motion begins.
         """
-        by = (motion.above[0] - start[0], motion.above[1] - start[1], 0.0)
-        offset = (-by[0], -by[1], self._safe_m(motion) - motion.visit.position[2])
-        label = "the travel"
-        spares = spared(motion)
-        for pieces in self._load(motion, motion.carries, offset):
-            yield Sweep(label, str(motion.carries), pieces, by, spares)
-        tip = (start[0], start[1], motion.above[2])
-        for part in self._hand(motion, before=True):
-            yield Sweep(label, part.name, part.at(tip, motion.closing_yaw_rad), by, spares)
+        above = motion.above
+        by = (above[0] - start[0], above[1] - start[1], 0.0)
+        yield from self._swept(
+            "the travel", motion, (start[0], start[1], above[2]), by, after=False
+        )
 
-    def approach(self, motion: LinearMotion) -> Iterator[Sweep]:
-        """Yield the sweeps down to the target."""
-        fall_m = self._safe_m(motion) - motion.visit.position[2]
-        label = "the approach"
-        spares = spared(motion)
-        for pieces in self._load(motion, motion.carries, (0.0, 0.0, fall_m)):
-            yield Sweep(label, str(motion.carries), pieces, (0.0, 0.0, -fall_m), spares)
-        by = (0.0, 0.0, motion.tip[2] - motion.above[2])
-        for part in self._hand(motion, before=True):
-            pieces = part.at(motion.above, motion.closing_yaw_rad)
-            yield Sweep(label, part.name, pieces, by, spares)
+    def approach(self, motion: LinearMotion) -> Iterator[tuple[Sweep, ...]]:
+        """Yield the sweeps of each straight stretch to the target, in order."""
+        for number, (begin, end) in enumerate(pairwise(motion.approach), start=2):
+            is_last = number == len(motion.approach)
+            label = "the insertion" if is_last and number > 2 else "the approach"
+            # Down to its goal, also where it is let go from above.
+            target = motion.grasp_tip if is_last else end
+            yield (
+                *self._load(label, motion, motion.carries, begin, _difference(begin, target)),
+                *self._hands(label, motion, begin, _difference(begin, end), after=False),
+            )
 
-    def retreat(self, motion: LinearMotion) -> Iterator[Sweep]:
-        """Yield the sweeps up again."""
+    def retreat(self, motion: LinearMotion) -> Iterator[tuple[Sweep, ...]]:
+        """Yield the sweeps of each straight stretch back to safe height, in order."""
         label = "the retreat"
-        spares = spared(motion)
-        if motion.visit.event is Event.GRASP:
-            rise_m = self._safe_m(motion) - motion.visit.position[2]
-            for pieces in self._load(motion, motion.leaves_with, (0.0, 0.0, 0.0)):
-                by = (0.0, 0.0, rise_m)
-                yield Sweep(label, str(motion.leaves_with), pieces, by, spares)
-        by = (0.0, 0.0, motion.above[2] - motion.tip[2])
-        for part in self._hand(motion, before=False):
-            pieces = part.at(motion.tip, motion.closing_yaw_rad)
-            yield Sweep(label, part.name, pieces, by, spares)
+        for begin, end in pairwise(motion.retreat):
+            yield tuple(self._swept(label, motion, begin, _difference(begin, end), after=True))
 
     def clash(self, motion: LinearMotion, tolerance_m: float) -> tuple[str, Touch] | None:
         """Return which part of the hand runs into the very body it handles, and where, or None.
@@ -96,36 +86,51 @@ class HandSweeps:
         if visit.event not in _HANDLING:
             return None
         body = self.scene.body(visit.subject)
-        pieces = pieces_of(body, Pose.upright(visit.position, visit.yaw_rad))
-        target = Obstacle(body.name, None, pieces)
-        # Where it is held, not a drop height above.
-        tip = (motion.tip[0], motion.tip[1], visit.position[2] + grasp_of(body).tip[2])
+        target = Obstacle(body.name, None, pieces_of(body, visit.pose))
         for part in self._hand(motion, before=visit.event is Event.GRASP):
-            sweep = Sweep("", part.name, part.at(tip, motion.closing_yaw_rad), _STILL, frozenset())
+            pieces = part.along(motion, motion.grasp_tip)
+            sweep = Sweep("", part.name, pieces, _STILL, frozenset())
             touch = sweep.touch(target, tolerance_m, 1)
             if touch is not None:
                 return part.name, touch
         return None
 
-    def _safe_m(self, motion: LinearMotion) -> float:
-        """Return the height at which the lowest point of the load is transferred [m]."""
-        return max(self.robot.safe_height_m, motion.visit.position[2])
+    def _swept(
+        self, label: str, motion: LinearMotion, begin: Point, by: Point, *, after: bool
+    ) -> Iterator[Sweep]:
+        """Yield the sweeps of load and hand while the tip goes straight from a point."""
+        # What is fetched appears at the bit, and was in its feeder before.
+        taken = motion.leaves_with if motion.visit.event is Event.GRASP else None
+        carried = taken if after else motion.carries
+        yield from self._load(label, motion, carried, begin, by)
+        yield from self._hands(label, motion, begin, by, after=after)
 
     def _load(
-        self, motion: LinearMotion, carried: str | None, offset: Point
-    ) -> Iterator[tuple[ConvexPiece, ...]]:
-        """Yield the pieces of what is carried, displaced from where it is put or taken."""
+        self, label: str, motion: LinearMotion, carried: str | None, begin: Point, by: Point
+    ) -> Iterator[Sweep]:
+        """Yield the sweep of what is carried, which the motion puts down or takes."""
         if carried is None or carried != motion.visit.subject:
             return
-        x, y, z = (a + b for a, b in zip(motion.visit.position, offset, strict=True))
-        yield pieces_of(self.scene.body(carried), Pose.upright((x, y, z), motion.visit.yaw_rad))
+        offset = _difference(motion.grasp_tip, begin)
+        pieces = pieces_of(self.scene.body(carried), motion.visit.pose.moved(offset))
+        yield Sweep(label, carried, pieces, by, spared(motion))
+
+    def _hands(
+        self, label: str, motion: LinearMotion, begin: Point, by: Point, *, after: bool
+    ) -> Iterator[Sweep]:
+        for part in self._hand(motion, before=not after):
+            yield Sweep(label, part.name, part.along(motion, begin), by, spared(motion))
 
     def _hand(self, motion: LinearMotion, *, before: bool) -> tuple[HandPart, ...]:
         """Return what is at the end of the arm before, or after, it acts."""
         tool = motion.tool if before else tool_after(self.robot, motion.visit, motion.tool)
         opening_m = 0.0
         if motion.visit.event in _HANDLING:
-            grasp = grasp_of(self.scene.body(motion.visit.subject))
+            grasp = visited_grasp(self.scene.body(motion.visit.subject), motion.visit)
             is_open = before is (motion.visit.event is Event.GRASP)
             opening_m = jaw_opening_m(grasp, self.clearance_m if is_open else 0.0, tool)
         return hand_parts(self.robot, tool, opening_m)
+
+
+def _difference(begin: Point, end: Point) -> Point:
+    return plus(end, begin, -1.0)

@@ -12,8 +12,11 @@ from typing import Final
 
 import numpy as np
 
+from skillplan.physics.linear_motions import LinearMotion
 from skillplan.physics.tool_shapes import tool_shapes
 from skillplan.robots import panda
+from skillplan.task.grasp import AXES
+from skillplan.task.pose import Point, Pose, cross
 from skillplan.task.scene import Robot, Tool, ToolKind
 from skillplan.task.shape import Cylinder, Shape
 from skillplan_pinocchio.shapes import (
@@ -22,6 +25,7 @@ from skillplan_pinocchio.shapes import (
     box_corners,
     cylinder_corners,
     placed,
+    placed_at,
 )
 
 # The body of the hand from its underside upwards: depth in the frame of the hand, how far out
@@ -62,7 +66,7 @@ class HandPart:
     corners: tuple[Array, ...]
 
     def at(self, tip: Sequence[float], closing_yaw_rad: float) -> tuple[ConvexPiece, ...]:
-        """Return its pieces in the world.
+        """Return its pieces in the world, of a hand that points down.
 
         Parameters
         ----------
@@ -72,6 +76,15 @@ class HandPart:
             Direction in which the jaws close, from x about the vertical [rad].
         """
         return tuple(ConvexPiece(placed(one, tip, closing_yaw_rad)) for one in self.corners)
+
+    def along(self, motion: LinearMotion, tip: Point) -> tuple[ConvexPiece, ...]:
+        """Return its pieces in the world while the tip of a motion is at a point [m]."""
+        if motion.points_down:
+            return self.at(tip, motion.closing_yaw_rad)
+        points, closing = motion.points, motion.hand.rotate(AXES["y"])
+        out = (-points[0], -points[1], -points[2])
+        pose = Pose.of_axes(tip, cross(out, closing), out)
+        return tuple(ConvexPiece(placed_at(one, pose)) for one in self.corners)
 
 
 def hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple[HandPart, ...]:

@@ -68,10 +68,11 @@ def _moving(
     motions: Sequence[ArmMotion], sweeps: HandSweeps, start: Point | None
 ) -> Iterator[Hull]:
     for one in motions:
-        found = [*sweeps.approach(one.motion), *sweeps.retreat(one.motion)]
+        stretches = [*sweeps.approach(one.motion), *sweeps.retreat(one.motion)]
+        found = [sweep for stretch in stretches for sweep in stretch]
         if start is not None:
             found += sweeps.transfer(one.motion, start)
-            start = one.motion.above
+            start = one.motion.ends_at
         for sweep in found:
             for piece in sweep.pieces:
                 yield _hull(sweep.mover, HullRole.MOVING, piece.swept(sweep.by))

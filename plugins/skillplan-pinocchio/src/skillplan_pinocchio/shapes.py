@@ -105,10 +105,15 @@ def may_touch(one: ConvexPiece, other: ConvexPiece, tolerance_m: float) -> bool:
 
 
 def pieces_of(body: Body, pose: Pose) -> tuple[ConvexPiece, ...]:
-    """Return the pieces of an upright body at a pose."""
-    return tuple(
-        ConvexPiece(placed(corners_of(shape), pose.position, pose.yaw_rad)) for shape in body.shapes
-    )
+    """Return the pieces of a body at a pose."""
+    return tuple(ConvexPiece(placed_at(corners_of(shape), pose)) for shape in body.shapes)
+
+
+def placed_at(corners: Array, pose: Pose) -> Array:
+    """Return corners of a frame in the frame that its pose is given in, shape (corners, 3)."""
+    if pose.is_upright:
+        return placed(corners, pose.position, pose.yaw_rad)
+    return np.asarray(corners @ np.array(pose.rotation).T + np.array(pose.position))
 
 
 def placed(corners: Array, origin: Sequence[float], yaw_rad: float) -> Array:

@@ -125,7 +125,7 @@ class SkillTimes:
     def _found(self, fact: str, position: Point) -> Stand:
         motion = self._last.get(fact)
         if motion is not None:
-            position = motion.above
+            position = motion.ends_at
             elbows = self.planner.plan(motion).elbows
         else:
             elbows = self.planner.descents(position, position, 0.0, frozenset()).elbows

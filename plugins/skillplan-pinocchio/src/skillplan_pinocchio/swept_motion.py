@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.motion import Event, Point
-from skillplan.task.scene import Pose, Scene
+from skillplan.task.pose import DOWN, Pose, same_direction
+from skillplan.task.scene import Scene
 from skillplan_pinocchio.arm_clearance import LinkTouch
 from skillplan_pinocchio.hand_sweeps import HandSweeps
 from skillplan_pinocchio.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner, spared
 from skillplan_pinocchio.obstacles import Obstacle
-from skillplan_pinocchio.shapes import pieces_of
+from skillplan_pinocchio.shapes import ConvexPiece, pieces_of, placed_at
 from skillplan_pinocchio.support import Supports, supports_of
 from skillplan_pinocchio.sweep import Sweep, Touch
 
@@ -138,11 +139,13 @@ class SweptMotionBuilder:
             if transfers is not None and here is not None:
                 events += self._collisions(self.sweeps.transfer(motion, here))
                 events += self._transfer_links(motion, transfers.paths[index])
-                here = motion.above
+                here = motion.ends_at
             events += self._clash(motion)
-            events += self._collisions(self.sweeps.approach(motion))
+            for stretch in self.sweeps.approach(motion):
+                events += self._collisions(stretch)
             events += self._links(planned)
-            events += self._collisions(self.sweeps.retreat(motion))
+            for stretch in self.sweeps.retreat(motion):
+                events += self._collisions(stretch)
             if self.check_support and motion.visit.event in (Event.RELEASE, Event.DRIVE):
                 supports.append(self._supports(motion))
         return SweptMotion(tuple(events), tuple(supports))
@@ -185,8 +188,20 @@ class SweptMotionBuilder:
     def _supports(self, motion: LinearMotion) -> Supports:
         visit = motion.visit
         body = self.scene.body(visit.subject)
-        pieces = pieces_of(body, Pose.upright(visit.position, visit.yaw_rad))
-        return supports_of(body.name, pieces, self.planner.obstacles, self.planner.tolerance_m)
+        pieces = pieces_of(body, visit.pose)
+        obstacles = self.planner.obstacles
+        if visit.event is Event.DRIVE and not same_direction(visit.along, DOWN):
+            # What a screw is pressed on is beneath it along its axis.
+            level = visit.pose.inverse()
+            pieces = _seen_from(level, pieces)
+            obstacles = tuple(
+                replace(one, pieces=_seen_from(level, one.pieces)) for one in obstacles
+            )
+        return supports_of(body.name, pieces, obstacles, self.planner.tolerance_m)
+
+
+def _seen_from(frame: Pose, pieces: Iterable[ConvexPiece]) -> tuple[ConvexPiece, ...]:
+    return tuple(ConvexPiece(placed_at(piece.corners, frame)) for piece in pieces)
 
 
 def _link_collisions(

@@ -10,7 +10,8 @@ from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
 from skillplan.physics.linear_motions import jaws_about
 from skillplan.robots.panda import FINGER_PROFILE_M
-from skillplan.task.scene import Grasp, GraspKind, ToolKind
+from skillplan.task.grasp import AXES, Grasp, GraspKind
+from skillplan.task.scene import ToolKind
 
 # What is left of the opening of the jaws on both sides of a part that fits between them [m].
 _PLAY_M = 0.002
@@ -39,7 +40,7 @@ def grasp_of_part(config: AssemblyConfig, name: str) -> Grasp:
         top_m = _top_under(part, x_m, y_m)
         top_m = height_of(part) if top_m is None else top_m
         # The closed hand is turned such that the wrist has most room.
-        return Grasp(GraspKind.SUCTION, (x_m, y_m, top_m), "y")
+        return Grasp(GraspKind.SUCTION, (x_m, y_m, top_m), AXES["y"])
     axis = None if grasp.closing_axis == "auto" else grasp.closing_axis
     return jaws_about(boxes_of(part), axis, grasp.depth_m, at_m)
 
@@ -95,8 +96,8 @@ def _jaws_issues(config: AssemblyConfig, part: PartConfig) -> Iterator[Issue]:
     if opening_m is None and given.model_fields_set.isdisjoint({"at_m", "closing_axis", "depth_m"}):
         # Neither the jaws nor the grasp are modelled.
         return
-    axis = "xy".index(grasp.closing_axis)
-    middle_m = _jaws(part, grasp.closing_axis, centred=True).tip[axis]
+    axis = "xy".index(grasp.closing_axis or "x")
+    middle_m = _jaws(part, "xy"[axis], centred=True).tip[axis]
     if not _between_fingers(part, grasp):
         yield _nothing_at(part, grasp.tip[0], grasp.tip[1], "the jaws")
     elif abs(grasp.tip[axis] - middle_m) > _OFF_MIDDLE_M:
@@ -137,7 +138,7 @@ def _jaws(part: PartConfig, closing_axis: str, *, centred: bool = False) -> Gras
 
 def _between_fingers(part: PartConfig, grasp: Grasp) -> bool:
     """Whether anything of the part is between the fingers' faces above their ends."""
-    closing = "xy".index(grasp.closing_axis)
+    closing = "xy".index(grasp.closing_axis or "x")
     across = 1 - closing
     return any(
         box.centre[2] + box.size[2] / 2 > grasp.tip[2] + 1e-9

@@ -29,6 +29,7 @@ from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, HAND_FREE, HOME,
 from skillplan.task.condition import Condition
 from skillplan.task.cost import DistanceCost, planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
+from skillplan.task.pose import Pose
 from skillplan.task.reward import Penalty, RewardScheme
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import Facts, State
@@ -168,7 +169,8 @@ class _Grounding:
         start = vocabulary.start_place(self.config, name)
         looks = name in vocabulary.missed_parts(self.config)
         above = [n for n, other in self.config.parts.items() if other.start_on == name]
-        visit = Visit(start_of(self.config, name), Event.GRASP, name, part.start_yaw_rad)
+        pose = Pose.upright(start_of(self.config, name), part.start_yaw_rad)
+        visit = Visit(pose, Event.GRASP, name)
         return SkillDraft(
             kind="pick",
             subject=name,
@@ -184,7 +186,8 @@ class _Grounding:
         )
 
     def _place(self, name: str, part: PartConfig) -> SkillDraft:
-        visit = Visit(goal_of(self.config, name), Event.RELEASE, name, part.goal_yaw_rad)
+        pose = Pose.upright(goal_of(self.config, name), part.goal_yaw_rad)
+        visit = Visit(pose, Event.RELEASE, name)
         return SkillDraft(
             kind="place",
             subject=name,
@@ -199,9 +202,9 @@ class _Grounding:
 
     def _fasten(self, name: str) -> SkillDraft:
         screw = self.config.screws[name]
-        visits = [Visit(hole_of(self.config, screw), Event.DRIVE, name)]
+        visits = [Visit(Pose(hole_of(self.config, screw)), Event.DRIVE, name)]
         if screw.feeder is not None:
-            visits.insert(0, Visit(feeder_of(self.config, screw.feeder), Event.FETCH, name))
+            visits.insert(0, Visit(Pose(feeder_of(self.config, screw.feeder)), Event.FETCH, name))
         return SkillDraft(
             kind="fasten",
             subject=name,

@@ -31,7 +31,7 @@ def _wide_grasps(config: AssemblyConfig) -> Iterator[Issue]:
         grasp = grasp_of_part(config, name)
         if grasp.kind is GraspKind.SUCTION or grasp.width_m <= OPENING_M + _ROUNDING_M:
             continue
-        axis = grasp.closing_axis
+        axis = grasp.closing_axis or "x"
         # The other axis, at the same depth, helps where the part is narrow enough.
         other = "yx"["xy".index(axis)]
         narrower = jaws_about(boxes_of(part), other, part.grasp.depth_m).width_m <= OPENING_M

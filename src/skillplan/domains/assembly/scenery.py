@@ -70,7 +70,7 @@ def _part_body(config: AssemblyConfig, name: str) -> Body:
             Placement(f"placed({name})", goal),
         ),
         part.mass_kg,
-        grasp_of_part(config, name),
+        (grasp_of_part(config, name),),
     )
 
 

@@ -14,6 +14,7 @@ from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.skill_draft import SkillDraft
 from skillplan.domains.assembly.vocabulary import CHANGED_TOOL, HAND_FREE, NO_TOOL
 from skillplan.task.motion import Event, Visit
+from skillplan.task.pose import Pose
 
 
 def tool_changes(config: AssemblyConfig) -> Iterator[SkillDraft]:
@@ -28,11 +29,11 @@ def tool_changes(config: AssemblyConfig) -> Iterator[SkillDraft]:
 
 def _swap(config: AssemblyConfig, tool: str) -> SkillDraft:
     """Return the action that offloads whatever is attached and loads `tool`."""
-    load = Visit(holder_of(config, tool), Event.LOAD, tool)
+    load = Visit(Pose(holder_of(config, tool)), Event.LOAD, tool)
     routes: dict[str | None, list[Visit]] = {}
     for other in config.tools:
         if other != tool or config.tool_change.reload:
-            offload = Visit(holder_of(config, other), Event.OFFLOAD, other)
+            offload = Visit(Pose(holder_of(config, other)), Event.OFFLOAD, other)
             routes[f"tool({other})"] = [offload, load]
     if vocabulary.bare_hand(config):
         routes[NO_TOOL] = [load]
@@ -59,7 +60,7 @@ def _offload(config: AssemblyConfig, tool: str) -> SkillDraft:
         add=[NO_TOOL],
         delete=[f"tool({tool})"],
         ends_at=vocabulary.holder_place(tool),
-        routes={None: [Visit(holder_of(config, tool), Event.OFFLOAD, tool)]},
+        routes={None: [Visit(Pose(holder_of(config, tool)), Event.OFFLOAD, tool)]},
         parameters={"tool": tool},
     )
 
@@ -73,6 +74,6 @@ def _load(config: AssemblyConfig, tool: str) -> SkillDraft:
         add=[f"tool({tool})", CHANGED_TOOL],
         delete=[NO_TOOL],
         ends_at=vocabulary.holder_place(tool),
-        routes={None: [Visit(holder_of(config, tool), Event.LOAD, tool)]},
+        routes={None: [Visit(Pose(holder_of(config, tool)), Event.LOAD, tool)]},
         parameters={"tool": tool},
     )

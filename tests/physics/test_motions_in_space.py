@@ -1,0 +1,131 @@
+"""Approach, act and retreat of a hand that goes in from any side."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from situations import assembly
+from skillplan.physics.linear_motions import LinearMotion, linear_motions
+from skillplan.task.grasp import AXES, Grasp, GraspKind
+from skillplan.task.motion import Motion, Route, Visit
+from skillplan.task.pose import DOWN, Point, Pose, dot, plus, unit
+from skillplan.task.task import Task
+
+BAR = {
+    "kind": "assembly",
+    "name": "bar",
+    "robot": {"home_m": [0.4, 0.0], "safe_height_m": 0.2},
+    "tools": {"gripper": {"holder_m": [0.6, 0.3]}},
+    "initial_tool": "gripper",
+    "parts": {
+        "bar": {
+            "tool": "gripper",
+            "size_m": [0.02, 0.06, 0.02],
+            "start_m": [0.4, -0.2],
+            "goal_m": [0.5, 0.1],
+        }
+    },
+}
+LEVEL = Pose.turned((0.5, 0.1, 0.05), (0.0, math.pi / 2, 0.0))
+BY_ITS_END = Grasp(
+    GraspKind.JAWS, (0.0, 0.0, 0.015), AXES["x"], 0.02, approach=DOWN, name="by its end"
+)
+
+
+def task_with(visit: Visit) -> Task:
+    """Return the bar's task with another visit of its place."""
+    task = assembly(BAR)
+    place = task.skill("place(bar)")
+    motion = Motion("robot", (Route(task.facts.none, (visit,)),), "bar")
+    skills = tuple(
+        replace(one, motion=motion) if one.name == place.name else one for one in task.skills
+    )
+    return replace(task, skills=skills)
+
+
+def motion_of(visit: Visit, drop_height_m: float = 0.001) -> LinearMotion:
+    task = task_with(visit)
+    state = task.facts.of("held(bar)", "tool(gripper)", "at(home)")
+    (found,) = linear_motions(task, task.skill("place(bar)"), state, drop_height_m)
+    return found
+
+
+def place_of(**changes: object) -> Visit:
+    (visit,) = assembly(BAR).skill("place(bar)").motion.routes[0].visits
+    return replace(visit, **changes)
+
+
+def test_straight_down_is_one_stretch_and_one_back() -> None:
+    motion = motion_of(place_of())
+    assert motion.is_vertical
+    assert motion.approach == motion.retreat[::-1]
+    assert motion.tip[2] - motion.grasp_tip[2] == pytest.approx(0.001)
+
+
+def test_the_last_stretch_follows_the_direction_of_insertion_and_the_first_back_too() -> None:
+    along = unit((-1.0, 0.0, 0.0))
+    across = Grasp(GraspKind.JAWS, (0.0, 0.0, 0.01), AXES["y"], 0.06)
+    motion = motion_of(place_of(along=along, insert_m=0.08, grasp=across))
+    above, entry, tip = motion.approach
+    assert plus(tip, entry, -1.0) == pytest.approx((-0.08, 0.0, 0.0))
+    assert above[:2] == pytest.approx(entry[:2])
+    assert motion.retreat == (tip, entry, above)
+
+
+def test_what_goes_in_from_the_side_is_not_dropped() -> None:
+    assert motion_of(place_of(along=(-1.0, 0.0, 0.0), insert_m=0.08)).drop_m == 0.0
+
+
+def test_the_hand_is_turned_with_the_part() -> None:
+    motion = motion_of(place_of(pose=LEVEL, grasp=BY_ITS_END))
+    assert motion.points == pytest.approx((-1.0, 0.0, 0.0), abs=1e-9)
+    assert not motion.points_down
+    assert motion.grasp_tip == pytest.approx(LEVEL.apply(BY_ITS_END.tip))
+
+
+def test_jaws_that_close_along_the_insertion_go_back_as_they_point() -> None:
+    """Else one of them would take the part along."""
+    sideways = place_of(along=(-1.0, 0.0, 0.0), insert_m=0.08)
+    crossing = replace(sideways, grasp=replace(BY_ITS_END, closing=AXES["y"], width_m=0.06))
+    assert motion_of(crossing).retreat[1][0] == pytest.approx(motion_of(crossing).tip[0] + 0.08)
+    along = replace(sideways, grasp=BY_ITS_END)
+    assert motion_of(along).retreat[1][:2] == pytest.approx(motion_of(along).tip[:2])
+    assert motion_of(along).retreat[1][2] > motion_of(along).tip[2]
+
+
+directions = st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 0.2)).filter(
+    lambda v: math.hypot(*v) > 0.1
+)
+turns = st.tuples(*[st.floats(-math.pi, math.pi)] * 3)
+
+
+@given(directions, turns, st.floats(0.01, 0.3))
+def test_from_any_side_the_tip_ends_where_the_part_is_held_at_its_goal(
+    direction: Point, rpy_rad: Point, insert_m: float
+) -> None:
+    along = unit(direction)
+    pose = Pose.turned((0.5, 0.1, 0.05), rpy_rad)
+    motion = motion_of(place_of(pose=pose, along=along, insert_m=insert_m, grasp=BY_ITS_END))
+    assert motion.grasp_tip == pytest.approx(pose.apply(BY_ITS_END.tip), abs=1e-9)
+    assert motion.approach[-1] == motion.tip == motion.retreat[0]
+    y, z = motion.hand.rotate(AXES["y"]), motion.points
+    assert z == pytest.approx(pose.rotate(DOWN), abs=1e-6)
+    assert y == pytest.approx(pose.rotate(AXES["x"]), abs=1e-6)
+    if len(motion.approach) == 3:
+        stretch = plus(motion.tip, motion.approach[1], -1.0)
+        assert dot(stretch, along) == pytest.approx(insert_m, abs=1e-9)
+        assert math.hypot(*stretch) == pytest.approx(insert_m, abs=1e-9)
+
+
+@given(turns)
+def test_above_a_target_nothing_of_the_load_is_below_the_safe_height(rpy_rad: Point) -> None:
+    pose = Pose.turned((0.5, 0.1, 0.05), rpy_rad)
+    motion = motion_of(place_of(pose=pose, grasp=BY_ITS_END), drop_height_m=0.0)
+    body = assembly(BAR).scene.body("bar")
+    lifted = pose.moved(plus(motion.above, motion.tip, -1.0))
+    assert -body.reach_m(lifted, DOWN) >= 0.2 - 1e-9
