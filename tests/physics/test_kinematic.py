@@ -1,5 +1,7 @@
 """The reference engine: reach."""
 
+from dataclasses import replace
+
 import pytest
 
 from situations import assembly, config_content
@@ -47,3 +49,19 @@ def test_a_holder_beyond_reach_matters_only_on_the_way_that_visits_it():
     assert engine.check(load, far).facts == ["tool(far)"]
     assert engine.check(load, far).is_infeasible
     assert engine.check(load, near).is_feasible
+
+
+def test_a_hand_from_the_side_has_to_reach_where_it_begins_to_go_in():
+    """Half a metre beside the goal, on the far side from the base."""
+    content = config_content("inverter_board")
+    content["parts"]["clock"]["goal_m"] = [0.56, 0.06]
+    task = assembly(content)
+    place = task.skill("place(clock)")
+    (visit,) = place.motion.routes[0].visits
+    from_afar = replace(visit, along=(-1.0, 0.0, 0.0), insert_m=0.5)
+    motion = replace(place.motion, routes=(replace(place.motion.routes[0], visits=(from_afar,)),))
+    state = task.facts.of("held(clock)", "tool(gripper)", "at(home)")
+    assert KinematicEngine(task).check(place, state).is_feasible
+    verdict = KinematicEngine(task).check(replace(place, motion=motion), state)
+    assert verdict.is_infeasible
+    assert verdict.evidence["via_point_m"][0] == pytest.approx(0.56 + 0.5)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from skillplan.physics.engine import Engine
+from skillplan.physics.linear_motions import linear_motions
 from skillplan.task.motion import Event, Point, Visit
 from skillplan.task.scene import Robot
 from skillplan.task.skill import Skill
@@ -35,8 +36,10 @@ class KinematicEngine(Engine):
                 for route in skill.motion.routes
                 if state.bits & route.when.bits == route.when.bits
             )
-        for visit in skill.motion.visits(state):
-            for point in self.via_points(robot, visit):
+        for motion in linear_motions(self.task, skill, state):
+            visit = motion.visit
+            vertical = motion.is_vertical
+            for point in self.via_points(robot, visit) if vertical else motion.approach:
                 distance_m = math.dist(robot.base, point)
                 if distance_m > robot.reach_m:
                     return Verdict.infeasible(
@@ -53,7 +56,7 @@ class KinematicEngine(Engine):
         return Verdict.feasible(present, facts.none)
 
     def via_points(self, robot: Robot, visit: Visit) -> tuple[Point, Point]:
-        """Return the tip positions [m] above a target at safe height, and at the target."""
+        """Return the tip positions [m] straight above a target at safe height, and at it."""
         x_m, y_m, z_m = visit.position
         grip_m = 0.0
         if visit.event in (Event.GRASP, Event.RELEASE):

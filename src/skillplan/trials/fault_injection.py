@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_boxes
-from skillplan.physics.linear_motions import LinearMotion, grasp_of, linear_motions
+from skillplan.physics.linear_motions import LinearMotion, linear_motions, visited_grasp
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import WORLD, Body, Box, GraspKind, Placement, Pose
 from skillplan.task.skill import Skill
@@ -174,8 +174,8 @@ def _changed(
     if visit.event not in (Event.GRASP, Event.RELEASE):
         return
     body = task.scene.body(visit.subject)
-    grasp = grasp_of(body)
-    if grasp.kind is GraspKind.JAWS:
+    grasp = visited_grasp(body, visit)
+    if grasp.kind is GraspKind.JAWS and motion.is_vertical and visit.grasp is None:
         too_deep = replace(grasp, tip=(grasp.tip[0], grasp.tip[1], -0.004))
         words = f"the hand reaches 4 mm below {body.name}"
         yield "too deep", words, _with_body(task, replace(body, grasps=(too_deep,)))
@@ -183,7 +183,7 @@ def _changed(
         return
     assert skill.motion is not None
     safe_m = task.scene.robot(skill.motion.robot).safe_height_m
-    carried = world_boxes(body, Pose.upright(visit.position, visit.yaw_rad))
+    carried = world_boxes(body, visit.pose)
     by = (0.0, 0.0, safe_m - visit.position[2])
     for other in task.scene.bodies:
         placement = other.placement(state)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from skillplan.physics.linear_motions import LinearMotion, grasp_of
+from skillplan.physics.linear_motions import LinearMotion, visited_grasp
 from skillplan.robots.panda import FINGER_PROFILE_M, HAND_UNDERSIDE_M, TIP_M
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Body, Grasp, GraspKind
@@ -54,11 +54,13 @@ class Block:
 
 
 def blocks_on_path(task: Task, motion: LinearMotion) -> Iterator[Block]:
-    """Yield blocks that one motion must hit."""
+    """Yield blocks that one motion must hit; none where the hand does not go straight down."""
+    if not motion.is_vertical:
+        return
     event = motion.visit.event
     if event in (Event.GRASP, Event.RELEASE):
         body = task.scene.body(motion.visit.subject)
-        grasp = grasp_of(body)
+        grasp = visited_grasp(body, motion.visit)
         if grasp.kind is GraspKind.JAWS:
             yield from _beside_jaws(motion, grasp)
         elif event is Event.GRASP:
@@ -79,11 +81,11 @@ def blocks_on_path(task: Task, motion: LinearMotion) -> Iterator[Block]:
 
 
 def blocks_close_by(task: Task, motion: LinearMotion) -> Iterator[Block]:
-    """Yield low blocks that the motion and the hand pass without contact."""
-    if motion.visit.event not in (Event.GRASP, Event.RELEASE):
+    """Yield low blocks that a motion straight down, and the hand, pass without contact."""
+    if not motion.is_vertical or motion.visit.event not in (Event.GRASP, Event.RELEASE):
         return
     body = task.scene.body(motion.visit.subject)
-    grasp = grasp_of(body)
+    grasp = visited_grasp(body, motion.visit)
     jaws = grasp.kind is GraspKind.JAWS
     beneath_m = grasp.width_m / 2 + _BEHIND_JAW_M + _BLOCK_M / 2
     for side in (1, -1):
