@@ -30,11 +30,6 @@ DEFAULT_SAMPLE = 2
 _PATIENCE_S = 20.0
 
 
-def screens(back_ends: IntroducedBackEnds) -> tuple[BackEnd, ...]:
-    """Return the back ends that are only there to rule something out."""
-    return tuple(one for one in back_ends if one.screens)
-
-
 @dataclass(frozen=True, slots=True)
 class RuledOut:
     """A proof that there is no plan, for which nothing was executed.
@@ -163,7 +158,7 @@ def _grants(back_end: BackEnd, skill: Skill, state: State) -> bool:
 def _refusals(
     feasibility: Feasibility, cache: VerdictCache
 ) -> Iterator[tuple[BackEnd, Skill, State, Verdict]]:
-    for screen in screens(feasibility.back_ends):
+    for screen in feasibility.screens:
         for skill in feasibility.task.skills:
             for verdict, state in cache.made(screen, skill):
                 if verdict.status is VerdictStatus.INFEASIBLE:
