@@ -150,6 +150,18 @@ class NumericInverse:
                 break
         return found
 
+    def solve_from(self, start: Vector, target: Any) -> Vector | None:
+        """Return the joint angles that one start leads to, or None where it leads to none.
+
+        Parameters
+        ----------
+        start
+            A posture [rad], shape (joints,); moved into the limits.
+        target
+            Where the tip is to be in the world, as `pinocchio.SE3`.
+        """
+        return self._descend(np.clip(start, self.arm.low_rad, self.arm.high_rad), target)[0]
+
     def _descend(self, start: Vector, target: Any) -> tuple[Vector | None, Vector]:
         """Return the joint angles that a start leads to, if any, and the error that is left."""
         low, high = self.arm.low_rad, self.arm.high_rad
