@@ -34,7 +34,7 @@ def command(
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import showing_checks
     from skillplan.pipeline.run import make_feasibility
-    from skillplan.pipeline.screening import executed_sample
+    from skillplan.pipeline.search.screening import executed_sample
     from skillplan.records.chart import chart_document
     from skillplan.views.tables.chart import chart_table
 
