@@ -280,7 +280,7 @@ class Feasibility:
                 verdict = checked.verdict
                 self.cache.keep(back_end, skill, checked, state)
             else:
-                self.reused.note(index, back_end, skill, state, verdict)
+                self.reused.note(index, skill, state, verdict)
             if verdict.status is VerdictStatus.INFEASIBLE:
                 break
             if verdict.status is VerdictStatus.UNKNOWN:
