@@ -14,12 +14,15 @@ from skillplan.domains.assembly import vocabulary
 from skillplan.domains.assembly.layout import (
     feeder_of,
     goal_of,
+    goal_pose,
     holder_of,
     hole_of,
     look_of,
     start_of,
+    start_pose,
 )
 from skillplan.domains.assembly.part_schema import PartConfig
+from skillplan.domains.assembly.resting import bearers_at_start
 from skillplan.domains.assembly.scenery import scene_of
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.skill_draft import SkillDraft
@@ -47,6 +50,7 @@ class _Grounding:
     def __init__(self, config: AssemblyConfig) -> None:
         self.config = config
         self.facts: Facts = vocabulary.facts_of(config)
+        self.beneath = {name: bearers_at_start(config, name) for name in config.parts}
         self.positions = self._positions()
         self.places = {self.facts.bit(at(name)): p for name, p in self.positions.items()}
         self.stands = self.facts.of(*(at(name) for name in self.positions))
@@ -168,9 +172,8 @@ class _Grounding:
     def _pick(self, name: str, part: PartConfig) -> SkillDraft:
         start = vocabulary.start_place(self.config, name)
         looks = name in vocabulary.missed_parts(self.config)
-        above = [n for n, other in self.config.parts.items() if other.start_on == name]
-        pose = Pose.upright(start_of(self.config, name), part.start_yaw_rad)
-        visit = Visit(pose, Event.GRASP, name)
+        above = [n for n in self.config.parts if name in self.beneath[n]]
+        visit = Visit(start_pose(self.config, name), Event.GRASP, name)
         return SkillDraft(
             kind="pick",
             subject=name,
@@ -186,8 +189,7 @@ class _Grounding:
         )
 
     def _place(self, name: str, part: PartConfig) -> SkillDraft:
-        pose = Pose.upright(goal_of(self.config, name), part.goal_yaw_rad)
-        visit = Visit(pose, Event.RELEASE, name)
+        visit = Visit(goal_pose(self.config, name), Event.RELEASE, name)
         return SkillDraft(
             kind="place",
             subject=name,

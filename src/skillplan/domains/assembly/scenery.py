@@ -8,12 +8,12 @@ from skillplan.domains.assembly import vocabulary
 from skillplan.domains.assembly.gripping import grasp_of_part, tool_kind
 from skillplan.domains.assembly.layout import (
     feeder_of,
-    goal_of,
+    goal_pose,
     holder_of,
     hole_of,
     point,
     shapes_of,
-    start_of,
+    start_pose,
 )
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.task.motion import Point
@@ -58,8 +58,7 @@ def scene_of(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
 
 def _part_body(config: AssemblyConfig, name: str) -> Body:
     part = config.parts[name]
-    start = Pose.upright(start_of(config, name), part.start_yaw_rad)
-    goal = Pose.upright(goal_of(config, name), part.goal_yaw_rad)
+    start, goal = start_pose(config, name), goal_pose(config, name)
     in_hand = Pose((0.0, 0.0, 0.0))
     return Body(
         name,
