@@ -225,6 +225,11 @@ class Feasibility:
             self._durations_s[key] = next((one for one in said if one is not None), None)
         return self._durations_s[key]
 
+    @property
+    def screens(self) -> tuple[BackEnd, ...]:
+        """The back ends that are only there to rule something out."""
+        return tuple(one for one in self.back_ends if one.screens)
+
     def close(self) -> None:
         """End the processes that were started; another query starts new ones."""
         if self._workers is not None:

@@ -15,6 +15,7 @@ from skillplan.cli.options.shared import (
     SOLVER,
     BackEnds,
     Caching,
+    NoScreening,
     PartReading,
     Seed,
     Style,
@@ -115,6 +116,7 @@ def command(
     ] = 1,
     back_ends: BackEnds,
     caching: Caching,
+    no_screening: NoScreening = False,
     time_limit_s: Annotated[
         float,
         typer.Option(
@@ -163,7 +165,7 @@ def command(
         raise OptionError("--resume needs --out DIR, the folder of the training to go on with.")
     part = reading.part
     problem = reading.problem(task, back_ends)
-    setup = back_ends.setup(problem.part(part), (solver,))
+    setup = back_ends.setup(problem.part(part), (solver,), screening=not no_screening)
     plan = plan_training(
         problem,
         solver,

@@ -214,7 +214,9 @@ class PartReading(Reading):
         """
         return self.problem(path, back_ends).part(self.part)
 
-    def set_up(self, path: str, back_ends: BackEnds) -> tuple[Task, Setup, list[BackEnd]]:
+    def set_up(
+        self, path: str, back_ends: BackEnds, *, screening: bool = False
+    ) -> tuple[Task, Setup, list[BackEnd]]:
         """Return the task meant, how it is checked, and the back ends, constructed once.
 
         Parameters
@@ -223,6 +225,8 @@ class PartReading(Reading):
             Of the file.
         back_ends
             Those that the command line chooses.
+        screening
+            Whether geometry is asked before anything is executed.
 
         Raises
         ------
@@ -233,7 +237,7 @@ class PartReading(Reading):
         """
         problem = self.problem(path, back_ends)
         task = problem.part(self.part)
-        setup = back_ends.setup(task)
+        setup = back_ends.setup(task, screening=screening)
         return task, setup, setup.back_ends(task, problem.spare_back_ends)
 
 

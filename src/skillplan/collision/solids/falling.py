@@ -61,6 +61,12 @@ def height_above(upper: Polyhedron, lower: Polyhedron, at_least_m: float = -math
     return full if gentle else 2 * wide - narrow
 
 
+def narrowed_height_above(upper: Polyhedron, lower: Polyhedron, by_m: float) -> float:
+    """Return how far `upper` is above `lower` [m] once its walls are shifted in by a length [m]."""
+    found = _heights(upper.narrowed(by_m), lower)
+    return min((float(height.min(initial=math.inf)) for height in found), default=math.inf)
+
+
 def top_at(surface: Polyhedron, x_m: float, y_m: float) -> float | None:
     """Return the height of a surface at a point of its plan [m]; None beside it."""
     point = np.array([[x_m, y_m, 0.0]])

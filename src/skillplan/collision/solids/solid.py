@@ -138,6 +138,15 @@ class Solid:
         """Return how far it may fall from where it is until it meets another [m], or None."""
         return self._height_m(lower, -TOUCH_M)
 
+    def narrowed_fall_m(self, lower: Solid, by_m: float) -> float:
+        """Return how far it may fall, its walls shifted inwards by a length [m], or infinity."""
+        from skillplan.collision.solids.falling import narrowed_height_above
+
+        return min(
+            narrowed_height_above(one.surface, two.surface, by_m)
+            for one, two in product(self.pieces, lower.pieces)
+        )
+
     def depth_m(self, other: Solid) -> float:
         """Return how deep it is in another [m], at the deepest pair of shapes; 0 if apart."""
         if not _meet(self.box, other.box, TOUCH_M):
@@ -151,15 +160,17 @@ class Solid:
 
     def contact_m2(self, lower: Solid) -> float:
         """Return the area by which it stands on another, seen from above [m2]."""
+        return covered(self.contacts(lower))
+
+    def contacts(self, lower: Solid) -> list[Polygon]:
+        """Return where it stands on another, seen from above [m]."""
         if not _meet(self.box, lower.box, -TOUCH_M):
-            return 0.0
-        return covered(
-            [
-                polygon
-                for one, two in product(self.pieces, lower.pieces)
-                for polygon in one.touching(two)
-            ]
-        )
+            return []
+        return [
+            polygon
+            for one, two in product(self.pieces, lower.pieces)
+            for polygon in one.touching(two)
+        ]
 
     def _height_m(self, lower: Solid, at_least_m: float) -> float | None:
         if not _over(self.box, lower.box):

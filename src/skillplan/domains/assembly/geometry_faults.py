@@ -8,6 +8,7 @@ from itertools import combinations, product
 
 from skillplan.collision.boxes import WorldBox, box_at
 from skillplan.collision.solids.solid import TOUCH_M, Solid
+from skillplan.domains.assembly.handling.holes import hole_issues, is_askew
 from skillplan.domains.assembly.layout import (
     boxes_of,
     feeder_of,
@@ -61,9 +62,14 @@ def geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield what is out of reach, overlaps, or hangs in the air, of parts that exist."""
     yield from _out_of_reach(config)
     yield from resting_issues(config)
+    yield from hole_issues(config)
     for name, screw in config.screws.items():
-        x_m, y_m = screw.hole_m
-        if goal_solid(config, screw.through).top_m(x_m, y_m) is None:
+        x_m, y_m = screw.hole_m[:2]
+        through = goal_solid(config, screw.through)
+        if is_askew(screw):
+            continue
+        top_m = through.top_m(x_m, y_m)
+        if top_m is None or abs(top_m - hole_of(config, screw)[2]) > TOUCH_M:
             message = f"the hole does not lie over the top of {screw.through!r}. Move it."
             yield Issue(message, ("screws", name, "hole_m"))
 

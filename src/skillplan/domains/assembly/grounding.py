@@ -11,15 +11,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from skillplan.domains.assembly import vocabulary
+from skillplan.domains.assembly.handling.insertion import pick_visits, place_visits
+from skillplan.domains.assembly.handling.schema import unit_of
 from skillplan.domains.assembly.layout import (
     feeder_of,
     goal_of,
-    goal_pose,
     holder_of,
     hole_of,
+    hole_pose,
     look_of,
     start_of,
-    start_pose,
 )
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.resting import bearers_at_start
@@ -34,7 +35,7 @@ from skillplan.task.cost import DistanceCost, planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
 from skillplan.task.pose import Pose
 from skillplan.task.reward import Penalty, RewardScheme
-from skillplan.task.skill import Outcome, Skill
+from skillplan.task.skill import Outcome, Skill, Way
 from skillplan.task.state import Facts, State
 from skillplan.task.task import BackEndChoice, Literal, Metric, Precedence, Task
 
@@ -158,6 +159,10 @@ class _Grounding:
             ),
             motion=motion,
             parameters=draft.parameters,
+            ways=tuple(
+                Way(label, Motion(motion.robot, (Route(facts.none, (visit,)),), draft.carries))
+                for label, visit in draft.ways
+            ),
         )
 
     def _drafts(self) -> Iterator[SkillDraft]:
@@ -173,7 +178,7 @@ class _Grounding:
         start = vocabulary.start_place(self.config, name)
         looks = name in vocabulary.missed_parts(self.config)
         above = [n for n in self.config.parts if name in self.beneath[n]]
-        visit = Visit(start_pose(self.config, name), Event.GRASP, name)
+        visits = pick_visits(self.config, name)
         return SkillDraft(
             kind="pick",
             subject=name,
@@ -182,14 +187,15 @@ class _Grounding:
             add=[f"held({name})"],
             delete=[f"at_start({name})", HAND_FREE],
             ends_at=start,
-            routes={None: [visit]},
+            routes={None: [visits[0][1]]},
+            ways=visits if len(visits) > 1 else (),
             parameters={"part": name, "tool": part.tool},
             failure=part.grasp_failure,
             failed_at=vocabulary.missed_place(name) if looks else start,
         )
 
     def _place(self, name: str, part: PartConfig) -> SkillDraft:
-        visit = Visit(goal_pose(self.config, name), Event.RELEASE, name)
+        visits = place_visits(self.config, name)
         return SkillDraft(
             kind="place",
             subject=name,
@@ -197,14 +203,17 @@ class _Grounding:
             add=[f"placed({name})", HAND_FREE],
             delete=[f"held({name})"],
             ends_at=vocabulary.goal_place(name),
-            routes={None: [visit]},
+            routes={None: [visits[0][1]]},
+            ways=visits if len(visits) > 1 else (),
             parameters={"part": name, "tool": part.tool},
             carries=name,
         )
 
     def _fasten(self, name: str) -> SkillDraft:
         screw = self.config.screws[name]
-        visits = [Visit(Pose(hole_of(self.config, screw)), Event.DRIVE, name)]
+        visits = [
+            Visit(hole_pose(self.config, screw), Event.DRIVE, name, along=unit_of(screw.axis))
+        ]
         if screw.feeder is not None:
             visits.insert(0, Visit(Pose(feeder_of(self.config, screw.feeder)), Event.FETCH, name))
         return SkillDraft(

@@ -10,13 +10,16 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 from skillplan.collision.solids.solid import Solid
+from skillplan.domains.assembly.handling.schema import unit_of
 from skillplan.domains.assembly.part_schema import PartConfig, ScrewConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.task.motion import Point
-from skillplan.task.pose import Pose
+from skillplan.task.grasp import AXES
+from skillplan.task.pose import DOWN, Point, Pose, cross, same_direction, unit
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 
 _TABLE_M = 40.0
+# An axis of which z is more than this is taken for upright.
+_STEEP = 0.9
 
 
 def shapes_of(part: PartConfig) -> tuple[Shape, ...]:
@@ -79,11 +82,24 @@ def table() -> Solid:
 
 
 def hole_of(config: AssemblyConfig, screw: ScrewConfig) -> Point:
-    """Return the mouth of a screw's hole: the highest surface there of what it goes through [m]."""
+    """Return the mouth of a screw's hole [m]: as given, or its part's highest surface there."""
+    if len(screw.hole_m) > 2:
+        return point(screw.hole_m)
     x_m, y_m = screw.hole_m
     through = goal_solid(config, screw.through)
     top_m = through.top_m(x_m, y_m)
     return (x_m, y_m, _tidy(through.box.high[2] if top_m is None else top_m))
+
+
+def hole_pose(config: AssemblyConfig, screw: ScrewConfig) -> Pose:
+    """Return the mouth of a screw's hole; the screw goes in along its -z axis."""
+    mouth = hole_of(config, screw)
+    into = unit_of(screw.axis)
+    if same_direction(into, DOWN):
+        return Pose(mouth)
+    # What turns about its axis may be turned about it in any way.
+    level = unit(cross(into, AXES["z"] if abs(into[2]) < _STEEP else AXES["x"]))
+    return Pose.of_axes(mouth, level, (-into[0], -into[1], -into[2]))
 
 
 def holder_of(config: AssemblyConfig, tool: str) -> Point:

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
+from skillplan.collision.boxes import WorldBox
+from skillplan.collision.solids.centre import centre_of, stands
 from skillplan.collision.solids.solid import TOUCH_M, Solid
 from skillplan.domains.assembly.layout import goal_solid, start_solid, table
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
+
+# Up to so much of its least width, a part is taken to have been meant beside what it stands on.
+_MOST_SHARE = 0.4
+_PRECISION_M = 1e-5
 
 TABLE = "the table"
 """What is beneath everything; no part can have this name."""
@@ -157,6 +164,42 @@ def _loose(part: PartConfig, name: str, layout: _Layout) -> Iterator[Issue]:
             yield Issue(message, path)
     if raised and not named:
         yield from _floating(name, layout)
+    if named and not raised:
+        yield from _on_a_wall(name, named, layout)
+
+
+def _on_a_wall(name: str, named: list[str], layout: _Layout) -> Iterator[Issue]:
+    """Yield that a part would tip off what it would pass by if it was a little narrower."""
+    own = layout.solids[name]
+    beneath = [table(), *(solid for other, solid in layout.solids.items() if other != name)]
+    corners = [corner for solid in beneath for face in own.contacts(solid) for corner in face]
+    if not corners or stands(centre_of(own.shapes, own.pose), corners):
+        return
+
+    def passes(by_m: float) -> bool:
+        falls_m = [own.narrowed_fall_m(layout.solids[other], by_m) for other in named]
+        return TOUCH_M < min(falls_m) < math.inf
+
+    sizes_m = [h - low for piece in own.pieces for low, h in zip(*_plan(piece.box), strict=True)]
+    low_m, high_m = 0.0, _MOST_SHARE * min(sizes_m)
+    if not passes(high_m):
+        return
+    while high_m - low_m > _PRECISION_M:
+        middle_m = (low_m + high_m) / 2
+        low_m, high_m = (low_m, middle_m) if passes(middle_m) else (middle_m, high_m)
+    message = (
+        f"{name!r} is {_mm(high_m)} deep in a wall of {_listed(named)} {layout.when}. Move it."
+    )
+    key = "m" if layout.key == "goal" else "on"
+    yield Issue(message, ("parts", name, f"{layout.key}_{key}"))
+
+
+def _plan(box: WorldBox) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    return box.low[:2], box.high[:2]
+
+
+def _listed(names: list[str]) -> str:
+    return " or ".join(repr(name) for name in names)
 
 
 def _floating(name: str, layout: _Layout) -> Iterator[Issue]:
