@@ -68,7 +68,10 @@ def jaw_faults(task: Task) -> dict[str, str]:
     found: dict[str, str] = {}
     scene = task.scene
     for skill in task.skills:
-        words = too_wide(scene, scene.robots[0], skill)
+        ways = [skill.by(way) for way in skill.ways] or [skill]
+        reasons = [too_wide(scene, scene.robots[0], one) for one in ways]
+        # What is too wide in one way may be held in another.
+        words = reasons[0] if all(reasons) else None
         for visit in _handled(skill) if words is not None else ():
             first = scene.body(visit.subject).placements[0].fact
             found.setdefault(task.operations.get(visit.subject, first), f"{words}.")

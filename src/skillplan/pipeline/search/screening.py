@@ -15,6 +15,7 @@ from typing import Any
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import IntroducedBackEnds, check
 from skillplan.checks.verdict_cache import VerdictCache
+from skillplan.checks.ways import asked_about
 from skillplan.errors import BackEndError, SearchStopped
 from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.solvers.search.exact import ExactSolver
@@ -174,7 +175,7 @@ def _refusals(
     feasibility: Feasibility, cache: VerdictCache
 ) -> Iterator[tuple[BackEnd, Skill, State, Verdict]]:
     for screen in feasibility.screens:
-        for skill in feasibility.task.skills:
+        for skill in asked_about(feasibility.task):
             for verdict, state in cache.made(screen, skill):
                 if verdict.status is VerdictStatus.INFEASIBLE:
                     yield screen, skill, state, verdict
