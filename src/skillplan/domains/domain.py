@@ -95,13 +95,10 @@ class Overview:
         Keys added to the JSON document of ``check``; JSON values only.
     lines
         The same in words, a line each: a name, spaces, and what is said.
-    listings
-        Tables shown before that of the tasks.
     """
 
     document: Mapping[str, Any] = field(default_factory=dict)
     lines: tuple[str, ...] = ()
-    listings: tuple[Listing, ...] = ()
 
 
 class Domain(ABC):

@@ -152,11 +152,11 @@ def test_a_hole_is_where_the_part_it_goes_through_ends():
 
 
 def test_check_says_what_every_part_rests_on():
-    """As a table and as JSON values, with the area."""
+    """In words and as JSON values, with the area."""
     config = config_of({"case": CASE, "board": BOARD})
     overview = AssemblyDomain().overview(config)
-    (listing,) = overview.listings
-    assert ("board", f"{TABLE} 12,000.0 mm2", "case 12,000.0 mm2") == listing.rows[1]
+    line = f"rests      board on case (12,000.0 mm2); at the start on {TABLE} (12,000.0 mm2)"
+    assert line == overview.lines[1]
     entry = overview.document["rests"][1]
     assert entry == {
         "part": "board",

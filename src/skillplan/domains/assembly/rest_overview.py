@@ -6,24 +6,22 @@ from typing import Any
 
 from skillplan.domains.assembly.resting import Rest, rests_at_goal, rests_at_start
 from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.domains.domain import Listing, Overview
+from skillplan.domains.domain import Overview
 
 
 def rest_overview(config: AssemblyConfig) -> Overview:
-    """Return what every part of a faultless assembly rests on, as a table and as JSON values."""
-    rows, entries = [], []
+    """Return what every part of a faultless assembly rests on, in words and as JSON values."""
+    lines, entries = [], []
     for name, part in config.parts.items():
         start, goal = rests_at_start(config, name), rests_at_goal(config, name)
-        lies = f"in {part.feeder}" if part.feeder is not None else _words(start)
-        rows.append((name, lies, _words(goal)))
+        before = f"in {part.feeder}" if part.feeder is not None else f"on {_words(start)}"
+        lines.append(f"rests      {name} on {_words(goal)}; at the start {before}")
         entries.append({"part": name, "start": _document(start), "goal": _document(goal)})
-    columns = ("part", "lies on, at the start", "stands on, at its goal")
-    listing = Listing(f"{config.name}: what parts rest on", columns, tuple(rows))
-    return Overview({"rests": entries}, listings=(listing,))
+    return Overview({"rests": entries}, tuple(lines))
 
 
 def _words(rests: list[Rest]) -> str:
-    return ", ".join(f"{rest.on} {rest.area_m2 * 1e6:,.1f} mm2" for rest in rests)
+    return ", ".join(f"{rest.on} ({rest.area_m2 * 1e6:,.1f} mm2)" for rest in rests)
 
 
 def _document(rests: list[Rest]) -> list[dict[str, Any]]:

@@ -9,10 +9,9 @@ from skillplan.views.text.table import Column, Table
 
 
 def checked_tables(checked: Checked) -> list[Table]:
-    """Return a row for every task of the file, before it what else there is to see, and errata."""
-    errata = [] if checked.errata is None else [checked.errata]
-    listings = [*errata, *checked.preview.overview.listings]
-    return [*(listing_table(listing) for listing in listings), _tasks(checked)]
+    """Return a row for every task of the file, and the errata."""
+    errata = [] if checked.errata is None else [listing_table(checked.errata)]
+    return [*errata, _tasks(checked)]
 
 
 def _tasks(checked: Checked) -> Table:
