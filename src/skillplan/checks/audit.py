@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import check
 from skillplan.checks.verdict_sample import DrawnVerdict, draw_reused
+from skillplan.checks.ways import asked_by_name
 from skillplan.errors import BackEndError
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
@@ -66,10 +67,11 @@ def ask_again(
     BackEndError
         If one says otherwise, or fails.
     """
+    skills = asked_by_name(back_ends[0].task) if drawn else {}
     for one in drawn:
-        back_end = back_ends[one.back_end]
+        back_end, skill = back_ends[one.back_end], skills[one.skill]
         task, kept = back_end.task, one.verdict(back_end)
-        skill, made_in = one.skill_of(task), one.made_in(task)
+        made_in = one.made_in(task)
         for state in dict.fromkeys((one.used_in(task), made_in)):
             for _ in range(times):
                 fresh = check(back_end, skill, state).verdict

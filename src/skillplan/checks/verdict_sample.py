@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from skillplan.checks.feasibility import Feasibility
+from skillplan.checks.ways import asked_about
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -32,8 +33,10 @@ class DrawnVerdict:
 
     Parameters
     ----------
-    back_end, skill
-        Their indices, in the chain of checks and in the task.
+    back_end
+        Its index in the chain of checks.
+    skill
+        The name of what was asked about; by one of its ways where it has several.
     status, reason
         What was said.
     present_bits, absent_bits
@@ -43,7 +46,7 @@ class DrawnVerdict:
     """
 
     back_end: int
-    skill: int
+    skill: str
     status: str
     reason: str
     present_bits: int
@@ -53,14 +56,14 @@ class DrawnVerdict:
 
     @classmethod
     def of(
-        cls, back_end: int, skill: int, verdict: Verdict, made_in: State, used_in: State
+        cls, back_end: int, skill: Skill, verdict: Verdict, made_in: State, used_in: State
     ) -> DrawnVerdict:
         """Return the record of a verdict that names the facts it rests on."""
         assert verdict.present is not None
         assert verdict.absent is not None
         return cls(
             back_end,
-            skill,
+            skill.name,
             verdict.status.value,
             verdict.reason,
             verdict.present.bits,
@@ -75,10 +78,6 @@ class DrawnVerdict:
         present, absent = facts.state(self.present_bits), facts.state(self.absent_bits)
         status = VerdictStatus(self.status)
         return Verdict(status, self.reason, back_end.name, present, absent)
-
-    def skill_of(self, task: Task) -> Skill:
-        """Return the skill that was asked about."""
-        return task.skills[self.skill]
 
     def made_in(self, task: Task) -> State:
         """Return the state in which the back end was asked."""
@@ -200,8 +199,7 @@ def _reused(
         back_end = feasibility.back_ends[one.back_end]
         made_in = feasibility.cache.made_in(back_end, one.skill, one.verdict)
         made_in = one.state if made_in is None else made_in
-        action = feasibility.task.action(one.skill)
-        chosen.append(DrawnVerdict.of(one.back_end, action, one.verdict, made_in, one.state))
+        chosen.append(DrawnVerdict.of(one.back_end, one.skill, one.verdict, made_in, one.state))
     return chosen
 
 
@@ -211,19 +209,19 @@ def _kept(feasibility: Feasibility, *, expensive: bool) -> Iterator[DrawnVerdict
     for index, back_end in enumerate(feasibility.back_ends):
         if back_end.expensive and not expensive:
             continue
-        for action, skill in enumerate(feasibility.task.skills):
+        for skill in asked_about(feasibility.task):
             for verdict, state in feasibility.cache.made(back_end, skill):
                 if not left:
                     return
                 left -= 1
-                yield DrawnVerdict.of(index, action, verdict, state, state)
+                yield DrawnVerdict.of(index, skill, verdict, state, state)
 
 
 def _refusals(feasibility: Feasibility) -> Iterator[DrawnVerdict]:
     for index, screen in enumerate(feasibility.back_ends):
         if not screen.screens:
             continue
-        for action, skill in enumerate(feasibility.task.skills):
+        for skill in asked_about(feasibility.task):
             for verdict, state in feasibility.cache.made(screen, skill):
                 if verdict.status is VerdictStatus.INFEASIBLE:
-                    yield DrawnVerdict.of(index, action, verdict, state, state)
+                    yield DrawnVerdict.of(index, skill, verdict, state, state)

@@ -14,6 +14,7 @@ from typing import Any
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import IntroducedBackEnds, check
 from skillplan.checks.verdict_sample import VerdictSample
+from skillplan.checks.ways import asked_by_name
 from skillplan.errors import BackEndError, SearchStopped
 from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.solvers.search.exact import ExactSolver
@@ -135,13 +136,14 @@ def executed_sample(
         If a back end fails.
     """
     others = [one for one in back_ends if not one.screens]
+    skills = asked_by_name(back_ends[0].task) if sample.refused else {}
     executed = 0
     for refusal in sample.refused:
         if stop is not None and (stop.interrupted or stop()):
             break
         executed += 1
-        screen = back_ends[refusal.back_end]
-        skill, state = refusal.skill_of(screen.task), refusal.made_in(screen.task)
+        screen, skill = back_ends[refusal.back_end], skills[refusal.skill]
+        state = refusal.made_in(screen.task)
         if all(_grants(other, skill, state) for other in others):
             names = " and ".join(one.name for one in others if one.expensive)
             words = (
