@@ -31,7 +31,7 @@ def command(
 
     # A chart derived from the chart would say nothing.
     chosen = replace(back_ends, collision=back_ends.collision or "aabb")
-    loaded, setup, made = reading.set_up(task, chosen)
+    loaded, setup, made = reading.set_up(task, chosen, checking.executor)
     cache = checking.cache()
     with showing_checks("deriving") as on_check:
         feasibility = make_feasibility(

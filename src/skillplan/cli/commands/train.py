@@ -15,6 +15,7 @@ from skillplan.cli.options.shared import (
     SOLVER,
     BackEnds,
     Caching,
+    ExecutorName,
     PartReading,
     Seed,
     Style,
@@ -113,6 +114,7 @@ def command(
             rich_help_panel=SOLVER,
         ),
     ] = 1,
+    executor: ExecutorName = "local",
     back_ends: BackEnds,
     caching: Caching,
     time_limit_s: Annotated[
@@ -163,7 +165,7 @@ def command(
         raise OptionError("--resume needs --out DIR, the folder of the training to go on with.")
     part = reading.part
     problem = reading.problem(task, back_ends)
-    setup = back_ends.setup(problem.part(part), (solver,))
+    setup = back_ends.setup(problem.part(part), (solver,), executor=executor)
     plan = plan_training(
         problem,
         solver,

@@ -260,7 +260,8 @@ def _loaded(folder: RunFolder, wanted: Wanted) -> tuple[Problem, Setup]:
     if not wanted.roll_outs.changed_task or not told:
         check_same_task(folder, problem, quoted=told)
     warn_of(problem)
-    setup = back_ends.setup(problem.part(manifest.task.part), _PROVERS)
+    task = problem.part(manifest.task.part)
+    setup = back_ends.setup(task, _PROVERS, executor=wanted.checking.executor)
     kept = dict(manifest.back_end_options)
     merged = {
         name: {**kept.get(name, {}), **setup.options.get(name, {})}
