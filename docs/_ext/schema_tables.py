@@ -98,6 +98,8 @@ def type_text(own: Schema, root: Schema) -> str:
         return f"`{own['const']}`"
     if "enum" in own:
         return " or ".join(f"`{value}`" for value in own["enum"])
+    if "oneOf" in own:
+        return " or ".join(type_text(one, root) for one in own["oneOf"])
     if "anyOf" in own:
         choices = [one for one in own["anyOf"] if resolved(one, root).get("type") != "null"]
         texts = list(dict.fromkeys(type_text(one, root) for one in choices))
@@ -167,8 +169,11 @@ def _values(own: Schema) -> Schema | None:
 def _inner(path: str, own: Schema, root: Schema) -> Iterator[tuple[str, Schema]]:
     """Yield the mappings that a value holds, with where they stand."""
     own = resolved(own, root)
-    for one in own.get("anyOf", ()):
-        yield from _inner(path, one, root)
+    forms = own.get("oneOf", [])
+    for one in (*own.get("anyOf", ()), *forms):
+        # What stands by itself or in a list is described once.
+        if one.get("items") not in forms or one.get("items") is None:
+            yield from _inner(path, one, root)
     if own.get("properties"):
         yield path, own
     values = _values(own)

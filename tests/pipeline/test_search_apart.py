@@ -16,7 +16,7 @@ from situations import FakeSetup
 from skillplan.errors import BackEndError, SearchStopped, SolverError
 from skillplan.pipeline import registry
 from skillplan.pipeline.run import solve
-from skillplan.pipeline.search_apart import GRACE_S
+from skillplan.pipeline.search.apart import GRACE_S
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
 from skillplan.testing import lid_task

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 
 from board_situations import BOARD
+from skillplan.cli.app import main
 from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.records.result import Status
@@ -102,3 +104,34 @@ def test_the_board_keeps_its_proved_optimum() -> None:
     result = solve(load_problem(BOARD).task, "exact", PHYSICS)
     assert (result.status, round(result.cost or 0.0, 5)) == (Status.OPTIMAL, 1.86709)
     assert result.trace["screening"]["executed"] == 2
+
+
+ASKED = ["--physics", "pybullet", "--collision", "contact-pairs", "--no-cache"]
+
+
+def test_a_chart_is_derived_by_geometry_first_and_a_sample_executed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What geometry refuses names it, and not the engine."""
+    (tmp_path / "tight.yaml").write_text(TIGHT, "utf-8")
+    with pytest.raises(SystemExit, match="0"):
+        main(["chart", str(tmp_path / "tight.yaml"), *ASKED, "--format", "json"])
+    chart = json.loads(capsys.readouterr().out)
+    assert chart["back_ends"] == ["swept", "contact-pairs", "pybullet"]
+    stages = {one["evidence"]["stage"] for one in chart["relations"]}
+    assert stages == {"swept"}
+
+
+@pytest.mark.slow(reason="learns from a simulation; a chart is screened in every run")
+def test_a_training_says_in_its_folder_that_geometry_was_asked_first(tmp_path: Path) -> None:
+    """And what evaluates it asks the same."""
+    (tmp_path / "tight.yaml").write_text(TIGHT, "utf-8")
+    task, out = str(tmp_path / "tight.yaml"), tmp_path / "run"
+    words = ["train", task, *ASKED, "--solver", "dqn", "--runs", "1", "--out", str(out)]
+    with pytest.raises(SystemExit):
+        main([*words, "--steps", "100"])
+    manifest = json.loads((out / "manifest.json").read_text("utf-8"))
+    assert manifest["screening"] is True
+    assert manifest["collision"] == ["contact-pairs"]
+    result = json.loads((out / "result.json").read_text("utf-8"))
+    assert result["collision"] == "swept,contact-pairs"

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.reuse_sample import Reuse
 from skillplan.checks.single_check import check
+from skillplan.checks.ways import asked_about
 from skillplan.errors import BackEndError
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
@@ -202,7 +203,7 @@ def _kept(feasibility: Feasibility, *, expensive: bool) -> Iterator[Reuse]:
     for back_end in feasibility.back_ends:
         if back_end.expensive and not expensive:
             continue
-        for skill in feasibility.task.skills:
+        for skill in asked_about(feasibility.task):
             for verdict, state in feasibility.cache.made(back_end, skill):
                 if not left:
                     return

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from skillplan.checks.query_batch import QueryBatch
@@ -19,6 +20,9 @@ from skillplan.checks.single_check import (
     tells_time,
 )
 from skillplan.checks.verdict_cache import VerdictCache
+from skillplan.checks.way_choice import choosing
+from skillplan.checks.way_verdict import WAYS
+from skillplan.checks.ways import Ways
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -101,6 +105,8 @@ class Feasibility:
         Some of the verdicts that were reused.
     queried
         How often each back end was queried.
+    ways
+        Of skills that have several.
 
     Raises
     ------
@@ -130,6 +136,7 @@ class Feasibility:
         self.reused = ReuseSample()
         self.executions = 0
         self.reached = 0
+        self.ways = Ways(task)
         self.queried: Counter[str] = Counter({back_end.name: 0 for back_end in self.back_ends})
         self._to_go = 0
         expensive = any(back_end.expensive for back_end in self.back_ends)
@@ -197,7 +204,7 @@ class Feasibility:
                 poll()
                 verdicts.append(_result_of(self._checking(skill, state)))
             return verdicts
-        batch = QueryBatch(self._checking, queries)
+        batch = QueryBatch(self._checking, queries, self.ways.lane)
         self._workers.hold(batch.lanes, poll)
         return batch.verdicts()
 
@@ -207,10 +214,32 @@ class Feasibility:
             return [self._inapplicable(skill, state)]
         condition = skill.condition(state)
         first = Verdict.feasible(condition.requires, condition.forbids)
-        return [
-            first.grounded(state, PRECONDITION),
-            *(self._query(back_end, skill, state) for back_end in self.back_ends),
-        ]
+        found = [first.grounded(state, PRECONDITION)]
+        asked: Iterable[Skill] = (skill,)
+        if skill.ways:
+            verdict = self.verdict(skill, state)
+            found.append(replace(verdict, stage=WAYS))
+            every = [one.skill for one in self.ways.of(skill)]
+            asked = [self._by(skill, verdict)] if verdict.is_feasible else every
+        for one in asked:
+            found += (self._query(back_end, one, state) for back_end in self.back_ends)
+        return found
+
+    def taken(self, skill: Skill, state: State) -> Skill:
+        """Return a skill by the way that is taken in a state; itself where it has but one.
+
+        The first way where none is granted.
+
+        Raises
+        ------
+        BackEndError
+            If a back end fails.
+        """
+        return self._by(skill, self.verdict(skill, state)) if skill.ways else skill
+
+    def _by(self, skill: Skill, verdict: Verdict) -> Skill:
+        label = verdict.evidence.get("way", skill.ways[0].label)
+        return self.ways.variant(skill, str(label))
 
     @property
     def tells_time(self) -> bool:
@@ -232,6 +261,11 @@ class Feasibility:
             said = (execution_time_s(back_end, skill, state) for back_end in self._timers)
             self._durations_s[key] = next((one for one in said if one is not None), None)
         return self._durations_s[key]
+
+    @property
+    def screens(self) -> tuple[BackEnd, ...]:
+        """The back ends that are only there to rule something out."""
+        return tuple(one for one in self.back_ends if one.screens)
 
     def close(self) -> None:
         """End the processes that were started; another query starts new ones."""
@@ -261,18 +295,36 @@ class Feasibility:
         if not skill.applicable(state):
             self._to_go -= 1
             return self._inapplicable(skill, state)
+        tally = _Tally()
+        if skill.ways:
+            verdict = yield from choosing(self.ways, partial(self._deciding, tally), skill, state)
+        else:
+            verdict = yield from self._deciding(tally, skill, state)
+        self.checks += tally.worked
+        self.hits += not tally.worked
+        self.executions += tally.executed
+        self.reached += tally.reached
+        self._to_go -= 1
+        if tally.executed:
+            self._report()
+        return verdict
+
+    def _deciding(
+        self, tally: _Tally, skill: Skill, state: State
+    ) -> Generator[CheckRequest, Checked, Verdict]:
+        """Decide about a skill with one motion, noting what that took."""
         facts = self.task.facts
         condition = skill.condition(state)
         present, absent = condition.requires.bits, condition.forbids.bits
         unknown: Verdict | None = None
-        worked = executed = reached = goes_on = False
+        goes_on = False
         for index, back_end, counts, apart in self._chain:
-            reached = reached or counts
+            tally.reached = tally.reached or counts
             verdict = self.cache.find(back_end, skill, state)
             if verdict is None:
-                worked = True
-                if counts and not executed:
-                    executed = True
+                tally.worked = True
+                if counts and not tally.executed:
+                    tally.executed = True
                     self._report()
                 self.queried[back_end.name] += 1
                 if apart:
@@ -285,22 +337,13 @@ class Feasibility:
             else:
                 self.reused.note(index, back_end, skill, state, verdict)
             if verdict.status is VerdictStatus.INFEASIBLE:
-                break
+                return verdict
             if verdict.status is VerdictStatus.UNKNOWN:
                 unknown = unknown or verdict
             if verdict.present is not None and verdict.absent is not None:
                 present |= verdict.present.bits
                 absent |= verdict.absent.bits
-        else:
-            verdict = unknown or Verdict.feasible(facts.state(present), facts.state(absent))
-        self.checks += worked
-        self.hits += not worked
-        self.executions += executed
-        self.reached += reached
-        self._to_go -= 1
-        if executed:
-            self._report()
-        return verdict
+        return unknown or Verdict.feasible(facts.state(present), facts.state(absent))
 
     def _query(self, back_end: BackEnd, skill: Skill, state: State) -> Verdict:
         known = self.cache.find(back_end, skill, state)
@@ -314,6 +357,15 @@ class Feasibility:
     def _report(self) -> None:
         if self._on_check is not None:
             self._on_check(CheckCount(self.checks, self.hits, self._to_go))
+
+
+class _Tally:
+    """What it took to decide about a skill, by all ways of it that were looked at."""
+
+    __slots__ = ("executed", "reached", "worked")
+
+    def __init__(self) -> None:
+        self.worked = self.executed = self.reached = False
 
 
 def _result_of(checking: Generator[CheckRequest, Checked, Verdict]) -> Verdict:

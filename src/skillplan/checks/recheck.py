@@ -12,6 +12,7 @@ from skillplan.checks.check_workers import CheckWorkers
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import Checked, CheckRequest, check
 from skillplan.checks.verdict_folder import KeptVerdict
+from skillplan.checks.ways import asked_by_name
 from skillplan.errors import BackEndError
 from skillplan.task.back_end import BackEnd
 from skillplan.task.state import State
@@ -149,7 +150,7 @@ def other_states(
     for index, kept in drawn:
         record = kept.record
         verdict, made_in = record.verdict(task.facts), task.facts.of(*record.state)
-        skill = task.skills[task.action(record.skill)]
+        skill = asked_by_name(task)[record.skill]
         fit = [
             state
             for state in states
@@ -177,7 +178,7 @@ def first_contradiction(back_ends: Sequence[BackEnd], trials: Sequence[Trial]) -
     task = back_end.task
     return contradiction(
         back_end,
-        task.skills[task.action(record.skill)],
+        asked_by_name(task)[record.skill],
         record.verdict(task.facts),
         task.facts.of(*record.state),
         trial.fresh,
@@ -204,7 +205,7 @@ class _Trying:
         self.kept = kept
         self.said = record.verdict(task.facts)
         self._made_here = state == task.facts.of(*record.state)
-        self.request = CheckRequest(index, task.skills[task.action(record.skill)], state)
+        self.request = CheckRequest(index, asked_by_name(task)[record.skill], state)
         self.outcome: Trial | None = None
         self.error: BackEndError | None = None
         self._on_trial = on_trial

@@ -20,7 +20,7 @@ from pydantic import BaseModel, ValidationError
 from skillplan.domains.domain import Domain
 from skillplan.domains.overrides import overridden
 from skillplan.errors import Issue, OptionError, PluginError, TaskError, name_hint
-from skillplan.files.schema_errors import schema_issues, shown
+from skillplan.files.schema_errors import schema_issues, shown, untagged
 from skillplan.files.yaml import YAML_SUFFIXES, Document, parse, read_text
 from skillplan.plugins.blame import blame
 from skillplan.task.back_end import BackEnd
@@ -286,7 +286,9 @@ def _validated(
         unread = {issue.path[:n] for issue in document.issues for n in range(len(issue.path) + 1)}
         found = schema_issues(error, domain.Config)
         faults = [issue for issue in found if issue.path not in unread]
-        unknown = [fault["loc"] for fault in error.errors() if fault["type"] == "extra_forbidden"]
+        unknown = [
+            untagged(fault["loc"]) for fault in error.errors() if fault["type"] == "extra_forbidden"
+        ]
         if len(unknown) < error.error_count():
             return None, faults
     try:

@@ -37,6 +37,10 @@ _EXPLAINED = {"list_type", "dict_type", "too_short", "too_long", *_BOUNDS}
 # More than anybody reads at once; to name the nearest key takes a while for each.
 _MOST = 1000
 
+ONE, SEVERAL, WORD = "<one>", "<several>", "<word>"
+"""Tags of the forms that a value may have, for pydantic; no message shows them."""
+_TAGS = frozenset({ONE, SEVERAL, WORD})
+
 
 class Located(ValueError):
     """Raised inside a validator to say which key of the model is at fault."""
@@ -50,7 +54,7 @@ def schema_issues(error: ValidationError, model: type[BaseModel]) -> list[Issue]
     """Return an issue for each fault, a thousand at most."""
     found = []
     for fault in error.errors(include_url=False)[:_MOST]:
-        path = tuple(fault["loc"])
+        path = untagged(fault["loc"])
         kind = fault["type"]
         if kind == "extra_forbidden":
             hint = name_hint(str(path[-1]), fields_at(model, path[:-1]))
@@ -70,6 +74,11 @@ def schema_issues(error: ValidationError, model: type[BaseModel]) -> list[Issue]
                 words = f"{words.removesuffix('.')} ({meaning})."
             found.append(Issue(words, path))
     return found
+
+
+def untagged(location: Iterable[str | int]) -> tuple[str | int, ...]:
+    """Return where pydantic found a fault, without the tags of the forms that a value may have."""
+    return tuple(step for step in location if step not in _TAGS)
 
 
 def _concerns_key(fault: Mapping[str, Any]) -> bool:

@@ -14,7 +14,8 @@ from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.domain import Account
 from skillplan.domains.load import Problem
 from skillplan.errors import ChainBroken, SkillplanError
-from skillplan.pipeline.run import Attempt, attempt, grade, make_draft, make_solver, solve
+from skillplan.pipeline.run import attempt, grade, make_draft, make_solver, solve
+from skillplan.pipeline.search.attempt import Attempt
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solver_choice import REFERENCE, made_for, solvers_by_stage
 from skillplan.records.chain_result import ChainPart, ChainResult

@@ -3,37 +3,29 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from skillplan.checks.audit import audit as hold_together
 from skillplan.checks.feasibility import CheckCount, Feasibility
-from skillplan.checks.reuse_sample import DEFAULT_SIZE
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
 from skillplan.judge.referee import judge
-from skillplan.judge.untouched import Untouched
-from skillplan.model.skill_model import ModelStats, SkillModel
+from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline import registry
+from skillplan.pipeline.search.attempt import Attempt, Terms, attempted
+from skillplan.pipeline.search.solver_call import blamed
 from skillplan.pipeline.setup import Setup
-from skillplan.pipeline.solver_call import blamed, plain_answer
 from skillplan.records.grading import Draft, Grade
 from skillplan.records.result import Result, Status
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
-from skillplan.solvers.warm_start import search_from
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
 
 DEFAULT_SOLVER = "auto"
-
-DEFAULT_AUDIT = 4
-"""So many verdicts are asked again after a search, where that costs nothing to speak of."""
 
 # Larger tasks are not charted just to say why they have no plan.
 _MOST_CHARTED = 64
@@ -191,45 +183,6 @@ def solve(
     return grade(task, made, setup, cache, jobs=jobs)
 
 
-@dataclass(frozen=True)
-class Attempt:
-    """What a solver made of a task, before the referee has seen it.
-
-    Parameters
-    ----------
-    draft
-        Who solved what, how, and at what effort.
-    solution
-        What the solver claims.
-    unknown_met
-        Whether a back end could not decide about a skill during the search.
-    stopped
-        Why the search was stopped, or None while it was not.
-    refusal
-        Why the solver does not serve the task, or None.
-    back_ends
-        Those that were queried; None where none has been constructed.
-    touched
-        Whether the solver changed the task, which has been undone.
-    doubt
-        Why a proof is not granted although the solver has one; empty without doubt.
-    """
-
-    draft: Draft
-    solution: Solution
-    unknown_met: bool = False
-    stopped: str | None = None
-    refusal: str | None = None
-    back_ends: Sequence[BackEnd] | None = None
-    touched: bool = False
-    doubt: str = ""
-
-    def back_ends_of(self, task: Task) -> Sequence[BackEnd] | None:
-        """Return the back ends if they are of `task`; None where it takes others."""
-        made = self.back_ends
-        return made if made and all(back_end.task is task for back_end in made) else None
-
-
 def attempt(
     task: Task,
     solver: str | Solver,
@@ -251,81 +204,16 @@ def attempt(
         As in `solve`.
     """
     stop = Stop() if stop is None else stop
-    given = isinstance(solver, Solver)
+    # What is handed over as an object stays where it is.
+    may_leave = not isinstance(solver, Solver)
     solver = _prepared(solver, task, setup, stop, jobs)
     cache = VerdictCache() if cache is None else cache
     model = make_model(
         task, setup, cache, stop.overdue, jobs=jobs, on_check=stop.checked, back_ends=back_ends
     )
-    back_ends = model.feasibility.back_ends
-    size = DEFAULT_AUDIT if audit is None else audit
-    model.feasibility.reused.most = max(DEFAULT_SIZE, 2 * size)
     draft = make_draft(task, solver.name, setup, seed)
-    by_geometry = _attempt_by_geometry(draft, model, cache, audit, seed, stop)
-    if by_geometry is not None:
-        return by_geometry
-    before = Untouched(task)
-    begin_s = time.perf_counter()
-    try:
-        with blamed(type(solver)):
-            refusal = solver.refuses(model)
-        if refusal is not None:
-            return Attempt(draft, Solution(), refusal=refusal, back_ends=back_ends)
-        with closing(model.feasibility):
-            search = _Search(partial(_search, solver, model, seed, stop))
-            if not (given or solver.polls) and stop.limits_effort:
-                # Takes what starts processes, which most searches can do without.
-                from skillplan.pipeline import search_apart as apart
-
-                if apart.is_possible():
-                    args = (solver, task, back_ends, cache, seed, stop)
-                    search = _Search(partial(apart.search_apart, *args))
-            if start is None:
-                solution = search()
-            else:
-                with blamed(type(solver)):
-                    solution = _search_from(start, model, setup, cache, search, stop, jobs)
-        wall_s = time.perf_counter() - begin_s
-    finally:
-        touched = before.restore()
-    trace, doubt = solution.trace, ""
-    if not touched and not stop.interrupted:
-        hold_together(model.feasibility, size, seed, expensive=audit is not None)
-        executed, doubt = _executed_sample(model, cache, audit, seed, stop)
-        trace = {**trace, **executed}
-    stats = search.stats
-    iterations = _count(solution, "iterations", "expanded", "visited")
-    draft = replace(
-        draft,
-        states=max(stats.states, _count(solution, "states") or 0),
-        expanded=stats.states if iterations is None else iterations,
-        checks=stats.checks,
-        cache_hits=stats.cache_hits,
-        wall_s=wall_s,
-        interrupted=stop.interrupted,
-        trace=trace,
-    )
-    made = Attempt(draft, solution, stats.unknown > 0, stop.reason, None, back_ends, doubt=doubt)
-    # What holds parts of the task as the solver left it serves no more.
-    return replace(made, back_ends=None, touched=True) if touched else made
-
-
-def _search_from(
-    start: Plan,
-    model: SkillModel,
-    setup: Setup,
-    cache: VerdictCache,
-    search: _Search,
-    stop: Stop,
-    jobs: int,
-) -> Solution:
-    """Return what a search finds that begins with a plan, if that holds."""
-    back_ends = model.feasibility.back_ends
-    # What expensive back ends say of the start plan is kept for the search.
-    kept = cache if expensive(back_ends) else None
-    fresh = make_model(model.task, setup, kept, jobs=jobs, back_ends=back_ends)
-    with closing(fresh.feasibility):
-        return search_from(start, fresh, search, stop)
+    terms = Terms(cache, seed, stop, jobs, audit, start, may_leave)
+    return attempted(solver, model, draft, terms)
 
 
 def _prepared(solver: str | Solver, task: Task, setup: Setup, stop: Stop, jobs: int) -> Solver:
@@ -337,54 +225,6 @@ def _prepared(solver: str | Solver, task: Task, setup: Setup, stop: Stop, jobs: 
     solver.jobs, solver.make_executor = jobs, setup.make_executor
     stop.decimals = task.metric.decimals
     return solver
-
-
-def _attempt_by_geometry(
-    draft: Draft, model: SkillModel, cache: VerdictCache, audit: int | None, seed: int, stop: Stop
-) -> Attempt | None:
-    """Return an attempt that proves without any execution that there is no plan, or None."""
-    if not _is_screened(model):
-        return None
-    from skillplan.pipeline.screening import ruled_out
-
-    begin_s = time.perf_counter()
-    proof = ruled_out(model.feasibility, cache, stop, seed)
-    if proof is None:
-        return None
-    with closing(model.feasibility):
-        executed, doubt = _executed_sample(model, cache, audit, seed, stop)
-    draft = replace(
-        draft,
-        states=proof.trace["states"],
-        expanded=proof.trace["expanded"],
-        checks=proof.stats.checks,
-        cache_hits=proof.stats.cache_hits,
-        wall_s=time.perf_counter() - begin_s,
-        interrupted=stop.interrupted,
-        trace={
-            **proof.trace,
-            "choice": "exact, by geometry alone, which leaves no plan",
-            **executed,
-        },
-    )
-    return Attempt(draft, Solution(proved=True), back_ends=proof.back_ends, doubt=doubt)
-
-
-def _executed_sample(
-    model: SkillModel, cache: VerdictCache, audit: int | None, seed: int, stop: Stop
-) -> tuple[dict[str, Any], str]:
-    """Execute some of what a screen refused; return figures for the trace, and what is in doubt."""
-    if not _is_screened(model):
-        return {}, ""
-    from skillplan.pipeline.screening import DEFAULT_SAMPLE, executed_sample
-
-    size = DEFAULT_SAMPLE if audit is None else audit
-    sample = executed_sample(model.feasibility, cache, size, seed, stop)
-    return {"screening": sample.document()}, sample.overruled
-
-
-def _is_screened(model: SkillModel) -> bool:
-    return any(one.screens for one in model.feasibility.back_ends)
 
 
 def make_draft(task: Task, solver: str, setup: Setup, seed: int) -> Draft:
@@ -484,39 +324,6 @@ def _why_infeasible(model: SkillModel, *, charted: bool) -> str:
     if blamed is not None:
         return blamed
     return f"none within {task.step_limit} skills"
-
-
-def _count(solution: Solution, *names: str) -> int | None:
-    """Return the first of some figures of a trace that is a count."""
-    for name in names:
-        figure = solution.trace.get(name)
-        if isinstance(figure, int) and figure >= 0:
-            return figure
-    return None
-
-
-class _Search:
-    """A search that is done once, and what was queried in it.
-
-    Parameters
-    ----------
-    do
-        Does it.
-    """
-
-    def __init__(self, do: Callable[[], tuple[Solution, ModelStats]]) -> None:
-        self._do = do
-        self.stats = ModelStats()
-
-    def __call__(self) -> Solution:
-        solution, self.stats = self._do()
-        return solution
-
-
-def _search(
-    solver: Solver, model: SkillModel, seed: int, stop: Stop
-) -> tuple[Solution, ModelStats]:
-    return plain_answer(solver, model, seed, stop), model.stats
 
 
 def cache_folder() -> Path:

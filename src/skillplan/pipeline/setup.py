@@ -100,11 +100,15 @@ class Setup:
 
     def collision_choices(self, task: Task) -> list[BackEndChoice]:
         """Return the detectors that will be queried, the screen first."""
-        declared = {choice.name: choice for choice in task.collision}
-        named = self._detectors(task)
-        if self.screens(task):
-            named = (SCREEN, *named)
-        return [declared.get(name, BackEndChoice(name)) for name in dict.fromkeys(named)]
+        named = self.named_collision_choices(task)
+        screen = [_declared(task).get(SCREEN, BackEndChoice(SCREEN))] if self.screens(task) else []
+        return [*screen, *named]
+
+    def named_collision_choices(self, task: Task) -> list[BackEndChoice]:
+        """Return the detectors that will be queried but for a screen."""
+        declared = _declared(task)
+        named = dict.fromkeys(self._detectors(task))
+        return [declared.get(name, BackEndChoice(name)) for name in named]
 
     def screens(self, task: Task) -> bool:
         """Return whether a detector that nobody named rules out what need not be executed.
@@ -152,6 +156,10 @@ def make_executor(choice: ExecutorChoice, slots: int) -> Executor:
     options = registry.make_options("executor", choice.name, plugin, choice.options)
     executor: Executor = plugin(slots, options, choice.address)
     return executor
+
+
+def _declared(task: Task) -> dict[str, BackEndChoice]:
+    return {choice.name: choice for choice in task.collision}
 
 
 def _make_back_end(

@@ -161,7 +161,7 @@ class Result:
 
 
 def step_document(step: Step) -> dict[str, Any]:
-    """Return a step as JSON values."""
+    """Return a step as JSON values; the way only of a skill that has several."""
     return {
         "index": step.index,
         "skill": step.skill,
@@ -170,6 +170,7 @@ def step_document(step: Step) -> dict[str, Any]:
         "goal": None if step.goal is None else list(step.goal),
         "cost": step.cost,
         "duration_s": step.duration_s,
+        **({} if step.way is None else {"way": step.way}),
     }
 
 

@@ -178,7 +178,7 @@ class Trainer:
             optimum=optimum,
             options=plan.options,
             physics=self._folder.manifest.physics,
-            collision=",".join(self._folder.manifest.collision),
+            collision=",".join(one.name for one in plan.setup.collision_choices(plan.task)),
             checks=sum(one.checks for one in progress),
             executions=sum(one.executions for one in progress),
             wall_s=wall_s,

@@ -55,6 +55,7 @@ _WORDS: Mapping[str, str] = {
     "physics": "the physics engine",
     "collision": "the collision detectors",
     "back_end_options": "the options of back ends",
+    "screening": "whether geometry is asked first",
     "family": "the family",
     "versions": "the versions",
 }
@@ -208,8 +209,9 @@ def _manifest(
         seed=plan.seeds[0],
         seeds=plan.seeds,
         physics=setup.physics_choice(task).name,
-        collision=tuple(choice.name for choice in setup.collision_choices(task)),
+        collision=tuple(choice.name for choice in setup.named_collision_choices(task)),
         back_end_options={name: dict(kv) for name, kv in setup.options.items()},
+        screening=setup.screening,
         family=plan.family,
         checkpoint_steps=plan.checkpoint_steps,
         groups=plan.groups,

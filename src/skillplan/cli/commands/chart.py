@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from skillplan.cli.options.shared import BackEnds, Checking, PartReading, Style, TaskFile
+from skillplan.cli.options.shared import (
+    BackEnds,
+    Checking,
+    NoScreening,
+    PartReading,
+    Style,
+    TaskFile,
+)
 
 
 def command(
@@ -12,13 +19,14 @@ def command(
     back_ends: BackEnds,
     reading: PartReading,
     checking: Checking,
+    no_screening: NoScreening = False,
     style: Style = "table",
 ) -> int:
     """Derive the precedence relation of TASK by querying back ends, by default aabb.
 
     Shows it beside the hand-made chart, if the task has one: hand-made relations that do not
     follow from the derived ones are missing, derived ones that do not follow from the
-    hand-made are extra.
+    hand-made are extra. The exit code is 3 where physics grants what geometry has refused.
     """
     from contextlib import closing
 
@@ -26,12 +34,15 @@ def command(
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import showing_checks
     from skillplan.pipeline.run import make_feasibility
+    from skillplan.pipeline.search.screening import executed_sample
     from skillplan.records.chart import chart_document
     from skillplan.views.tables.chart import chart_table
 
     # A chart derived from the chart would say nothing.
     chosen = replace(back_ends, collision=back_ends.collision or "aabb")
-    loaded, setup, made = reading.set_up(task, chosen, checking.executor)
+    loaded, setup, made = reading.set_up(
+        task, chosen, executor=checking.executor, screening=not no_screening
+    )
     cache = checking.cache()
     with showing_checks("deriving") as on_check:
         feasibility = make_feasibility(
@@ -39,6 +50,8 @@ def command(
         )
         with closing(feasibility):
             chart = derive_chart(feasibility)
+            sample = executed_sample(feasibility)
     names = [back_end.name for back_end in feasibility.back_ends]
     emit(style, chart_document(chart, loaded, names), [chart_table(chart, loaded, names)])
+    sample.raise_overruled()
     return 0

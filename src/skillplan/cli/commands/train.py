@@ -16,6 +16,7 @@ from skillplan.cli.options.shared import (
     BackEnds,
     Caching,
     ExecutorName,
+    NoScreening,
     PartReading,
     Seed,
     Style,
@@ -117,6 +118,7 @@ def command(
     executor: ExecutorName = "local",
     back_ends: BackEnds,
     caching: Caching,
+    no_screening: NoScreening = False,
     time_limit_s: Annotated[
         float,
         typer.Option(
@@ -165,7 +167,9 @@ def command(
         raise OptionError("--resume needs --out DIR, the folder of the training to go on with.")
     part = reading.part
     problem = reading.problem(task, back_ends)
-    setup = back_ends.setup(problem.part(part), (solver,), executor=executor)
+    setup = back_ends.setup(
+        problem.part(part), (solver,), screening=not no_screening, executor=executor
+    )
     plan = plan_training(
         problem,
         solver,

@@ -228,7 +228,12 @@ class PartReading(Reading):
         return self.problem(path, back_ends).part(self.part)
 
     def set_up(
-        self, path: str, back_ends: BackEnds, executor: str = "local"
+        self,
+        path: str,
+        back_ends: BackEnds,
+        *,
+        screening: bool = False,
+        executor: str = "local",
     ) -> tuple[Task, Setup, list[BackEnd]]:
         """Return the task meant, how it is checked, and the back ends, constructed once.
 
@@ -238,6 +243,8 @@ class PartReading(Reading):
             Of the file.
         back_ends
             Those that the command line chooses.
+        screening
+            Whether geometry is asked before anything is executed.
         executor
             Where jobs are done, as ``NAME`` or ``NAME:ADDRESS``.
 
@@ -250,7 +257,7 @@ class PartReading(Reading):
         """
         problem = self.problem(path, back_ends)
         task = problem.part(self.part)
-        setup = back_ends.setup(task, executor=executor)
+        setup = back_ends.setup(task, screening=screening, executor=executor)
         return task, setup, setup.back_ends(task, problem.spare_back_ends)
 
 

@@ -260,8 +260,9 @@ def _loaded(folder: RunFolder, wanted: Wanted) -> tuple[Problem, Setup]:
     if not wanted.roll_outs.changed_task or not told:
         check_same_task(folder, problem, quoted=told)
     warn_of(problem)
-    task = problem.part(manifest.task.part)
-    setup = back_ends.setup(task, _PROVERS, executor=wanted.checking.executor)
+    part = problem.part(manifest.task.part)
+    executor = wanted.checking.executor
+    setup = back_ends.setup(part, _PROVERS, screening=manifest.screening, executor=executor)
     kept = dict(manifest.back_end_options)
     merged = {
         name: {**kept.get(name, {}), **setup.options.get(name, {})}

@@ -254,6 +254,7 @@ class _Drawn:
         result = self.folder.result()
         if result is not None and isinstance(result.get("optimum"), int | float):
             return task, float(result["optimum"])
-        setup = Setup(manifest.physics, tuple(detectors), manifest.back_end_options)
+        options, screening = manifest.back_end_options, manifest.screening
+        setup = Setup(manifest.physics, tuple(detectors), options, screening)
         with stoppable(self._time_limit_s, label="proving the optimum") as stop:
             return task, prove_optimum(task, setup, warm_cache(), stop).cost

@@ -8,6 +8,7 @@ from itertools import chain, islice
 
 from skillplan.domains.assembly.geometry_faults import geometry_issues, shape_issues
 from skillplan.domains.assembly.gripping import grasp_issues
+from skillplan.domains.assembly.handling.insertion import insertion_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.vocabulary import HOME, action_names, facts_of, literal_parts
 from skillplan.errors import Issue, name_hint
@@ -33,7 +34,10 @@ def issues(config: AssemblyConfig) -> list[Issue]:
         )
     )
     if not any(issue.path[0] in ("parts", "screws") for issue in found):
-        found += islice(chain(grasp_issues(config), geometry_issues(config)), _MAX_ISSUES)
+        found += islice(
+            chain(grasp_issues(config), insertion_issues(config), geometry_issues(config)),
+            _MAX_ISSUES,
+        )
     return found
 
 

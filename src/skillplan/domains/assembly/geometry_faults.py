@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from itertools import combinations, product
 
 from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_box
+from skillplan.domains.assembly.handling.holes import hole_issues, is_askew
 from skillplan.domains.assembly.layout import (
     boxes_of,
     feeder_of,
@@ -87,7 +88,10 @@ def geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
             if beneath is not None and not _touch(boxes[name], boxes[beneath]):
                 message = f"{name!r} does not lie over {beneath!r}. Move it."
                 yield Issue(message, ("parts", name, key))
+    yield from hole_issues(config)
     for name, screw in config.screws.items():
+        if is_askew(screw):
+            continue
         x_m, y_m, z_m = hole_of(config, screw)
         head = WorldBox(
             (x_m - 1e-6, y_m - 1e-6, z_m), (x_m + 1e-6, y_m + 1e-6, z_m + screw.head_height_m)

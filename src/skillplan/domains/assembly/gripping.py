@@ -1,23 +1,45 @@
-"""How parts are held: what the tools do, the grasp of every part, and what is wrong with it."""
+"""How parts are held: what the tools do, the grasps of every part, and what is wrong with them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
-from skillplan.domains.assembly.layout import boxes_of, height_of, shapes_of
+from skillplan.domains.assembly.handling.holding import Handle
+from skillplan.domains.assembly.handling.schema import GraspConfig
+from skillplan.domains.assembly.handling.sides import automatic, direction_name, named, side_name
+from skillplan.domains.assembly.layout import boxes_of, goal_pose, shapes_of, start_pose
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
 from skillplan.physics.linear_motions import jaws_about
-from skillplan.robots.panda import FINGER_PROFILE_M
-from skillplan.task.grasp import AXES, Grasp, GraspKind
+from skillplan.task.grasp import Grasp, GraspKind
+from skillplan.task.pose import Pose, dot, plus
 from skillplan.task.scene import ToolKind
 
 # What is left of the opening of the jaws on both sides of a part that fits between them [m].
 _PLAY_M = 0.002
 # Jaws that meet a part off their middle by more than this push it aside [m].
 _OFF_MIDDLE_M = 5e-4
-_FINGER_HALF_WIDTH_M = FINGER_PROFILE_M[0][1]
+# A hand reaches back from its tip by more than this [m].
+_HAND_M = 0.06
+# A hand that points up less steeply than this may still be above the table.
+_UPWARDS = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class _Choice:
+    """One grasp of a part, and where the file says it."""
+
+    part: PartConfig
+    handle: Handle
+    path: tuple[str | int, ...]
+    tool: str
+    opening_m: float | None
+
+    @property
+    def given(self) -> GraspConfig:
+        return self.handle.given
 
 
 def tool_kind(config: AssemblyConfig, tool: str) -> ToolKind:
@@ -30,19 +52,22 @@ def tool_kind(config: AssemblyConfig, tool: str) -> ToolKind:
     return ToolKind.SCREWDRIVER if drives and not holds else ToolKind.GRIPPER
 
 
-def grasp_of_part(config: AssemblyConfig, name: str) -> Grasp:
-    """Return how a part without faults of its grasp is held."""
+def grasps_of_part(config: AssemblyConfig, name: str) -> tuple[Grasp, ...]:
+    """Return how a part without faults of its grasps may be held, the preferred first.
+
+    Of those that ``auto`` tries, the ones that a hand can take.
+    """
     part = config.parts[name]
-    grasp = part.grasp
-    at_m = None if grasp.at_m is None else (grasp.at_m[0], grasp.at_m[1])
-    if _kind(config, part) is GraspKind.SUCTION:
-        x_m, y_m = at_m or (0.0, 0.0)
-        top_m = _top_under(part, x_m, y_m)
-        top_m = height_of(part) if top_m is None else top_m
-        # The closed hand is turned such that the wrist has most room.
-        return Grasp(GraspKind.SUCTION, (x_m, y_m, top_m), AXES["y"])
-    axis = None if grasp.closing_axis == "auto" else grasp.closing_axis
-    return jaws_about(boxes_of(part), axis, grasp.depth_m, at_m)
+    choices = _choices(config, part)
+    if part.grasp == "auto":
+        poses = _poses(config, name)
+        choices = [one for one in choices if not any(_faults(one, poses))] or choices[:1]
+    return named([choice.handle.grasp() for choice in choices])
+
+
+def grasp_of_part(config: AssemblyConfig, name: str) -> Grasp:
+    """Return how a part without faults of its grasps is held before any other way."""
+    return grasps_of_part(config, name)[0]
 
 
 def grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
@@ -53,110 +78,179 @@ def grasp_issues(config: AssemblyConfig) -> Iterator[Issue]:
             message = f"a tool of type {kind} has no jaws. Leave it out, or give type: gripper."
             yield Issue(message, ("tools", name, "opening_m"))
     for name, part in config.parts.items():
-        for issue in _part_issues(config, part):
+        if tool_kind(config, part.tool) is ToolKind.SCREWDRIVER:
+            message = f"{part.tool!r} is a screwdriver, which holds no part. Name another."
+            yield Issue(message, ("parts", name, "tool"))
+            continue
+        for issue in _part_issues(config, name):
             yield issue.under("parts", name)
 
 
-def _part_issues(config: AssemblyConfig, part: PartConfig) -> Iterator[Issue]:
-    kind = tool_kind(config, part.tool)
-    if kind is ToolKind.SCREWDRIVER:
-        message = f"{part.tool!r} is a screwdriver, which holds no part. Name another."
-        yield Issue(message, ("tool",))
-    elif kind is ToolKind.SUCTION and part.grasp.type == "jaws":
-        message = f"{part.tool!r} is of type suction and has no jaws. Leave it out."
-        yield Issue(message, ("grasp", "type"))
-    elif _kind(config, part) is GraspKind.SUCTION:
-        yield from _suction_issues(part)
-    else:
-        yield from _jaws_issues(config, part)
-
-
-def _suction_issues(part: PartConfig) -> Iterator[Issue]:
-    grasp = part.grasp
-    of_jaws = {"closing_axis": grasp.closing_axis != "auto", "depth_m": grasp.depth_m is not None}
-    for key in (key for key, given in of_jaws.items() if given):
-        message = "says how jaws hold it, and suction has none. Leave it out, or give type: jaws."
-        yield Issue(message, ("grasp", key))
-    x_m, y_m = grasp.at_m or (0.0, 0.0)
-    if _top_under(part, x_m, y_m) is None:
-        yield _nothing_at(part, x_m, y_m, "the suction cup")
-
-
-def _jaws_issues(config: AssemblyConfig, part: PartConfig) -> Iterator[Issue]:
-    given, height_m = part.grasp, height_of(part)
-    if given.depth_m is not None and given.depth_m >= height_m:
-        message = (
-            f"{given.depth_m:.4f} m below the top of a part {height_m:.4f} m high; the fingers "
-            "must end above its bottom."
+def _choices(config: AssemblyConfig, part: PartConfig) -> list[_Choice]:
+    """Return the grasps that a part is given, all that are tried for ``auto``."""
+    given = automatic() if part.grasp == "auto" else part.grasp
+    several = isinstance(given, list)
+    listed = given if isinstance(given, list) else [given]
+    by_suction = tool_kind(config, part.tool) is ToolKind.SUCTION
+    own = GraspKind.SUCTION if by_suction else GraspKind.JAWS
+    shapes = shapes_of(part)
+    return [
+        _Choice(
+            part,
+            Handle(one, own if one.type is None else GraspKind(one.type), shapes),
+            ("grasp", index) if several and part.grasp != "auto" else ("grasp",),
+            part.tool,
+            config.tools[part.tool].opening_m,
         )
-        yield Issue(message, ("grasp", "depth_m"))
+        for index, one in enumerate(listed)
+    ]
+
+
+def _poses(config: AssemblyConfig, name: str) -> Mapping[str, Pose]:
+    return {"at the start": start_pose(config, name), "at its goal": goal_pose(config, name)}
+
+
+def _part_issues(config: AssemblyConfig, name: str) -> Iterator[Issue]:
+    part = config.parts[name]
+    choices, poses = _choices(config, part), _poses(config, name)
+    if part.grasp == "auto":
+        if all(any(_faults(choice, poses)) for choice in choices):
+            top = next(_faults(choices[0], poses)).message
+            message = f"no hand can hold it from any of its six sides; from the top: {top}"
+            yield Issue(message, ("grasp",))
         return
-    grasp = _jaws(part, given.closing_axis)
-    opening_m = config.tools[part.tool].opening_m
-    if opening_m is None and given.model_fields_set.isdisjoint({"at_m", "closing_axis", "depth_m"}):
+    cup = tool_kind(config, part.tool) is ToolKind.SUCTION
+    seen: dict[Grasp, int] = {}
+    for index, choice in enumerate(choices):
+        if cup and choice.given.type == "jaws":
+            message = f"{part.tool!r} is of type suction and has no jaws. Leave it out."
+            yield Issue(message, (*choice.path, "type"))
+            continue
+        found = list(_faults(choice, poses))
+        yield from found
+        if not found:
+            earlier = seen.setdefault(choice.handle.grasp(), index)
+            if earlier != index:
+                message = f"is the same as entry {earlier}. Leave one out."
+                yield Issue(message, choice.path)
+
+
+def _faults(choice: _Choice, poses: Mapping[str, Pose]) -> Iterator[Issue]:
+    """Yield why no hand holds a part in one way."""
+    handle, given = choice.handle, choice.given
+    if handle.closes_askew:
+        message = (
+            f"is not at right angles to the direction in which the hand points, "
+            f"{direction_name(handle.approach)}. Give another axis."
+        )
+        yield Issue(message, (*choice.path, "closing_axis"))
+        return
+    level = abs(handle.approach[2]) < 1 - 1e-9
+    if level and given.at_m is not None and len(given.at_m) == 2:
+        message = "give x y z of a point on the hand's axis: it does not come from the part's top."
+        yield Issue(message, (*choice.path, "at_m"))
+        return
+    if handle.kind is GraspKind.SUCTION:
+        found = list(_suction_faults(choice))
+    else:
+        found = list(_jaws_faults(choice))
+    yield from found or _under_the_table(choice, poses)
+
+
+def _suction_faults(choice: _Choice) -> Iterator[Issue]:
+    given, handle = choice.given, choice.handle
+    of_jaws = {
+        # From another side than the top it says how the hand is turned.
+        "closing_axis": handle.from_top and given.closing_axis != "auto",
+        "depth_m": given.depth_m is not None,
+    }
+    if choice.part.grasp != "auto":
+        for key in (key for key, own in of_jaws.items() if own):
+            message = (
+                "says how jaws hold it, and suction has none. Leave it out, or give type: jaws."
+            )
+            yield Issue(message, (*choice.path, key))
+    through = handle.cup_axis()
+    if handle.lands_m(through) is None:
+        yield _nothing_at(choice, through, "the suction cup")
+
+
+def _jaws_faults(choice: _Choice) -> Iterator[Issue]:
+    given, handle, opening_m = choice.given, choice.handle, choice.opening_m
+    if given.depth_m is not None and given.depth_m >= handle.height_m:
+        message = (
+            f"{given.depth_m:.4f} m below the top of a part {handle.height_m:.4f} m high; the "
+            "fingers must end above its bottom."
+        )
+        yield Issue(message, (*choice.path, "depth_m"))
+        return
+    if opening_m is None and not given.model_fields_set - {"type"}:
         # Neither the jaws nor the grasp are modelled.
         return
-    axis = "xy".index(grasp.closing_axis or "x")
-    middle_m = _jaws(part, "xy"[axis], centred=True).tip[axis]
-    if not _between_fingers(part, grasp):
-        yield _nothing_at(part, grasp.tip[0], grasp.tip[1], "the jaws")
-    elif abs(grasp.tip[axis] - middle_m) > _OFF_MIDDLE_M:
-        message = (
-            f"the jaws close about {grasp.closing_axis} = {middle_m:.4f} m, not "
-            f"{grasp.tip[axis]:.4f} m, where they would push the part aside."
-        )
-        yield Issue(message, ("grasp", "at_m", axis))
+    grasp = handle.jaws()
+    if not handle.between_fingers(grasp):
+        yield _nothing_at(choice, grasp.tip, "the jaws")
+    else:
+        yield from _off_the_middle(choice, grasp)
     if opening_m is not None and grasp.width_m > opening_m - _PLAY_M + 1e-9:
-        other = "yx"[axis]
-        fits = _jaws(part, other).width_m <= opening_m - _PLAY_M + 1e-9
-        play = "" if grasp.width_m > opening_m else f", of which {_PLAY_M:.3f} m are play"
+        yield _too_wide(choice, grasp, opening_m)
+
+
+def _off_the_middle(choice: _Choice, grasp: Grasp) -> Iterator[Issue]:
+    """Yield that the jaws would push a part aside before they hold it."""
+    at_m = dot(grasp.tip, grasp.closing)
+    middle_m = dot(choice.handle.jaws(centred=True).tip, grasp.closing)
+    if abs(at_m - middle_m) > _OFF_MIDDLE_M:
+        axis = grasp.closing_axis
         message = (
-            f"{grasp.width_m:.3f} m wide where the jaws of {part.tool!r} open {opening_m:.3f} m"
-            f"{play}; give grasp: {f'{{closing_axis: {other}}} or ' if fits else ''}"
-            "{type: suction}."
+            f"the jaws close about {axis or direction_name(grasp.closing)} = {middle_m:.4f} m, not "
+            f"{at_m:.4f} m, where they would push the part aside."
         )
-        own = not given.model_fields_set.isdisjoint({"closing_axis", "depth_m"})
-        yield Issue(message, ("grasp",) if own else (part.shape_key,))
+        place = () if axis is None else ("xyz".index(axis),)
+        yield Issue(message, (*choice.path, "at_m", *place))
 
 
-def _kind(config: AssemblyConfig, part: PartConfig) -> GraspKind:
-    if part.grasp.type is not None:
-        return GraspKind(part.grasp.type)
-    by_suction = tool_kind(config, part.tool) is ToolKind.SUCTION
-    return GraspKind.SUCTION if by_suction else GraspKind.JAWS
-
-
-def _jaws(part: PartConfig, closing_axis: str, *, centred: bool = False) -> Grasp:
-    at_m = part.grasp.at_m
-    return jaws_about(
-        boxes_of(part),
-        None if closing_axis == "auto" else closing_axis,
-        part.grasp.depth_m,
-        None if at_m is None or centred else (at_m[0], at_m[1]),
+def _too_wide(choice: _Choice, grasp: Grasp, opening_m: float) -> Issue:
+    given, part = choice.given, choice.part
+    fits = False
+    other = "yx"["xy".index(grasp.closing_axis)] if grasp.closing_axis in ("x", "y") else ""
+    if choice.handle.from_top and other:
+        width_m = jaws_about(boxes_of(part), other, given.depth_m).width_m
+        fits = width_m <= opening_m - _PLAY_M + 1e-9
+    play = "" if grasp.width_m > opening_m else f", of which {_PLAY_M:.3f} m are play"
+    message = (
+        f"{grasp.width_m:.3f} m wide where the jaws of {choice.tool!r} open {opening_m:.3f} m"
+        f"{play}; give grasp: {f'{{closing_axis: {other}}} or ' if fits else ''}"
+        "{type: suction}."
     )
+    own = bool(given.model_fields_set & {"approach", "closing_axis", "depth_m"})
+    return Issue(message, choice.path if own or len(choice.path) > 1 else (part.shape_key,))
 
 
-def _between_fingers(part: PartConfig, grasp: Grasp) -> bool:
-    """Whether anything of the part is between the fingers' faces above their ends."""
-    closing = "xy".index(grasp.closing_axis or "x")
-    across = 1 - closing
-    return any(
-        box.centre[2] + box.size[2] / 2 > grasp.tip[2] + 1e-9
-        and abs(box.centre[across] - grasp.tip[across])
-        < box.size[across] / 2 + _FINGER_HALF_WIDTH_M
-        and abs(box.centre[closing] - grasp.tip[closing]) < (box.size[closing] + grasp.width_m) / 2
-        for box in boxes_of(part)
-    )
+def _under_the_table(choice: _Choice, poses: Mapping[str, Pose]) -> Iterator[Issue]:
+    """Yield that a hand would have to be in the table, at the start or at the goal."""
+    grasp = choice.handle.grasp()
+    for where, pose in poses.items():
+        points = pose.rotate(grasp.approach)
+        behind = plus(pose.apply(grasp.tip), points, -_HAND_M)
+        if points[2] > _UPWARDS and behind[2] < 0:
+            side = side_name(grasp.approach)
+            side = f"the {side}" if side in ("top", "bottom") else f"its {side} side"
+            message = (
+                f"no hand can hold it from {side} {where}, where the hand would be in the table. "
+                "Give another approach."
+            )
+            named_by = [key for key in ("approach",) if key in choice.given.model_fields_set]
+            yield Issue(message, (*choice.path, *named_by))
+            return
 
 
-def _top_under(part: PartConfig, x_m: float, y_m: float) -> float | None:
-    """Return the height of the part's surface at a point of its plan [m], or None beside it."""
-    tops_m = [shape.top_m(x_m, y_m) for shape in shapes_of(part)]
-    return max((top_m for top_m in tops_m if top_m is not None), default=None)
-
-
-def _nothing_at(part: PartConfig, x_m: float, y_m: float, hand: str) -> Issue:
-    message = f"nothing of the part is under {hand} at [{x_m:.4f}, {y_m:.4f}]; "
-    if part.grasp.at_m is not None:
-        return Issue(f"{message}move it onto the part.", ("grasp", "at_m"))
-    return Issue(f"{message}give grasp: {{at_m: [x, y]}}.", (part.shape_key,))
+def _nothing_at(choice: _Choice, point: tuple[float, float, float], hand: str) -> Issue:
+    numbers = point[:2] if choice.handle.from_top else point
+    place = ", ".join(f"{value:.4f}" for value in numbers)
+    message = f"nothing of the part is under {hand} at [{place}]; "
+    if choice.given.at_m is not None:
+        return Issue(f"{message}move it onto the part.", (*choice.path, "at_m"))
+    wanted = "x, y" if choice.handle.from_top else "x, y, z"
+    path = choice.path if len(choice.path) > 1 else (choice.part.shape_key,)
+    return Issue(f"{message}give grasp: {{at_m: [{wanted}]}}.", path)

@@ -11,11 +11,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from skillplan.domains.assembly import vocabulary
+from skillplan.domains.assembly.handling.insertion import pick_visits, place_visits
+from skillplan.domains.assembly.handling.schema import unit_of
 from skillplan.domains.assembly.layout import (
     feeder_of,
     goal_of,
     holder_of,
     hole_of,
+    hole_pose,
     look_of,
     start_of,
 )
@@ -31,7 +34,7 @@ from skillplan.task.cost import DistanceCost, planar_distance
 from skillplan.task.motion import Event, Motion, Point, Route, Visit
 from skillplan.task.pose import Pose
 from skillplan.task.reward import Penalty, RewardScheme
-from skillplan.task.skill import Outcome, Skill
+from skillplan.task.skill import Outcome, Skill, Way
 from skillplan.task.state import Facts, State
 from skillplan.task.task import BackEndChoice, Literal, Metric, Precedence, Task
 
@@ -154,6 +157,10 @@ class _Grounding:
             ),
             motion=motion,
             parameters=draft.parameters,
+            ways=tuple(
+                Way(label, Motion(motion.robot, (Route(facts.none, (visit,)),), draft.carries))
+                for label, visit in draft.ways
+            ),
         )
 
     def _drafts(self) -> Iterator[SkillDraft]:
@@ -169,8 +176,7 @@ class _Grounding:
         start = vocabulary.start_place(self.config, name)
         looks = name in vocabulary.missed_parts(self.config)
         above = [n for n, other in self.config.parts.items() if other.start_on == name]
-        pose = Pose.upright(start_of(self.config, name), part.start_yaw_rad)
-        visit = Visit(pose, Event.GRASP, name)
+        visits = pick_visits(self.config, name)
         return SkillDraft(
             kind="pick",
             subject=name,
@@ -179,15 +185,15 @@ class _Grounding:
             add=[f"held({name})"],
             delete=[f"at_start({name})", HAND_FREE],
             ends_at=start,
-            routes={None: [visit]},
+            routes={None: [visits[0][1]]},
+            ways=visits if len(visits) > 1 else (),
             parameters={"part": name, "tool": part.tool},
             failure=part.grasp_failure,
             failed_at=vocabulary.missed_place(name) if looks else start,
         )
 
     def _place(self, name: str, part: PartConfig) -> SkillDraft:
-        pose = Pose.upright(goal_of(self.config, name), part.goal_yaw_rad)
-        visit = Visit(pose, Event.RELEASE, name)
+        visits = place_visits(self.config, name)
         return SkillDraft(
             kind="place",
             subject=name,
@@ -195,14 +201,17 @@ class _Grounding:
             add=[f"placed({name})", HAND_FREE],
             delete=[f"held({name})"],
             ends_at=vocabulary.goal_place(name),
-            routes={None: [visit]},
+            routes={None: [visits[0][1]]},
+            ways=visits if len(visits) > 1 else (),
             parameters={"part": name, "tool": part.tool},
             carries=name,
         )
 
     def _fasten(self, name: str) -> SkillDraft:
         screw = self.config.screws[name]
-        visits = [Visit(Pose(hole_of(self.config, screw)), Event.DRIVE, name)]
+        visits = [
+            Visit(hole_pose(self.config, screw), Event.DRIVE, name, along=unit_of(screw.axis))
+        ]
         if screw.feeder is not None:
             visits.insert(0, Visit(Pose(feeder_of(self.config, screw.feeder)), Event.FETCH, name))
         return SkillDraft(

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from skillplan.collision.boxes import WorldBox, sweep_hits, world_box
-from skillplan.domains.assembly.gripping import grasp_of_part
+from skillplan.domains.assembly.gripping import grasps_of_part
+from skillplan.domains.assembly.handling.schema import GraspConfig
+from skillplan.domains.assembly.handling.sides import direction_name
 from skillplan.domains.assembly.layout import boxes_of, feeder_of, start_of
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
@@ -13,7 +15,7 @@ from skillplan.errors import Issue
 from skillplan.physics.linear_motions import jaws_about
 from skillplan.robots.panda import OPENING_M
 from skillplan.task.motion import Point
-from skillplan.task.scene import GraspKind
+from skillplan.task.scene import Grasp, GraspKind
 
 _TOUCH_M = 2e-4
 _ROUNDING_M = 1e-6
@@ -28,21 +30,29 @@ def hints(config: AssemblyConfig) -> Iterator[Issue]:
 def _wide_grasps(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield the parts that are wider along their closing axis than the jaws of an engine open."""
     for name, part in config.parts.items():
-        grasp = grasp_of_part(config, name)
-        if grasp.kind is GraspKind.SUCTION or grasp.width_m <= OPENING_M + _ROUNDING_M:
+        grasps = grasps_of_part(config, name)
+        if any(_fits(grasp) for grasp in grasps):
             continue
-        axis = grasp.closing_axis or "x"
-        # The other axis, at the same depth, helps where the part is narrow enough.
-        other = "yx"["xy".index(axis)]
-        narrower = jaws_about(boxes_of(part), other, part.grasp.depth_m).width_m <= OPENING_M
-        turned = f"{{closing_axis: {other}}} or " if narrower else ""
+        grasp = grasps[0]
+        axis = grasp.closing_axis or direction_name(grasp.closing)
+        given = part.grasp if isinstance(part.grasp, GraspConfig) else None
+        turned = ""
+        if given is not None and grasp.from_above and axis in ("x", "y"):
+            # The other axis, at the same depth, helps where the part is narrow enough.
+            other = "yx"["xy".index(axis)]
+            if jaws_about(boxes_of(part), other, given.depth_m).width_m <= OPENING_M:
+                turned = f"{{closing_axis: {other}}} or "
         message = (
             f"{grasp.width_m:.3f} m wide along {axis}, where jaws of {part.tool!r} close; those of "
             f"a Panda, which engines simulate, open {OPENING_M:.3f} m. Give grasp: "
             f"{turned}{{type: suction}}."
         )
-        key = "grasp" if "closing_axis" in part.grasp.model_fields_set else part.shape_key
-        yield Issue(message, ("parts", name, key))
+        own = given is None or given.model_fields_set & {"approach", "closing_axis"}
+        yield Issue(message, ("parts", name, "grasp" if own else part.shape_key))
+
+
+def _fits(grasp: Grasp) -> bool:
+    return grasp.kind is GraspKind.SUCTION or grasp.width_m <= OPENING_M + _ROUNDING_M
 
 
 def _blocked_feeders(config: AssemblyConfig) -> Iterator[Issue]:

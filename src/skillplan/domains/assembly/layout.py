@@ -5,10 +5,15 @@ Shared by the consistency checks and the grounding; needs references without cyc
 
 from __future__ import annotations
 
+from skillplan.domains.assembly.handling.schema import unit_of
 from skillplan.domains.assembly.part_schema import PartConfig, ScrewConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.task.motion import Point
+from skillplan.task.grasp import AXES
+from skillplan.task.pose import DOWN, Point, Pose, cross, same_direction, unit
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
+
+# An axis of which z is more than this is taken for upright.
+_STEEP = 0.9
 
 
 def shapes_of(part: PartConfig) -> tuple[Shape, ...]:
@@ -56,10 +61,33 @@ def goal_of(config: AssemblyConfig, name: str) -> Point:
     return (part.goal_m[0], part.goal_m[1], _tidy(z_m))
 
 
+def start_pose(config: AssemblyConfig, name: str) -> Pose:
+    """Return where a part is at the start and how it is turned."""
+    return Pose.upright(start_of(config, name), config.parts[name].start_yaw_rad)
+
+
+def goal_pose(config: AssemblyConfig, name: str) -> Pose:
+    """Return where a part is at its goal and how it is turned."""
+    return Pose.upright(goal_of(config, name), config.parts[name].goal_yaw_rad)
+
+
 def hole_of(config: AssemblyConfig, screw: ScrewConfig) -> Point:
-    """Return the mouth of a screw's hole: the top of the part it goes through [m]."""
+    """Return the mouth of a screw's hole: as given, or the top of the part it goes through [m]."""
+    if len(screw.hole_m) > 2:
+        return point(screw.hole_m)
     z_m = goal_of(config, screw.through)[2] + height_of(config.parts[screw.through])
     return (screw.hole_m[0], screw.hole_m[1], _tidy(z_m))
+
+
+def hole_pose(config: AssemblyConfig, screw: ScrewConfig) -> Pose:
+    """Return the mouth of a screw's hole; the screw goes in along its -z axis."""
+    mouth = hole_of(config, screw)
+    into = unit_of(screw.axis)
+    if same_direction(into, DOWN):
+        return Pose(mouth)
+    # What turns about its axis may be turned about it in any way.
+    level = unit(cross(into, AXES["z"] if abs(into[2]) < _STEEP else AXES["x"]))
+    return Pose.of_axes(mouth, level, (-into[0], -into[1], -into[2]))
 
 
 def holder_of(config: AssemblyConfig, tool: str) -> Point:

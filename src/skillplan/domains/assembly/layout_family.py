@@ -127,4 +127,5 @@ class _Draw:
 
 def _sum(place_m: list[float], shift_m: _Shift) -> list[float]:
     # To a nanometre, so that a sum of short decimals stays one.
-    return [round(a + b, 9) for a, b in zip(place_m, shift_m, strict=True)]
+    moved = [round(a + b, 9) for a, b in zip(place_m, shift_m, strict=False)]
+    return [*moved, *place_m[2:]]

@@ -1,4 +1,4 @@
-"""The YAML schema of parts: their shapes, how they are held, where they are; and of screws."""
+"""The YAML schema of parts: their shapes, where they are and belong; and of screws."""
 
 from __future__ import annotations
 
@@ -14,15 +14,24 @@ from pydantic import (
     model_validator,
 )
 
+from skillplan.domains.assembly.handling.schema import (
+    Direction,
+    Directions,
+    GraspConfig,
+    Grasps,
+    unit_of,
+)
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located, continued, shown
-from skillplan.task.motion import Point
+from skillplan.task.pose import DOWN, Point
 
 Coordinate = Annotated[float, Field(ge=-10, le=10)]
 Planar = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Spatial = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
+PlanarOrSpatial = Annotated[list[Coordinate], Field(min_length=2, max_length=3)]
 # Thinner than a micrometre, a box has no volume worth the name.
 Extent = Annotated[float, Field(ge=1e-6, le=10)]
+Length = Annotated[float, Field(gt=0, le=10)]
 Extents = Annotated[list[Extent], Field(min_length=3, max_length=3)]
 Mass = Annotated[float, Field(ge=1e-6, le=1000)]
 Angle = Annotated[float, Field(ge=-6.2832, le=6.2832)]
@@ -103,27 +112,6 @@ class MeshConfig(Strict):
         return self._sha256
 
 
-class GraspConfig(Strict):
-    """How a part is held."""
-
-    type: Literal["jaws", "suction"] | None = Field(
-        None, description="between jaws, or by suction from above; left out: as its tool does"
-    )
-    closing_axis: Literal["x", "y", "auto"] = Field(
-        "auto", description="axis of the part along which jaws close; auto: where it is narrower"
-    )
-    depth_m: Extent | None = Field(
-        None,
-        description="how far below the part's top the fingers reach [m]; left out: half of what "
-        "they hold, 0.012 at most",
-    )
-    at_m: Planar | None = Field(
-        None,
-        description="where the tip of the hand is, x y from the centre of the part's bottom [m]; "
-        "left out: over that centre for suction, in the middle of what jaws hold",
-    )
-
-
 class PartConfig(Strict):
     """A part: where it is, where it belongs, its shape."""
 
@@ -141,7 +129,11 @@ class PartConfig(Strict):
     meshes: Annotated[list[MeshConfig], Field(min_length=1, max_length=16)] | None = Field(
         None, description="convex polyhedra from files; instead of size_m"
     )
-    grasp: GraspConfig = Field(default_factory=GraspConfig, description="how it is held")
+    grasp: Grasps = Field(
+        default_factory=GraspConfig,
+        description="how it is held; a list of grasps to choose from, the preferred first; auto: "
+        "from any of its six sides, closing along either axis there",
+    )
     grasp_failure: FailureProbability = Field(
         0.0, description="probability that a pick leaves it where it lies, below 1 [-]"
     )
@@ -156,6 +148,20 @@ class PartConfig(Strict):
     goal_m: Planar = Field(description="where it belongs, x y [m]")
     goal_on: Name | None = Field(None, description="the part it stands on; left out: the table")
     goal_yaw_rad: Angle = Field(0.0, description="how it is turned at its goal [rad]")
+    insert_along: Directions | None = Field(
+        None,
+        description="the direction in which it goes into place, x y z, or several to choose "
+        "from, the preferred first; left out: straight down",
+    )
+    insert_m: Length | None = Field(
+        None,
+        description="how long it goes in that direction [m]; left out: from where it is free of "
+        "what it goes into",
+    )
+    frame: Literal["world", "goal"] = Field(
+        "world",
+        description="the frame of insert_along: the world's, or that of the part at its goal",
+    )
 
     @model_validator(mode="after")
     def _one_shape_one_start(self) -> PartConfig:
@@ -164,6 +170,8 @@ class PartConfig(Strict):
         starts = [self.start_m is not None, self.feeder is not None, self.start_on is not None]
         if sum(starts) != 1:
             raise Located("give one of 'start_m', 'start_on' and 'feeder'.")
+        if "frame" in self.model_fields_set and self.insert_along is None:
+            raise Located("says in which frame insert_along is, and there is none.", "frame")
         return self
 
     @property
@@ -176,7 +184,15 @@ class ScrewConfig(Strict):
     """A screw: its hole and the part that it fastens."""
 
     tool: Name = Field(description="the tool that drives it")
-    hole_m: Planar = Field(description="its hole, x y [m]")
+    hole_m: PlanarOrSpatial = Field(
+        description="the mouth of its hole, x y z, or x y: at the top of the part it goes through "
+        "[m]"
+    )
+    axis: Direction = Field(
+        [0.0, 0.0, -1.0],
+        description="direction in the world in which it goes into the hole; left out: straight "
+        "down",
+    )
     through: Name = Field(description="the part whose top its head rests on")
     feeder: Name | None = Field(
         None,
@@ -185,3 +201,10 @@ class ScrewConfig(Strict):
     head_diameter_m: Extent = Field(0.006, description="diameter of the head [m]")
     head_height_m: Extent = Field(0.002, description="height of the head [m]")
     mass_kg: Mass = Field(0.001, description="mass [kg]")
+
+    @model_validator(mode="after")
+    def _height_of_what_is_askew(self) -> ScrewConfig:
+        if len(self.hole_m) < 3 and unit_of(self.axis) != DOWN:
+            message = "give the hole x y z [m], as its axis is not straight down."
+            raise Located(message, "hole_m")
+        return self

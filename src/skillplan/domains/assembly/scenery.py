@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from skillplan.domains.assembly import vocabulary
-from skillplan.domains.assembly.gripping import grasp_of_part, tool_kind
+from skillplan.domains.assembly.gripping import grasps_of_part, tool_kind
 from skillplan.domains.assembly.layout import (
     feeder_of,
-    goal_of,
+    goal_pose,
     holder_of,
-    hole_of,
+    hole_pose,
     point,
     shapes_of,
-    start_of,
+    start_pose,
 )
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.task.motion import Point
@@ -58,8 +58,7 @@ def scene_of(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
 
 def _part_body(config: AssemblyConfig, name: str) -> Body:
     part = config.parts[name]
-    start = Pose.upright(start_of(config, name), part.start_yaw_rad)
-    goal = Pose.upright(goal_of(config, name), part.goal_yaw_rad)
+    start, goal = start_pose(config, name), goal_pose(config, name)
     in_hand = Pose((0.0, 0.0, 0.0))
     return Body(
         name,
@@ -70,7 +69,7 @@ def _part_body(config: AssemblyConfig, name: str) -> Body:
             Placement(f"placed({name})", goal),
         ),
         part.mass_kg,
-        (grasp_of_part(config, name),),
+        grasps_of_part(config, name),
     )
 
 
@@ -78,7 +77,7 @@ def _screw_body(config: AssemblyConfig, name: str) -> Body:
     screw = config.screws[name]
     height_m = screw.head_height_m
     head = Cylinder(screw.head_diameter_m, height_m, (0.0, 0.0, height_m / 2))
-    driven = Placement(f"fastened({name})", Pose(hole_of(config, screw)))
+    driven = Placement(f"fastened({name})", hole_pose(config, screw))
     return Body(name, (head,), (driven,), screw.mass_kg)
 
 

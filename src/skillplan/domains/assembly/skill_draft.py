@@ -25,6 +25,9 @@ class SkillDraft:
     routes
         What the arm visits, by the fact that selects the route; None for a single one. The path
         along them is what the skill costs.
+    ways
+        Where there are several visits to choose from, all of them, each with the way in words; the
+        preferred one first, which is that of the only route.
     parameters
         What it is about, for people and engines.
     carries
@@ -44,6 +47,7 @@ class SkillDraft:
     routes: Mapping[str | None, Sequence[Visit]]
     parameters: Mapping[str, str]
     forbids: Sequence[str] = ()
+    ways: Sequence[tuple[str, Visit]] = ()
     carries: str | None = None
     failure: float = 0.0
     failed_at: str = ""

@@ -78,6 +78,9 @@ class RunManifest(_Part):
     physics: Word
     collision: tuple[Word, ...] = Field(max_length=MOST_RUNS)
     back_end_options: dict[str, dict[str, Any]]
+    screening: bool = Field(
+        False, description="whether geometry is asked before anything is executed"
+    )
     family: Family | None
     checkpoint_steps: Amount
     groups: tuple[Annotated[tuple[int, ...], Field(min_length=1, max_length=MOST_RUNS)], ...] = (

@@ -22,7 +22,7 @@ from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
 from skillplan.errors import BackEndError, SkillplanError, SolverError
 from skillplan.judge.plain_solution import plain_plan
 from skillplan.model.skill_model import ModelStats, SkillModel
-from skillplan.pipeline.solver_call import blamed, plain_answer
+from skillplan.pipeline.search.solver_call import blamed, plain_answer
 from skillplan.plugins.blame import traceback_text
 from skillplan.solvers.solution import Plan, Policy, Solution
 from skillplan.solvers.solver import Solver

@@ -15,7 +15,8 @@ from typing import Any
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import IntroducedBackEnds, check
 from skillplan.checks.verdict_cache import VerdictCache
-from skillplan.errors import SearchStopped
+from skillplan.checks.ways import asked_about
+from skillplan.errors import BackEndError, SearchStopped
 from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.solvers.search.exact import ExactSolver
 from skillplan.solvers.stop import Stop
@@ -28,11 +29,6 @@ DEFAULT_SAMPLE = 2
 """So many refusals are executed after a search."""
 # Where geometry alone takes longer, the search with physics begins without its proof [s].
 _PATIENCE_S = 20.0
-
-
-def screens(back_ends: IntroducedBackEnds) -> tuple[BackEnd, ...]:
-    """Return the back ends that are only there to rule something out."""
-    return tuple(one for one in back_ends if one.screens)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,40 +106,55 @@ class Screened:
     executed: int
     overruled: str = ""
 
+    def raise_overruled(self) -> None:
+        """Say that geometry and physics contradict each other, if they do.
+
+        Raises
+        ------
+        BackEndError
+            If they do.
+        """
+        if self.overruled:
+            raise BackEndError(f"{self.overruled[0].upper()}{self.overruled[1:]}.")
+
     def document(self) -> dict[str, int]:
         """Return the figures for the trace of a search."""
         return {"refused": self.refused, "executed": self.executed}
 
 
 def executed_sample(
-    feasibility: Feasibility, cache: VerdictCache, size: int, seed: int, stop: Stop
+    feasibility: Feasibility,
+    cache: VerdictCache | None = None,
+    size: int = DEFAULT_SAMPLE,
+    seed: int = 0,
+    stop: Stop | None = None,
 ) -> Screened:
     """Execute a sample of what a screen has refused.
 
     Parameters
     ----------
     feasibility
-        With which a search was done.
+        With which a search was done, or a chart derived.
     cache
-        Where verdicts are kept.
+        Where verdicts are kept; by default that of `feasibility`.
     size
         How many refusals are executed, >= 0.
     seed
         Governs the choice.
     stop
-        That of the search; once it has stopped, nothing more is executed.
+        That of a search; once it has stopped, nothing more is executed.
 
     Raises
     ------
     BackEndError
         If a back end fails.
     """
-    refusals = list(_refusals(feasibility, cache))
+    refusals = list(_refusals(feasibility, feasibility.cache if cache is None else cache))
     draw = random.Random(seed)
     others = [one for one in feasibility.back_ends if not one.screens]
     executed = 0
     for screen, skill, state, verdict in draw.sample(refusals, min(size, len(refusals))):
-        if stop.interrupted or stop():
+        if stop is not None and (stop.interrupted or stop()):
             break
         executed += 1
         if all(_grants(other, skill, state) for other in others):
@@ -163,8 +174,8 @@ def _grants(back_end: BackEnd, skill: Skill, state: State) -> bool:
 def _refusals(
     feasibility: Feasibility, cache: VerdictCache
 ) -> Iterator[tuple[BackEnd, Skill, State, Verdict]]:
-    for screen in screens(feasibility.back_ends):
-        for skill in feasibility.task.skills:
+    for screen in feasibility.screens:
+        for skill in asked_about(feasibility.task):
             for verdict, state in cache.made(screen, skill):
                 if verdict.status is VerdictStatus.INFEASIBLE:
                     yield screen, skill, state, verdict

@@ -1,0 +1,1 @@
+"""How parts are held and brought into place: grasps from any side, directions of insertion."""

@@ -1,0 +1,1 @@
+"""One search of one solver: its call, here or apart, and what is asked before and after it."""
