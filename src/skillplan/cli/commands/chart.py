@@ -41,7 +41,9 @@ def command(
 
     # A chart derived from the chart would say nothing.
     chosen = replace(back_ends, collision=back_ends.collision or "aabb")
-    loaded, setup, made = reading.set_up(task, chosen, screening=not no_screening)
+    loaded, setup, made = reading.set_up(
+        task, chosen, executor=checking.executor, screening=not no_screening
+    )
     cache = checking.cache()
     with showing_checks("deriving") as on_check:
         feasibility = make_feasibility(
