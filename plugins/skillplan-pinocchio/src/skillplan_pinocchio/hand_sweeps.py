@@ -128,7 +128,8 @@ class HandSweeps:
         if motion.visit.event in _HANDLING:
             grasp = visited_grasp(self.scene.body(motion.visit.subject), motion.visit)
             is_open = before is (motion.visit.event is Event.GRASP)
-            opening_m = jaw_opening_m(grasp, self.clearance_m if is_open else 0.0, tool)
+            clearance_m = self.clearance_m if is_open else 0.0
+            opening_m = jaw_opening_m(grasp, clearance_m, tool, self.robot.hand)
         return hand_parts(self.robot, tool, opening_m)
 
 
