@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Final
 
 import coal
@@ -91,6 +91,8 @@ class LinkPiece:
         return (low + high) / 2, (high - low) / 2
 
 
+# Many detectors may be of one arm.
+@lru_cache(maxsize=8)
 def link_pieces(arm: ArmDescription) -> tuple[LinkPiece, ...]:
     """Return the shapes of all links that move; the base stands where it is put."""
     return tuple(
