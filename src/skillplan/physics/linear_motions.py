@@ -40,7 +40,7 @@ _NATURAL_YAW_RAD = math.pi / 2
 _STANDOFF_M = 0.02
 # How far a screw is from its hole where the hand begins to follow its axis [m].
 _SCREW_STRETCH_M = 0.05
-# What goes in from the side is so far above where it will lie, at most, not to be dragged along [m].
+# What goes in from the side is so far above where it will lie, at most, not to drag on it [m].
 _SIDE_LIFT_M = 3e-4
 # A hand that does not point down reaches below its tip by no more than this [m].
 _HAND_RADIUS_M = 0.11
