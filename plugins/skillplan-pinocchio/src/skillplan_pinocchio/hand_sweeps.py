@@ -61,8 +61,11 @@ class HandSweeps:
             label = "the insertion" if is_last and number > 2 else "the approach"
             # Down to its goal, also where it is let go from above.
             target = motion.grasp_tip if is_last else end
+            loads = [*self._load(label, motion, motion.carries, begin, _difference(begin, target))]
+            if label == "the insertion" and motion.drop_m:
+                loads += self._load(label, motion, motion.carries, begin, _difference(begin, end))
             yield (
-                *self._load(label, motion, motion.carries, begin, _difference(begin, target)),
+                *loads,
                 *self._hands(label, motion, begin, _difference(begin, end), after=False),
             )
 
