@@ -70,12 +70,15 @@ class ArmModel:
         As given.
     low_rad, high_rad
         Limits of the joints [rad], shape (7,).
+    home_rad
+        The description's posture [rad], shape (7,).
     """
 
     def __init__(self, base: Point = (0.0, 0.0, 0.0)) -> None:
         self.base = base
         self.low_rad: Vector = np.array(panda.PANDA.low_rad)
         self.high_rad: Vector = np.array(panda.PANDA.high_rad)
+        self.home_rad: Vector = np.array(panda.PANDA.home_rad)
         self.model = build_model(panda.PANDA, Transform(base), panda.TIP_ON_FLANGE)
         self._data = self.model.createData()
         self._tip = self.model.getFrameId("tip")
