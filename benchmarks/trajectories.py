@@ -54,7 +54,7 @@ def paths_of(task: Task, result: Result) -> list[tuple[JointPath, int]]:
     for step in result.steps:
         skill = task.skill(step.skill)
         for motion in linear_motions(task, skill, state, options.drop_height_m):
-            down = planner.plan(motion).elbows[0].path
+            down = planner.plan(motion).elbows[0].strokes.down[0]
             found += [(transfer_path(planner.arm, here, down.nodes[0]), 1), (down, 2)]
             here = down.nodes[0]
         state = skill.prediction.apply(state)

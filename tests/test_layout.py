@@ -317,7 +317,8 @@ class TestErrors:
         [
             ({}, 0),
             ({"solved": False}, 1),
-            ({"wrong": True, "back_end_failed": True, "solved": False}, 2),
+            ({"wrong": True, "solved": False}, 2),
+            ({"wrong": True, "back_end_failed": True, "solved": False}, 3),
             ({"back_end_failed": True, "solved": False}, 3),
             ({"interrupted": True, "wrong": True, "back_end_failed": True}, 130),
             ({"error": errors.OptionError("x")}, 2),

@@ -316,3 +316,59 @@ def test_a_part_turned_in_place_is_swept_as_it_is_turned():
     state = task.facts.of("held(bar)", "at_start(wall)", "tool(gripper)", "at(bar.start)")
     verdict = AabbDetector(task).check(task.skill("place(bar)"), state)
     assert verdict.reason == "bar runs into wall on the approach"
+
+
+def garage(**drawer):
+    """Return a shelf with a roof and a drawer that belongs between them."""
+    frame = {
+        "tool": "gripper",
+        "boxes": [
+            {"size_m": [0.10, 0.10, 0.01], "centre_m": [0.0, 0.0, 0.005]},
+            {"size_m": [0.10, 0.10, 0.01], "centre_m": [0.0, 0.0, 0.055]},
+            {"size_m": [0.01, 0.10, 0.04], "centre_m": [0.045, 0.0, 0.03]},
+        ],
+        "start_m": [0.4, -0.2],
+        "goal_m": [0.5, 0.0],
+    }
+    part = block([0.4, 0.2], [0.49, 0.0, 0.01], [0.08, 0.06, 0.02], goal_on="frame", **drawer)
+    return shelf(parts={"base": frame, "top": part}) | {"parts": {"frame": frame, "drawer": part}}
+
+
+def test_what_belongs_under_a_roof_goes_in_from_the_side():
+    """Straight down it would run into the roof, from the closed side into the wall."""
+    for along, feasible in (([0, 0, -1], False), ([1, 0, 0], True), ([-1, 0, 0], False)):
+        content = garage(insert_along=along, insert_m=0.15)
+        verdict = verdict_of(content, "place(drawer)", "held(drawer)", "placed(frame)")
+        assert verdict.is_feasible == feasible
+        verdict = verdict_of(content, "place(drawer)", "held(drawer)")
+        assert "nothing beneath it" in verdict.reason
+
+
+def test_a_part_turned_by_quarters_in_space_is_ruled_on():
+    """A plate on its edge stands where its edge does, and is in the way up to its height."""
+    content = shelf()
+    upright = {"goal_rpy_rad": [0.0, 1.5708, 0.0], "goal_m": [0.49, 0.0], "goal_on": "base"}
+    content["parts"]["top"] = block([0.4, 0.2], [0, 0], [0.04, 0.04, 0.02]) | upright
+    content["parts"]["low"] = block([0.4, 0.3], [0.5, 0.0, 0.06], [0.02, 0.02, 0.01])
+    task = assembly(content)
+    assert AabbDetector(task).refuses() is None
+    position = task.scene.body("top").placements[2].pose.position
+    assert position == pytest.approx((0.49, 0.0, 0.04), abs=1e-6)
+    assert verdict_of(content, "place(top)", "held(top)", "placed(base)").is_feasible
+    assert verdict_of(content, "place(top)", "held(top)").is_infeasible
+    verdict = verdict_of(content, "place(low)", "held(low)", "placed(base)")
+    assert verdict.reason == "low has nothing beneath it"
+    assert verdict_of(content, "place(low)", "held(low)", "placed(base)", "placed(top)").is_feasible
+
+
+def test_directions_that_no_axis_has_are_refused_in_words():
+    """Of a part that leans, and of one that goes in at 45 degrees."""
+    content = garage(insert_along=[0.7071, 0.7071, 0], insert_m=0.15)
+    assert (
+        "goes along [0.7071, 0.7071, 0] in place(drawer)"
+        in AabbDetector(assembly(content)).refuses()
+    )
+    content = shelf()
+    content["parts"]["top"] |= {"goal_rpy_rad": [0.0, 0.5, 0.0], "goal_on": "base"}
+    refusal = AabbDetector(assembly(content)).refuses()
+    assert "'top' is turned by 28.65 degrees in space where placed(top) holds" in refusal

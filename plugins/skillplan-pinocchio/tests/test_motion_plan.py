@@ -36,7 +36,7 @@ def planner(*obstacles, **changes):
 
 def first_path():
     """Return the way of the joints that is nearest to the ready pose."""
-    return planner().plan(linear_motion()).elbows[0].path
+    return planner().plan(linear_motion()).elbows[0].strokes.down[0]
 
 
 MAST = box("mast", (0.02, 0.02, 0.8), (0.25, 0.0, 0.4), "placed(mast)")
@@ -48,7 +48,7 @@ def test_where_nothing_is_met_one_elbow_is_enough():
     planned = planner(Obstacle(TABLE, None, (table(),))).plan(linear_motion())
     assert len(planned.elbows) == 1
     assert planned.elbows[0].meets == ()
-    assert np.array_equal(planned.elbows[0].path.nodes, first_path().nodes)
+    assert np.array_equal(planned.elbows[0].strokes.down[0].nodes, first_path().nodes)
 
 
 def test_an_elbow_that_is_free_is_preferred_to_the_nearest():
@@ -58,8 +58,8 @@ def test_an_elbow_that_is_free_is_preferred_to_the_nearest():
     assert touch.link in range(2, 8)
     (elbow,) = planner(MAST).plan(linear_motion()).elbows
     assert elbow.meets == ()
-    assert not np.allclose(elbow.path.nodes, first_path().nodes)
-    assert LinkSweep(ARM, elbow.path).touch(MAST, 2e-4, 40) is None
+    assert not np.allclose(elbow.strokes.down[0].nodes, first_path().nodes)
+    assert LinkSweep(ARM, elbow.strokes.down[0]).touch(MAST, 2e-4, 40) is None
 
 
 @pytest.mark.slow(reason="plans by every elbow; the free one in every run")

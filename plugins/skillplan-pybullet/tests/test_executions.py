@@ -15,6 +15,7 @@ from skillplan.physics.linear_motions import linear_motions
 from skillplan.task.scene import Body, Box
 from skillplan.task.shape import Cylinder, Mesh
 from skillplan.task.verdict import VerdictStatus
+from skillplan_pybullet.arm.hand_turns import HandTurns
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
@@ -137,12 +138,13 @@ class TestScrews:
         (motion,) = linear_motions(board, skill, state)
         settings = ExecutionSettings()
         with World(settings.friction) as world:
-            arm = SimulatedArm(world, board.scene.robots[0].base, settings)
-            arm.stand(motion.above, motion.closing_yaw_rad, 0.04)
+            arm = SimulatedArm(world, board.scene.robots[0], settings)
+            planned = HandTurns(board, settings.drop_height_m).arm_motion(motion)
+            arm.stand(planned.approach[0], 0.04)
             runner = SkillRunner(world, arm, board.scene, settings, motion.tool)
             runner.watch({"screw_1"})
-            runner.run(motion, motion.closing_yaw_rad)
-            world.put("screw_1", runner.tools.upright_tip())
+            runner.run(planned)
+            world.put("screw_1", runner.tools.tool_pose())
             world.step()
             numbers = world.numbers["screwdriver"], world.numbers["screw_1"]
             assert pybullet.getContactPoints(*numbers, physicsClientId=world.client)

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import pybullet
 import pytest
 
-from skillplan.task.scene import Body, Box, Pose, Scene, Tool, ToolKind
+from skillplan.task.scene import Body, Box, Pose, Robot, Scene, Tool, ToolKind
 from skillplan_pybullet.arm.dynamics import FINGER_LINKS, HAND_LINK
+from skillplan_pybullet.arm.rotations import pointing_down
 from skillplan_pybullet.arm.simulated_arm import ROBOT, SimulatedArm
 from skillplan_pybullet.arm.tool_changer import ToolChanger
 from skillplan_pybullet.execution_settings import ExecutionSettings
@@ -25,8 +26,9 @@ def arm() -> Iterator[SimulatedArm]:
     """Return an arm at rest in a world of its own."""
     settings = ExecutionSettings()
     with World(settings.friction) as world:
-        made = SimulatedArm(world, (0.0, 0.0, 0.0), settings)
-        made.stand(TIP, 0.0, 0.04)
+        robot = Robot("robot", (0.0, 0.0, 0.0), 0.8, 0.2, {})
+        made = SimulatedArm(world, robot, settings)
+        made.stand(made.kinematics.reach(TIP, pointing_down(0.0)), 0.04)
         yield made
 
 

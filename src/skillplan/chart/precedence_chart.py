@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from skillplan.chart.alternatives import Alternatives, alternatives
 from skillplan.chart.conflict import conflict_lines
 from skillplan.chart.hypothetical_state import HypotheticalStates
 from skillplan.chart.partial_order import ClosedRelation, closure
@@ -48,6 +49,9 @@ class DerivedChart:
     undecided
         Skills about which a back end does not know, or whose dependence on the other components
         is too intricate to be worked out.
+    alternatives
+        Of conditional skills between what orders have to choose, as far as it is a matter of
+        order.
     """
 
     relations: tuple[Relation, ...]
@@ -57,6 +61,7 @@ class DerivedChart:
     impossible: Mapping[str, str]
     conditional: Mapping[str, tuple[str, ...]]
     undecided: tuple[str, ...] = ()
+    alternatives: tuple[Alternatives, ...] = ()
 
     @property
     def cycle(self) -> tuple[str, ...]:
@@ -116,6 +121,8 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
             undecided.append(query.skill.name)
         elif more:
             conditional[query.skill.name] = more
+    unsure = [query for query in left if query.skill.name in conditional]
+    choices = run_queries(feasibility, [alternatives(query, order) for query in unsure])
     rank = {component: i for i, component in enumerate(task.operations)}
     relations = tuple(sorted(found.values(), key=lambda r: (rank[r.before], rank[r.after])))
     hand_made = tuple((line.before, line.after) for line in task.chart)
@@ -128,6 +135,7 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
         impossible,
         conditional,
         tuple(undecided),
+        tuple(choice for choice in choices if choice is not None),
     )
 
 

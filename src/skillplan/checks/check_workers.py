@@ -17,6 +17,7 @@ from skillplan.checks.single_check import (
     construct,
     introduce,
 )
+from skillplan.checks.ways import asked_by_name
 from skillplan.errors import BackEndError
 from skillplan.plugins.blame import traceback_text
 from skillplan.task.back_end import BackEnd
@@ -44,7 +45,7 @@ class Conversation(Protocol):
 
 # What a process starts from, what it is queried about, and what it answers.
 _Content = tuple[Task, list[Recipe]]
-_Job = tuple[int, int, int]
+_Job = tuple[int, str, int]
 _Fields = tuple[str, str, str, int, int, dict[str, Any], float]
 
 
@@ -176,7 +177,7 @@ class CheckWorkers:
     def _give(self, worker: Worker, pending: _Pending) -> None:
         request = pending.request
         self._busy[worker] = pending
-        worker.take((request.back_end, self.task.action(request.skill), request.state.bits))
+        worker.take((request.back_end, request.skill.name, request.state.bits))
 
     def _hear(self, worker: Worker, waiting: deque[_Pending]) -> None:
         """Take what a process says, and go on with the conversation that it is for."""
@@ -242,7 +243,7 @@ def _go_on(conversation: Conversation, said: Checked | None) -> _Pending | None:
 
 
 def _named(ended: Ended) -> str:
-    if not ended.killed:
+    if ended.exit_code is None or ended.exit_code >= 0:
         return ended.how
     try:
         return f"{ended.how} ({signal.Signals(-ended.exit_code).name})"
@@ -255,11 +256,12 @@ def _prepare(content: _Content) -> Callable[[_Job], _Fields | _Failed]:
     task, made = content
     back_ends = construct(task, made)
     introduce(back_ends)
+    skills = asked_by_name(task)
 
     def answer(job: _Job) -> _Fields | _Failed:
-        back_end, action, bits = job
+        back_end, name, bits = job
         try:
-            checked = check(back_ends[back_end], task.skills[action], task.facts.state(bits))
+            checked = check(back_ends[back_end], skills[name], task.facts.state(bits))
         except BackEndError as error:
             return _Failed(str(error), traceback_text(error))
         verdict = checked.verdict

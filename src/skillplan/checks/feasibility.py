@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from skillplan.checks.query_batch import QueryBatch
@@ -19,11 +20,15 @@ from skillplan.checks.single_check import (
     tells_time,
 )
 from skillplan.checks.verdict_cache import VerdictCache
+from skillplan.checks.way_choice import choosing
+from skillplan.checks.way_verdict import WAYS
+from skillplan.checks.ways import Ways
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
+from skillplan.workers.executor import MakeExecutor
 
 if TYPE_CHECKING:
     from skillplan.checks.check_workers import CheckWorkers
@@ -80,6 +85,9 @@ class Feasibility:
     jobs
         From 2 on, expensive back ends check in so many processes at once. Neither verdicts nor
         what is counted depends on it.
+    make_executor
+        Where those processes are; with one even a single job is done there. None for this
+        machine.
     on_check
         Called before and after every query that an expensive back end has to work for.
 
@@ -97,6 +105,8 @@ class Feasibility:
         Some of the verdicts that were reused.
     queried
         How often each back end was queried.
+    ways
+        Of skills that have several.
 
     Raises
     ------
@@ -113,6 +123,7 @@ class Feasibility:
         cache: VerdictCache | None = None,
         *,
         jobs: int = 1,
+        make_executor: MakeExecutor | None = None,
         on_check: Callable[[CheckCount], None] | None = None,
     ) -> None:
         if jobs < 1:
@@ -125,19 +136,23 @@ class Feasibility:
         self.reused = ReuseSample()
         self.executions = 0
         self.reached = 0
+        self.ways = Ways(task)
         self.queried: Counter[str] = Counter({back_end.name: 0 for back_end in self.back_ends})
         self._to_go = 0
         expensive = any(back_end.expensive for back_end in self.back_ends)
         self._on_check = on_check if expensive else None
         self._workers: CheckWorkers | None = None
-        if expensive and jobs > 1:
+        self.make_executor = make_executor
+        apart = expensive and (jobs > 1 or make_executor is not None)
+        if apart:
             # Here and not above: whoever needs no processes must not pay for importing this.
             from skillplan.checks.check_workers import CheckWorkers
 
-            self._workers = CheckWorkers(task, self.back_ends, jobs)
+            executor = None if make_executor is None else make_executor(jobs)
+            self._workers = CheckWorkers(task, self.back_ends, jobs, executor)
         # Each with whether it is worth counting, and whether it is queried in another process.
         self._chain = tuple(
-            (index, back_end, back_end.expensive or not expensive, back_end.expensive and jobs > 1)
+            (index, back_end, back_end.expensive or not expensive, back_end.expensive and apart)
             for index, back_end in enumerate(self.back_ends)
         )
         self._timers = tuple(one for one in self.back_ends if tells_time(one) and not one.screens)
@@ -189,7 +204,7 @@ class Feasibility:
                 poll()
                 verdicts.append(_result_of(self._checking(skill, state)))
             return verdicts
-        batch = QueryBatch(self._checking, queries)
+        batch = QueryBatch(self._checking, queries, self.ways.lane)
         self._workers.hold(batch.lanes, poll)
         return batch.verdicts()
 
@@ -199,10 +214,32 @@ class Feasibility:
             return [self._inapplicable(skill, state)]
         condition = skill.condition(state)
         first = Verdict.feasible(condition.requires, condition.forbids)
-        return [
-            first.grounded(state, PRECONDITION),
-            *(self._query(back_end, skill, state) for back_end in self.back_ends),
-        ]
+        found = [first.grounded(state, PRECONDITION)]
+        asked: Iterable[Skill] = (skill,)
+        if skill.ways:
+            verdict = self.verdict(skill, state)
+            found.append(replace(verdict, stage=WAYS))
+            every = [one.skill for one in self.ways.of(skill)]
+            asked = [self._by(skill, verdict)] if verdict.is_feasible else every
+        for one in asked:
+            found += (self._query(back_end, one, state) for back_end in self.back_ends)
+        return found
+
+    def taken(self, skill: Skill, state: State) -> Skill:
+        """Return a skill by the way that is taken in a state; itself where it has but one.
+
+        The first way where none is granted.
+
+        Raises
+        ------
+        BackEndError
+            If a back end fails.
+        """
+        return self._by(skill, self.verdict(skill, state)) if skill.ways else skill
+
+    def _by(self, skill: Skill, verdict: Verdict) -> Skill:
+        label = verdict.evidence.get("way", skill.ways[0].label)
+        return self.ways.variant(skill, str(label))
 
     @property
     def tells_time(self) -> bool:
@@ -258,18 +295,36 @@ class Feasibility:
         if not skill.applicable(state):
             self._to_go -= 1
             return self._inapplicable(skill, state)
+        tally = _Tally()
+        if skill.ways:
+            verdict = yield from choosing(self.ways, partial(self._deciding, tally), skill, state)
+        else:
+            verdict = yield from self._deciding(tally, skill, state)
+        self.checks += tally.worked
+        self.hits += not tally.worked
+        self.executions += tally.executed
+        self.reached += tally.reached
+        self._to_go -= 1
+        if tally.executed:
+            self._report()
+        return verdict
+
+    def _deciding(
+        self, tally: _Tally, skill: Skill, state: State
+    ) -> Generator[CheckRequest, Checked, Verdict]:
+        """Decide about a skill with one motion, noting what that took."""
         facts = self.task.facts
         condition = skill.condition(state)
         present, absent = condition.requires.bits, condition.forbids.bits
         unknown: Verdict | None = None
-        worked = executed = reached = goes_on = False
+        goes_on = False
         for index, back_end, counts, apart in self._chain:
-            reached = reached or counts
+            tally.reached = tally.reached or counts
             verdict = self.cache.find(back_end, skill, state)
             if verdict is None:
-                worked = True
-                if counts and not executed:
-                    executed = True
+                tally.worked = True
+                if counts and not tally.executed:
+                    tally.executed = True
                     self._report()
                 self.queried[back_end.name] += 1
                 if apart:
@@ -280,24 +335,15 @@ class Feasibility:
                 verdict = checked.verdict
                 self.cache.keep(back_end, skill, checked, state)
             else:
-                self.reused.note(index, back_end, skill, state, verdict)
+                self.reused.note(index, skill, state, verdict)
             if verdict.status is VerdictStatus.INFEASIBLE:
-                break
+                return verdict
             if verdict.status is VerdictStatus.UNKNOWN:
                 unknown = unknown or verdict
             if verdict.present is not None and verdict.absent is not None:
                 present |= verdict.present.bits
                 absent |= verdict.absent.bits
-        else:
-            verdict = unknown or Verdict.feasible(facts.state(present), facts.state(absent))
-        self.checks += worked
-        self.hits += not worked
-        self.executions += executed
-        self.reached += reached
-        self._to_go -= 1
-        if executed:
-            self._report()
-        return verdict
+        return unknown or Verdict.feasible(facts.state(present), facts.state(absent))
 
     def _query(self, back_end: BackEnd, skill: Skill, state: State) -> Verdict:
         known = self.cache.find(back_end, skill, state)
@@ -311,6 +357,15 @@ class Feasibility:
     def _report(self) -> None:
         if self._on_check is not None:
             self._on_check(CheckCount(self.checks, self.hits, self._to_go))
+
+
+class _Tally:
+    """What it took to decide about a skill, by all ways of it that were looked at."""
+
+    __slots__ = ("executed", "reached", "worked")
+
+    def __init__(self) -> None:
+        self.worked = self.executed = self.reached = False
 
 
 def _result_of(checking: Generator[CheckRequest, Checked, Verdict]) -> Verdict:

@@ -19,7 +19,7 @@ class QueryBatch:
     """Queries and their verdicts.
 
     Those about one skill are queried one after the other, as the verdict on the first may answer
-    the rest; no verdict says anything about another skill.
+    the rest; no verdict says anything about a skill of another lane.
 
     Parameters
     ----------
@@ -27,15 +27,20 @@ class QueryBatch:
         Begins to check.
     queries
         Pairs of skill and state.
+    lane
+        The name that skills share where an answer about one may be one about another.
 
     Attributes
     ----------
     lanes
-        A conversation for every skill.
+        A conversation for every skill, or those of one lane.
     """
 
     def __init__(
-        self, rule: Callable[[Skill, State], Checking], queries: Sequence[tuple[Skill, State]]
+        self,
+        rule: Callable[[Skill, State], Checking],
+        queries: Sequence[tuple[Skill, State]],
+        lane: Callable[[Skill], str],
     ) -> None:
         self._rule = rule
         self._queries = queries
@@ -43,7 +48,7 @@ class QueryBatch:
         self._errors: dict[int, BackEndError] = {}
         by_skill: dict[str, list[int]] = {}
         for position, (skill, _) in enumerate(queries):
-            by_skill.setdefault(skill.name, []).append(position)
+            by_skill.setdefault(lane(skill), []).append(position)
         self.lanes = [Lane(self, positions) for positions in by_skill.values()]
 
     def begin(self, position: int) -> Checking:

@@ -58,6 +58,11 @@ def reachable_sample(
 
 
 def _known_feasible(feasibility: Feasibility, skill: Skill, state: State) -> bool:
+    variants = [one.skill for one in feasibility.ways.of(skill)] or [skill]
+    return any(_granted(feasibility, variant, state) for variant in variants)
+
+
+def _granted(feasibility: Feasibility, skill: Skill, state: State) -> bool:
     for back_end in feasibility.back_ends:
         verdict = _known(feasibility, back_end, skill, state)
         if verdict is None or not verdict.is_feasible:

@@ -12,6 +12,7 @@ from skillplan.checks.check_workers import CheckWorkers
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import Checked, CheckRequest, check
 from skillplan.checks.verdict_folder import KeptVerdict
+from skillplan.checks.ways import asked_by_name
 from skillplan.errors import BackEndError
 from skillplan.task.back_end import BackEnd
 from skillplan.task.state import State
@@ -106,13 +107,15 @@ def put_to_the_test(
         _Trying(task, index, kept, state, on_trial)
         for (index, kept), state in zip(drawn, states, strict=True)
     ]
-    if jobs > 1:
+    make_executor = feasibility.make_executor
+    if jobs > 1 or make_executor is not None:
+        executor = None if make_executor is None else make_executor(jobs)
 
         def poll() -> None:
             if stopped():
                 raise _Stopped
 
-        with closing(CheckWorkers(task, back_ends, jobs)) as workers, suppress(_Stopped):
+        with closing(CheckWorkers(task, back_ends, jobs, executor)) as workers, suppress(_Stopped):
             workers.hold(trials, poll)
     else:
         for trial in trials:
@@ -147,7 +150,7 @@ def other_states(
     for index, kept in drawn:
         record = kept.record
         verdict, made_in = record.verdict(task.facts), task.facts.of(*record.state)
-        skill = task.skills[task.action(record.skill)]
+        skill = asked_by_name(task)[record.skill]
         fit = [
             state
             for state in states
@@ -175,7 +178,7 @@ def first_contradiction(back_ends: Sequence[BackEnd], trials: Sequence[Trial]) -
     task = back_end.task
     return contradiction(
         back_end,
-        task.skills[task.action(record.skill)],
+        asked_by_name(task)[record.skill],
         record.verdict(task.facts),
         task.facts.of(*record.state),
         trial.fresh,
@@ -202,7 +205,7 @@ class _Trying:
         self.kept = kept
         self.said = record.verdict(task.facts)
         self._made_here = state == task.facts.of(*record.state)
-        self.request = CheckRequest(index, task.skills[task.action(record.skill)], state)
+        self.request = CheckRequest(index, asked_by_name(task)[record.skill], state)
         self.outcome: Trial | None = None
         self.error: BackEndError | None = None
         self._on_trial = on_trial

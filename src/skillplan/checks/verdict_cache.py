@@ -18,6 +18,7 @@ from pathlib import Path
 from skillplan.checks.single_check import Checked
 from skillplan.checks.verdict_file import VerdictRecord, is_verdict_file, read_record
 from skillplan.checks.verdict_key import verdict_key
+from skillplan.checks.ways import asked_about
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import Facts, State
@@ -100,7 +101,7 @@ class VerdictCache:
         """Return a cache in memory that starts with the verdicts of some back ends."""
         copy = VerdictCache()
         for back_end in back_ends:
-            for skill in back_end.task.skills:
+            for skill in asked_about(back_end.task):
                 shelf = self._shelves.get(_shelf_key(back_end, skill))
                 if shelf is not None:
                     copy._shelves[_shelf_key(back_end, skill)] = _Shelf(shelf)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from skillplan.checks.verdict_cache import key_folder
 from skillplan.checks.verdict_file import VerdictRecord, is_verdict_file, read_record
+from skillplan.checks.ways import asked_about
 from skillplan.task.back_end import BackEnd
 
 # A folder of verdicts; a file of verdicts of the format before; what a killed process left.
@@ -74,7 +75,7 @@ class VerdictFolder:
         found = []
         for back_end in back_ends:
             own = []
-            for skill in back_end.task.skills if back_end.expensive else ():
+            for skill in asked_about(back_end.task) if back_end.expensive else ():
                 folder = key_folder(self.root, back_end, skill)
                 paths = (folder / name for name in _names(folder) if is_verdict_file(name))
                 own += [kept for kept in map(_kept, paths) if kept is not None]

@@ -41,13 +41,14 @@ def emit(
 def exit_code(results: Sequence[Result | ChainResult]) -> int:
     """Return the exit code of a command that printed these results.
 
-    Interrupted wins, then a wrong claim or a plugin that failed, then any solved result; where
-    all were refused, what was given does not fit.
+    Interrupted wins, then a back end that failed, then a wrong claim or a solver that failed, then
+    any solved result; where all were refused, what was given does not fit.
     """
     found = {result.status for result in results}
     return errors.exit_code(
         solved=bool(found & {Status.OPTIMAL, Status.SOLVED}),
         wrong=bool(found & {Status.WRONG, Status.FAILED}) or found == {Status.REFUSED},
+        back_end_failed=any(result.back_end_failed for result in results),
         interrupted=any(result.interrupted for result in results),
     )
 

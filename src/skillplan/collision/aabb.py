@@ -1,6 +1,7 @@
 """Axis-aligned boxes along a skill's motion, and a support under what it leaves behind.
 
-The motion is a transfer at safe height and, at every via point, a vertical approach and retreat.
+The motion is a transfer at safe height and, at every via point, an approach and a retreat. They are
+vertical, with a stretch along the direction in which a part goes in, or from which the hand comes.
 A skill is infeasible where a moving box runs into a body, or where what it places or fastens
 has nothing beneath it: a part left in the air drops and ends elsewhere than predicted.
 """
@@ -13,18 +14,13 @@ from dataclasses import dataclass
 
 from pydantic import Field
 
-from skillplan.collision.boxes import (
-    WorldBox,
-    centroid,
-    contact_area,
-    sweep_hits,
-    world_box,
-    world_boxes,
-)
+from skillplan.collision.box_sweeps import Sweep, hand_direction, sweeps_of
+from skillplan.collision.boxes import WorldBox, centroid, contact_area, sweep_hits, world_boxes
 from skillplan.collision.detector import Detector
 from skillplan.task import back_end
 from skillplan.task.motion import Event, Point, Visit
-from skillplan.task.scene import WORLD, Body, Placement, Pose, Robot, Tool
+from skillplan.task.pose import Pose
+from skillplan.task.scene import WORLD, Body, Placement
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -36,23 +32,12 @@ _TURNED_RAD = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class _Sweep:
-    """A straight displacement of some boxes, and what moves in words."""
-
-    label: str
-    mover: str
-    boxes: tuple[WorldBox, ...]
-    by: Point
-    spares: frozenset[str]
-
-
-@dataclass(frozen=True, slots=True)
 class _Hit:
     """A possible collision: it happens where the fact holds."""
 
     fact: str
     obstacle: str
-    sweep: _Sweep
+    sweep: Sweep
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,16 +100,23 @@ class AabbDetector(Detector):
             )
 
     def refuses(self) -> str | None:
-        """Return which body is not parallel to the axes: a box about it would be too large."""
+        """Return what is not parallel to the axes: a box about it would be too large."""
         for body, placement, _ in self._placed:
-            yaw_rad = placement.pose.yaw_rad
-            quarters = round(yaw_rad / _QUARTER_RAD)
-            if abs(yaw_rad - quarters * _QUARTER_RAD) > _TURNED_RAD:
+            turned = _off_axes(placement.pose)
+            if turned is not None:
                 return (
                     f"its boxes are parallel to the axes, and {body.name!r} is turned by "
-                    f"{math.degrees(yaw_rad):.4g} degrees where {placement.fact} holds. Take "
-                    "swept, or turn it by quarters"
+                    f"{turned} where {placement.fact} holds. Take swept, or turn it by quarters"
                 )
+        for skill, visit in _visits(self.task):
+            hand = hand_direction(self.task.scene, visit)
+            for direction, does in ((visit.along, "goes"), (hand, "is held")):
+                if not _is_axis(direction):
+                    shown = ", ".join(f"{value:.4g}" for value in direction)
+                    return (
+                        f"its boxes are parallel to the axes, and {visit.subject!r} {does} along "
+                        f"[{shown}] in {skill}. Take swept, or a direction along an axis"
+                    )
         return None
 
     def check(self, skill: Skill, state: State) -> Verdict:
@@ -192,7 +184,9 @@ class AabbDetector(Detector):
         swept = self._swept_motions.get(key)
         if swept is None:
             visits = skill.motion.visits(state)
-            sweeps = tuple(self._sweeps(robot, place, tool, visits, skill.motion.carries))
+            sweeps = tuple(
+                sweeps_of(self.task.scene, robot, place, tool, visits, skill.motion.carries)
+            )
             swept = _SweptMotion(
                 present,
                 absent,
@@ -202,63 +196,7 @@ class AabbDetector(Detector):
             self._swept_motions[key] = swept
         return swept
 
-    def _sweeps(
-        self,
-        robot: Robot,
-        place: Point,
-        tool: Tool | None,
-        visits: tuple[Visit, ...],
-        carries: str | None,
-    ) -> Iterator[_Sweep]:
-        """Yield what moves where: transfer, approach and retreat of every visit, in order."""
-        here = place
-        for visit in visits:
-            if visit.event is Event.DRIVE:
-                carries = visit.subject
-            x_m, y_m, z_m = visit.position
-            safe_m = max(robot.safe_height_m, z_m)
-            above: Point = (x_m, y_m, safe_m)
-            transfer: Point = (x_m - here[0], y_m - here[1], 0.0)
-            at_height: Point = (here[0], here[1], safe_m)
-            yield from self._moving("the travel", tool, carries, at_height, transfer, visit)
-            down: Point = (0.0, 0.0, z_m - safe_m)
-            yield from self._moving("the approach", tool, carries, above, down, visit)
-            if visit.event is Event.GRASP:
-                carries = visit.subject
-            elif visit.event in (Event.RELEASE, Event.DRIVE):
-                carries = None
-            elif visit.event is Event.OFFLOAD:
-                tool = None
-            elif visit.event is Event.LOAD:
-                tool = next(item for item in robot.tools if item.name == visit.subject)
-            up: Point = (0.0, 0.0, safe_m - z_m)
-            yield from self._moving("the retreat", tool, carries, visit.position, up, visit)
-            here = above
-
-    def _moving(
-        self,
-        label: str,
-        tool: Tool | None,
-        carries: str | None,
-        origin: Point,
-        by: Point,
-        visit: Visit,
-    ) -> Iterator[_Sweep]:
-        """Yield the sweeps of the carried body and of the tool above it."""
-        spares = frozenset({visit.subject} | ({carries} if carries else set()))
-        grip_m = 0.0
-        if carries is not None:
-            body = self.task.scene.body(carries)
-            grip_m = body.height_m
-            boxes = world_boxes(body, Pose.upright(origin, visit.yaw_rad))
-            yield _Sweep(label, carries, boxes, by, spares)
-        elif visit.event in (Event.GRASP, Event.RELEASE):
-            grip_m = self.task.scene.body(visit.subject).height_m
-        if tool is not None and tool.envelope is not None:
-            tip: Point = (origin[0], origin[1], origin[2] + grip_m)
-            yield _Sweep(label, tool.name, (world_box(tool.envelope, tip),), by, spares)
-
-    def _hits(self, sweeps: tuple[_Sweep, ...]) -> Iterator[_Hit]:
+    def _hits(self, sweeps: tuple[Sweep, ...]) -> Iterator[_Hit]:
         """Yield every collision that some state would cause, in the order of the motion."""
         seen = set()
         for sweep in sweeps:
@@ -286,7 +224,7 @@ class AabbDetector(Detector):
             if visit.event not in (Event.RELEASE, Event.DRIVE):
                 continue
             body = self.task.scene.body(visit.subject)
-            boxes = world_boxes(body, Pose.upright(visit.position, visit.yaw_rad))
+            boxes = world_boxes(body, visit.pose)
             floor_m = min(box.low[2] for box in boxes)
             feet = [box for box in boxes if box.low[2] - floor_m <= tolerance_m]
             contacts = []
@@ -300,6 +238,37 @@ class AabbDetector(Detector):
                 if areas:
                     contacts.append((placement.fact, other.name, areas))
             yield _Ground(body.name, floor_m <= tolerance_m, centroid(boxes), tuple(contacts))
+
+
+def _off_axes(pose: Pose) -> str | None:
+    """Return by how much a pose is turned where that is not by quarters, in degrees."""
+    if pose.is_upright:
+        yaw_rad = pose.yaw_rad
+        if abs(yaw_rad - round(yaw_rad / _QUARTER_RAD) * _QUARTER_RAD) <= _TURNED_RAD:
+            return None
+        return f"{math.degrees(yaw_rad):.4g} degrees"
+    if all(_is_axis(row) for row in pose.rotation):
+        return None
+    angle_rad = 2 * math.acos(min(1.0, abs(pose.orientation[3])))
+    return f"{math.degrees(angle_rad):.4g} degrees in space"
+
+
+def _is_axis(direction: Point) -> bool:
+    """Whether a unit vector is parallel to an axis of the world."""
+    return sum(abs(value) <= _TURNED_RAD for value in direction) == 2
+
+
+def _visits(task: Task) -> Iterator[tuple[str, Visit]]:
+    """Yield every visit of a task that handles something, with the name of its skill."""
+    for skill in task.skills:
+        motions = [way.motion for way in skill.ways]
+        if not motions and skill.motion is not None:
+            motions = [skill.motion]
+        for motion in motions:
+            for route in motion.routes:
+                for visit in route.visits:
+                    if visit.event in (Event.GRASP, Event.RELEASE, Event.DRIVE):
+                        yield skill.name, visit
 
 
 def _bears(

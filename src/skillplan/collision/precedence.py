@@ -38,7 +38,7 @@ class PrecedenceDetector(Detector):
         for line in task.chart:
             for component in (line.before, line.after):
                 self._lines.setdefault(component, []).append(line)
-        self._elements = {skill.name: self._element(skill) for skill in task.skills}
+        self._elements: dict[str, str | None] = {}
 
     def refuses(self) -> str | None:
         """Return why not, where the task has no chart."""
@@ -49,6 +49,8 @@ class PrecedenceDetector(Detector):
     def check(self, skill: Skill, state: State) -> Verdict:
         """Check the operation that `skill` performs; see :meth:`BackEnd.check`."""
         facts = self.task.facts
+        if skill.name not in self._elements:
+            self._elements[skill.name] = self._element(skill)
         component = self._elements[skill.name]
         needed, blocked = facts.none, facts.none
         if component is not None:

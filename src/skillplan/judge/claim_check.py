@@ -195,6 +195,9 @@ def _steps_claim(stored: StoredClaims, walked: Replay) -> Claim:
         elif abs(claimed.duration_s - step.duration_s) > SAME_TIME_S:
             figures = f"{_figure(step.duration_s)} s, not {_figure(claimed.duration_s)} s"
             fault = fault or f"{place}{step.skill} takes {figures}"
+        elif claimed.way != step.way:
+            ways = f"{step.way or 'its only way'}, not {claimed.way or 'its only way'}"
+            fault = fault or f"{place}{step.skill} goes {ways}"
     return _claim("steps", not fault, "as replayed, one by one", fault, REPLAY)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from skillplan.model.skill_model import SkillModel, Transition
 from skillplan.task.motion import Point
@@ -33,6 +33,8 @@ class Step:
         The reward; None where the task has no reward scheme.
     place
         The place where it ends, of a skill that walks.
+    way
+        The way that it takes, in words, of a skill that has several.
     """
 
     index: int
@@ -44,6 +46,7 @@ class Step:
     duration_s: float
     reward: float | None
     place: str | None = None
+    way: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +142,8 @@ def replay(model: SkillModel, skills: Sequence[Skill]) -> Replay:
             penalty = None if reward is None else reward.infeasible
             break
         transition = model.transition(state, skill)
-        steps.append(_step(model, index, transition, over))
+        way = verdict.evidence.get("way") if skill.ways else None
+        steps.append(replace(_step(model, index, transition, over), way=way))
         over = over or model.is_goal(transition.next_state)
         state = transition.next_state
     feasible = not violations

@@ -157,7 +157,8 @@ class SkillModel:
     def transition(self, state: State, skill: Skill) -> Transition:
         """Return the predicted transition, whether feasible or not.
 
-        No back end is queried for a verdict; one that can may say how long it takes.
+        No back end is queried for a verdict, but for the way of a skill that has several; one that
+        can may say how long it takes.
         """
         return Transition(
             state,
@@ -172,12 +173,16 @@ class SkillModel:
     def duration_s(self, state: State, skill: Skill) -> float:
         """Return the time that `skill` takes from `state` [s]: a back end's, or else the task's.
 
+        Of a skill with several ways that of the one that is taken, for which verdicts are queried.
+
         Raises
         ------
         BackEndError
             If a back end fails.
         """
-        said_s = self.feasibility.duration_s(skill, state) if self._timed else None
+        said_s = None
+        if self._timed:
+            said_s = self.feasibility.duration_s(self.feasibility.taken(skill, state), state)
         return skill.duration_s.at(state) if said_s is None else said_s
 
     def transitions(self, state: State) -> tuple[Transition, ...]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from skillplan.physics.linear_motions import visited_grasp
-from skillplan.robots.hand import DEFAULT_HAND
+from skillplan.robots.hand import Hand
+from skillplan.robots.panda import PANDA_HAND
 from skillplan.task.motion import Event, Visit
 from skillplan.task.scene import Grasp, GraspKind, Robot, Scene, Tool
 from skillplan.task.skill import Skill
@@ -14,14 +15,26 @@ from skillplan.task.task import Task
 _ROUNDING_M = 1e-6
 
 
-def widest_m(tool: Tool | None) -> float:
-    """Return how far the jaws of a tool open at most [m]; those of the hand itself for None."""
+def widest_m(tool: Tool | None, hand: Hand = PANDA_HAND) -> float:
+    """Return how far the jaws of a tool open at most [m].
+
+    Parameters
+    ----------
+    tool
+        A gripper; None for the hand itself.
+    hand
+        What is on the flange of the arm.
+    """
+    if tool is not None and tool.hand is not None:
+        hand = tool.hand
     if tool is None or tool.opening_m is None:
-        return DEFAULT_HAND.opening_m
-    return min(tool.opening_m, DEFAULT_HAND.opening_m)
+        return hand.opening_m
+    return min(tool.opening_m, hand.opening_m)
 
 
-def jaw_opening_m(grasp: Grasp, clearance_m: float, tool: Tool | None) -> float:
+def jaw_opening_m(
+    grasp: Grasp, clearance_m: float, tool: Tool | None, hand: Hand = PANDA_HAND
+) -> float:
     """Return how far open jaws are about a part [m]; closed for one that is lifted by suction.
 
     Parameters
@@ -32,10 +45,12 @@ def jaw_opening_m(grasp: Grasp, clearance_m: float, tool: Tool | None) -> float:
         How far each jaw stands off it [m], >= 0; less where they do not open so far.
     tool
         Whose jaws they are.
+    hand
+        What is on the flange of the arm.
     """
     if grasp.kind is GraspKind.SUCTION:
         return 0.0
-    return min(grasp.width_m + 2 * clearance_m, widest_m(tool))
+    return min(grasp.width_m + 2 * clearance_m, widest_m(tool, hand))
 
 
 def too_wide(scene: Scene, robot: Robot, skill: Skill) -> str | None:
@@ -54,7 +69,7 @@ def too_wide(scene: Scene, robot: Robot, skill: Skill) -> str | None:
     tool = next((tool for tool in robot.tools if tool.name == attached), None)
     for visit in _handled(skill):
         grasp = visited_grasp(scene.body(visit.subject), visit)
-        opening_m = widest_m(tool)
+        opening_m = widest_m(tool, robot.hand)
         if grasp.kind is GraspKind.JAWS and grasp.width_m > opening_m + _ROUNDING_M:
             return (
                 f"{visit.subject} is {grasp.width_m:.3f} m wide between the jaws, and they open "
@@ -68,7 +83,10 @@ def jaw_faults(task: Task) -> dict[str, str]:
     found: dict[str, str] = {}
     scene = task.scene
     for skill in task.skills:
-        words = too_wide(scene, scene.robots[0], skill)
+        ways = [skill.by(way) for way in skill.ways] or [skill]
+        reasons = [too_wide(scene, scene.robots[0], one) for one in ways]
+        # What is too wide in one way may be held in another.
+        words = reasons[0] if all(reasons) else None
         for visit in _handled(skill) if words is not None else ():
             first = scene.body(visit.subject).placements[0].fact
             found.setdefault(task.operations.get(visit.subject, first), f"{words}.")

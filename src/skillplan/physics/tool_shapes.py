@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from skillplan.robots.hand import DEFAULT_HAND
+from skillplan.robots.hand import Hand
+from skillplan.robots.panda import PANDA_HAND
 from skillplan.task.scene import Tool, ToolKind
 from skillplan.task.shape import Cylinder, Shape
 
@@ -20,8 +21,16 @@ _PAD_HEIGHT_M: Final = 0.006
 _SHANK_DIAMETER_M: Final = 0.036
 
 
-def tool_shapes(tool: Tool) -> tuple[Shape, ...]:
-    """Return the shapes of a tool from its tip, z up; none for the hand itself, a gripper."""
+def tool_shapes(tool: Tool, hand: Hand = PANDA_HAND) -> tuple[Shape, ...]:
+    """Return the shapes of a tool from its tip, z up; none for the hand itself, a gripper.
+
+    Parameters
+    ----------
+    tool
+        What is attached.
+    hand
+        What is on the flange otherwise: a tool ends where its jaws do.
+    """
     if tool.kind is ToolKind.GRIPPER:
         return ()
     if tool.envelope is not None:
@@ -31,7 +40,7 @@ def tool_shapes(tool: Tool) -> tuple[Shape, ...]:
         if tool.kind is ToolKind.SCREWDRIVER
         else (_PAD_DIAMETER_M, _PAD_HEIGHT_M)
     )
-    shank_m = DEFAULT_HAND.tip_m - height_m
+    shank_m = hand.tip_m - height_m
     return (
         Cylinder(diameter_m, height_m, (0.0, 0.0, height_m / 2)),
         Cylinder(_SHANK_DIAMETER_M, shank_m, (0.0, 0.0, height_m + shank_m / 2)),

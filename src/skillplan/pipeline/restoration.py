@@ -123,6 +123,18 @@ class LoadedResult:
             raise OptionError(f"{self.path}: has no task {self.origin.part!r}. {hint}")
         return found[names.index(self.origin.part)]
 
+    def taken_ways(self) -> tuple[str | None, ...]:
+        """Return by step of the plan that is meant the way that it takes; None for the only one.
+
+        Raises
+        ------
+        OptionError
+            As `planned`.
+        """
+        task, _ = self.planned()
+        claims = next(claims for one, claims in self.plans() if one.name == task.name)
+        return tuple(step.way for step in claims.steps)
+
     def plans(self) -> Iterator[tuple[Task, StoredClaims]]:
         """Yield every task, grounded as it was when it was solved, with what is claimed of it.
 

@@ -29,4 +29,15 @@ def chart_document(chart: DerivedChart, task: Task, back_ends: Sequence[str]) ->
         "circle": list(chart.cycle),
         "contradiction": list(chart.contradiction),
         "conditional": {skill: list(facts) for skill, facts in chart.conditional.items()},
+        "alternatives": [
+            {
+                "component": one.component,
+                "skill": one.skill,
+                "any_of": [
+                    [{"before": before, "after": after} for before, after in pairs]
+                    for pairs in one.any_of
+                ],
+            }
+            for one in chart.alternatives
+        ],
     }

@@ -66,6 +66,8 @@ class Result:
         The policy that the plan follows; None where the solver gave a plan.
     origin
         The task file and how it was read; None where the task is from no file.
+    back_end_failed
+        Whether it has failed by a back end, and by no fault of the solver's.
 
     Raises
     ------
@@ -98,6 +100,7 @@ class Result:
     trace: Mapping[str, Any] = field(default_factory=dict)
     policy: Mapping[State, Skill] | None = field(default=None, repr=False, compare=False)
     origin: Origin | None = None
+    back_end_failed: bool = False
 
     def __post_init__(self) -> None:
         has_plan = self.status in (Status.OPTIMAL, Status.SOLVED)
@@ -161,7 +164,7 @@ class Result:
 
 
 def step_document(step: Step) -> dict[str, Any]:
-    """Return a step as JSON values."""
+    """Return a step as JSON values; the way only of a skill that has several."""
     return {
         "index": step.index,
         "skill": step.skill,
@@ -170,6 +173,7 @@ def step_document(step: Step) -> dict[str, Any]:
         "goal": None if step.goal is None else list(step.goal),
         "cost": step.cost,
         "duration_s": step.duration_s,
+        **({} if step.way is None else {"way": step.way}),
     }
 
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from skillplan.robots.link_shapes import LinkShape
+
 Triple = tuple[float, float, float]
 """Three coordinates, or three angles."""
 
@@ -183,6 +185,11 @@ class ArmDescription:
         The flange, to which hands and tools are fixed, in the frame of the last joint.
     home_rad
         A posture with room for every joint [rad], within the limits.
+    shapes
+        What collides, of the base in its frame, then of every link in the frame of the joint that
+        moves it; none of any where nothing is known.
+    reach_m
+        How far from the base it works, as its maker says [m]; None for the length of its links.
 
     Raises
     ------
@@ -194,6 +201,8 @@ class ArmDescription:
     joints: tuple[Joint, ...]
     tip: Transform
     home_rad: tuple[float, ...]
+    shapes: tuple[tuple[LinkShape, ...], ...] = ()
+    reach_m: float | None = None
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -210,6 +219,23 @@ class ArmDescription:
                     f"Arm {self.name}: home_rad has joint {joint.name} at {angle}, beyond "
                     f"its limits {joint.low_rad} and {joint.high_rad}."
                 )
+        if self.shapes and len(self.shapes) != len(self.joints) + 1:
+            raise ValueError(
+                f"Arm {self.name}: shapes must be of the base and each of {len(self.joints)} "
+                f"links, not of {len(self.shapes)}."
+            )
+        if self.reach_m is not None and not (math.isfinite(self.reach_m) and self.reach_m > 0):
+            raise ValueError(f"Arm {self.name}: reach_m must be > 0, not {self.reach_m}.")
+
+    @property
+    def works_within_m(self) -> float:
+        """How far from the base it works [m]."""
+        if self.reach_m is not None:
+            return self.reach_m
+        return sum(
+            math.hypot(*frame.xyz_m)
+            for frame in (*(joint.placement for joint in self.joints), self.tip)
+        )
 
     @property
     def low_rad(self) -> tuple[float, ...]:

@@ -1,27 +1,86 @@
-"""The measures of a robot's hand, and those of the hand that arms have."""
+"""Hands as data: their outline, how far their jaws open, and how hard they close."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from skillplan.robots import panda
+from skillplan.robots.arm_description import Transform
+
+_NOWHERE = Transform()
+
+JawProfile = tuple[tuple[float, float, float, float], ...]
+"""See :attr:`Hand.jaw_m`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hand:
-    """What engines and detectors know of a hand with two jaws.
+    """A hand with two jaws that close along the y of its frame; z points out of it.
 
     Parameters
     ----------
     opening_m
-        Greatest distance between the jaws [m].
+        Greatest distance between the jaws [m], > 0.
     tip_m
-        From the hand's frame to the ends of its fingers [m].
+        From the hand's frame to the ends of its jaws along z [m], > 0.
+    force_n
+        With how much its jaws can close [N], > 0.
+    jaw_m
+        A jaw, from its end upwards: height above the end, half its width across the closing axis,
+        and how far behind its face it begins and ends along that axis [m]. Convex between.
+    body_m
+        The body, from its underside upwards: depth in the hand's frame, half its extent along the
+        closing axis, and half its extent across it [m]. Convex between.
+    on_flange
+        Where its frame is on the flange.
+
+    Raises
+    ------
+    ValueError
+        If a length or the force is not positive, or an outline has fewer than two heights.
     """
 
     opening_m: float
     tip_m: float
+    force_n: float
+    jaw_m: JawProfile
+    body_m: tuple[tuple[float, float, float], ...]
+    on_flange: Transform = _NOWHERE
 
+    def __post_init__(self) -> None:
+        for what in ("opening_m", "tip_m", "force_n"):
+            value = getattr(self, what)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"Hand {what} must be > 0, not {value}.")
+        for what, rows in (("jaw_m", self.jaw_m), ("body_m", self.body_m)):
+            if len(rows) < 2 or not all(math.isfinite(one) for row in rows for one in row):
+                raise ValueError(f"Hand {what} needs two heights at least, all of them finite.")
 
-DEFAULT_HAND = Hand(panda.OPENING_M, panda.TIP_M)
-"""The hand of every arm, as no task file names another."""
+    @property
+    def tip_on_flange(self) -> Transform:
+        """Where the ends of its jaws are on the flange.
+
+        Hands are mounted along the axis of the flange: their frame is turned about it only.
+        """
+        x_m, y_m, z_m = self.on_flange.xyz_m
+        return Transform((x_m, y_m, z_m + self.tip_m), self.on_flange.rpy_rad)
+
+    @property
+    def underside_m(self) -> float:
+        """How deep in the hand's frame its body ends [m]."""
+        return max(row[0] for row in self.body_m)
+
+    @property
+    def half_length_m(self) -> float:
+        """Half the extent of its body along the closing axis [m]."""
+        return max(row[1] for row in self.body_m)
+
+    @property
+    def half_width_m(self) -> float:
+        """Half the extent of its body across the closing axis [m]."""
+        return max(row[2] for row in self.body_m)
+
+    @property
+    def jaw_half_width_m(self) -> float:
+        """Half the width of the end of a jaw [m]."""
+        return self.jaw_m[0][1]

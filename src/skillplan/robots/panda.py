@@ -14,6 +14,8 @@ import math
 from typing import Final
 
 from skillplan.robots.arm_description import ArmDescription, Joint, LinkInertia, Transform
+from skillplan.robots.hand import Hand
+from skillplan.robots.panda_shapes import SHAPES
 
 # Link lengths a [m], offsets d [m] and twists alpha [rad] of the seven joints.
 LINK_LENGTHS_M: Final = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)
@@ -56,6 +58,28 @@ FINGER_PROFILE_M: Final = (
     (0.0354, 0.0106, 0.0, 0.0257),
     (0.0538, 0.0106, 0.0, 0.0265),
 )
+
+# The body of the hand from its underside upwards: depth in the frame of the hand, how far out
+# along the closing axis, and half its width there [m]. Convex between. Made symmetric, as jaws
+# close alike with the hand turned by half a turn.
+HAND_OUTLINE_M: Final = (
+    (HAND_UNDERSIDE_M, 0.0975, 0.0173),
+    (0.0560, 0.0960, 0.0196),
+    (0.0560, 0.1006, 0.0165),
+    (0.0430, 0.0960, 0.0208),
+    (0.0430, 0.1006, 0.0170),
+    (0.0110, 0.0930, 0.0246),
+    (0.0012, 0.0020, HAND_HALF_WIDTH_M),
+    (0.0012, HAND_HALF_LENGTH_M, 0.0040),
+    (-0.0085, 0.0420, 0.0281),
+    (-0.0085, 0.0800, 0.0262),
+    (-0.0085, 0.0880, 0.0248),
+    (-0.0085, HAND_HALF_LENGTH_M, 0.0037),
+    (-0.0180, 0.1000, 0.0040),
+    (-0.0262, 0.0885, 0.0040),
+)
+# Greatest force of the jaws, held continuously [N].
+HAND_FORCE_N: Final = 70.0
 
 _LINKS: Final = (
     LinkInertia(
@@ -114,8 +138,20 @@ PANDA: Final = ArmDescription(
     ),
     tip=Transform((0.0, 0.0, FLANGE_M)),
     home_rad=READY_RAD,
+    shapes=SHAPES,
+    reach_m=0.855,
 )
 """The arm without its hand; its tip is the flange."""
 
-TIP_ON_FLANGE: Final = Transform((0.0, 0.0, TIP_M), (0.0, 0.0, HAND_YAW_RAD))
+PANDA_HAND: Final = Hand(
+    OPENING_M,
+    TIP_M,
+    HAND_FORCE_N,
+    FINGER_PROFILE_M,
+    HAND_OUTLINE_M,
+    Transform(rpy_rad=(0.0, 0.0, HAND_YAW_RAD)),
+)
+"""Its hand, as it is bolted on."""
+
+TIP_ON_FLANGE: Final = PANDA_HAND.tip_on_flange
 """The ends of the hand's fingers, seen from the flange."""

@@ -16,6 +16,7 @@ import math
 from typing import Final
 
 from skillplan.robots.arm_description import ArmDescription, Joint, LinkInertia, Transform
+from skillplan.robots.ur5e_shapes import SHAPES
 
 # Names of the joints, as the maker's ROS description has them.
 _NAMES: Final = (
@@ -80,5 +81,7 @@ UR5E: Final = ArmDescription(
     tip=_LINK_ENDS[-1],
     # Upper arm upright, forearm level, flange pointing down.
     home_rad=(0.0, -math.pi / 2, math.pi / 2, -math.pi / 2, -math.pi / 2, 0.0),
+    shapes=SHAPES,
+    reach_m=0.85,
 )
 """The arm; its tip is the tool flange."""

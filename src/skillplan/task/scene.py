@@ -12,6 +12,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from skillplan.robots.arm_description import ArmDescription, Transform
+from skillplan.robots.hand import Hand
+from skillplan.robots.panda import PANDA, PANDA_HAND
 from skillplan.task.grasp import Grasp, GraspKind
 from skillplan.task.pose import Point, Pose, Quaternion, dot
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
@@ -150,6 +153,11 @@ class Tool:
         What it does.
     opening_m
         Of a gripper, the greatest distance between its jaws [m]; None where it is not modelled.
+    force_n
+        With how much a gripper closes, or what a suction cup holds at most [N]; None for what
+        engines choose.
+    hand
+        Of a gripper, what it looks like; None for the hand of the arm.
     """
 
     name: str
@@ -158,6 +166,8 @@ class Tool:
     envelope: Box | None = None
     kind: ToolKind = ToolKind.GRIPPER
     opening_m: float | None = None
+    force_n: float | None = None
+    hand: Hand | None = None
 
 
 @dataclass(frozen=True)
@@ -176,6 +186,14 @@ class Robot:
         Height above the table of the lowest point of what it carries while it travels, > 0.
     places
         Where its tip stands, by fact.
+    tools
+        What may be attached to it.
+    model
+        The arm: joints, limits, masses, shapes and home posture.
+    base_orientation
+        How its base is turned in the world.
+    hand
+        What is on its flange. All tools end where its jaws do.
 
     Raises
     ------
@@ -189,12 +207,34 @@ class Robot:
     safe_height_m: float
     places: Mapping[str, Point]
     tools: tuple[Tool, ...] = ()
+    model: ArmDescription = PANDA
+    base_orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    hand: Hand = PANDA_HAND
 
     def __post_init__(self) -> None:
         for name in ("reach_m", "safe_height_m"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"Robot {self.name!r}: {name} must be > 0, not {value}.")
+
+    @property
+    def mount(self) -> Pose:
+        """Where its base is in the world, and how it is turned."""
+        return Pose(self.base, self.base_orientation)
+
+    @property
+    def home_rad(self) -> tuple[float, ...]:
+        """The posture with room for every joint [rad]."""
+        return self.model.home_rad
+
+    @property
+    def tip(self) -> Transform:
+        """Where the tip of its hand or tool is on the flange: y closes jaws, z points out."""
+        return self.hand.tip_on_flange
+
+    def hand_of(self, tool: Tool | None) -> Hand:
+        """Return what a gripper looks like; the arm's own hand for None and for other tools."""
+        return self.hand if tool is None or tool.hand is None else tool.hand
 
     def place(self, state: State) -> tuple[str, Point]:
         """Return the fact that says where it stands in `state`, and the position [m].

@@ -209,4 +209,4 @@ def test_cylinders_may_stand_where_only_the_boxes_about_them_overlap():
     content["parts"]["other"]["goal_m"] = [0.51, 0.01]
     config = AssemblyConfig.model_validate(content)
     (issue,) = AssemblyDomain().issues(config)
-    assert "overlap at their goals" in issue.message
+    assert "overlap by 15.9 mm at their goals" in issue.message

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -16,8 +17,9 @@ from numpy.typing import NDArray
 
 from skillplan.robots import panda
 from skillplan.robots.arm_description import Transform
-from skillplan.task.motion import Point
-from skillplan_pinocchio.kinematics.serial_arm import build_model
+from skillplan.task.pose import Point, Pose, Quaternion
+from skillplan_pinocchio.kinematics.numeric_inverse import NumericInverse
+from skillplan_pinocchio.kinematics.serial_arm import SerialArm, build_model
 
 Vector = NDArray[np.float64]
 
@@ -83,6 +85,11 @@ class ArmModel:
         self._data = self.model.createData()
         self._tip = self.model.getFrameId("tip")
 
+    @cached_property
+    def inverse(self) -> NumericInverse:
+        """Joint angles for any pose of the tip."""
+        return NumericInverse(SerialArm(panda.PANDA, Transform(self.base), panda.TIP_ON_FLANGE))
+
     def tip(self, joints_rad: Vector) -> tuple[Vector, Vector]:
         """Return position [m], shape (3,), and rotation, shape (3, 3), of the tip.
 
@@ -143,6 +150,19 @@ def pose_down(position: Point, closing_yaw_rad: float) -> Any:
     cos, sin = math.cos(closing_yaw_rad), math.sin(closing_yaw_rad)
     rotation = np.array([[-sin, cos, 0.0], [cos, sin, 0.0], [0.0, 0.0, -1.0]])
     return pin.SE3(rotation, np.array(position, dtype=float))
+
+
+def hand_pose(position: Point, orientation: Quaternion) -> Any:
+    """Return the pose of a tip, as `pinocchio.SE3`.
+
+    Parameters
+    ----------
+    position
+        Where it is in the world [m].
+    orientation
+        How the hand is turned: z points out of it, y along the closing axis.
+    """
+    return pin.SE3(np.array(Pose(position, orientation).rotation), np.array(position, dtype=float))
 
 
 def closing_yaw_rad(rotation: Vector) -> float:

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import pinocchio as pin
 
 from skillplan.robots import panda
-from skillplan.task.motion import Point
+from skillplan.task.pose import DOWN, Point, same_direction
 from skillplan_pinocchio.arm_model import (
     JOINTS,
     ArmModel,
@@ -23,6 +24,7 @@ from skillplan_pinocchio.arm_model import (
     closing_yaw_rad,
     pose_down,
 )
+from skillplan_pinocchio.kinematics.numeric_inverse import Unreached
 
 # A solution is this near, in position [m] and rotation [rad].
 ACCURACY: Final = 1e-7
@@ -37,6 +39,10 @@ _DAMPING = 1e-4
 _PULL = 0.3
 _PULLED_ITERATIONS = 25
 _IDENTITY = np.eye(6)
+# Of a hand that does not point down so many postures are looked for, from so many starts.
+_POSTURES = 6
+_TRIES = 24
+_HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -51,17 +57,23 @@ class Unreachable:
         In words, such as ``joint 4 at its limit``.
     distance_m
         How far from there the nearest tip found is [m].
+    points
+        Unit vector along which the hand should point.
     """
 
     position: Point
     why: str
     distance_m: float
+    points: Point = DOWN
 
     @property
     def reason(self) -> str:
         """One clause."""
         where = ", ".join(f"{value:.3f}" for value in self.position)
-        return f"the hand cannot point straight down at ({where}): {self.why}"
+        if same_direction(self.points, DOWN):
+            return f"the hand cannot point straight down at ({where}): {self.why}"
+        along = ", ".join(f"{value:.2f}" for value in self.points)
+        return f"the hand cannot point along ({along}) at ({where}): {self.why}"
 
 
 def elbows(arm: ArmModel, position: Point, closing_yaw: float) -> Iterator[Vector | Unreachable]:
@@ -102,6 +114,41 @@ def elbows(arm: ArmModel, position: Point, closing_yaw: float) -> Iterator[Vecto
             start[2] = elbow_rad
             start[6] = wrist
             yield solve(arm, pose_down(position, closing_yaw + turn), start, pull=_PULL)
+
+
+def postures(arm: ArmModel, target: Any) -> Iterator[Vector | Unreachable]:
+    """Yield joint angles for a hand that points anywhere, nearest to the ready pose first.
+
+    Jaws close alike with the hand turned by half a turn, so that both are tried.
+
+    Parameters
+    ----------
+    arm
+        The arm.
+    target
+        Where the tip is to be, as `pinocchio.SE3`.
+
+    Yields
+    ------
+    Vector
+        Joint angles [rad] within their limits, shape (7,), of one turn of the hand or the other;
+        or why there are none.
+    """
+    ready: Vector = np.array(panda.READY_RAD)
+    found: list[Vector] = []
+    for turn in (np.eye(3), _HALF_TURN):
+        turned = pin.SE3(target.rotation @ turn, target.translation)
+        found += arm.inverse.several(turned, _POSTURES, _TRIES)
+    if not found:
+        nearest = arm.inverse.solve(target)
+        assert isinstance(nearest, Unreached)
+        x, y, z = (float(value) for value in target.translation)
+        px, py, pz = (float(value) for value in target.rotation[:, 2])
+        missed_m = round(nearest.distance_m, 6)
+        yield Unreachable((x, y, z), nearest.reason, missed_m, (px, py, pz))
+        return
+    # Sorting keeps the order of those that are equally far.
+    yield from sorted(found, key=lambda joints: round(float(np.abs(joints - ready).max()), 6))
 
 
 def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vector | Unreachable:
@@ -145,11 +192,8 @@ def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vecto
             step = held + _step(free, twist - jacobian @ held, 0.0, posture) * ~stuck
         joints = np.clip(joints + step, low, high)
     x, y, z = (float(value) for value in target.translation)
-    return Unreachable(
-        (x, y, z),
-        _why(arm, joints, target),
-        round(nearest, 6),
-    )
+    px, py, pz = (float(value) for value in target.rotation[:, 2])
+    return Unreachable((x, y, z), _why(arm, joints, target), round(nearest, 6), (px, py, pz))
 
 
 def _step(jacobian: Vector, twist: Vector, pull: float, back: Vector) -> Vector:

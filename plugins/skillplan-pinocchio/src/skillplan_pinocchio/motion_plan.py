@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.motion import Point
 from skillplan_pinocchio.arm_clearance import LinkSweep, LinkTouch
-from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.arm_motion import descent_paths
+from skillplan_pinocchio.arm_model import ArmModel, Vector
+from skillplan_pinocchio.arm_motion import Strokes, descent_paths, strokes, there_and_back
 from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.joint_path import JointPath
 from skillplan_pinocchio.obstacles import Obstacle
@@ -17,18 +18,25 @@ from skillplan_pinocchio.obstacles import Obstacle
 
 @dataclass(frozen=True)
 class Elbow:
-    """One path of the joints down to a target.
+    """The paths of the joints to a target and back, with one position of the elbow.
 
     Parameters
     ----------
-    path
+    strokes
         Of the joints.
     meets
-        What its links run into wherever that is there, in order of the motion.
+        What its links run into wherever that is there, in order of the motion; fractions are those
+        of all paths of `strokes.distinct` together, which count alike.
     """
 
-    path: JointPath
+    strokes: Strokes
     meets: tuple[tuple[Obstacle, LinkTouch], ...]
+
+    def at(self, fraction: float) -> Vector:
+        """Return the joint angles after a fraction of all paths [rad]."""
+        paths = self.strokes.distinct
+        number = min(int(fraction * len(paths)), len(paths) - 1)
+        return paths[number].at(fraction * len(paths) - number)
 
     @property
     def blocked(self) -> bool:
@@ -38,7 +46,7 @@ class Elbow:
 
 @dataclass(frozen=True)
 class DescentPaths:
-    """The paths of the joints straight down to a place.
+    """The paths of the joints to a place and back.
 
     Parameters
     ----------
@@ -106,12 +114,18 @@ class MotionPlanner:
         self.tolerance_m = tolerance_m
         self.samples = samples
         self.check_arm = check_arm
-        self._known: dict[tuple[Point, Point, float, frozenset[str]], DescentPaths] = {}
+        self._known: dict[tuple[Any, ...], DescentPaths] = {}
 
     def plan(self, motion: LinearMotion) -> ArmMotion:
         """Return how the arm makes a motion."""
         spares = spared(motion)
-        paths = self.descents(motion.tip, motion.above, motion.closing_yaw_rad, spares)
+        if motion.is_vertical:
+            paths = self.descents(motion.tip, motion.above, motion.closing_yaw_rad, spares)
+        else:
+            key = (motion.approach, motion.retreat, motion.orientation, spares)
+            if key not in self._known:
+                self._known[key] = self._best(strokes(self.arm, motion), spares)
+            paths = self._known[key]
         return ArmMotion(motion, paths.elbows, paths.unreachable)
 
     def descents(
@@ -130,7 +144,11 @@ class MotionPlanner:
         """
         key = (tip, above, closing_yaw, spares)
         if key not in self._known:
-            self._known[key] = self._found(*key)
+            found = (
+                path if isinstance(path, Unreachable) else there_and_back(path)
+                for path in descent_paths(self.arm, tip, above, closing_yaw)
+            )
+            self._known[key] = self._best(found, spares)
         return self._known[key]
 
     def met(
@@ -156,16 +174,14 @@ class MotionPlanner:
         ]
         return tuple(sorted(found, key=lambda pair: pair[1].touch.fraction))
 
-    def _found(
-        self, tip: Point, above: Point, closing_yaw: float, spares: frozenset[str]
-    ) -> DescentPaths:
+    def _best(self, found: Iterable[Strokes | Unreachable], spares: frozenset[str]) -> DescentPaths:
         elbows: list[Elbow] = []
         failures: list[Unreachable] = []
-        for path in descent_paths(self.arm, tip, above, closing_yaw):
-            if isinstance(path, Unreachable):
-                failures.append(path)
+        for one in found:
+            if isinstance(one, Unreachable):
+                failures.append(one)
                 continue
-            elbow = Elbow(path, self.met(path, spares))
+            elbow = Elbow(one, self._met(one, spares))
             if not elbow.meets:
                 return DescentPaths((elbow,))
             elbows.append(elbow)
@@ -175,6 +191,21 @@ class MotionPlanner:
         return DescentPaths(
             tuple(sorted(elbows, key=lambda elbow: (elbow.blocked, len(elbow.meets))))
         )
+
+    def _met(self, one: Strokes, spares: frozenset[str]) -> tuple[tuple[Obstacle, LinkTouch], ...]:
+        """Return what the links run into on several paths in turn, each obstacle once."""
+        paths = one.distinct
+        if len(paths) == 1:
+            return self.met(paths[0], spares)
+        first: dict[tuple[str, str | None], tuple[Obstacle, LinkTouch]] = {}
+        for number, path in enumerate(paths):
+            for obstacle, found in self.met(path, spares):
+                fraction = (number + found.touch.fraction) / len(paths)
+                touch = replace(found.touch, fraction=fraction)
+                first.setdefault(
+                    (obstacle.body, obstacle.fact), (obstacle, replace(found, touch=touch))
+                )
+        return tuple(first.values())
 
 
 def spared(motion: LinearMotion) -> frozenset[str]:

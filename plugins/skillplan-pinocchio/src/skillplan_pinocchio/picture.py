@@ -87,7 +87,7 @@ def _links(motions: Sequence[ArmMotion], arm: ArmModel, verdict: Verdict) -> Ite
     for one in motions:
         for elbow in one.elbows[:1]:
             if met & {obstacle.body for obstacle, _ in elbow.meets}:
-                joints_rad = elbow.path.at(float(evidence["fraction"]))
+                joints_rad = elbow.at(float(evidence["fraction"]))
                 for capsule, ends in zip(CAPSULES, arm.segments(joints_rad), strict=True):
                     piece = ConvexPiece(_capsule_corners(*ends, capsule.radius_m))
                     yield _hull(f"link {capsule.link} of the arm", HullRole.MOVING, piece)

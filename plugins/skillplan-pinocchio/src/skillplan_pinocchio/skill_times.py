@@ -86,11 +86,14 @@ class SkillTimes:
         for one in planned:
             if not one.elbows or here is None:
                 return None
-            path = one.elbows[0].path
-            total_s += self._path_s(self.transfer(here, path.nodes[0]))
-            # Up as down, the other way round: the same speeds, and the opposite accelerations.
-            total_s += 2 * self._path_s(path) + self.dwells_s[one.motion.visit.event]
-            here = path.nodes[0]
+            strokes = one.elbows[0].strokes
+            total_s += self._path_s(self.transfer(here, strokes.begin))
+            stretches_s = sum(self._path_s(path) for path in strokes.distinct)
+            if strokes.mirrored:
+                # Up as down: the same speeds, and the opposite accelerations.
+                stretches_s *= 2
+            total_s += stretches_s + self.dwells_s[one.motion.visit.event]
+            here = strokes.end
         # A nanosecond is beyond what the limits mean, and the same on every machine.
         return round(total_s, 9)
 
@@ -129,7 +132,7 @@ class SkillTimes:
             elbows = self.planner.plan(motion).elbows
         else:
             elbows = self.planner.descents(position, position, 0.0, frozenset()).elbows
-        return Stand(position, elbows[0].path.nodes[0] if elbows else None)
+        return Stand(position, elbows[0].strokes.end if elbows else None)
 
     def _last_motions(self) -> dict[str, LinearMotion]:
         """Return the last motion of the first skill that ends at every place."""

@@ -231,9 +231,10 @@ class SweptDetector(Detector):
         here = stand.joints_rad
         paths: list[JointPath | None] = []
         for one in planned:
-            there = one.elbows[0].path.nodes[0] if one.elbows else None
+            strokes = one.elbows[0].strokes if one.elbows else None
+            there = None if strokes is None else strokes.begin
             paths.append(
                 None if here is None or there is None else self._times.transfer(here, there)
             )
-            here = there
+            here = None if strokes is None else strokes.end
         return self._builder.build(planned, Transfers(stand.above, tuple(paths)))

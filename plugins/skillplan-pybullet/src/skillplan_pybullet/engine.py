@@ -18,7 +18,6 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan_pybullet.arm.dynamics import has_pinocchio
 from skillplan_pybullet.execution.footage import footage, picture
 from skillplan_pybullet.execution.plan_execution import Observers, Rules, execute_plan
 from skillplan_pybullet.execution.workcell import Workcell
@@ -42,7 +41,7 @@ class PybulletEngine(Engine, Performer):
     """
 
     name = "pybullet"
-    version = "3"
+    version = "4"
     expected_s = 0.6
     expensive = True
     contact_detectors = ("contact-pairs", "contact-force")
@@ -73,6 +72,13 @@ class PybulletEngine(Engine, Performer):
             gt=0,
             le=60.0,
             description="least force with which a screw counts as driven [N]",
+        )
+
+        max_insertion_force_n: float = Field(
+            default=20.0,
+            gt=0,
+            le=200.0,
+            description="greatest force with which a part is pushed into place [N]",
         )
 
     options: Options
@@ -112,21 +118,18 @@ class PybulletEngine(Engine, Performer):
             options.tilt_tolerance_rad,
             options.held_tolerance_m,
             options.min_fastening_force_n,
+            options.max_insertion_force_n,
         )
 
     @property
     def basis(self) -> Mapping[str, str]:
         """The versions of what decides a simulation beside this plugin."""
-        others = ["numpy", "pybullet", "skillplan"]
-        if self.options.dynamics == "pinocchio":
-            others.append("pin")
+        others = ["numpy", "pin", "pybullet", "skillplan", "skillplan-pinocchio"]
         return {name: version(name) for name in others}
 
     def refuses(self) -> str | None:
-        """Refuse tasks without bodies, several robots, and dynamics that are not installed."""
+        """Refuse tasks without bodies, and those with several robots."""
         scene = self.task.scene
-        if self.options.dynamics == "pinocchio" and not has_pinocchio():
-            return "dynamics=pinocchio needs pinocchio: pip install 'skillplan-pybullet[dynamics]'"
         if len(scene.robots) != 1:
             return f"it simulates one arm, and the task has {len(scene.robots)} robots"
         if not scene.bodies:

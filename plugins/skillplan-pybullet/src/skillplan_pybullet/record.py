@@ -50,8 +50,9 @@ class Record:
         Where the prediction has it.
     sensed
         What the robot's sensors say in the end, as JSON values: ``tool_attached``,
-        ``coupling_error_m``, ``fastening_force_n``, ``jaw_width_m``, ``tip_error_m``, as far as
-        the skill has to do with it, and ``stuck_on`` where the arm was stopped.
+        ``coupling_error_m``, ``fastening_force_n``, ``insertion_force_n``, ``jaw_width_m``,
+        ``tip_error_m``, as far as the skill has to do with it, and ``stuck_on`` where the arm was
+        stopped.
     unreachable
         Why the arm cannot follow the motion, in words; None where it can.
     upset

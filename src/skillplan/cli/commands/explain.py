@@ -121,7 +121,8 @@ def command(
     drawer = illustrator(model.feasibility.back_ends, paths) if paths else None
     explanation = explain(model, chosen, before)
     if drawer is not None:
-        explanation = explanation.drawn(draw(drawer, chosen, explanation.state, paths))
+        taken = model.feasibility.taken(chosen, explanation.state)
+        explanation = explanation.drawn(draw(drawer, taken, explanation.state, paths))
     failed = not explanation.feasible
     emit(style, explanation.document(), explanation_tables(explanation), failed=failed)
     return exit_code(solved=explanation.feasible)

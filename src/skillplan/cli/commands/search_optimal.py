@@ -95,7 +95,12 @@ def command(
     problem = reading.problem(task, back_ends)
     solver = solver or problem.domain.default_solver(problem.config)
     last = problem.tasks[-1] if part is None else problem.part(part)
-    setup = back_ends.setup(problem.tasks[-1], solver_names(solver), screening=not no_screening)
+    setup = back_ends.setup(
+        problem.tasks[-1],
+        solver_names(solver),
+        screening=not no_screening,
+        executor=checking.executor,
+    )
     plan = None
     if start is not None:
         from skillplan.records.stored.result_file import start_plan

@@ -112,8 +112,9 @@ def command(
 
     Says how each skill went, what was sensed, and how far from its goal every body ended. From
     what force on a contact is a collision, say the detectors that read contacts, with the options
-    of the task file or of RESULT; where none is chosen, contact-pairs. The plan ends at the first
-    skill that fails; Ctrl-C ends it after the current skill.
+    of the task file or of RESULT; where none is chosen, contact-pairs. Of a skill with several
+    ways, that of RESULT is executed, or else the first that the engine grants. The plan ends at
+    the first skill that fails; Ctrl-C ends it after the current skill.
     """
     import time
     from contextlib import ExitStack
@@ -125,14 +126,16 @@ def command(
     from skillplan.errors import exit_code
     from skillplan.files.output_path import output_path
     from skillplan.physics.performance import Performance
+    from skillplan.pipeline.taken_ways import by_ways
     from skillplan.records.execution.simulation import Simulation, applicable_part
     from skillplan.records.execution.trace_file import SUFFIXES, trace_file
     from skillplan.views.tables.simulation import simulation_tables
     from skillplan.views.video_file import VIDEOS, video_file
 
     back_ends = BackEnds(physics, None, options or [])
-    loaded, setup, skills = _load(task, sequence, back_ends, reading)
-    engine = performer(introduce(setup.back_ends(loaded)), "move")
+    loaded, setup, skills, ways, _ = _load(task, sequence, back_ends, reading)
+    made = introduce(setup.back_ends(loaded))
+    engine = performer(made, "move")
     possible, obstacle = applicable_part(loaded, skills)
     film = None if video is None else output_path("--video", video, VIDEOS, "videos")
     table = None if trace is None else output_path("--trace", trace, SUFFIXES, "traces")
@@ -150,7 +153,7 @@ def command(
         if possible:
             with blamed(engine):
                 performance = engine.perform(
-                    possible,
+                    by_ways(loaded, possible, made, ways, lambda: count.interrupted),
                     frames_per_s=fps / speed if show is not None else None,
                     show=show,
                     note=note,
@@ -192,9 +195,7 @@ class _Notes:
             self._row(sample)
 
 
-def _load(
-    path: str, sequence: str | None, back_ends: BackEnds, reading: PartReading
-) -> tuple[Task, Setup, tuple[Skill, ...]]:
+def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartReading) -> _Read:
     """Return task, setup and plan; of engines the one chosen, or the file's, or else pybullet."""
     from skillplan.errors import OptionError
     from skillplan.records.stored.result_folder import is_result
@@ -210,26 +211,28 @@ def _load(
             loaded = load(path, reading, chosen)
             task, plan = loaded.planned()
             detectors = loaded.stored.collision.split(",")
-            return _Read(task, loaded.setup, task.parse_sequence(",".join(plan)), detectors)
+            skills = task.parse_sequence(",".join(plan))
+            return _Read(task, loaded.setup, skills, loaded.taken_ways(), detectors)
         task = reading.problem(path, chosen, warn=warn).part(reading.part)
         detectors = [choice.name for choice in task.collision]
-        return _Read(task, chosen.setup(task), task.parse_sequence(sequence or ""), detectors)
+        skills = task.parse_sequence(sequence or "")
+        return _Read(task, chosen.setup(task), skills, (), detectors)
 
     # Of the detectors that the file chooses only those need to be installed that read contacts,
     # and which these are the engine says.
     first = read(replace(back_ends, collision=_ANY, options=[]), warn=False)
     engine = _engine(first)
     collision = ",".join(_contact_detectors(engine, first.detectors)) or _ANY
-    last = read(replace(back_ends, physics=engine, collision=collision), warn=True)
-    return last.task, last.setup, last.skills
+    return read(replace(back_ends, physics=engine, collision=collision), warn=True)
 
 
 class _Read(NamedTuple):
-    """A plan as it was read, and the names of the detectors that the task or result has."""
+    """A plan as it was read, its ways, and the detectors that the task or result has."""
 
     task: Task
     setup: Setup
     skills: tuple[Skill, ...]
+    ways: tuple[str | None, ...]
     detectors: list[str]
 
 

@@ -15,6 +15,7 @@ from skillplan.cli.options.shared import (
     SOLVER,
     BackEnds,
     Caching,
+    ExecutorName,
     NoScreening,
     PartReading,
     Seed,
@@ -114,6 +115,7 @@ def command(
             rich_help_panel=SOLVER,
         ),
     ] = 1,
+    executor: ExecutorName = "local",
     back_ends: BackEnds,
     caching: Caching,
     no_screening: NoScreening = False,
@@ -165,7 +167,9 @@ def command(
         raise OptionError("--resume needs --out DIR, the folder of the training to go on with.")
     part = reading.part
     problem = reading.problem(task, back_ends)
-    setup = back_ends.setup(problem.part(part), (solver,), screening=not no_screening)
+    setup = back_ends.setup(
+        problem.part(part), (solver,), screening=not no_screening, executor=executor
+    )
     plan = plan_training(
         problem,
         solver,

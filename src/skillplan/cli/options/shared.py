@@ -92,6 +92,19 @@ Jobs = Annotated[
 ]
 
 
+ExecutorName = Annotated[
+    str,
+    typer.Option(
+        "--executor",
+        metavar="NAME[:ADDRESS]",
+        autocompletion=plugin_names("executor"),
+        help="Where those processes are: local for this machine, ray for a cluster that has been "
+        "started, if skillplan-ray is installed. Nothing that comes out depends on it.",
+        rich_help_panel=BACK_ENDS,
+    ),
+]
+
+
 Audit = Annotated[
     int | None,
     count_option(
@@ -215,7 +228,12 @@ class PartReading(Reading):
         return self.problem(path, back_ends).part(self.part)
 
     def set_up(
-        self, path: str, back_ends: BackEnds, *, screening: bool = False
+        self,
+        path: str,
+        back_ends: BackEnds,
+        *,
+        screening: bool = False,
+        executor: str = "local",
     ) -> tuple[Task, Setup, list[BackEnd]]:
         """Return the task meant, how it is checked, and the back ends, constructed once.
 
@@ -227,6 +245,8 @@ class PartReading(Reading):
             Those that the command line chooses.
         screening
             Whether geometry is asked before anything is executed.
+        executor
+            Where jobs are done, as ``NAME`` or ``NAME:ADDRESS``.
 
         Raises
         ------
@@ -237,7 +257,7 @@ class PartReading(Reading):
         """
         problem = self.problem(path, back_ends)
         task = problem.part(self.part)
-        setup = back_ends.setup(task, screening=screening)
+        setup = back_ends.setup(task, screening=screening, executor=executor)
         return task, setup, setup.back_ends(task, problem.spare_back_ends)
 
 
@@ -293,7 +313,14 @@ class BackEnds:
         given = {"physics": self.physics, "collision": self.collision}
         return {kind: split_names(names) for kind, names in given.items() if names is not None}
 
-    def setup(self, task: Task, solvers: Collection[str] = (), *, screening: bool = False) -> Setup:
+    def setup(
+        self,
+        task: Task,
+        solvers: Collection[str] = (),
+        *,
+        screening: bool = False,
+        executor: str = "local",
+    ) -> Setup:
         """Return the setup for a task.
 
         Parameters
@@ -304,14 +331,19 @@ class BackEnds:
             Those that take part; of a single one options need not name it.
         screening
             Whether geometry is asked before anything is executed.
+        executor
+            Where jobs are done, as ``NAME`` or ``NAME:ADDRESS``.
 
         Raises
         ------
         OptionError
             If an option has a wrong form or names a plugin that takes no part.
+        PluginError
+            If the executor is unknown or broken.
         """
         from skillplan.errors import name_hint
         from skillplan.pipeline.setup import Setup
+        from skillplan.workers.executor_choice import ExecutorChoice
 
         if self.physics is not None and not self.physics.strip():
             raise OptionError("--physics names no engine.")
@@ -319,7 +351,11 @@ class BackEnds:
         if self.collision is not None and not detectors:
             raise OptionError("--collision names no detector.")
         parsed = parse_options(self.options, next(iter(solvers)) if len(solvers) == 1 else None)
-        setup = Setup(self.physics, detectors, parsed, screening)
+        chosen = ExecutorChoice.read(executor, parsed)
+        parsed.pop(chosen.name, None)
+        setup = Setup(self.physics, detectors, parsed, screening, chosen)
+        if setup.make_executor is not None:
+            setup.make_executor(1)  # one that is unknown or has wrong options is refused here
         taking_part = [
             *solvers,
             setup.physics_choice(task).name,
@@ -379,9 +415,12 @@ class Checking(Caching):
         Whether verdicts kept on disk are left alone.
     jobs
         How many processes, from 1 to 64.
+    executor
+        Where they are, as ``NAME`` or ``NAME:ADDRESS``.
     """
 
     jobs: Jobs = 1
+    executor: ExecutorName = "local"
 
 
 @dataclass(frozen=True, slots=True)

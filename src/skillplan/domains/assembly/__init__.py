@@ -9,8 +9,9 @@ from skillplan.domains.assembly.consistency import issues
 from skillplan.domains.assembly.grounding import ground
 from skillplan.domains.assembly.hints import hints
 from skillplan.domains.assembly.layout_family import layouts
+from skillplan.domains.assembly.rest_overview import rest_overview
 from skillplan.domains.assembly.schema import AssemblyConfig
-from skillplan.domains.domain import Domain
+from skillplan.domains.domain import Domain, Overview
 from skillplan.errors import Issue
 from skillplan.task.task import Task
 
@@ -31,6 +32,10 @@ class AssemblyDomain(Domain):
     def hints(self, config: Any) -> Iterable[Issue]:
         """Return the parts that block a feeder from the start on."""
         return hints(config)
+
+    def overview(self, config: Any) -> Overview:
+        """Return what every part rests on, at the start and at its goal."""
+        return rest_overview(config)
 
     def variants(self, config: Any, seed: int, count: int) -> list[Any]:
         """Return layouts of the file's family, by its block ``family``."""

@@ -70,11 +70,7 @@ def _references(config: AssemblyConfig) -> Iterator[Issue]:
         here = ("parts", name)
         yield from missing(part.tool, config.tools, "tool", *here, "tool")
         yield from missing(part.feeder, config.feeders, "feeder", *here, "feeder")
-        for key in ("start_on", "goal_on"):
-            beneath = getattr(part, key)
-            yield from missing(beneath, config.parts, "part", *here, key)
-            if beneath == name:
-                yield Issue(f"{name!r} cannot lie on itself. Name another part.", (*here, key))
+        yield from _beneath(config, name)
         if part.start_on in config.parts and config.parts[part.start_on].feeder is not None:
             message = f"{part.start_on!r} comes from a feeder; nothing can lie on it."
             yield Issue(message, (*here, "start_on"))
@@ -94,13 +90,29 @@ def _references(config: AssemblyConfig) -> Iterator[Issue]:
                 )
 
 
+def _beneath(config: AssemblyConfig, name: str) -> Iterator[Issue]:
+    """Yield what is wrong with the names of what a part lies on."""
+    part = config.parts[name]
+    for key, named in (("start_on", part.start_on), ("goal_on", part.goal_on)):
+        names = [named] if isinstance(named, str) else named or []
+        for index, other in enumerate(names):
+            path = ("parts", name, key, index) if len(names) > 1 else ("parts", name, key)
+            if other not in config.parts:
+                yield Issue(f"unknown part {other!r}. {name_hint(other, config.parts)}", path)
+            elif other == name:
+                yield Issue(f"{name!r} cannot lie on itself. Name another part.", path)
+            elif other in names[:index]:
+                yield Issue(f"{other!r} stands twice. Keep one.", path)
+
+
 def _cycles(config: AssemblyConfig) -> Iterator[Issue]:
     for key in ("start_on", "goal_on"):
         beneath = {
-            name: [getattr(part, key)]
+            name: [named] if isinstance(named, str) else named
             for name, part in config.parts.items()
-            if getattr(part, key) not in (None, name)
+            if (named := getattr(part, key)) is not None
         }
+        beneath = {name: [on for on in named if on != name] for name, named in beneath.items()}
         cycle = _cycle(beneath)
         if cycle:
             message = f"parts stand on each other in a cycle: {' on '.join(cycle)}."

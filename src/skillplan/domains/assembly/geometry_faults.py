@@ -3,30 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from itertools import combinations, product
 
-from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_box
+from skillplan.collision.boxes import WorldBox, box_at
+from skillplan.collision.solids.solid import TOUCH_M, Solid
 from skillplan.domains.assembly.handling.holes import hole_issues, is_askew
 from skillplan.domains.assembly.layout import (
     boxes_of,
     feeder_of,
-    goal_of,
+    goal_pose,
+    goal_solid,
     height_of,
     holder_of,
     hole_of,
     look_of,
-    shapes_of,
-    start_of,
+    start_pose,
+    start_solid,
 )
+from skillplan.domains.assembly.part_schema import PartConfig
+from skillplan.domains.assembly.resting import resting_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
 from skillplan.task.motion import Point
-from skillplan.task.shape import Box
 
-_Boxes = Mapping[str, tuple[Box, ...]]
-
-_TOUCH_M = 2e-4
 _MAX_SHAPES = 1024
 # More than twice the density of the densest chemical element [kg/m3].
 _MOST_DENSITY_KG_M3 = 50_000.0
@@ -37,7 +37,7 @@ def shape_issues(config: AssemblyConfig) -> Iterator[Issue]:
     for name, part in config.parts.items():
         boxes = boxes_of(part)
         bottom_m = min(box.centre[2] - box.size[2] / 2 for box in boxes)
-        if abs(bottom_m) > _TOUCH_M:
+        if abs(bottom_m) > TOUCH_M:
             lowest = "mesh" if part.meshes is not None else "box"
             message = (
                 f"the lowest {lowest} begins at {bottom_m:.4f} m, not at the part's bottom, 0. "
@@ -61,42 +61,15 @@ def shape_issues(config: AssemblyConfig) -> Iterator[Issue]:
 def geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield what is out of reach, overlaps, or hangs in the air, of parts that exist."""
     yield from _out_of_reach(config)
-    # A box about a cylinder or a mesh may overlap where they do not; a box inside them may not.
-    cores = {
-        name: tuple(shape.core for shape in shapes_of(part)) for name, part in config.parts.items()
-    }
-    for key, boxes in (("start_m", _at_start(config, cores)), ("goal_m", _at_goal(config, cores))):
-        lying = {
-            name: own
-            for name, own in boxes.items()
-            if key == "goal_m" or config.parts[name].feeder is None
-        }
-        about = {name: _hull(own) for name, own in lying.items()}
-        for one, other in combinations(lying, 2):
-            if _overlap([about[one]], [about[other]]) and _overlap(lying[one], lying[other]):
-                where = "at the start" if key == "start_m" else "at their goals"
-                message = f"{other!r} and {one!r} overlap {where}. Move one."
-                place = key if getattr(config.parts[other], key) is not None else "start_on"
-                yield Issue(message, ("parts", other, place))
-    hulls = {name: boxes_of(part) for name, part in config.parts.items()}
-    starts, goals = _at_start(config, hulls), _at_goal(config, hulls)
-    for name, part in config.parts.items():
-        for key, beneath, boxes in (
-            ("start_on", part.start_on, starts),
-            ("goal_on", part.goal_on, goals),
-        ):
-            if beneath is not None and not _touch(boxes[name], boxes[beneath]):
-                message = f"{name!r} does not lie over {beneath!r}. Move it."
-                yield Issue(message, ("parts", name, key))
+    yield from resting_issues(config)
     yield from hole_issues(config)
     for name, screw in config.screws.items():
+        x_m, y_m = screw.hole_m[:2]
+        through = goal_solid(config, screw.through)
         if is_askew(screw):
             continue
-        x_m, y_m, z_m = hole_of(config, screw)
-        head = WorldBox(
-            (x_m - 1e-6, y_m - 1e-6, z_m), (x_m + 1e-6, y_m + 1e-6, z_m + screw.head_height_m)
-        )
-        if not _touch((head,), goals[screw.through]):
+        top_m = through.top_m(x_m, y_m)
+        if top_m is None or abs(top_m - hole_of(config, screw)[2]) > TOUCH_M:
             message = f"the hole does not lie over the top of {screw.through!r}. Move it."
             yield Issue(message, ("screws", name, "hole_m"))
 
@@ -107,9 +80,13 @@ def distances_m(config: AssemblyConfig) -> dict[tuple[str, str, str], float]:
     In plan, along x or y, whichever is more; negative where they overlap. By the part, the
     other, and ``start`` or ``goal`` for where that is.
     """
-    hulls = {name: boxes_of(part) for name, part in config.parts.items()}
-    starts = {name: _hull(boxes) for name, boxes in _at_start(config, hulls).items()}
-    goals = {name: _hull(boxes) for name, boxes in _at_goal(config, hulls).items()}
+    starts, goals = (
+        {
+            name: _hull(box_at(box, pose_of(config, name)) for box in boxes_of(part))
+            for name, part in config.parts.items()
+        }
+        for pose_of in (start_pose, goal_pose)
+    )
     lying = [name for name, part in config.parts.items() if part.feeder is None]
     between = {(a, b, "start"): _apart_m(starts[a], starts[b]) for a, b in combinations(lying, 2)}
     for a, b in product(lying, goals):
@@ -148,31 +125,21 @@ def _out_of_reach(config: AssemblyConfig) -> Iterator[Issue]:
     for feeder in config.feeders:
         yield from check(feeder_of(config, feeder), 0.0, "feeders", feeder, "position_m")
     for name, part in config.parts.items():
-        if part.start_m is not None:
-            yield from check(start_of(config, name), height_of(part), "parts", name, "start_m")
-        elif part.start_on is not None:
-            yield from check(start_of(config, name), height_of(part), "parts", name, "start_on")
-        yield from check(goal_of(config, name), height_of(part), "parts", name, "goal_m")
+        if part.feeder is None:
+            key = "start_m" if part.start_m is not None else "start_on"
+            yield from check(*_lifted(start_solid(config, name), part), "parts", name, key)
+        yield from check(*_lifted(goal_solid(config, name), part), "parts", name, "goal_m")
     for name, screw in config.screws.items():
         yield from check(hole_of(config, screw), 0.0, "screws", name, "hole_m")
 
 
-def _at_start(config: AssemblyConfig, boxes: _Boxes) -> dict[str, tuple[WorldBox, ...]]:
-    return {
-        name: _turned(boxes[name], start_of(config, name), part.start_yaw_rad)
-        for name, part in config.parts.items()
-    }
-
-
-def _at_goal(config: AssemblyConfig, boxes: _Boxes) -> dict[str, tuple[WorldBox, ...]]:
-    return {
-        name: _turned(boxes[name], goal_of(config, name), part.goal_yaw_rad)
-        for name, part in config.parts.items()
-    }
-
-
-def _turned(boxes: Iterable[Box], origin: Point, yaw_rad: float) -> tuple[WorldBox, ...]:
-    return tuple(world_box(box, origin, yaw_rad) for box in boxes)
+def _lifted(solid: Solid, part: PartConfig) -> tuple[Point, float]:
+    """Return where the bottom of a part is, and how high it is [m]."""
+    if solid.pose.is_upright:
+        return solid.pose.position, height_of(part)
+    x_m, y_m, _ = solid.pose.position
+    low_m, high_m = solid.box.low[2], solid.box.high[2]
+    return (x_m, y_m, low_m), high_m - low_m
 
 
 def _hull(boxes: Iterable[WorldBox]) -> WorldBox:
@@ -180,12 +147,3 @@ def _hull(boxes: Iterable[WorldBox]) -> WorldBox:
     low = tuple(min(values) for values in zip(*lows, strict=True))
     high = tuple(max(values) for values in zip(*highs, strict=True))
     return WorldBox((low[0], low[1], low[2]), (high[0], high[1], high[2]))
-
-
-def _overlap(some: Iterable[WorldBox], others: Iterable[WorldBox]) -> bool:
-    still = (0.0, 0.0, 0.0)
-    return any(sweep_hits(a, still, b, _TOUCH_M) for a in some for b in others)
-
-
-def _touch(upper: Iterable[WorldBox], lower: Iterable[WorldBox]) -> bool:
-    return any(contact_area(a, b, _TOUCH_M) is not None for a in upper for b in lower)

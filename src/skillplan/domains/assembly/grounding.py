@@ -23,6 +23,7 @@ from skillplan.domains.assembly.layout import (
     start_of,
 )
 from skillplan.domains.assembly.part_schema import PartConfig
+from skillplan.domains.assembly.resting import bearers_at_start
 from skillplan.domains.assembly.scenery import scene_of
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.skill_draft import SkillDraft
@@ -50,6 +51,7 @@ class _Grounding:
     def __init__(self, config: AssemblyConfig) -> None:
         self.config = config
         self.facts: Facts = vocabulary.facts_of(config)
+        self.beneath = {name: bearers_at_start(config, name) for name in config.parts}
         self.positions = self._positions()
         self.places = {self.facts.bit(at(name)): p for name, p in self.positions.items()}
         self.stands = self.facts.of(*(at(name) for name in self.positions))
@@ -175,7 +177,7 @@ class _Grounding:
     def _pick(self, name: str, part: PartConfig) -> SkillDraft:
         start = vocabulary.start_place(self.config, name)
         looks = name in vocabulary.missed_parts(self.config)
-        above = [n for n, other in self.config.parts.items() if other.start_on == name]
+        above = [n for n in self.config.parts if name in self.beneath[n]]
         visits = pick_visits(self.config, name)
         return SkillDraft(
             kind="pick",

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from skillplan.collision.boxes import WorldBox, sweep_hits, world_box
+from skillplan.collision.boxes import WorldBox, box_at, sweep_hits
 from skillplan.domains.assembly.gripping import grasps_of_part
 from skillplan.domains.assembly.handling.schema import GraspConfig
 from skillplan.domains.assembly.handling.sides import direction_name
-from skillplan.domains.assembly.layout import boxes_of, feeder_of, start_of
+from skillplan.domains.assembly.layout import boxes_of, feeder_of, start_pose
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
 from skillplan.physics.linear_motions import jaws_about
 from skillplan.robots.panda import OPENING_M
 from skillplan.task.motion import Point
+from skillplan.task.pose import Pose
 from skillplan.task.scene import Grasp, GraspKind
 
 _TOUCH_M = 2e-4
@@ -57,7 +58,7 @@ def _fits(grasp: Grasp) -> bool:
 
 def _blocked_feeders(config: AssemblyConfig) -> Iterator[Issue]:
     lying = {
-        name: _boxes_at(part, start_of(config, name), part.start_yaw_rad)
+        name: _boxes_at(part, start_pose(config, name))
         for name, part in config.parts.items()
         if part.feeder is None
     }
@@ -81,7 +82,7 @@ def _handed_out(config: AssemblyConfig, feeder: str) -> dict[str, tuple[WorldBox
     """Return what a feeder hands out, by the boxes about it where it is taken."""
     place = feeder_of(config, feeder)
     parts = {
-        name: _boxes_at(part, place, part.start_yaw_rad)
+        name: _boxes_at(part, start_pose(config, name))
         for name, part in config.parts.items()
         if part.feeder == feeder
     }
@@ -93,8 +94,8 @@ def _handed_out(config: AssemblyConfig, feeder: str) -> dict[str, tuple[WorldBox
     return {**parts, **heads}
 
 
-def _boxes_at(part: PartConfig, origin: Point, yaw_rad: float) -> tuple[WorldBox, ...]:
-    return tuple(world_box(box, origin, yaw_rad) for box in boxes_of(part))
+def _boxes_at(part: PartConfig, pose: Pose) -> tuple[WorldBox, ...]:
+    return tuple(box_at(box, pose) for box in boxes_of(part))
 
 
 def _head(place: Point, diameter_m: float, height_m: float) -> WorldBox:

@@ -7,6 +7,7 @@ from typing import Any
 
 from skillplan.domains.assembly.consistency import issues
 from skillplan.domains.assembly.geometry_faults import distances_m
+from skillplan.domains.assembly.resting import bearers_at_start
 from skillplan.domains.assembly.schema import AssemblyConfig, FamilyConfig
 from skillplan.errors import OptionError
 
@@ -105,7 +106,8 @@ class _Draw:
         for name, part in self.config.parts.items():
             changes: dict[str, Any] = {"goal_m": _sum(part.goal_m, goals)}
             if part.start_m is not None:
-                changes["start_m"] = _sum(part.start_m, starts[name])
+                # What lies on another part is moved with it.
+                changes["start_m"] = _sum(part.start_m, starts[self._carrier(name)])
             parts[name] = part.model_copy(update=changes)
         for name, screw in self.config.screws.items():
             screws[name] = screw.model_copy(update={"hole_m": _sum(screw.hole_m, goals)})
@@ -120,8 +122,8 @@ class _Draw:
 
     def _carrier(self, name: str) -> str:
         """Return the part on the table that a part lies on at the start, or itself."""
-        while (beneath := self.config.parts[name].start_on) is not None:
-            name = beneath
+        while beneath := bearers_at_start(self.config, name):
+            name = beneath[0]
         return name
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
+    BeforeValidator,
     Field,
     ModelWrapValidatorHandler,
     PrivateAttr,
@@ -35,7 +36,20 @@ Length = Annotated[float, Field(gt=0, le=10)]
 Extents = Annotated[list[Extent], Field(min_length=3, max_length=3)]
 Mass = Annotated[float, Field(ge=1e-6, le=1000)]
 Angle = Annotated[float, Field(ge=-6.2832, le=6.2832)]
+Angles = Annotated[list[Angle], Field(min_length=3, max_length=3)]
 FailureProbability = Annotated[float, Field(ge=0, lt=1)]
+
+
+def _listed(value: Any) -> Any:
+    """Return a name as a list of one."""
+    return [value] if isinstance(value, str) else value
+
+
+Names = Annotated[
+    list[Name],
+    Field(min_length=1, max_length=64),
+    BeforeValidator(_listed, json_schema_input_type=Name | list[Name]),
+]
 
 SHAPE_KEYS = ("size_m", "boxes", "cylinder", "meshes")
 """Keys of a part of which exactly one gives its shape."""
@@ -137,17 +151,35 @@ class PartConfig(Strict):
     grasp_failure: FailureProbability = Field(
         0.0, description="probability that a pick leaves it where it lies, below 1 [-]"
     )
-    start_m: Planar | None = Field(
-        None, description="where it lies at the start, x y [m]; or one of start_on and feeder"
+    start_m: PlanarOrSpatial | None = Field(
+        None,
+        description="where it lies at the start, x y or x y z [m]; or one of start_on and feeder; "
+        "without z it rests on start_on, or on the table",
     )
     start_on: Name | None = Field(
-        None, description="the part it lies on at the start (a stack); instead of start_m"
+        None,
+        description="the part it lies on at the start (a stack), at start_m or over that part's "
+        "origin; instead of start_m alone",
     )
     feeder: Name | None = Field(None, description="the feeder it comes from; instead of start_m")
     start_yaw_rad: Angle = Field(0.0, description="how it is turned at the start [rad]")
-    goal_m: Planar = Field(description="where it belongs, x y [m]")
-    goal_on: Name | None = Field(None, description="the part it stands on; left out: the table")
+    start_rpy_rad: Angles | None = Field(
+        None,
+        description="how it is turned in space at the start, about the fixed axes x, y and z in "
+        "this order [rad]; instead of start_yaw_rad",
+    )
+    goal_m: PlanarOrSpatial = Field(
+        description="where it belongs, x y or x y z [m]; without z it rests on goal_on"
+    )
+    goal_on: Names | None = Field(
+        None, description="the part it stands on, or a list of them; left out: the table"
+    )
     goal_yaw_rad: Angle = Field(0.0, description="how it is turned at its goal [rad]")
+    goal_rpy_rad: Angles | None = Field(
+        None,
+        description="how it is turned in space at its goal, about the fixed axes x, y and z in "
+        "this order [rad]; instead of goal_yaw_rad",
+    )
     insert_along: Directions | None = Field(
         None,
         description="the direction in which it goes into place, x y z, or several to choose "
@@ -167,17 +199,36 @@ class PartConfig(Strict):
     def _one_shape_one_start(self) -> PartConfig:
         if sum(getattr(self, key) is not None for key in SHAPE_KEYS) != 1:
             raise Located("give one of 'size_m', 'boxes', 'cylinder' and 'meshes'.")
-        starts = [self.start_m is not None, self.feeder is not None, self.start_on is not None]
-        if sum(starts) != 1:
+        lies = self.start_m is not None or self.start_on is not None
+        if lies == (self.feeder is not None):
             raise Located("give one of 'start_m', 'start_on' and 'feeder'.")
+        for when in ("start", "goal"):
+            keys = (f"{when}_yaw_rad", f"{when}_rpy_rad")
+            if self.model_fields_set.issuperset(keys) and getattr(self, keys[1]) is not None:
+                raise Located(f"give one of {keys[0]!r} and {keys[1]!r}, not both.", keys[1])
         if "frame" in self.model_fields_set and self.insert_along is None:
             raise Located("says in which frame insert_along is, and there is none.", "frame")
         return self
 
     @property
+    def start_turn_rad(self) -> Point:
+        """How it is turned at the start: roll, pitch and yaw [rad]."""
+        return _turn(self.start_rpy_rad, self.start_yaw_rad)
+
+    @property
+    def goal_turn_rad(self) -> Point:
+        """How it is turned at its goal: roll, pitch and yaw [rad]."""
+        return _turn(self.goal_rpy_rad, self.goal_yaw_rad)
+
+    @property
     def shape_key(self) -> str:
         """The key that gives its shape."""
         return next(key for key in SHAPE_KEYS if getattr(self, key) is not None)
+
+
+def _turn(rpy_rad: list[float] | None, yaw_rad: float) -> Point:
+    roll, pitch, yaw = rpy_rad or (0.0, 0.0, yaw_rad)
+    return (roll, pitch, yaw)
 
 
 class ScrewConfig(Strict):

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skillplan.physics.performance import Performance
+from skillplan.physics.performance import Performance, PerformedSkill
 from skillplan.records import schemas
 from skillplan.task.scene import Pose
 from skillplan.task.skill import Skill
@@ -83,15 +83,16 @@ class Simulation:
             "skills": [
                 {
                     "index": index,
-                    "skill": one.skill,
-                    "action": task.action(one.skill),
+                    "skill": skill.name,
+                    "action": task.action(skill),
+                    **({"way": way_of(skill, one)} if skill.ways else {}),
                     "status": one.verdict.status.value,
                     "reason": one.verdict.reason or None,
                     "begin_s": one.begin_s,
                     "end_s": one.end_s,
                     "evidence": dict(one.verdict.evidence),
                 }
-                for index, one in enumerate(made.skills)
+                for index, (skill, one) in enumerate(zip(self.skills, made.skills, strict=False))
             ],
             "arrivals": [
                 {
@@ -119,6 +120,11 @@ class Simulation:
         """How far the body most turned away from its goal ended [deg]; None without arrivals."""
         arrivals = self.performance.arrivals
         return max((math.degrees(one.tilt_rad) for one in arrivals), default=None)
+
+
+def way_of(skill: Skill, done: PerformedSkill) -> str | None:
+    """Return the way in words that a skill with several took; None of a skill with one."""
+    return done.skill.removeprefix(f"{skill.name} ") if skill.ways else None
 
 
 def applicable_part(task: Task, skills: Sequence[Skill]) -> tuple[Sequence[Skill], str | None]:

@@ -44,6 +44,7 @@ class StoredStep(_Stored):
     action: int
     cost: float
     duration_s: float
+    way: str | None = None
 
 
 class StoredOrigin(_Stored):

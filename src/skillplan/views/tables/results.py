@@ -68,10 +68,12 @@ def step_rows(
     walks = any(step.place is not None for step in steps)
     moves = any(step.goal is not None for step in steps) or not steps
     lasts = any(step.duration_s for step in steps) or not steps
+    chooses = any(step.way is not None for step in steps)
     columns = (
         Column("step", right=True),
         Column("action", right=True),
         Column("skill"),
+        *([Column("way")] if chooses else []),
         *([Column("to")] if walks else []),
         *([Column("to x y z [m]", right=True)] if moves else []),
         Column(metric.heading, right=True),
@@ -82,6 +84,7 @@ def step_rows(
             str(step.index + 1),
             str(step.action),
             step.skill,
+            *([step.way or "-"] if chooses else []),
             *([step.place or "-"] if walks else []),
             *([_point(step.goal)] if moves else []),
             f"{step.cost:.{metric.decimals}f}",

@@ -47,7 +47,7 @@ def simulation_tables(simulation: Simulation) -> list[Table]:
 def _row(simulation: Simulation, index: int, one: PerformedSkill) -> tuple[str, ...]:
     return (
         str(index + 1),
-        str(simulation.task.action(one.skill)),
+        str(simulation.task.action(simulation.skills[index])),
         one.skill,
         one.verdict.status.value,
         f"{one.begin_s:.1f}",

@@ -22,6 +22,8 @@ _PATIENCE = 4
 _GAIN = 0.7
 _MOST_STEP_RAD = 0.6
 _DAMPING = 0.1
+# Postures that differ by less are one [rad].
+_SAME_RAD = 0.2
 # What a radian counts against a metre, when starts are compared [m].
 _RADIAN_M = 0.3
 
@@ -118,6 +120,47 @@ class NumericInverse:
                 return joints
             nearest = min(nearest, _size(twist))
         return Unreached(*nearest)
+
+    def several(self, target: Any, most: int, tries: int = _STARTS) -> list[Vector]:
+        """Return joint angles for a pose that differ from each other, in the order of the starts.
+
+        Parameters
+        ----------
+        target
+            Where the tip is to be in the world, as `pinocchio.SE3`.
+        most
+            How many are enough, >= 1.
+        tries
+            How many starts are tried at most, >= 1.
+
+        Returns
+        -------
+        list of Vector
+            As from `solve`; empty where none were found.
+        """
+        away = self._features - _feature(target)
+        order = np.argsort(np.einsum("ij,ij->i", away, away), kind="stable")
+        found: list[Vector] = []
+        for index in order[:tries]:
+            joints, _ = self._descend(self._starts[index], target)
+            if joints is None or any(np.abs(joints - one).max() < _SAME_RAD for one in found):
+                continue
+            found.append(joints)
+            if len(found) == most:
+                break
+        return found
+
+    def solve_from(self, start: Vector, target: Any) -> Vector | None:
+        """Return the joint angles that one start leads to, or None where it leads to none.
+
+        Parameters
+        ----------
+        start
+            A posture [rad], shape (joints,); moved into the limits.
+        target
+            Where the tip is to be in the world, as `pinocchio.SE3`.
+        """
+        return self._descend(np.clip(start, self.arm.low_rad, self.arm.high_rad), target)[0]
 
     def _descend(self, start: Vector, target: Any) -> tuple[Vector | None, Vector]:
         """Return the joint angles that a start leads to, if any, and the error that is left."""

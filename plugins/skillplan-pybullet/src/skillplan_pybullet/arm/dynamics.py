@@ -1,16 +1,17 @@
 """What operational-space control has to know of the arm: mass matrix, Jacobian, bias forces.
 
-The simulator works them out itself. Where pinocchio is installed, it can do so instead, from
-the same description of the robot; the two agree to the last digits, which a test says.
+The simulator works them out itself, or pinocchio does, from the same description of the robot; the
+two agree to the last digits, which a test says.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
+import pinocchio
 import pybullet
 import pybullet_data
 from numpy.typing import NDArray
@@ -78,25 +79,16 @@ class PybulletDynamics:
 
 
 class PinocchioDynamics:
-    """Terms by pinocchio.
-
-    Raises
-    ------
-    ImportError
-        If pinocchio is not installed.
-    """
+    """Terms by pinocchio."""
 
     def __init__(self) -> None:
-        import pinocchio
-
-        self._pin: Any = pinocchio
         self._model = pinocchio.buildModelFromUrdf(str(URDF))
         self._data = self._model.createData()
         self._hand = self._model.getFrameId("panda_hand")
 
     def terms(self, angles: Vector, rates: Vector) -> Terms:
         """Return the terms; see :class:`Dynamics`."""
-        pin, model, data = self._pin, self._model, self._data
+        pin, model, data = pinocchio, self._model, self._data
         mass = np.array(pin.crba(model, data, angles))
         mass = np.triu(mass) + np.triu(mass, 1).T
         bias = np.array(pin.nonLinearEffects(model, data, angles, rates))
@@ -107,10 +99,3 @@ class PinocchioDynamics:
         lever = panda.TIP_M * np.array(data.oMf[self._hand].rotation)[:, 2]
         at_hand[:3] += np.cross(at_hand[3:].T, lever).T
         return Terms(mass[:7, :7], at_hand, bias[:7])
-
-
-def has_pinocchio() -> bool:
-    """Whether pinocchio is installed."""
-    from importlib.util import find_spec
-
-    return find_spec("pinocchio") is not None

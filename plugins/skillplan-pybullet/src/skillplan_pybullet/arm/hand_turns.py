@@ -8,33 +8,62 @@ task alone: a check of one skill and a whole plan agree on it.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion, linear_motions
-from skillplan.robots import panda
+from skillplan.task.motion import Point
 from skillplan.task.scene import Robot
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pybullet.arm.panda_kinematics import UnreachableError, Vector, reach
-
-_READY = np.array(panda.READY_RAD)
+from skillplan_pybullet.arm.kinematics import UnreachableError, Vector, kinematics_of
+from skillplan_pybullet.arm.rotations import (
+    by_half_a_turn,
+    of_quaternion,
+    pointing_down,
+    points_down,
+)
 
 
 @dataclass(frozen=True, slots=True)
-class Posture:
-    """How the arm is: its joint angles, shape (7,), and how the hand is turned [rad].
+class ArmMotion:
+    """A motion of the hand with how the arm follows it.
 
-    Turns are counted beyond half a circle, as the wrist does.
+    Parameters
+    ----------
+    motion
+        Of the task.
+    rotation
+        How the hand is turned in it, shape (3, 3).
+    approach
+        Postures at the points of the approach [rad], shape (joints,) each.
+    retreat
+        The same of the retreat.
     """
 
-    joints: Vector
-    yaw_rad: float
+    motion: LinearMotion
+    rotation: Vector
+    approach: tuple[Vector, ...]
+    retreat: tuple[Vector, ...]
+
+    @property
+    def points_down(self) -> bool:
+        """Whether the hand points straight down."""
+        return points_down(self.rotation)
+
+
+@dataclass(frozen=True, slots=True)
+class HandPose:
+    """Where the tip is at a place, and how the hand is turned there, shape (3, 3)."""
+
+    position: Point
+    rotation: Vector
 
 
 class HandTurns:
-    """Knows the turns of a task's targets.
+    """Knows the turns of a task's targets, and the postures of the arm there.
 
     Parameters
     ----------
@@ -46,8 +75,9 @@ class HandTurns:
 
     def __init__(self, task: Task, drop_height_m: float) -> None:
         self.robot: Robot = task.scene.robots[0]
+        self.kinematics = kinematics_of(self.robot)
         self._motions: dict[str, list[LinearMotion]] = {}
-        self._heights: dict[str, float] = {}
+        self._ends: dict[str, LinearMotion] = {}
         for skill in task.skills:
             for route in skill.motion.routes if skill.motion is not None else ():
                 state: State = skill.precondition.requires | route.when
@@ -56,67 +86,88 @@ class HandTurns:
                     self._motions.setdefault(motion.visit.subject, []).append(motion)
                 for fact in skill.prediction.add:
                     if fact in self.robot.places:
-                        height_m = max(self._heights.get(fact, 0.0), motions[-1].above[2])
-                        self._heights[fact] = height_m
-        self._turns: dict[str, float] = {}
+                        before = self._ends.get(fact, motions[-1])
+                        highest = max(before, motions[-1], key=lambda one: one.ends_at[2])
+                        self._ends[fact] = highest
+        self._is_turned: dict[str, bool] = {}
+        self._known: dict[tuple[LinearMotion, bool], ArmMotion | UnreachableError] = {}
 
-    def yaw_rad(self, motion: LinearMotion) -> float:
-        """Return how the hand is turned in a motion [rad]."""
-        subject = motion.visit.subject
-        if subject not in self._turns:
-            self._turns[subject] = min((0.0, math.pi), key=lambda turn: self._effort(subject, turn))
-        return motion.closing_yaw_rad + self._turns[subject]
-
-    def towards(self, motion: LinearMotion, now: Posture | None = None) -> Posture:
-        """Return the posture above a motion's target, its turn counted as the wrist can get there.
-
-        Parameters
-        ----------
-        motion
-            One of the task.
-        now
-            The posture that it is reached from; None where the arm begins there.
+    def arm_motion(self, motion: LinearMotion) -> ArmMotion:
+        """Return how the arm follows a motion of the task.
 
         Raises
         ------
         UnreachableError
-            If either end of the motion is out of reach.
+            If a point of it is out of reach.
         """
-        yaw_rad = self.yaw_rad(motion)
-        reach(motion.tip, yaw_rad, self.robot.base)
-        joints = reach(motion.above, yaw_rad, self.robot.base)
-        return Posture(joints, yaw_rad if now is None else unwound(yaw_rad, joints, now))
+        return self._followed(motion, self._turned(motion.visit.subject))
 
-    def height_m(self, place_fact: str, least_m: float) -> float:
-        """Return how high the tip is above a place after what ends there [m]."""
-        return max(self._heights.get(place_fact, 0.0), least_m)
+    def at(self, place_fact: str, place: Point, least_m: float) -> HandPose:
+        """Return where the hand is after what ends at a place.
 
-    def _effort(self, subject: str, turn_rad: float) -> float:
-        """Return how far a turn takes the wrist from its middle at worst; infinite if too far."""
-        worst = 0.0
-        for motion in self._motions[subject]:
-            yaw_rad = motion.closing_yaw_rad + turn_rad
-            try:
-                joints: Vector = reach(motion.tip, yaw_rad, self.robot.base)
-                reach(motion.above, yaw_rad, self.robot.base, joints)
-            except UnreachableError:
-                return math.inf
-            worst = max(worst, float(np.abs(joints - _READY).max()))
-        return worst
+        Parameters
+        ----------
+        place_fact, place
+            The place, by its fact and its position [m].
+        least_m
+            Height of the tip where nothing ends there [m]; it is never lower.
+        """
+        x_m, y_m, _ = place
+        last = self._ends.get(place_fact)
+        if last is None:
+            return HandPose((x_m, y_m, least_m), pointing_down(0.0))
+        if last.points_down:
+            return HandPose((x_m, y_m, max(last.ends_at[2], least_m)), self.rotation(last))
+        return HandPose(last.ends_at, self.rotation(last))
+
+    def rotation(self, motion: LinearMotion) -> Vector:
+        """Return how the hand is turned in a motion, shape (3, 3)."""
+        return _rotation(motion, turned=self._turned(motion.visit.subject))
+
+    def _turned(self, subject: str) -> bool:
+        """Whether the hand is turned by half for a subject."""
+        if subject not in self._is_turned:
+            self._is_turned[subject] = self._effort(subject, turned=True) < self._effort(
+                subject, turned=False
+            )
+        return self._is_turned[subject]
+
+    def _effort(self, subject: str, *, turned: bool) -> float:
+        """Return how far a turn takes a joint from its home at worst [rad]; infinite if too far."""
+        try:
+            postures = [
+                joints
+                for motion in self._motions[subject]
+                for joints in self._followed(motion, turned).approach
+            ]
+        except UnreachableError:
+            return math.inf
+        home = self.kinematics.home_rad
+        return max(float(np.abs(joints - home).max()) for joints in postures)
+
+    def _followed(self, motion: LinearMotion, turned: bool) -> ArmMotion:
+        key = (motion, turned)
+        if key not in self._known:
+            self._known[key] = self._follow(motion, _rotation(motion, turned=turned))
+        found = self._known[key]
+        if isinstance(found, UnreachableError):
+            raise found
+        return found
+
+    def _follow(self, motion: LinearMotion, rotation: Vector) -> ArmMotion | UnreachableError:
+        """Return how the arm follows a motion; or, as a value to be kept, why it cannot."""
+        points: Sequence[Point] = (*motion.approach, *motion.retreat[1:])
+        try:
+            postures = self.kinematics.along(points, rotation)
+        except UnreachableError as error:
+            return error
+        there = len(motion.approach)
+        return ArmMotion(motion, rotation, tuple(postures[:there]), tuple(postures[there - 1 :]))
 
 
-def unwound(yaw_rad: float, joints: Vector, now: Posture) -> float:
-    """Return the same turn of the hand, counted so that the wrist can get there.
-
-    A hand that points down turns with its first joint and against its last.
-
-    Parameters
-    ----------
-    yaw_rad, joints
-        The turn that is to be reached, and the joint angles there [rad].
-    now
-        The posture at present.
-    """
-    wrist = (joints[0] - joints[6]) - (now.joints[0] - now.joints[6])
-    turns = round((now.yaw_rad + float(wrist) - yaw_rad) / (2 * math.pi))
-    return yaw_rad + 2 * math.pi * turns
+def _rotation(motion: LinearMotion, *, turned: bool) -> Vector:
+    if motion.points_down:
+        rotation = pointing_down(motion.closing_yaw_rad)
+    else:
+        rotation = of_quaternion(motion.orientation)
+    return by_half_a_turn(rotation) if turned else rotation

@@ -12,16 +12,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.robots import panda
 from skillplan_pybullet.arm.dynamics import Terms
-from skillplan_pybullet.arm.panda_kinematics import TipPose, pointing_down, rotation_error
+from skillplan_pybullet.arm.kinematics import TipPose
+from skillplan_pybullet.arm.rotations import rotation_error
 from skillplan_pybullet.arm.straight_motion import Setpoint
 
 Vector = NDArray[np.float64]
 
 _NULLSPACE_STIFFNESS_PER_S2 = 10.0
-_READY = np.array(panda.READY_RAD)
-_LIMIT_NM = np.array(panda.JOINT_TORQUE_NM)
 
 
 def torques(
@@ -33,33 +31,34 @@ def torques(
     *,
     stiffness_per_s2: float,
     force_n: Vector,
+    limit_nm: Vector,
 ) -> Vector:
-    """Return joint torques [N m], shape (7,), within the joints' limits.
+    """Return joint torques [N m], shape (joints,), within the joints' limits.
 
     Parameters
     ----------
     terms
         The arm's dynamics.
     angles, rates
-        Joint angles [rad] and rates [rad/s], shape (7,).
+        Joint angles [rad] and rates [rad/s], shape (joints,).
     pose
         Where the tip is.
     wanted
-        Where it is to be, and how fast.
+        Where it is to be, how it is to be turned, and how fast; and to which posture the arm is
+        drawn.
     stiffness_per_s2
         Stiffness by unit of mass; damping is critical.
     force_n
         Force that the tip exerts besides [N], shape (3,).
+    limit_nm
+        Greatest torques of the joints [N m], shape (joints,).
     """
     damping = 2 * math.sqrt(stiffness_per_s2)
     jacobian = terms.jacobian
     velocity = jacobian @ rates
-    wanted_velocity = np.concatenate([wanted.velocity, [0.0, 0.0, wanted.yaw_rate_rad_per_s]])
+    wanted_velocity = np.concatenate([wanted.velocity, wanted.spin_rad_per_s])
     error = np.concatenate(
-        [
-            wanted.position - pose.position,
-            rotation_error(pose.rotation, pointing_down(wanted.yaw_rad)),
-        ]
+        [wanted.position - pose.position, rotation_error(pose.rotation, wanted.rotation)]
     )
     acceleration = stiffness_per_s2 * error + damping * (wanted_velocity - velocity)
     acceleration[:3] += wanted.acceleration
@@ -67,9 +66,9 @@ def torques(
     inertia = np.linalg.inv(jacobian @ mass_inverse @ jacobian.T)
     wrench = inertia @ acceleration
     wrench[:3] += force_n
-    pull = _NULLSPACE_STIFFNESS_PER_S2 * (_READY - angles)
+    pull = _NULLSPACE_STIFFNESS_PER_S2 * (wanted.posture - angles)
     pull -= 2 * math.sqrt(_NULLSPACE_STIFFNESS_PER_S2) * rates
     consistent = mass_inverse @ jacobian.T @ inertia
     posture = terms.mass @ pull
     found = jacobian.T @ wrench + terms.bias + posture - jacobian.T @ (consistent.T @ posture)
-    return np.clip(found, -_LIMIT_NM, _LIMIT_NM)
+    return np.clip(found, -limit_nm, limit_nm)

@@ -7,7 +7,7 @@ import pybullet
 from numpy.typing import NDArray
 
 from skillplan.robots import panda
-from skillplan.task.motion import Point
+from skillplan.task.scene import Robot
 from skillplan_pybullet.arm.dynamics import (
     ARM_JOINTS,
     FINGER_LINKS,
@@ -17,8 +17,8 @@ from skillplan_pybullet.arm.dynamics import (
     PinocchioDynamics,
     PybulletDynamics,
 )
+from skillplan_pybullet.arm.kinematics import TipPose, kinematics_of, unreachable
 from skillplan_pybullet.arm.operational_space import torques
-from skillplan_pybullet.arm.panda_kinematics import TipPose, follow, reach
 from skillplan_pybullet.arm.straight_motion import Setpoint
 from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.simulator.quiet_output import quiet_output
@@ -50,8 +50,8 @@ class SimulatedArm:
     ----------
     world
         Where it stands.
-    base
-        Position of its base [m].
+    robot
+        Of the task: which arm it is, and where it stands.
     settings
         How it is controlled, and with what force its jaws close.
     seen
@@ -59,9 +59,10 @@ class SimulatedArm:
     """
 
     def __init__(
-        self, world: World, base: Point, settings: ExecutionSettings, *, seen: bool = True
+        self, world: World, robot: Robot, settings: ExecutionSettings, *, seen: bool = True
     ) -> None:
-        self.world, self.base, self.settings = world, base, settings
+        self.world, self.settings = world, settings
+        self.kinematics = kinematics_of(robot)
         client = world.client
         flags = pybullet.URDF_USE_INERTIA_FROM_FILE
         if not seen:
@@ -70,7 +71,7 @@ class SimulatedArm:
             self.number = int(
                 pybullet.loadURDF(
                     str(URDF),
-                    basePosition=base,
+                    basePosition=robot.base,
                     useFixedBase=True,
                     flags=flags,
                     physicsClientId=client,
@@ -82,11 +83,12 @@ class SimulatedArm:
             if settings.dynamics == "pinocchio"
             else PybulletDynamics(client, self.number)
         )
-        # What the hand lifts beside itself [kg], and presses with [N].
+        # What the hand lifts beside itself [kg], and the force that it presses with [N].
         self.payload_kg = 0.0
-        self.press_n = 0.0
+        self.press_n: Vector = np.zeros(3)
         self.wanted: Setpoint | None = None
-        self._joints = np.array(panda.READY_RAD)
+        self._joints = self.kinematics.home_rad
+        self._limit_nm = np.array(panda.JOINT_TORQUE_NM)
         self._jaw_target_m = panda.OPENING_M / 2
         self._jaw_wanted_m = self._jaw_target_m
         self._jaw_force_n = _OPENING_FORCE_N
@@ -124,25 +126,17 @@ class SimulatedArm:
                 physicsClientId=client,
             )
 
-    def stand(self, tip: Point, yaw_rad: float, opening_m: float) -> None:
-        """Put the arm at rest with its tip at a point, the hand turned just so.
-
-        Raises
-        ------
-        UnreachableError
-            If no posture brings it there.
-        """
-        self._rest(reach(tip, yaw_rad, self.base, self._joints), tip, yaw_rad, opening_m)
-
-    def _rest(self, joints: Vector, tip: Point, yaw_rad: float, opening_m: float) -> None:
+    def stand(self, joints: Vector, opening_m: float) -> None:
+        """Put the arm at rest in a posture [rad], its jaws so far open."""
         self._joints = joints
         client = self.world.client
-        for joint, angle in zip(ARM_JOINTS, self._joints.tolist(), strict=True):
+        for joint, angle in zip(ARM_JOINTS, joints.tolist(), strict=True):
             pybullet.resetJointState(self.number, joint, angle, 0.0, physicsClientId=client)
         for joint in FINGER_LINKS:
             pybullet.resetJointState(self.number, joint, opening_m / 2, 0.0, physicsClientId=client)
         self._jaw_target_m = self._jaw_wanted_m = opening_m / 2
-        self.wanted = Setpoint.at_rest(np.array(tip), yaw_rad)
+        tip = self.kinematics.tip(joints)
+        self.wanted = Setpoint.at_rest(tip.position, tip.rotation, joints)
 
     def tip(self) -> TipPose:
         """Return where the tip is."""
@@ -192,7 +186,7 @@ class SimulatedArm:
         )
         angles = np.array([state[0] for state in states])
         rates = np.array([state[1] for state in states])
-        upwards_n = self.payload_kg * GRAVITY_M_PER_S2 - self.press_n
+        lift_n = np.array([0.0, 0.0, self.payload_kg * GRAVITY_M_PER_S2])
         found = torques(
             self.dynamics.terms(angles, rates),
             angles[:7],
@@ -200,7 +194,8 @@ class SimulatedArm:
             self.tip(),
             self.wanted,
             stiffness_per_s2=self.settings.stiffness_per_s2,
-            force_n=np.array([0.0, 0.0, upwards_n]),
+            force_n=lift_n + self.press_n,
+            limit_nm=self._limit_nm,
         )
         pybullet.setJointMotorControlArray(
             self.number,
@@ -267,14 +262,16 @@ class SimulatedArm:
     def _follow_by_position(self) -> None:
         assert self.wanted is not None
         x, y, z = self.wanted.position.tolist()
-        self._joints = follow((x, y, z), self.wanted.yaw_rad, self.base, self._joints)
-        limits = list(panda.JOINT_TORQUE_NM)
+        found = self.kinematics.follow((x, y, z), self.wanted.rotation, self._joints)
+        if found is None:
+            raise unreachable((x, y, z), self.wanted.rotation)
+        self._joints = found
         pybullet.setJointMotorControlArray(
             self.number,
             ARM_JOINTS,
             pybullet.POSITION_CONTROL,
             targetPositions=self._joints.tolist(),
-            forces=limits,
+            forces=self._limit_nm.tolist(),
             positionGains=[_POSITION_GAIN] * 7,
             physicsClientId=self.world.client,
         )

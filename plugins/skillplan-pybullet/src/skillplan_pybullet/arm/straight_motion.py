@@ -8,11 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan_pybullet.arm.rotations import of_vector
+
 Vector = NDArray[np.float64]
 
 # Of the profile of least jerk: its highest speed and acceleration, by mean speed and duration.
-_PEAK_SPEED = 1.875
-_PEAK_ACCELERATION = 10 / math.sqrt(3)
+PEAK_SPEED = 1.875
+PEAK_ACCELERATION = 10 / math.sqrt(3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,53 +23,82 @@ class Setpoint:
 
     Parameters
     ----------
-    position, velocity
-        [m], [m/s], shape (3,).
-    yaw_rad, yaw_rate_rad_per_s
-        Direction in which the jaws close, and its rate.
-    acceleration
-        [m/s2], shape (3,).
+    position, velocity, acceleration
+        [m], [m/s], [m/s2], shape (3,).
+    rotation
+        How the hand is turned, shape (3, 3).
+    spin_rad_per_s
+        How fast it turns about the world's axes, shape (3,).
+    posture
+        Joint angles that the arm is drawn to as far as the tip is not moved by it, shape
+        (joints,) [rad].
     """
 
     position: Vector
+    rotation: Vector
+    posture: Vector
     velocity: Vector
-    yaw_rad: float
-    yaw_rate_rad_per_s: float
+    spin_rad_per_s: Vector
     acceleration: Vector
 
     @classmethod
-    def at_rest(cls, position: Vector, yaw_rad: float) -> Setpoint:
+    def at_rest(cls, position: Vector, rotation: Vector, posture: Vector) -> Setpoint:
         """Return a setpoint that does not move."""
-        return cls(position, np.zeros(3), yaw_rad, 0.0, np.zeros(3))
+        return cls(position, rotation, posture, np.zeros(3), np.zeros(3), np.zeros(3))
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """The profile of least jerk: the share of a move that is done, its rate and its change.
+
+    Parameters
+    ----------
+    duration_s
+        How long the move takes [s], > 0.
+    """
+
+    duration_s: float
+
+    def at(self, time_s: float) -> tuple[float, float, float]:
+        """Return share [-], rate [1/s] and change of the rate [1/s2] after some time."""
+        fraction = min(max(time_s / self.duration_s, 0.0), 1.0)
+        share = fraction**3 * (10 - 15 * fraction + 6 * fraction**2)
+        rate = 30 * fraction**2 * (1 - fraction) ** 2 / self.duration_s
+        change = 60 * fraction * (1 - fraction) * (1 - 2 * fraction) / self.duration_s**2
+        return share, rate, change
 
 
 @dataclass(frozen=True, slots=True)
 class StraightMotion:
-    """A straight move along the profile of least jerk.
+    """A straight move of the tip, turned about one axis meanwhile.
 
     Parameters
     ----------
-    start, end
-        Positions [m], shape (3,).
-    start_yaw_rad, end_yaw_rad
-        How the hand is turned [rad].
-    duration_s
-        How long it takes [s], > 0.
+    start
+        Where it begins.
+    end
+        Position [m], shape (3,).
+    turn_rad
+        By how much the hand is turned, as a rotation vector of any length [rad], shape (3,).
+    posture
+        Of the arm in the end [rad].
+    profile
+        How it goes on.
     """
 
-    start: Vector
+    start: Setpoint
     end: Vector
-    start_yaw_rad: float
-    end_yaw_rad: float
-    duration_s: float
+    turn_rad: Vector
+    posture: Vector
+    profile: Profile
 
     @classmethod
     def between(
         cls,
-        start: Vector,
+        start: Setpoint,
         end: Vector,
-        start_yaw_rad: float,
-        end_yaw_rad: float,
+        turn_rad: Vector,
+        posture: Vector,
         *,
         speed_m_per_s: float,
         acceleration_m_per_s2: float,
@@ -77,36 +108,40 @@ class StraightMotion:
 
         Parameters
         ----------
-        start, end
-            Positions [m], shape (3,).
-        start_yaw_rad, end_yaw_rad
-            How the hand is turned [rad].
+        start, end, turn_rad, posture
+            See the class.
         speed_m_per_s, acceleration_m_per_s2
             Limits of the tip [m/s], [m/s2], > 0.
         speed_rad_per_s
             Limit of the hand's turning [rad/s], > 0.
         """
-        distance_m = float(np.linalg.norm(end - start))
-        turn_rad = abs(end_yaw_rad - start_yaw_rad)
+        distance_m = float(np.linalg.norm(end - start.position))
         duration_s = max(
-            _PEAK_SPEED * distance_m / speed_m_per_s,
-            math.sqrt(_PEAK_ACCELERATION * distance_m / acceleration_m_per_s2),
-            _PEAK_SPEED * turn_rad / speed_rad_per_s,
+            PEAK_SPEED * distance_m / speed_m_per_s,
+            math.sqrt(PEAK_ACCELERATION * distance_m / acceleration_m_per_s2),
+            PEAK_SPEED * float(np.linalg.norm(turn_rad)) / speed_rad_per_s,
             1e-3,
         )
-        return cls(start, end, start_yaw_rad, end_yaw_rad, duration_s)
+        return cls(start, end, turn_rad, posture, Profile(duration_s))
+
+    @property
+    def duration_s(self) -> float:
+        """How long it takes [s]."""
+        return self.profile.duration_s
 
     def at(self, time_s: float) -> Setpoint:
         """Return the setpoint after some time; the end from the duration on."""
-        fraction = min(max(time_s / self.duration_s, 0.0), 1.0)
-        share = fraction**3 * (10 - 15 * fraction + 6 * fraction**2)
-        rate = 30 * fraction**2 * (1 - fraction) ** 2 / self.duration_s
-        change = 60 * fraction * (1 - fraction) * (1 - 2 * fraction) / self.duration_s**2
-        path, turn = self.end - self.start, self.end_yaw_rad - self.start_yaw_rad
+        share, rate, change = self.profile.at(time_s)
+        start = self.start
+        path = self.end - start.position
+        turned = start.rotation
+        if self.turn_rad.any():
+            turned = of_vector(share * self.turn_rad) @ turned
         return Setpoint(
-            self.start + share * path,
+            start.position + share * path,
+            turned,
+            start.posture + share * (self.posture - start.posture),
             rate * path,
-            self.start_yaw_rad + share * turn,
-            rate * turn,
+            rate * self.turn_rad,
             change * path,
         )

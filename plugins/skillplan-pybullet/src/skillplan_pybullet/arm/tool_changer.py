@@ -7,18 +7,19 @@ hand is out of collision and out of sight.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from skillplan.task.motion import Point
 from skillplan.task.scene import Pose, Scene, Tool, ToolKind
 from skillplan_pybullet.arm.hand_shapes import tool_body
+from skillplan_pybullet.arm.rotations import pose_of
 from skillplan_pybullet.arm.simulated_arm import ROBOT, SimulatedArm
 from skillplan_pybullet.simulator.world import World
 
 # Couplings that are farther apart do not engage [m].
 _MISALIGNED_M = 0.002
+# A tool's z is against the hand's.
+_BACKWARDS = np.array([1.0, 1.0, -1.0])
 
 
 class ToolChanger:
@@ -58,11 +59,13 @@ class ToolChanger:
             names.append(self.tool.name)
         return names
 
-    def upright_tip(self) -> Pose:
-        """Return the pose of a body that stands upright at the tip, turned as the hand."""
-        pose = self.arm.tip()
-        x, y, z = pose.position.tolist()
-        return Pose.upright((x, y, z), math.atan2(pose.rotation[1, 1], pose.rotation[0, 1]))
+    def tool_pose(self) -> Pose:
+        """Return the pose of a body whose origin is the tip and whose z leads back to the flange.
+
+        It stands upright where the hand points down; its x is along the closing axis.
+        """
+        tip = self.arm.tip()
+        return pose_of(tip.position, tip.rotation[:, [1, 0, 2]] * _BACKWARDS)
 
     def detach(self) -> None:
         """Leave the tool in its dock."""
@@ -97,7 +100,7 @@ class ToolChanger:
             self.world.release(self._docked.pop(tool.name))
             self.world.withdraw(tool.name, [])
         else:
-            self.world.add(body, self.upright_tip(), len(self.world.bodies))
+            self.world.add(body, self.tool_pose(), len(self.world.bodies))
         self.world.part(tool.name, [ROBOT])
         self._bond = self.arm.grip(tool.name)
         self.load_kg = body.mass_kg

@@ -49,6 +49,9 @@ class ContactLog:
         self.expected: set[Pair] = set()
         # Bodies that may touch anything: what was let go, or is being driven.
         self.free: set[str] = set()
+        # What is pushed in, and how strongly what it goes into resists in every frame since [N].
+        self.inserted: str | None = None
+        self.resistance_n: list[float] = []
         # Constraints whose force on a body is a contact's as well, such as a suction cup's.
         self.cups: dict[str, int] = {}
         self.last_pairs: dict[Pair, float] = {}
@@ -66,6 +69,11 @@ class ContactLog:
         }
         self._origin = {name: np.array(pose.position) for name, pose in self.stood.items()}
         self.moved = {name: [] for name in self._origin}
+
+    def insert(self, name: str) -> None:
+        """Take what a body touches from now on as what it goes into, and note how strongly."""
+        self.free.add(name)
+        self.inserted = name
 
     def phase(self, label: str) -> None:
         """Note what the robot is at from now on."""
@@ -101,6 +109,9 @@ class ContactLog:
             if len(values) < self.frames:
                 values.append(0.0)
         self.last_pairs = pairs
+        if self.inserted is not None:
+            into = set(self.world.others(self.inserted)) - {self.inserted}
+            self.resistance_n.append(self.pressing_n({self.inserted}, into))
 
     def pressing_n(self, ones: Iterable[str], others: Iterable[str]) -> float:
         """Return the normal force between two groups of bodies in the last frame [N]."""

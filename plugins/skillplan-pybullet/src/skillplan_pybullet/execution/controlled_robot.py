@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
 from skillplan.task.motion import Point
 from skillplan.task.scene import Scene, Tool
+from skillplan_pybullet.arm.hand_turns import ArmMotion
+from skillplan_pybullet.arm.joint_motion import JointMotion, turned_on_the_way
+from skillplan_pybullet.arm.kinematics import Vector
+from skillplan_pybullet.arm.rotations import points_down, turn_between
 from skillplan_pybullet.arm.simulated_arm import HAND, LINK_NAMES, ROBOT, SimulatedArm
 from skillplan_pybullet.arm.straight_motion import StraightMotion
 from skillplan_pybullet.arm.tool_changer import ToolChanger
@@ -21,6 +26,8 @@ _STUCK_M = 0.012
 _LEVEL_M = 1e-6
 # No skill takes so many simulation steps.
 _MOST_STEPS = 200_000
+STILL: Vector = np.zeros(3)
+"""A hand that is not turned."""
 
 
 class StuckError(Exception):
@@ -125,8 +132,17 @@ class ControlledRobot:
                 raise StuckError
         self.every_step()
 
-    def move(self, end: Point, yaw_rad: float) -> None:
+    def move(self, end: Point, posture: Vector | None = None, turn_rad: Vector = STILL) -> None:
         """Move the tip straight to a point.
+
+        Parameters
+        ----------
+        end
+            Where to [m].
+        posture
+            Of the arm there [rad]; the one it is drawn to by default.
+        turn_rad
+            By how much the hand is turned meanwhile, as a rotation vector [rad], shape (3,).
 
         Raises
         ------
@@ -135,34 +151,71 @@ class ControlledRobot:
         """
         here = self.arm.wanted
         assert here is not None
-        motion = StraightMotion.between(
-            here.position,
-            np.array(end),
-            here.yaw_rad,
-            yaw_rad,
-            speed_m_per_s=self.settings.speed_m_per_s,
-            acceleration_m_per_s2=self.settings.acceleration_m_per_s2,
+        self._go(
+            StraightMotion.between(
+                here,
+                np.array(end),
+                turn_rad,
+                here.posture if posture is None else posture,
+                speed_m_per_s=self.settings.speed_m_per_s,
+                acceleration_m_per_s2=self.settings.acceleration_m_per_s2,
+            )
         )
+
+    def transfer(self, planned: ArmMotion) -> None:
+        """Move the tip to where a motion begins, no lower than the higher of the two.
+
+        A hand that points down goes straight, and keeps doing so; another way of turning is
+        gone in joint space.
+
+        Raises
+        ------
+        StuckError
+            If something blocks it.
+        """
+        here = self.arm.wanted
+        assert here is not None
+        end, posture = planned.motion.above, planned.approach[0]
+        x_m, y_m, z_m = here.position.tolist()
+        if not (planned.points_down and points_down(here.rotation)):
+            if z_m < end[2] - _LEVEL_M:
+                self.move((x_m, y_m, end[2]))
+            self._swing(posture)
+            return
+        turn_rad = self._turn_to(planned)
+        if z_m < end[2] - _LEVEL_M:
+            self.move((x_m, y_m, end[2]))
+        elif z_m > end[2] + _LEVEL_M:
+            self.move((end[0], end[1], z_m), posture, turn_rad)
+            turn_rad = STILL
+        self.move(end, posture, turn_rad)
+
+    def _turn_to(self, planned: ArmMotion) -> Vector:
+        """Return by how much a hand that points down turns on a travel, as the wrist can [rad]."""
+        assert self.arm.wanted is not None
+        shortest = turn_between(self.arm.wanted.rotation, planned.rotation)[2]
+        wrist = turned_on_the_way(
+            self.arm.kinematics, np.array(self.arm.joints_rad()), planned.approach[0]
+        )
+        turns = round((wrist - float(shortest)) / (2 * math.pi))
+        return np.array([0.0, 0.0, shortest + 2 * math.pi * turns])
+
+    def _swing(self, posture: Vector) -> None:
+        """Move to a posture, straight in joint space."""
+        self._go(
+            JointMotion.between(
+                self.arm.kinematics,
+                np.array(self.arm.joints_rad()),
+                posture,
+                speed_m_per_s=self.settings.speed_m_per_s,
+                acceleration_m_per_s2=self.settings.acceleration_m_per_s2,
+            )
+        )
+
+    def _go(self, motion: StraightMotion | JointMotion) -> None:
         for step in range(1, int(motion.duration_s / STEP_S) + 2):
             self.arm.wanted = motion.at(step * STEP_S)
             self.step()
-
-    def transfer(self, end: Point, yaw_rad: float) -> None:
-        """Move the tip to a point above another target, no lower than the higher of the two.
-
-        Raises
-        ------
-        StuckError
-            If something blocks it.
-        """
-        here = self.arm.wanted
-        assert here is not None
-        x_m, y_m, z_m = here.position.tolist()
-        if z_m < end[2] - _LEVEL_M:
-            self.move((x_m, y_m, end[2]), here.yaw_rad)
-        elif z_m > end[2] + _LEVEL_M:
-            self.move((end[0], end[1], z_m), yaw_rad)
-        self.move(end, yaw_rad)
 
     def _check_sanity(self) -> None:
         if not (self.world.is_sane() and np.isfinite(self.arm.tip_error_m())):

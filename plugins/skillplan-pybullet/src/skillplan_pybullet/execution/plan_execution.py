@@ -21,8 +21,8 @@ from skillplan.task.scene import Pose
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
-from skillplan_pybullet.arm.hand_turns import Posture
-from skillplan_pybullet.arm.panda_kinematics import UnreachableError
+from skillplan_pybullet.arm.kinematics import UnreachableError
+from skillplan_pybullet.arm.rotations import pointing_down
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.execution.contact_log import STEPS_PER_FRAME
 from skillplan_pybullet.execution.controlled_robot import StuckError
@@ -113,7 +113,7 @@ class _PlanExecution:
         self.show, self.note = observers.show, observers.note
         self.task = workcell.task
         self.robot = self.task.scene.robots[0]
-        self.arm = SimulatedArm(world, self.robot.base, workcell.settings)
+        self.arm = SimulatedArm(world, self.robot, workcell.settings)
         frames_per_s = observers.frames_per_s
         self.every = STEPS_PER_S / frames_per_s if frames_per_s and self.show else None
         self.shown = 0
@@ -124,7 +124,8 @@ class _PlanExecution:
         state = self.task.initial
         _, home = self.robot.place(state)
         try:
-            self.arm.stand(home, _HOME_YAW_RAD, panda.OPENING_M / 2)
+            joints = self.arm.kinematics.reach(home, pointing_down(_HOME_YAW_RAD))
+            self.arm.stand(joints, panda.OPENING_M / 2)
         except UnreachableError as error:
             none = self.task.facts.none
             verdict = Verdict.infeasible(f"before it begins: {error}", none, none)
@@ -134,6 +135,7 @@ class _PlanExecution:
             placement = body.placement(state)
             if placement is not None and placement.solid:
                 self.world.add(body, placement.pose, index)
+                self.workcell.fastenings.fasten(self.world, [(body.name, placement)])
         runner = SkillRunner(
             self.world,
             self.arm,
@@ -176,14 +178,17 @@ class _PlanExecution:
             return Verdict.feasible(facts.none, facts.none)
         motions = linear_motions(self.task, skill, state, self.workcell.settings.drop_height_m)
         runner = self.runner
-        runner.begin(motions, state)
+        try:
+            planned = [self.workcell.turns.arm_motion(motion) for motion in motions]
+        except UnreachableError as error:
+            return Verdict.infeasible(str(error), facts.none, facts.none)
+        runner.begin(planned, state)
         # The frames of a log are the rows of the trace.
         begin_s = (self.world.steps // STEPS_PER_FRAME + 1) / FRAMES_PER_S
         try:
-            for motion in motions:
-                yaw_rad = self.workcell.turns.towards(motion, self._posture()).yaw_rad
-                runner.travel(motion, yaw_rad)
-                runner.run(motion, yaw_rad)
+            for one in planned:
+                runner.travel(one)
+                runner.run(one)
         except (UpsetError, np.linalg.LinAlgError) as error:
             return Verdict.unknown(str(error))
         except UnreachableError as error:
@@ -203,10 +208,6 @@ class _PlanExecution:
             return verdict
         evidence = {**verdict.evidence, **collision.evidence}
         return Verdict.infeasible(collision.reason, evidence=evidence)
-
-    def _posture(self) -> Posture:
-        assert self.arm.wanted is not None
-        return Posture(np.array(self.arm.joints_rad()), self.arm.wanted.yaw_rad)
 
     def _every_step(self) -> None:
         steps = self.world.steps

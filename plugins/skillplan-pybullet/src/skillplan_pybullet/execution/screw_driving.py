@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from skillplan.task.scene import Pose
+from skillplan.physics.linear_motions import LinearMotion
+from skillplan.task.pose import DOWN, same_direction
+from skillplan_pybullet.arm.rotations import Vector, of_quaternion, pose_of
 from skillplan_pybullet.execution.contact_log import STEPS_PER_FRAME
 from skillplan_pybullet.execution.controlled_robot import ControlledRobot
 from skillplan_pybullet.simulator.world import STEP_S, TABLE
@@ -23,29 +25,41 @@ _PRESS_SPEED_M_PER_S = 0.004
 _HELD_SCREW_KG = 0.1
 
 
-def put_at_bit(robot: ControlledRobot, screw: str) -> None:
-    """Put a screw at the bit, unless it is there already."""
+def put_at_bit(robot: ControlledRobot, driven: LinearMotion, turned: Vector) -> None:
+    """Put a screw at the bit, unless it is there already.
+
+    Parameters
+    ----------
+    robot
+        With a screwdriver.
+    driven
+        The motion that drives the screw, now or later.
+    turned
+        How the hand is turned in that, shape (3, 3).
+    """
+    screw = driven.visit.subject
     if robot.carried == screw:
         return
-    world, body = robot.world, robot.scene.body(screw)
-    x, y, z = robot.tools.upright_tip().position
-    world.add(body, Pose((x, y, z - body.height_m)), len(world.bodies))
+    world, body, tip = robot.world, robot.scene.body(screw), robot.arm.tip()
+    # As it will be in its hole once it is driven.
+    in_hand = turned.T @ of_quaternion(driven.visit.pose.orientation)
+    rotation = tip.rotation @ in_hand
+    end = tip.position - body.height_m * rotation[:, 2]
+    world.add(body, pose_of(end, rotation), len(world.bodies))
     world.weigh(screw, _HELD_SCREW_KG)
     robot.bind(screw)
     robot.carry(screw)
 
 
-def drive(robot: ControlledRobot, screw: str, contact_m: float) -> None:
+def drive(robot: ControlledRobot, motion: LinearMotion) -> None:
     """Feel for the hole's mouth and press, the force measured over the last half; let go then.
 
     Parameters
     ----------
     robot
-        With the screw at its bit, above the hole.
-    screw
-        Its name.
-    contact_m
-        At what height of the tip the screw touches [m].
+        With the screw at its bit, outside the hole.
+    motion
+        The one that drives it; at its tip the screw touches.
 
     Raises
     ------
@@ -54,39 +68,44 @@ def drive(robot: ControlledRobot, screw: str, contact_m: float) -> None:
     """
     world, arm, settings = robot.world, robot.arm, robot.settings
     assert arm.wanted is not None
+    screw, along = motion.visit.subject, np.array(motion.visit.along)
     drivers = {screw, *robot.tools.robot_parts}
     through = {name for name in (*world.bodies, TABLE) if name not in drivers}
     # It lands on whatever is there; what else the robot touches meanwhile is not meant to be.
     robot.log.free.add(screw)
-    x, y, z = arm.wanted.position.tolist()
-    lowest = contact_m - settings.press_travel_m
-    while z > lowest and robot.log.pressing_n({screw}, through) < _FELT_N:
-        z -= _FEEL_SPEED_M_PER_S * STEP_S
-        arm.wanted = replace(arm.wanted, position=np.array([x, y, z]), velocity=np.zeros(3))
+    contact = np.array(motion.tip)
+    depth = float(along @ (arm.wanted.position - contact))
+    while depth < settings.press_travel_m and robot.log.pressing_n({screw}, through) < _FELT_N:
+        depth += _FEEL_SPEED_M_PER_S * STEP_S
+        _hold(robot, contact + depth * along)
         robot.step()
-    arm.press_n = settings.press_force_n
+    arm.press_n = settings.press_force_n * along
     readings = []
     steps = round(_PRESS_S / STEP_S)
     for step in range(steps):
-        z = _pressing_height_m(robot, z, robot.log.pressing_n({screw}, through))
-        arm.wanted = replace(arm.wanted, position=np.array([x, y, z]))
+        if settings.control == "osc":
+            # A force is commanded, and the depth yields to it.
+            depth = float(along @ (arm.tip().position - contact))
+        elif robot.log.pressing_n({screw}, through) < settings.press_force_n:
+            depth += _PRESS_SPEED_M_PER_S * STEP_S
+        _hold(robot, contact + depth * along)
         robot.step()
         if step >= steps // 2 and step % STEPS_PER_FRAME == 0:
             readings.append(robot.log.pressing_n({screw}, through))
-    arm.press_n = 0.0
+    arm.press_n = np.zeros(3)
     robot.sensed["fastening_force_n"] = float(np.mean(readings))
     robot.unbind()
+    if not same_direction(motion.visit.along, DOWN):
+        # Its thread holds it, where it would otherwise fall.
+        bearing = world.nearest(screw, through)
+        if bearing is not None:
+            world.fasten(screw, bearing)
     world.weigh(screw, robot.scene.body(screw).mass_kg)
     robot.carry(None)
 
 
-def _pressing_height_m(robot: ControlledRobot, height_m: float, felt_n: float) -> float:
-    """Return at what height the tip is to be while it presses [m].
-
-    Under operational-space control a force is commanded, and the height yields to it;
-    position control is lowered until as much is felt.
-    """
-    if robot.settings.control == "osc":
-        return float(robot.arm.tip().position[2])
-    short = felt_n < robot.settings.press_force_n
-    return height_m - _PRESS_SPEED_M_PER_S * STEP_S if short else height_m
+def _hold(robot: ControlledRobot, position: Vector) -> None:
+    """Have the tip be at a point, not moving."""
+    wanted = robot.arm.wanted
+    assert wanted is not None
+    robot.arm.wanted = replace(wanted, position=position, velocity=np.zeros(3))

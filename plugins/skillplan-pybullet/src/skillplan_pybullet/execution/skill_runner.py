@@ -7,10 +7,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.linear_motions import LinearMotion, grasp_of
+from skillplan.physics.linear_motions import LinearMotion, visited_grasp
+from skillplan.task.grasp import Grasp, GraspKind
 from skillplan.task.motion import Event, Point
-from skillplan.task.scene import WORLD, Body, GraspKind, Pose, Scene, Tool
+from skillplan.task.pose import plus
+from skillplan.task.scene import WORLD, Scene, Tool
 from skillplan.task.state import State
+from skillplan_pybullet.arm.hand_turns import ArmMotion
+from skillplan_pybullet.arm.rotations import Vector, of_quaternion, pose_of
 from skillplan_pybullet.arm.simulated_arm import JAW_SPEED_M_PER_S, SimulatedArm
 from skillplan_pybullet.execution.controlled_robot import ControlledRobot
 from skillplan_pybullet.execution.screw_driving import FEEL_FROM_M, drive, put_at_bit
@@ -43,8 +47,10 @@ class SkillRunner(ControlledRobot):
         super().__init__(world, arm, scene, settings, tool, every_step)
         # Constraints that hold what a feeder hands out.
         self._kept: dict[str, int] = {}
+        # Of the current skill.
+        self._motions: tuple[ArmMotion, ...] = ()
 
-    def begin(self, motions: Sequence[LinearMotion], state: State) -> None:
+    def begin(self, motions: Sequence[ArmMotion], state: State) -> None:
         """Have feeders hand out what a skill takes, and log its contacts from now on.
 
         Every execution of a skill begins here, by itself or in a whole plan: what touches now is
@@ -57,7 +63,8 @@ class SkillRunner(ControlledRobot):
         state
             Where it starts.
         """
-        handled = {motion.visit.subject for motion in motions}
+        self._motions = tuple(motions)
+        handled = {planned.motion.visit.subject for planned in motions}
         for subject in sorted(handled):
             self.bring_out(subject, state)
         self.watch(handled)
@@ -77,81 +84,98 @@ class SkillRunner(ControlledRobot):
         self.world.part(subject, self.world.others(subject))
         self._kept[subject] = self.world.hold(subject)
 
-    def take(self, body: Body, yaw_rad: float) -> None:
-        """Put a body into the hand as if it had been picked up before."""
-        grasp = grasp_of(body)
-        tip = self.arm.tip().position
-        cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-        x, y, z = grasp.tip
-        origin: Point = (
-            float(tip[0] - cos * x + sin * y),
-            float(tip[1] - sin * x - cos * y),
-            float(tip[2] - z - self._gap_m(body.name)),
-        )
-        if body.name not in self.world.numbers:
-            self.world.add(body, Pose.upright(origin, yaw_rad), len(self.world.bodies))
-        self.carry(body.name)
+    def take(self, planned: ArmMotion) -> None:
+        """Put what a motion leaves into the hand, as if it had been picked up before."""
+        motion = planned.motion
+        subject, visit = motion.visit.subject, motion.visit
+        grasp = self._held(motion)
+        tip = self.arm.tip()
+        # In the hand as it will be where it belongs, but for the gap of a cup.
+        turned = tip.rotation @ planned.rotation.T
+        rotation = turned @ of_quaternion(visit.pose.orientation)
+        away = np.array(grasp.tip)
+        origin = tip.position - rotation @ away + self._gap_m(motion) * tip.rotation[:, 2]
+        if subject not in self.world.numbers:
+            body = self.scene.body(subject)
+            self.world.add(body, pose_of(origin, rotation), len(self.world.bodies))
+        self.carry(subject)
         if grasp.kind is GraspKind.SUCTION or not self.tools.has_jaws:
-            self.bind(body.name)
+            self.bind(subject)
             return
-        helping = self.arm.grip(body.name)
+        helping = self.arm.grip(subject)
         self.arm.close()
         self.wait(self._jaws_s + _GRIP_S)
         self.world.release(helping)
 
-    def travel(self, motion: LinearMotion, yaw_rad: float) -> None:
-        """Move to above a motion's target, the hand turned so [rad], and the jaws meanwhile.
+    def travel(self, planned: ArmMotion) -> None:
+        """Move to where a motion begins, and the jaws meanwhile.
 
         Raises
         ------
         StuckError
             If something blocks the arm.
         """
-        subject = motion.visit.subject
-        self.log.phase(f"the travel to {subject}")
-        if motion.visit.event is Event.GRASP and self._jaws_take_s(subject):
-            self.arm.open(self._opening_for(subject))
-        self.transfer(motion.above, yaw_rad)
+        motion = planned.motion
+        self.log.phase(f"the travel to {motion.visit.subject}")
+        if motion.visit.event is Event.GRASP and self._jaws_take_s(motion):
+            self.arm.open(self._opening_for(motion))
+        self.transfer(planned)
 
-    def run(self, motion: LinearMotion, yaw_rad: float) -> None:
-        """Execute an approach-act-retreat motion from above its target, the hand turned so [rad].
+    def run(self, planned: ArmMotion) -> None:
+        """Execute an approach-act-retreat motion from where it begins.
 
         Raises
         ------
         StuckError
             If something blocks the arm.
         """
+        motion = planned.motion
         subject, event = motion.visit.subject, motion.visit.event
-        x_m, y_m, z_m = motion.tip
         if event is Event.DRIVE:
-            put_at_bit(self, subject)
-            z_m += FEEL_FROM_M
-        elif event in (Event.LOAD, Event.OFFLOAD):
-            z_m += _DOCK_GAP_M
+            put_at_bit(self, motion, planned.rotation)
         elif event is Event.GRASP:
-            self.arm.open(self._opening_for(subject))
+            self.arm.open(self._opening_for(motion))
             # What was handled before may have left them closer, or wider.
-            self.wait(self._jaws_take_s(subject))
-            z_m += self._gap_m(subject)
-        elif event is Event.RELEASE:
-            z_m += self._gap_m(subject)
+            self.wait(self._jaws_take_s(motion))
         self.log.phase(f"the approach to {subject}")
-        self.move((x_m, y_m, z_m), yaw_rad)
+        stretches = list(zip(motion.approach[1:], planned.approach[1:], strict=True))
+        for point, posture in stretches[:-1]:
+            self.move(point, posture)
+        _, posture = stretches[-1]
+        if len(stretches) > 1 and event is Event.RELEASE:
+            self.log.phase(f"the insertion of {subject}")
+            self.log.insert(subject)
+        self.move(plus(motion.tip, self._stops_along(motion), -self._stops_m(motion)), posture)
         self.sensed["tip_error_m"] = self.arm.tip_error_m()
+        self.log.inserted = None
         self._act(motion)
         self.log.phase(f"the retreat from {subject}")
-        self.move(motion.above, yaw_rad)
+        for point, posture in zip(motion.retreat[1:], planned.retreat[1:], strict=True):
+            self.move(point, posture)
         if event in (Event.RELEASE, Event.DRIVE):
             self.world.join(subject, self.tools.robot_parts)
+
+    def _stops_m(self, motion: LinearMotion) -> float:
+        """Return how far from where it acts the tip stops [m]."""
+        event = motion.visit.event
+        if event is Event.DRIVE:
+            return FEEL_FROM_M
+        if event in (Event.LOAD, Event.OFFLOAD):
+            return _DOCK_GAP_M
+        return self._gap_m(motion) if event in (Event.GRASP, Event.RELEASE) else 0.0
+
+    def _stops_along(self, motion: LinearMotion) -> Point:
+        """Return the direction in which that is."""
+        return motion.visit.along if motion.visit.event is Event.DRIVE else motion.points
 
     def _act(self, motion: LinearMotion) -> None:
         subject, event = motion.visit.subject, motion.visit.event
         if event is Event.GRASP:
             self.log.phase(f"the grasp of {subject}")
-            self._grasp(subject)
+            self._grasp(motion)
         elif event is Event.RELEASE:
             self.log.phase(f"the release of {subject}")
-            self._release(subject)
+            self._release(motion)
         elif event is Event.OFFLOAD:
             self.log.phase(f"the return of {subject}")
             self.tools.detach()
@@ -160,8 +184,7 @@ class SkillRunner(ControlledRobot):
             self.sensed["tool_attached"] = "none"
         elif event is Event.LOAD:
             self.log.phase(f"the coupling of {subject}")
-            x_m, y_m, z_m = motion.tip
-            dock = (x_m, y_m, z_m + _DOCK_GAP_M)
+            dock = plus(motion.tip, motion.points, -_DOCK_GAP_M)
             self.sensed["coupling_error_m"] = self.tools.couple(subject, dock)
             self.carry(self.carried)
             self.wait(_SUCTION_S)
@@ -169,11 +192,11 @@ class SkillRunner(ControlledRobot):
             self.sensed["tool_attached"] = "none" if attached is None else attached.name
         elif event is Event.FETCH:
             self.log.phase(f"the fetching of {subject}")
-            put_at_bit(self, subject)
+            put_at_bit(self, *self._driven(motion))
             self.wait(_SUCTION_S)
         else:
             self.log.phase(f"the driving of {subject}")
-            drive(self, subject, motion.tip[2])
+            drive(self, motion)
             self.wait(_SUCTION_S)
 
     @property
@@ -181,25 +204,35 @@ class SkillRunner(ControlledRobot):
         """How long the jaws take across their clearance [s]."""
         return self.settings.clearance_m / JAW_SPEED_M_PER_S
 
-    def _jaws_take_s(self, subject: str) -> float:
+    def _driven(self, fetched: LinearMotion) -> tuple[LinearMotion, Vector]:
+        """Return the motion that drives what is fetched, and how the hand is turned in it."""
+        for planned in self._motions:
+            visit = planned.motion.visit
+            if visit.event is Event.DRIVE and visit.subject == fetched.visit.subject:
+                return planned.motion, planned.rotation
+        return fetched, self.arm.tip().rotation
+
+    def _jaws_take_s(self, motion: LinearMotion) -> float:
         """Return how long the jaws still take to be as wide as a part wants them [s]."""
         if not self.tools.has_jaws:
             return 0.0
-        away_m = abs(self._opening_for(subject) - self.arm.jaw_width_m()) / 2
+        away_m = abs(self._opening_for(motion) - self.arm.jaw_width_m()) / 2
         return away_m / JAW_SPEED_M_PER_S if away_m > _JAWS_PLAY_M else 0.0
 
-    def _gap_m(self, subject: str) -> float:
-        """Return how far above a part the rim of a cup stops [m]."""
-        is_cup = grasp_of(self.scene.body(subject)).kind is GraspKind.SUCTION
-        return _CUP_GAP_M if is_cup else 0.0
+    def _held(self, motion: LinearMotion) -> Grasp:
+        """Return how a motion holds what it handles."""
+        return visited_grasp(self.scene.body(motion.visit.subject), motion.visit)
 
-    def _opening_for(self, subject: str) -> float:
-        grasp = grasp_of(self.scene.body(subject))
-        return jaw_opening_m(grasp, self.settings.clearance_m, self.tools.tool)
+    def _gap_m(self, motion: LinearMotion) -> float:
+        """Return how far from a part the rim of a cup stops [m]."""
+        return _CUP_GAP_M if self._held(motion).kind is GraspKind.SUCTION else 0.0
 
-    def _grasp(self, subject: str) -> None:
-        body = self.scene.body(subject)
-        if grasp_of(body).kind is GraspKind.SUCTION or not self.tools.has_jaws:
+    def _opening_for(self, motion: LinearMotion) -> float:
+        return jaw_opening_m(self._held(motion), self.settings.clearance_m, self.tools.tool)
+
+    def _grasp(self, motion: LinearMotion) -> None:
+        subject = motion.visit.subject
+        if self._held(motion).kind is GraspKind.SUCTION or not self.tools.has_jaws:
             self.log.cups[subject] = self.bind(subject)
             self.wait(_SUCTION_S)
         else:
@@ -210,12 +243,13 @@ class SkillRunner(ControlledRobot):
             self.world.join(subject, self.world.others(subject))
         self.carry(subject)
 
-    def _release(self, subject: str) -> None:
+    def _release(self, motion: LinearMotion) -> None:
+        subject = motion.visit.subject
         self.log.free.add(subject)
         self.carry(None)
         if self._bond is not None:
             self.log.cups.pop(subject, None)
             self.unbind()
         else:
-            self.arm.open(self._opening_for(subject))
+            self.arm.open(self._opening_for(motion))
         self.wait(self._jaws_s + _LET_GO_S)

@@ -10,6 +10,7 @@ import numpy as np
 from skillplan.task.shape import Mesh
 from skillplan.task.state import State
 from skillplan.task.task import Task
+from skillplan_pybullet.execution.fastenings import Fastenings
 from skillplan_pybullet.execution.surroundings import Located, Neighbourhood, Surroundings
 from skillplan_pybullet.simulator.world import World
 
@@ -53,6 +54,7 @@ class SupportTrials:
 
     def __init__(self, task: Task, surroundings: Surroundings, friction: float) -> None:
         self.task, self.surroundings, self.friction = task, surroundings, friction
+        self.fastenings = Fastenings(task)
         self._known: dict[tuple[str, int], float] = {}
 
     def fallen(self, around: Neighbourhood, state: State) -> Fallen | None:
@@ -83,7 +85,9 @@ class SupportTrials:
         return None
 
     def _moved_m(self, one: Located, beneath: Neighbourhood) -> float:
-        is_simple = len(one.body.shapes) == 1 and not isinstance(one.body.shapes[0], Mesh)
+        is_simple = (
+            one.is_boxy and len(one.body.shapes) == 1 and not isinstance(one.body.shapes[0], Mesh)
+        )
         if is_simple and self.surroundings.stands_on_table(one) and len(beneath.bodies) == 1:
             return 0.0
         key = (one.body.name, beneath.present.bits)
@@ -91,6 +95,9 @@ class SupportTrials:
             with World(self.friction) as world:
                 for other in beneath.bodies:
                     world.add(other.body, other.placement.pose)
+                self.fastenings.fasten(
+                    world, ((other.body.name, other.placement) for other in beneath.bodies)
+                )
                 for _ in range(_STEPS):
                     world.step()
                 if not world.is_sane():

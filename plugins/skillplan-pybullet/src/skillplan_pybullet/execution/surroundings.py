@@ -7,24 +7,24 @@ the skill and of those facts.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_box, world_boxes
-from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.linear_motions import LinearMotion, grasp_of
-from skillplan.physics.tool_shapes import tool_shapes
-from skillplan.task.motion import Event, Point
-from skillplan.task.scene import WORLD, Body, Grasp, Placement, Pose
+from skillplan.collision.boxes import WorldBox, contact_area, sweep_hits, world_boxes
+from skillplan.physics.linear_motions import LinearMotion
+from skillplan.task.motion import Event
+from skillplan.task.scene import WORLD, Body, Placement
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pybullet.arm.hand_shapes import hand_boxes, tool_boxes, wrist_box
+from skillplan_pybullet.arm.hand_turns import ArmMotion
+from skillplan_pybullet.arm.kinematics import Vector
+from skillplan_pybullet.execution.sweeps import Sweeps
 
 # Two bodies that are this close may touch when the hand is off its path [m].
 MARGIN_M = 0.003
 _TOUCH_M = 2e-4
+_STILL = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +34,11 @@ class Located:
     body: Body
     placement: Placement
     boxes: tuple[WorldBox, ...]
+
+    @property
+    def is_boxy(self) -> bool:
+        """Whether the boxes about it say what it stands on, and what stands on it."""
+        return self.placement.pose.is_upright
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +81,6 @@ class Surroundings:
 
     def __init__(self, task: Task, clearance_m: float, press_travel_m: float) -> None:
         self.task = task
-        self.clearance_m, self.press_travel_m = clearance_m, press_travel_m
         self._located = tuple(
             Located(body, placement, world_boxes(body, placement.pose))
             for body in task.scene.bodies
@@ -87,8 +91,9 @@ class Surroundings:
             (one.body.name, one.placement.fact): tuple(self._beneath(one)) for one in self._located
         }
         self._near: dict[
-            tuple[str, tuple[LinearMotion, ...], Point | None], tuple[Located, ...]
+            tuple[str, tuple[LinearMotion, ...], tuple[float, ...] | None], tuple[Located, ...]
         ] = {}
+        self.sweeps = Sweeps(task, clearance_m, press_travel_m)
         lowest_m = min(robot.safe_height_m for robot in task.scene.robots) - MARGIN_M
         # Nothing that the arm moves hangs below the safe height between two places.
         self.transfer_matters = any(
@@ -96,7 +101,11 @@ class Surroundings:
         )
 
     def around(
-        self, skill: Skill, motions: Sequence[LinearMotion], state: State, here: Point | None = None
+        self,
+        skill: Skill,
+        planned: Sequence[ArmMotion],
+        state: State,
+        here: Vector | None = None,
     ) -> Neighbourhood:
         """Return what may matter to a skill in a state.
 
@@ -104,16 +113,18 @@ class Surroundings:
         ----------
         skill
             With a motion.
-        motions
-            Of the skill.
+        planned
+            How the arm follows the skill's motions.
         state
             Where it starts.
         here
-            Where the transfer motion begins [m]; None where nothing can block one.
+            The posture in which the travel to the first motion begins [rad]; None where nothing
+            can block one.
         """
-        key = (skill.name, tuple(motions), here)
+        motions = tuple(one.motion for one in planned)
+        key = (skill.name, motions, None if here is None else tuple(here.tolist()))
         if key not in self._near:
-            self._near[key] = tuple(self._close_to(motions, here))
+            self._near[key] = tuple(self._close_to(planned, here))
         handled = {motion.visit.subject for motion in motions}
         own = [
             one for one in self._located if one.body.name in handled and one.placement.fact in state
@@ -149,21 +160,28 @@ class Surroundings:
         floor_m = min(box.low[2] for box in one.boxes)
         feet = [box for box in one.boxes if box.low[2] - floor_m <= _TOUCH_M]
         for other in self._located:
-            if other.body.name != one.body.name and any(
-                contact_area(foot, top, _TOUCH_M) is not None
-                for foot in feet
-                for top in other.boxes
-            ):
+            if other.body.name == one.body.name:
+                continue
+            if one.is_boxy and other.is_boxy:
+                bears = any(
+                    contact_area(foot, top, _TOUCH_M) is not None
+                    for foot in feet
+                    for top in other.boxes
+                )
+            else:
+                # A box about what is turned says no more than that the two may touch.
+                bears = any(
+                    sweep_hits(box, _STILL, top, -_TOUCH_M)
+                    for box in one.boxes
+                    for top in other.boxes
+                )
+            if bears:
                 yield other
 
-    def _close_to(self, motions: Sequence[LinearMotion], here: Point | None) -> list[Located]:
+    def _close_to(self, planned: Sequence[ArmMotion], here: Vector | None) -> list[Located]:
         near: list[Located] = []
-        moving = [item for motion in motions for item in self._moving(motion)]
-        if here is not None:
-            for begin, motion in zip(
-                [here, *(one.above for one in motions)], motions, strict=False
-            ):
-                moving += self._transferred(begin, motion)
+        moving = self.sweeps.of_skill(planned, here)
+        motions = [one.motion for one in planned]
         spared = {
             motion.visit.subject for motion in motions if motion.visit.event is not Event.DRIVE
         }
@@ -189,63 +207,3 @@ class Surroundings:
                 )
             ]
         return near
-
-    def _moving(self, motion: LinearMotion) -> Iterator[tuple[WorldBox, Point]]:
-        """Yield what moves in a motion, at its lowest, and the displacement up from there."""
-        low_m = motion.tip[2]
-        by: Point = (0.0, 0.0, motion.above[2] - low_m)
-        tip: Point = motion.tip
-        yield world_box(wrist_box(), tip), by
-        if motion.visit.event in (Event.GRASP, Event.RELEASE):
-            body = self.task.scene.body(motion.visit.subject)
-            grasp = grasp_of(body)
-            yield from ((box, by) for box in self._hand(motion, grasp))
-            # Down to its goal, also where it is let go from above.
-            held = Pose.upright(motion.visit.position, motion.visit.yaw_rad)
-            yield from ((box, by) for box in world_boxes(body, held))
-            return
-        tool = motion.tool
-        for box in tool_boxes(tool):
-            yield world_box(box, tip, motion.closing_yaw_rad), by
-        if motion.visit.event is Event.LOAD:
-            loaded = next(
-                item
-                for robot in self.task.scene.robots
-                for item in robot.tools
-                if item.name == motion.visit.subject
-            )
-            for box in tool_boxes(loaded):
-                yield world_box(box, tip, motion.closing_yaw_rad), by
-        if motion.visit.event is Event.DRIVE:
-            screw = self.task.scene.body(motion.visit.subject)
-            # A hole is felt for beyond its mouth.
-            x_m, y_m, z_m = motion.visit.position
-            deepest: Point = (x_m, y_m, z_m - self.press_travel_m)
-            for box in screw.boxes:
-                yield world_box(box, deepest), (0.0, 0.0, by[2] + self.press_travel_m)
-
-    def _transferred(self, begin: Point, motion: LinearMotion) -> Iterator[tuple[WorldBox, Point]]:
-        """Yield what the transfer motion to a motion moves, however turned, and how far."""
-        x, y, z = motion.tip
-        by: Point = (motion.above[0] - begin[0], motion.above[1] - begin[1], 0.0)
-        lift_m = min(begin[2], motion.above[2]) - z
-        rise_m = abs(begin[2] - motion.above[2])
-        for box, _ in self._moving(motion):
-            radius_m = max(
-                math.hypot(corner_x - x, corner_y - y)
-                for corner_x in (box.low[0], box.high[0])
-                for corner_y in (box.low[1], box.high[1])
-            )
-            low = (begin[0] - radius_m, begin[1] - radius_m, box.low[2] + lift_m)
-            high = (begin[0] + radius_m, begin[1] + radius_m, box.high[2] + lift_m + rise_m)
-            yield WorldBox(low, high), by
-
-    def _hand(self, motion: LinearMotion, grasp: Grasp) -> Iterator[WorldBox]:
-        """Yield what takes or leaves a part: the hand, or the tool that is there instead."""
-        if motion.tool is not None and tool_shapes(motion.tool):
-            for box in tool_boxes(motion.tool):
-                yield world_box(box, motion.tip, motion.closing_yaw_rad)
-            return
-        opening_m = jaw_opening_m(grasp, self.clearance_m, motion.tool)
-        for box in hand_boxes(opening_m):
-            yield world_box(box, motion.tip, motion.closing_yaw_rad)

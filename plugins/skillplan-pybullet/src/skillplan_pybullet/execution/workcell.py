@@ -8,23 +8,28 @@ from dataclasses import replace
 import numpy as np
 
 from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.linear_motions import LinearMotion, grasp_of, linear_motions
+from skillplan.physics.linear_motions import LinearMotion, linear_motions, visited_grasp
 from skillplan.robots import panda
-from skillplan.task.motion import Event, Point
-from skillplan.task.scene import GraspKind, Pose, Robot
+from skillplan.task.grasp import GraspKind
+from skillplan.task.motion import Event
+from skillplan.task.pose import Pose, plus
+from skillplan.task.scene import Robot
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pybullet.arm.hand_turns import HandTurns, Posture
-from skillplan_pybullet.arm.panda_kinematics import UnreachableError
+from skillplan_pybullet.arm.hand_turns import ArmMotion, HandPose, HandTurns
+from skillplan_pybullet.arm.kinematics import UnreachableError, Vector
+from skillplan_pybullet.arm.rotations import points_down
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.execution.controlled_robot import StuckError
+from skillplan_pybullet.execution.fastenings import Fastenings
 from skillplan_pybullet.execution.skill_runner import SkillRunner
 from skillplan_pybullet.execution.support_trial import SupportTrials
 from skillplan_pybullet.execution.surroundings import Neighbourhood, Surroundings
 from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.record import Record
 from skillplan_pybullet.simulator.world import GRAVITY_M_PER_S2, UpsetError, World
+from skillplan_pybullet.verdicts.contact_threshold import FRAMES, frame_means
 
 # The world comes to rest for so long before anything is done [s].
 SETTLE_S = 0.1
@@ -46,6 +51,7 @@ class Workcell:
         self.robot: Robot = task.scene.robots[0]
         self.surroundings = Surroundings(task, settings.clearance_m, settings.press_travel_m)
         self.turns = HandTurns(task, settings.drop_height_m)
+        self.fastenings = Fastenings(task)
         self.supports = SupportTrials(task, self.surroundings, settings.friction)
 
     def execute(
@@ -65,25 +71,26 @@ class Workcell:
         watch
             Called after every simulation step with the robot at work.
         """
-        motions = linear_motions(self.task, skill, state, self.settings.drop_height_m)
-        route, here = self._route_facts(skill, state), self._here(motions[0], state)
-        around = self.around(skill, state)
+        route = self._route_facts(skill, state)
+        try:
+            planned, here = self._planned(skill, state)
+        except UnreachableError as error:
+            none = self.task.facts.none
+            return self._draft(skill, route, none, unreachable=str(error))
+        around = self._around(skill, state, planned, here)
+        # After what the arm can reach, which does not depend on any body.
+        fallen = self.supports.fallen(around, state)
+        if fallen is not None and watch is None:
+            present = fallen.present | route
+            return self._draft(skill, present, fallen.absent, unsettled=fallen.reason)
         with World(self.settings.friction) as world:
             seen = watch is not None
-            arm = SimulatedArm(world, self.robot.base, self.settings, seen=seen)
+            arm = SimulatedArm(world, self.robot, self.settings, seen=seen)
+            first = planned[0]
+            start = first.approach[0] if here is None else here
+            arm.stand(start, self._first_opening(first.motion))
             try:
-                yaws = self._yaws(arm, motions, here)
-            except UnreachableError as error:
-                none = self.task.facts.none
-                return self._draft(skill, route, none, unreachable=str(error))
-            # After what the arm can reach, which does not depend on any body.
-            fallen = self.supports.fallen(around, state)
-            if fallen is not None and watch is None:
-                present = fallen.present | route
-                return self._draft(skill, present, fallen.absent, unsettled=fallen.reason)
-            try:
-                turned = list(zip(motions, yaws, strict=True))
-                return self._run(skill, state, turned, arm, around, watch)
+                return self._run(skill, state, planned, arm, around, watch)
             except UnreachableError as error:
                 basis = around.present, around.absent
                 return self._draft(skill, *basis, unreachable=str(error))
@@ -91,9 +98,36 @@ class Workcell:
                 return self._draft(skill, around.present, around.absent, upset=str(error))
 
     def around(self, skill: Skill, state: State) -> Neighbourhood:
-        """Return what an execution has in its world, and the facts that all of it rests on."""
+        """Return what an execution has in its world, and the facts that all of it rests on.
+
+        Raises
+        ------
+        UnreachableError
+            If the arm cannot follow the skill's motion.
+        """
+        return self._around(skill, state, *self._planned(skill, state))
+
+    def _planned(self, skill: Skill, state: State) -> tuple[list[ArmMotion], Vector | None]:
+        """Return how the arm follows a skill, and the posture in which a travel to it begins.
+
+        None where nothing can block a travel, and the hand is not turned in space on it.
+
+        Raises
+        ------
+        UnreachableError
+            If either end of a motion, or where it begins, is out of reach.
+        """
         motions = linear_motions(self.task, skill, state, self.settings.drop_height_m)
-        found = self.surroundings.around(skill, motions, state, self._here(motions[0], state))
+        planned = [self.turns.arm_motion(motion) for motion in motions]
+        here = self._here(planned[0], state)
+        if here is None:
+            return planned, None
+        return planned, self.turns.kinematics.reach(here.position, here.rotation)
+
+    def _around(
+        self, skill: Skill, state: State, planned: Sequence[ArmMotion], here: Vector | None
+    ) -> Neighbourhood:
+        found = self.surroundings.around(skill, planned, state, here)
         return found.resting_on(self._route_facts(skill, state))
 
     def _route_facts(self, skill: Skill, state: State) -> State:
@@ -102,23 +136,37 @@ class Workcell:
         facts, routes = self.task.facts.none, skill.motion.routes
         if len(routes) > 1:
             facts |= next(r.when for r in routes if state.bits & r.when.bits == r.when.bits)
-        if self.surroundings.transfer_matters:
+        if self._travels_to(skill, state):
             facts |= self.task.facts.of(self.robot.place(state)[0])
         return facts
 
-    def _here(self, first: LinearMotion, state: State) -> Point | None:
-        """Return where a transfer motion begins, if anything can block one."""
-        if not self.surroundings.transfer_matters:
+    def _travels_to(self, skill: Skill, state: State) -> bool:
+        """Whether a travel to a skill is part of it: it may be blocked, or turns the hand."""
+        if self.surroundings.transfer_matters:
+            return True
+        motions = linear_motions(self.task, skill, state, self.settings.drop_height_m)
+        fact, place = self.robot.place(state)
+        rotation = self.turns.at(fact, place, self.robot.safe_height_m).rotation
+        return not (motions[0].points_down and points_down(rotation))
+
+    def _here(self, first: ArmMotion, state: State) -> HandPose | None:
+        """Return where a travel to a motion begins, if it is part of a skill."""
+        fact, place = self.robot.place(state)
+        here = self.turns.at(fact, place, self.robot.safe_height_m)
+        turns = not (first.points_down and points_down(here.rotation))
+        if not (turns or self.surroundings.transfer_matters):
             return None
-        x_m, y_m, _ = self.robot.place(state)[1]
-        height_m = self.turns.height_m(self.robot.place(state)[0], self.robot.safe_height_m)
-        return x_m, y_m, max(height_m, first.above[2])
+        if turns:
+            return here
+        # A hand that points down is turned about the vertical already.
+        x_m, y_m, z_m = here.position
+        return HandPose((x_m, y_m, max(z_m, first.motion.above[2])), first.rotation)
 
     def _run(
         self,
         skill: Skill,
         state: State,
-        motions: Sequence[tuple[LinearMotion, float]],
+        planned: Sequence[ArmMotion],
         arm: SimulatedArm,
         around: Neighbourhood,
         watch: Callable[[SkillRunner], None] | None,
@@ -129,8 +177,8 @@ class Workcell:
         ----------
         skill, state
             What is executed, and where it starts.
-        motions
-            Of the skill, and how the hand is turned in each [rad].
+        planned
+            How the arm follows the skill's motions.
         arm
             At rest where it begins.
         around
@@ -139,10 +187,11 @@ class Workcell:
             Called after every simulation step.
         """
         scene, world = self.task.scene, arm.world
-        plain = [motion for motion, _ in motions]
+        plain = [one.motion for one in planned]
         colours = {body.name: index for index, body in enumerate(scene.bodies)}
         for one in around.bodies:
             world.add(one.body, one.placement.pose, colours[one.body.name])
+        self.fastenings.fasten(world, ((one.body.name, one.placement) for one in around.bodies))
         first = plain[0]
         runner = SkillRunner(world, arm, scene, self.settings, first.tool)
         if watch is not None:
@@ -150,50 +199,37 @@ class Workcell:
         stopped = None
         try:
             if first.visit.event is Event.RELEASE:
-                runner.take(scene.body(first.visit.subject), first.visit.yaw_rad)
+                runner.take(planned[0])
             else:
                 runner.bring_out(first.visit.subject, state)
             runner.wait(SETTLE_S)
-            runner.begin(plain, state)
-            for index, (motion, yaw_rad) in enumerate(motions):
-                if index or self.surroundings.transfer_matters:
-                    runner.travel(motion, yaw_rad)
-                runner.run(motion, yaw_rad)
+            runner.begin(planned, state)
+            travels = self._travels_to(skill, state)
+            for index, motion in enumerate(planned):
+                if index or travels:
+                    runner.travel(motion)
+                runner.run(motion)
         except StuckError:
             stopped = runner.log.phase_now or "its way before anything was done"
         self._sense(runner, plain[-1], stopped)
         return self._record(skill, state, plain, (around.present, around.absent), runner)
 
-    def _yaws(
-        self, arm: SimulatedArm, motions: Sequence[LinearMotion], here: Point | None
-    ) -> list[float]:
-        """Put the arm where it begins; return how its hand is turned in every motion [rad].
-
-        Raises
-        ------
-        UnreachableError
-            If either end of a motion, or where it begins, is out of reach.
-        """
-        begins: list[Posture] = []
-        for motion in motions:
-            begins.append(self.turns.towards(motion, begins[-1] if begins else None))
-        first = motions[0]
-        arm.stand(here or first.above, begins[0].yaw_rad, self._first_opening(first))
-        return [posture.yaw_rad for posture in begins]
-
     def _first_opening(self, motion: LinearMotion) -> float:
         if motion.visit.event not in (Event.GRASP, Event.RELEASE):
             return panda.OPENING_M / 2
-        grasp = grasp_of(self.task.scene.body(motion.visit.subject))
+        grasp = visited_grasp(self.task.scene.body(motion.visit.subject), motion.visit)
         return jaw_opening_m(grasp, self.settings.clearance_m, motion.tool)
 
     def _sense(self, runner: SkillRunner, last: LinearMotion, stopped: str | None) -> None:
         sensed = runner.sensed
         if stopped is not None:
             sensed["stuck_on"] = stopped
+        if runner.log.resistance_n:
+            resistance_n = frame_means(np.array(runner.log.resistance_n), FRAMES)
+            sensed["insertion_force_n"] = float(resistance_n.max())
         event = last.visit.event
         if event in (Event.GRASP, Event.RELEASE):
-            grasp = grasp_of(self.task.scene.body(last.visit.subject))
+            grasp = visited_grasp(self.task.scene.body(last.visit.subject), last.visit)
             if grasp.kind is GraspKind.JAWS:
                 sensed["jaw_width_m"] = runner.arm.jaw_width_m()
 
@@ -250,10 +286,8 @@ class Workcell:
         after = skill.prediction_in(state).apply(state)
         poses = self.task.scene.at(after)
         if last.visit.event is Event.GRASP:
-            body = self.task.scene.body(last.visit.subject)
-            x_m, y_m, _ = last.visit.position
-            bottom_m = last.above[2] - grasp_of(body).tip[2]
-            poses[body.name] = Pose.upright((x_m, y_m, bottom_m), last.visit.yaw_rad)
+            lifted = plus(last.ends_at, last.grasp_tip, -1.0)
+            poses[last.visit.subject] = last.visit.pose.moved(lifted)
         return {name: poses[name] for name in names if name in poses}
 
     def _draft(

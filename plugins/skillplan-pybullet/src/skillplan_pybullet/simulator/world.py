@@ -36,6 +36,10 @@ _SOLVER_ITERATIONS = 100
 # Nothing gets so far, or so fast, in a simulation that has not blown up [m], [m/s].
 _FAR_M = 10.0
 _FAST_M_PER_S = 50.0
+# Bodies that are this close bear on each other [m]; and where their distance is in what the
+# simulator says of the two.
+_NEAR_M = 0.0005
+_DISTANCE = 8
 # Colours of bodies in pictures, in turn.
 _PALETTE = (
     (0.16, 0.45, 0.24, 1.0),
@@ -253,6 +257,42 @@ class World:
                 orientation,
                 physicsClientId=self.client,
             )
+        )
+
+    def nearest(self, name: str, others: Iterable[str] | None = None) -> str | None:
+        """Return which of the others touches a body, or is nearest to it by 0.5 mm; else None."""
+        found: list[tuple[float, str]] = []
+        for other in self.others(name) if others is None else sorted(others):
+            points = pybullet.getClosestPoints(
+                self.numbers[name], self.numbers[other], _NEAR_M, physicsClientId=self.client
+            )
+            found += [(point[_DISTANCE], other) for point in points]
+        return min(found)[1] if found else None
+
+    def fasten(self, name: str, other: str) -> None:
+        """Fix a body to another as it is; the two pass through each other from now on."""
+        self.part(name, [other])
+        if other == TABLE:
+            self.hold(name)
+            return
+        number, bearing = self.numbers[name], self.numbers[other]
+        here, there = (
+            pybullet.getBasePositionAndOrientation(one, physicsClientId=self.client)
+            for one in (number, bearing)
+        )
+        offset, turn = pybullet.multiplyTransforms(*pybullet.invertTransform(*there), *here)
+        pybullet.createConstraint(
+            bearing,
+            -1,
+            number,
+            -1,
+            pybullet.JOINT_FIXED,
+            (0, 0, 0),
+            offset,
+            (0, 0, 0),
+            turn,
+            (0, 0, 0, 1),
+            physicsClientId=self.client,
         )
 
     def release(self, constraint: int) -> None:

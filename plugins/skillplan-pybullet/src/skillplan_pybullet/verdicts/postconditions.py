@@ -32,12 +32,15 @@ class Tolerances:
         Of parts in the hand.
     fastening_n
         Least force with which a screw is driven.
+    insertion_n
+        Greatest force with which a part is pushed in.
     """
 
     position_m: float
     tilt_rad: float
     held_m: float
     fastening_n: float
+    insertion_n: float
 
 
 def postcondition_verdict(skill: Skill, record: Record, tolerances: Tolerances) -> Verdict:
@@ -89,6 +92,12 @@ def _fault(skill: Skill, record: Record, visit: Visit, tolerances: Tolerances) -
         return (
             f"{visit.subject} was pressed with {force_n:.1f} N, "
             f"where {tolerances.fastening_n:.1f} N are needed"
+        )
+    inserted_n = sensed.get("insertion_force_n", 0.0)
+    if inserted_n > tolerances.insertion_n:
+        return (
+            f"{visit.subject} was pushed in with {inserted_n:.1f} N, "
+            f"where {tolerances.insertion_n:.1f} N are allowed"
         )
     for name, expected in record.expected.items():
         final = record.final[name]

@@ -1,0 +1,170 @@
+"""Hands that point anywhere, and parts and screws that go in from the side."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from situations import assembly
+from skillplan.physics.linear_motions import linear_motions
+from skillplan.task.pose import Pose, cross, unit
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+from skillplan_pinocchio.arm_model import ArmModel, hand_pose
+from skillplan_pinocchio.arm_motion import Strokes, strokes
+from skillplan_pinocchio.inverse_kinematics import Unreachable, postures
+from skillplan_pinocchio.swept import SweptDetector
+
+# A drawer with a knob at its front, which the hand pushes onto a cabinet by.
+DRAWER: dict[str, Any] = {
+    "kind": "assembly",
+    "name": "drawer",
+    "robot": {"home_m": [0.35, 0.0], "safe_height_m": 0.28},
+    "tools": {
+        "gripper": {"type": "gripper", "holder_m": [0.3, 0.4]},
+        "driver": {"type": "screwdriver", "holder_m": [0.3, 0.5]},
+    },
+    "initial_tool": "gripper",
+    "feeders": {"tray": {"position_m": [0.4, -0.25], "height_m": 0.12}},
+    "parts": {
+        "cabinet": {
+            "tool": "gripper",
+            "mass_kg": 0.6,
+            "size_m": [0.09, 0.11, 0.12],
+            "grasp": {"type": "suction"},
+            "start_m": [0.6, -0.1],
+            "goal_m": [0.55, 0.2],
+        },
+        "drawer": {
+            "tool": "gripper",
+            "boxes": [
+                {"size_m": [0.06, 0.09, 0.03], "centre_m": [0.0, 0.0, 0.015]},
+                {"size_m": [0.024, 0.02, 0.016], "centre_m": [-0.042, 0.0, 0.016]},
+            ],
+            "grasp": {"type": "jaws", "approach": [1, 0, 0], "closing_axis": "y"},
+            "feeder": "tray",
+            "goal_m": [0.545, 0.2],
+            "goal_on": "cabinet",
+            "insert_along": [1, 0, 0],
+            "insert_m": 0.1,
+        },
+    },
+    "screws": {
+        "screw": {
+            "tool": "driver",
+            "hole_m": [0.505, 0.2, 0.1],
+            "through": "cabinet",
+            "axis": [1, 0, 0],
+        }
+    },
+}
+PLACED = ("placed(cabinet)", "held(drawer)", "tool(gripper)", "at(home)")
+
+
+def task_with(**parts: Any) -> Task:
+    content = copy.deepcopy(DRAWER)
+    content["parts"].update(parts)
+    return assembly(content)
+
+
+def verdict_on(task: Task, skill: str, *facts: str) -> Verdict:
+    return SweptDetector(task).check(task.skill(skill), task.facts.of(*facts))
+
+
+def test_a_drawer_is_pushed_in_from_the_side() -> None:
+    assert verdict_on(task_with(), "place(drawer)", *PLACED).is_feasible
+
+
+def test_what_stands_where_the_drawer_goes_in_blocks_the_insertion() -> None:
+    """Straight down beside it, it would have passed."""
+    box = {
+        "tool": "gripper",
+        "size_m": [0.03, 0.03, 0.14],
+        "start_m": [0.6, -0.3],
+        "goal_m": [0.47, 0.2],
+    }
+    task = task_with(post=box)
+    verdict = verdict_on(task, "place(drawer)", *PLACED, "placed(post)")
+    assert verdict.is_infeasible
+    assert "post" in verdict.evidence["bodies"]
+    assert "placed(post)" in verdict.facts
+    assert verdict_on(task, "place(drawer)", *PLACED, "at_start(post)").is_feasible
+
+
+def test_a_screw_is_driven_along_its_axis_into_what_is_there() -> None:
+    """Its head lies against the cabinet's side, which supports it along the axis."""
+    task = task_with()
+    there = ("placed(cabinet)", "tool(driver)", "hand_free", "at(home)")
+    assert verdict_on(task, "fasten(screw)", *there).is_feasible
+    away = ("at_start(cabinet)", "tool(driver)", "hand_free", "at(home)")
+    verdict = verdict_on(task, "fasten(screw)", *away)
+    assert verdict.is_infeasible
+    assert "screw has nothing beneath it" in verdict.reason
+
+
+def test_the_tip_follows_the_stretches_of_the_motion() -> None:
+    """And the hand is not turned on them."""
+    task = task_with()
+    arm = ArmModel((0.0, 0.0, 0.0))
+    state = task.facts.of(*PLACED)
+    (motion,) = linear_motions(task, task.skill("place(drawer)"), state, 0.001)
+    found = next(one for one in strokes(arm, motion) if isinstance(one, Strokes))
+    assert [len(found.down), len(found.up)] == [2, 2]
+    for path, (begin, end) in zip(
+        (*found.down, *found.up),
+        [
+            motion.approach[:2],
+            motion.approach[1:],
+            motion.retreat[:2],
+            motion.retreat[1:],
+        ],
+        strict=True,
+    ):
+        for share in (0.0, 0.3, 0.5, 0.9, 1.0):
+            position, rotation = arm.tip(path.at(share))
+            line = np.array(begin) + share * (np.array(end) - np.array(begin))
+            off_m = np.linalg.norm(np.cross(position - line, unit_of(begin, end)))
+            assert off_m < 1e-4
+            assert rotation[:, 2] == pytest.approx(np.array(motion.points), abs=2e-3)
+
+
+def unit_of(begin: Any, end: Any) -> Any:
+    along = np.array(end) - np.array(begin)
+    return along / np.linalg.norm(along)
+
+
+def test_a_hand_that_cannot_point_there_is_said_with_its_direction() -> None:
+    found = next(postures(ArmModel(), hand_pose((1.5, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0))))
+    assert isinstance(found, Unreachable)
+    assert "cannot point along (0.00, 0.00, 1.00) at (1.500, 0.000, 0.200)" in found.reason
+
+
+directions = st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)).filter(
+    lambda v: sum(x * x for x in v) > 0.1
+)
+
+
+@given(directions, directions)
+def test_every_posture_brings_the_hand_there_within_the_joints_limits(
+    points: tuple[float, float, float], aside: tuple[float, float, float]
+) -> None:
+    along = unit(points)
+    across = cross(along, aside)
+    if sum(x * x for x in across) < 1e-4:
+        return
+    arm = ArmModel()
+    target = hand_pose((0.45, 0.2, 0.35), Pose.of_axes((0, 0, 0), unit(across), along).orientation)
+    for joints in postures(arm, target):
+        if isinstance(joints, Unreachable):
+            continue
+        position, rotation = arm.tip(joints)
+        assert position == pytest.approx(np.array([0.45, 0.2, 0.35]), abs=1e-6)
+        assert rotation[:, 2] == pytest.approx(np.array(along), abs=1e-6)
+        assert abs(rotation[:, 1] @ np.array(unit(across))) == pytest.approx(1, abs=1e-6)
+        assert (joints >= arm.low_rad).all()
+        assert (joints <= arm.high_rad).all()

@@ -1,0 +1,101 @@
+"""Rotations of the hand, as matrices of shape (3, 3) and as rotation vectors of shape (3,) [rad].
+
+The hand's z points out of it, its y along the closing axis of its jaws.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.task.pose import Pose, Quaternion
+
+Vector = NDArray[np.float64]
+
+# A hand points down where the cosine of its tilt is this near to 1.
+_DOWN = 1e-9
+# Half a turn about the hand's own axis: jaws close alike.
+_HALF_TURN = np.array([-1.0, -1.0, 1.0])
+
+
+def pointing_down(closing_yaw_rad: float) -> Vector:
+    """Return the rotation of a hand that points straight down and closes along a direction."""
+    cos, sin = math.cos(closing_yaw_rad), math.sin(closing_yaw_rad)
+    # Columns: across the closing axis, along it, and down.
+    return np.array([[-sin, cos, 0.0], [cos, sin, 0.0], [0.0, 0.0, -1.0]])
+
+
+def points_down(rotation: Vector) -> bool:
+    """Whether a hand points straight down."""
+    return bool(rotation[2, 2] <= _DOWN - 1.0)
+
+
+def by_half_a_turn(rotation: Vector) -> Vector:
+    """Return how a hand is turned after half a turn about its own axis."""
+    return np.asarray(rotation * _HALF_TURN)
+
+
+def of_quaternion(orientation: Quaternion) -> Vector:
+    """Return a unit quaternion (x, y, z, w) as a matrix."""
+    return np.array(Pose((0.0, 0.0, 0.0), orientation).rotation)
+
+
+def pose_of(position: Vector, rotation: Vector) -> Pose:
+    """Return a position [m] and a rotation, which may be off by rounding, as a pose."""
+    x, y, z = position.tolist()
+    across, out = (
+        (rotation[:, axis] / np.linalg.norm(rotation[:, axis])).tolist() for axis in (1, 2)
+    )
+    return Pose.of_axes((x, y, z), tuple(across), tuple(out))
+
+
+def of_vector(turn_rad: Vector) -> Vector:
+    """Return a rotation vector, of any length, as a matrix."""
+    x, y, z = turn_rad.tolist()
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle < 1e-12:
+        return np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
+    x, y, z = x / angle, y / angle, z / angle
+    s, c = math.sin(angle), math.cos(angle)
+    k = 1 - c
+    return np.array(
+        [
+            [c + k * x * x, k * x * y - s * z, k * x * z + s * y],
+            [k * x * y + s * z, c + k * y * y, k * y * z - s * x],
+            [k * x * z - s * y, k * y * z + s * x, c + k * z * z],
+        ]
+    )
+
+
+def turn_between(start: Vector, end: Vector) -> Vector:
+    """Return the shortest turn about a fixed axis that takes one rotation to another [rad]."""
+    change = end @ start.T
+    axis = 0.5 * np.array(
+        [change[2, 1] - change[1, 2], change[0, 2] - change[2, 0], change[1, 0] - change[0, 1]]
+    )
+    sine, cosine = float(np.linalg.norm(axis)), 0.5 * (float(np.trace(change)) - 1)
+    if sine > 1e-7:
+        return np.asarray(axis * (math.atan2(sine, cosine) / sine))
+    if cosine > 0:
+        return axis
+    # Half a turn: the axis is the column of I + R that is longest.
+    columns = 0.5 * (change + np.eye(3))
+    longest = int(np.argmax(np.diag(columns)))
+    column = columns[:, longest]
+    return np.asarray(math.pi * column / np.linalg.norm(column))
+
+
+def rotation_error(rotation: Vector, wanted: Vector) -> Vector:
+    """Return the rotation that is left to be made, as an axis times the sine of the angle."""
+    across = _cross(rotation, wanted)
+    error: Vector = 0.5 * (across[:, 0] + across[:, 1] + across[:, 2])
+    return error
+
+
+def _cross(ones: Vector, others: Vector) -> Vector:
+    """Return the cross products of columns: of three rows it is quicker than `numpy.cross`."""
+    a, b, c = ones
+    x, y, z = others
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])

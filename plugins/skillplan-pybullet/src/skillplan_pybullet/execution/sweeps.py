@@ -1,0 +1,187 @@
+"""Boxes about what moves in a skill, and the straight ways that they go.
+
+Where the hand points down, boxes turn about the vertical only. However else it is turned, boxes are
+those about the turned ones, and the links of the arm count one by one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from skillplan.collision.boxes import WorldBox, box_at, world_box, world_boxes
+from skillplan.physics.jaws import jaw_opening_m
+from skillplan.physics.linear_motions import LinearMotion, visited_grasp
+from skillplan.physics.tool_shapes import tool_shapes
+from skillplan.task.grasp import AXES
+from skillplan.task.motion import Event, Point
+from skillplan.task.pose import Pose, plus
+from skillplan.task.scene import Box
+from skillplan.task.task import Task
+from skillplan_pybullet.arm.hand_shapes import hand_boxes, tool_boxes, wrist_box
+from skillplan_pybullet.arm.hand_turns import ArmMotion
+from skillplan_pybullet.arm.joint_motion import postures_between
+from skillplan_pybullet.arm.kinematics import ArmKinematics, Vector, kinematics_of
+from skillplan_pybullet.arm.rotations import points_down
+
+# A box, and the vector by which it is displaced [m].
+Sweep = tuple[WorldBox, Point]
+
+# All of a link is this near to the straight line between its joints [m].
+_LINK_RADIUS_M = 0.11
+_STILL = (0.0, 0.0, 0.0)
+
+
+class Sweeps:
+    """Knows what moves in the motions of a task.
+
+    Parameters
+    ----------
+    task
+        With one robot.
+    clearance_m
+        How far open jaws stand off a part on either side [m].
+    press_travel_m
+        How far beyond its mouth a hole is felt for [m].
+    """
+
+    def __init__(self, task: Task, clearance_m: float, press_travel_m: float) -> None:
+        self.task = task
+        self.clearance_m, self.press_travel_m = clearance_m, press_travel_m
+        self.kinematics: ArmKinematics = kinematics_of(task.scene.robots[0])
+
+    def of_skill(self, planned: Sequence[ArmMotion], here: Vector | None) -> list[Sweep]:
+        """Return what moves in the motions of a skill, and on the travels that are part of it.
+
+        Parameters
+        ----------
+        planned
+            The motions.
+        here
+            Where a travel to the first begins [rad]; None where there is none, and none between
+            motions in which the hand points down.
+        """
+        found = [sweep for one in planned for sweep in self._of_motion(one)]
+        if here is not None:
+            found += self._of_travel(here, planned[0])
+        for before, after in pairwise(planned):
+            if here is not None or not (before.points_down and after.points_down):
+                found += self._of_travel(before.retreat[-1], after)
+        return found
+
+    def _of_motion(self, planned: ArmMotion) -> Iterator[Sweep]:
+        motion = planned.motion
+        boxes = self._at_target(motion)
+        if motion.is_vertical:
+            up: Point = (0.0, 0.0, motion.above[2] - motion.tip[2])
+            yield from ((box, up) for box in boxes)
+            return
+        for begin, end in (*pairwise(motion.approach), *pairwise(motion.retreat)):
+            offset, by = plus(begin, motion.tip, -1.0), plus(end, begin, -1.0)
+            yield from ((box.moved(offset), by) for box in boxes)
+        if not motion.points_down:
+            for postures in (planned.approach, planned.retreat):
+                for begin_rad, end_rad in pairwise(postures):
+                    yield from self._of_links([begin_rad, (begin_rad + end_rad) / 2, end_rad])
+
+    def _at_target(self, motion: LinearMotion) -> list[WorldBox]:
+        """Return boxes about hand, tool and load where a motion acts, and about the wrist."""
+        event, visit = motion.visit.event, motion.visit
+        upright = _tool_pose(motion)
+        found = [box_at(box, upright) for box in self._hand(motion)]
+        if motion.points_down:
+            found.append(world_box(wrist_box(), motion.tip))
+        if event in (Event.GRASP, Event.RELEASE):
+            # Down to its goal, also where it is let go from above.
+            found += world_boxes(self.task.scene.body(visit.subject), visit.pose)
+        elif event is Event.DRIVE:
+            screw = self.task.scene.body(visit.subject)
+            # A hole is felt for beyond its mouth.
+            deepest = visit.pose.moved(plus(_STILL, visit.along, self.press_travel_m))
+            for pose in (visit.pose, deepest):
+                found += world_boxes(screw, pose)
+        return found
+
+    def _hand(self, motion: LinearMotion) -> list[Box]:
+        """Return boxes about what is on the arm, before or after a motion acts, from the tip."""
+        tool, visit = motion.tool, motion.visit
+        if visit.event in (Event.GRASP, Event.RELEASE):
+            # The hand, or the tool that is there instead.
+            if tool is not None and tool_shapes(tool):
+                return list(tool_boxes(tool))
+            grasp = visited_grasp(self.task.scene.body(visit.subject), visit)
+            return list(hand_boxes(jaw_opening_m(grasp, self.clearance_m, tool)))
+        found = list(tool_boxes(tool))
+        if visit.event is Event.LOAD:
+            robots = self.task.scene.robots
+            tools = (item for robot in robots for item in robot.tools)
+            found += tool_boxes(next(item for item in tools if item.name == visit.subject))
+        return found
+
+    def _of_travel(self, begin_rad: Vector, planned: ArmMotion) -> Iterator[Sweep]:
+        """Yield what a travel to a motion moves, however turned, and how far."""
+        motion, start = planned.motion, self.kinematics.tip(begin_rad)
+        boxes = self._at_target(motion)
+        if planned.points_down and points_down(start.rotation):
+            x, y, z = start.position.tolist()
+            yield from _level(boxes, (x, y, z), motion)
+            return
+        radius_m = max(_away_m(box, motion.tip) for box in boxes)
+        postures = postures_between(begin_rad, planned.approach[0])
+        points = [self.kinematics.tip(joints).position.tolist() for joints in postures]
+        # It is lifted first where it begins lower.
+        x, y, z = points[0]
+        points.insert(0, [x, y, max(z, motion.above[2])])
+        for (ax, ay, az), (bx, by, bz) in pairwise(points):
+            low = (ax - radius_m, ay - radius_m, az - radius_m)
+            high = (ax + radius_m, ay + radius_m, az + radius_m)
+            yield WorldBox(low, high), (bx - ax, by - ay, bz - az)
+        yield from self._of_links(postures)
+
+    def _of_links(self, postures: Sequence[Vector]) -> Iterator[Sweep]:
+        """Yield boxes about the links that move, on a way through some postures."""
+        # The first joint stays where it is, and so does what is below it.
+        ways = np.array([self.kinematics.origins(joints)[1:] for joints in postures])
+        for link in range(ways.shape[1] - 1):
+            points = ways[:, link : link + 2].reshape(-1, 3)
+            low, high = points.min(axis=0) - _LINK_RADIUS_M, points.max(axis=0) + _LINK_RADIUS_M
+            yield WorldBox(tuple(low.tolist()), tuple(high.tolist())), _STILL
+
+
+def _level(boxes: Sequence[WorldBox], begin: Point, motion: LinearMotion) -> Iterator[Sweep]:
+    """Yield what moves on a travel on which the hand points down, by boxes where it acts."""
+    x, y, z = motion.tip
+    by: Point = (motion.above[0] - begin[0], motion.above[1] - begin[1], 0.0)
+    lift_m = min(begin[2], motion.above[2]) - z
+    rise_m = abs(begin[2] - motion.above[2])
+    for box in boxes:
+        radius_m = max(
+            math.hypot(corner_x - x, corner_y - y)
+            for corner_x in (box.low[0], box.high[0])
+            for corner_y in (box.low[1], box.high[1])
+        )
+        low = (begin[0] - radius_m, begin[1] - radius_m, box.low[2] + lift_m)
+        high = (begin[0] + radius_m, begin[1] + radius_m, box.high[2] + lift_m + rise_m)
+        yield WorldBox(low, high), by
+
+
+def _tool_pose(motion: LinearMotion) -> Pose:
+    """Return the pose of a hand or tool where it acts: x along the closing axis, z backwards."""
+    if motion.points_down:
+        return Pose.upright(motion.tip, motion.closing_yaw_rad)
+    x, y, z = motion.points
+    return Pose.of_axes(motion.tip, motion.hand.rotate(AXES["x"]), (-x, -y, -z))
+
+
+def _away_m(box: WorldBox, point: Point) -> float:
+    """Return how far the furthest corner of a box is from a point [m]."""
+    return math.dist(
+        (0.0, 0.0, 0.0),
+        [
+            max(abs(low - at), abs(high - at))
+            for low, high, at in zip(box.low, box.high, point, strict=True)
+        ],
+    )

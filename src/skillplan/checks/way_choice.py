@@ -1,0 +1,96 @@
+"""Which way of a skill is taken in a state: the first that all back ends grant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+
+from skillplan.checks.single_check import Checked, CheckRequest
+from skillplan.checks.way_verdict import WayAccount
+from skillplan.checks.ways import Pairing, Ways
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.verdict import Verdict, VerdictStatus
+
+# Yields what is to be checked and is sent what was said; returns the verdict.
+Checking = Generator[CheckRequest, Checked, Verdict]
+Deciding = Callable[[Skill, State], Checking]
+
+
+def choosing(ways: Ways, deciding: Deciding, skill: Skill, state: State) -> Checking:
+    """Decide about a skill with several ways that is applicable in a state.
+
+    Parameters
+    ----------
+    ways
+        Of the task.
+    deciding
+        Begins to decide about a skill by one of its ways.
+    skill, state
+        What is asked.
+
+    Returns
+    -------
+    Verdict
+        Feasible by the first way that is granted, which its evidence names; infeasible where all
+        are refused; else unknown. It rests on the facts of all ways that were looked at.
+    """
+    pairing = ways.pairing(skill)
+    if pairing is None:
+        return (yield from _first(ways, deciding, skill, state))
+    if skill.name == pairing.place.name:
+        return (yield from _placing(ways, pairing, deciding, state))
+    return (yield from _picking(ways, pairing, deciding, state))
+
+
+def _first(ways: Ways, deciding: Deciding, skill: Skill, state: State) -> Checking:
+    account = WayAccount(skill, state)
+    for one in ways.of(skill):
+        verdict = yield from deciding(one.skill, state)
+        if account.note(one.label, verdict) is VerdictStatus.FEASIBLE:
+            return account.granted(one.label)
+    return account.denied()
+
+
+def _placing(ways: Ways, pairing: Pairing, deciding: Deciding, state: State) -> Checking:
+    """Decide about a place: its grasp is the first by which the part could be picked, too."""
+    account = WayAccount(pairing.place, state)
+    over = ways.before_pick(pairing, state)
+    settled = ways.settled(pairing, pairing.place)
+    for holding in pairing.holdings:
+        (pick,) = holding.picks
+        verdict = yield from deciding(pick.skill, over)
+        if account.note(pick.label, verdict, settled) is not VerdictStatus.FEASIBLE:
+            continue
+        for place in holding.places:
+            verdict = yield from deciding(place.skill, state)
+            if account.note(place.label, verdict) is VerdictStatus.FEASIBLE:
+                return account.granted(place.label)
+    return account.denied()
+
+
+def _picking(ways: Ways, pairing: Pairing, deciding: Deciding, state: State) -> Checking:
+    """Decide about a pick: by the grasp that the place after it takes, and from where it is."""
+    account = WayAccount(pairing.pick, state)
+    held = pairing.pick.prediction_in(state).apply(state)
+    over = ways.before_pick(pairing, held)
+    settled = ways.settled(pairing, pairing.pick)
+    due: str | None = None
+    for holding in pairing.holdings:
+        (pick,) = holding.picks
+        verdict = yield from deciding(pick.skill, over)
+        free = account.note(pick.label, verdict, settled) is VerdictStatus.FEASIBLE
+        for place in holding.places if free else ():
+            verdict = yield from deciding(place.skill, held)
+            if account.note(place.label, verdict, settled) is not VerdictStatus.FEASIBLE:
+                continue
+            verdict = yield from deciding(pick.skill, state)
+            granted = account.note(f"{pick.label} from here", verdict) is VerdictStatus.FEASIBLE
+            if granted and due is None:
+                return account.granted(pick.label)
+            if granted:
+                reason = f"{pick.label} could be taken from here, and the place would take {due}"
+                return Verdict.unknown(reason).grounded(state, verdict.stage)
+            # The state after the pick would not tell that another grasp was taken.
+            due = due or pick.label
+            break
+    return account.denied()

@@ -1,0 +1,165 @@
+"""Where parts rest without a height of their own, in space and in cases; what they rest on."""
+
+import math
+
+import pytest
+
+from skillplan.domains.assembly import AssemblyDomain
+from skillplan.domains.assembly.layout import goal_pose, hole_of, start_pose
+from skillplan.domains.assembly.resting import TABLE, bearers_at_start, rests_at_goal
+from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.task.pose import Pose
+
+QUARTER = math.pi / 2
+FLOOR_M = 0.003
+CASE = {
+    "boxes": [
+        {"size_m": [0.20, 0.16, FLOOR_M], "centre_m": [0.0, 0.0, FLOOR_M / 2]},
+        {"size_m": [0.20, 0.004, 0.05], "centre_m": [0.0, 0.078, 0.025]},
+        {"size_m": [0.20, 0.004, 0.05], "centre_m": [0.0, -0.078, 0.025]},
+        {"size_m": [0.004, 0.152, 0.05], "centre_m": [0.098, 0.0, 0.025]},
+        {"size_m": [0.004, 0.152, 0.05], "centre_m": [-0.098, 0.0, 0.025]},
+    ],
+    "goal_m": [0.5, 0.0],
+    "start_m": [0.4, 0.4],
+}
+BOARD = {"size_m": [0.12, 0.10, 0.002], "goal_m": [0.5, 0.0], "goal_on": "case"}
+SHAFT = {"cylinder": {"diameter_m": 0.02, "height_m": 0.06}}
+
+
+def config_of(parts, **changes):
+    """Return an assembly of some parts, which lie apart at the start unless they say where."""
+    made = {}
+    for number, (name, part) in enumerate(parts.items()):
+        place = {} if {"start_m", "start_on"} & part.keys() else {"start_m": [0.2, 0.2 * number]}
+        made[name] = {"tool": "hand", "goal_m": [0.5, 0.0], **place, **part}
+    content = {
+        "kind": "assembly",
+        "name": "resting",
+        "robot": {"home_m": [0.3, 0.0], "reach_m": 2.0},
+        "tools": {"hand": {"holder_m": [0.5, 0.5], "type": "suction"}},
+        "initial_tool": "hand",
+        "parts": made,
+        **changes,
+    }
+    return AssemblyConfig.model_validate(content)
+
+
+def messages(config):
+    """Return what is wrong with an assembly."""
+    return [issue.message for issue in AssemblyDomain().issues(config)]
+
+
+def test_a_board_rests_on_the_floor_of_a_case_between_its_walls():
+    """Not on the walls' height; and a chip on the board rests on the board."""
+    chip = {"size_m": [0.01, 0.01, 0.001], "goal_m": [0.52, 0.02], "goal_on": "board"}
+    config = config_of({"case": CASE, "board": BOARD, "chip": chip})
+    assert [] == messages(config)
+    assert (0.5, 0.0, 0.003) == goal_pose(config, "board").position
+    assert (0.52, 0.02, 0.005) == goal_pose(config, "chip").position
+    (rest,) = rests_at_goal(config, "board")
+    assert ("case", pytest.approx(12_000)) == (rest.on, rest.area_m2 * 1e6)
+
+
+def test_a_part_over_a_wall_rests_on_the_wall():
+    """A cover as long as the case; it stands on its four walls."""
+    cover = {"size_m": [0.20, 0.16, 0.002], "goal_on": "case"}
+    config = config_of({"case": CASE, "cover": cover})
+    assert [] == messages(config)
+    assert 0.05 == goal_pose(config, "cover").position[2]
+    (rest,) = rests_at_goal(config, "cover")
+    assert pytest.approx(2 * 200 * 4 + 2 * 152 * 4) == rest.area_m2 * 1e6
+
+
+def test_a_bridge_rests_on_all_that_a_list_names():
+    """And on nothing that the list leaves out, which it is told of in millimetres."""
+    posts = {
+        "one": {"size_m": [0.02, 0.02, 0.04], "goal_m": [0.45, 0.0]},
+        "two": {"size_m": [0.02, 0.02, 0.04], "goal_m": [0.55, 0.0]},
+        "low": {"size_m": [0.02, 0.02, 0.03], "goal_m": [0.50, 0.0]},
+    }
+    bridge = {"size_m": [0.14, 0.02, 0.01], "goal_on": ["one", "two"]}
+    config = config_of({**posts, "bridge": bridge})
+    assert [] == messages(config)
+    assert 0.04 == goal_pose(config, "bridge").position[2]
+    assert {"one", "two"} == {rest.on for rest in rests_at_goal(config, "bridge")}
+    config = config_of({**posts, "bridge": {**bridge, "goal_on": ["one", "two", "low"]}})
+    told = "'bridge' does not lie on 'low', but 10.0 mm above it. Leave it out."
+    assert [told] == messages(config)
+
+
+def test_a_turned_part_without_z_rests_with_its_lowest_point():
+    """The origin of its frame, the centre of its upright bottom, is where the file says x and y."""
+    lying = {**SHAFT, "goal_rpy_rad": [0.0, QUARTER, 0.0], "goal_m": [0.47, 0.0], "goal_on": "case"}
+    config = config_of({"case": CASE, "shaft": {**lying, "start_rpy_rad": [QUARTER, 0.0, 0.0]}})
+    assert [] == messages(config)
+    assert goal_pose(config, "shaft") == Pose.turned((0.47, 0.0, 0.013), (0.0, QUARTER, 0.0))
+    assert start_pose(config, "shaft").position == (0.2, 0.2, 0.01)
+    assert [("case", 0.0)] == [(r.on, r.area_m2) for r in rests_at_goal(config, "shaft")]
+
+
+def test_with_three_numbers_a_part_is_where_they_say():
+    """In a bore that bears it from below; it is told what it lies on."""
+    block = {
+        "boxes": [
+            {"size_m": [0.04, 0.06, 0.02], "centre_m": [0.0, 0.0, 0.01]},
+            {"size_m": [0.04, 0.06, 0.02], "centre_m": [0.0, 0.0, 0.05]},
+        ]
+    }
+    shaft = {**SHAFT, "goal_m": [0.46, 0.0, 0.03], "goal_rpy_rad": [0.0, QUARTER, 0.0]}
+    config = config_of({"block": block, "shaft": shaft})
+    assert [] == messages(config)
+    assert ["block"] == [rest.on for rest in rests_at_goal(config, "shaft")]
+    config = config_of({"block": block, "shaft": {**shaft, "goal_m": [0.46, 0.0, 0.0335]}})
+    (told,) = messages(config)
+    assert "'shaft' and 'block' overlap by 3.5 mm at their goals. Move one." == told
+
+
+def test_a_part_at_the_start_may_lie_anywhere_on_another():
+    """On what start_on names at start_m, or at a height; then it has to go first."""
+    tray = {"size_m": [0.2, 0.1, 0.01], "start_m": [0.3, 0.4], "goal_m": [0.7, 0.3]}
+    for given in (
+        {"start_on": "tray", "start_m": [0.35, 0.41]},
+        {"start_m": [0.35, 0.41, 0.01]},
+    ):
+        chip = {"size_m": [0.01, 0.01, 0.002], **given}
+        config = config_of({"tray": tray, "chip": chip})
+        assert [] == messages(config)
+        assert (0.35, 0.41, 0.01) == start_pose(config, "chip").position
+        assert ["tray"] == bearers_at_start(config, "chip")
+        (task,) = AssemblyDomain().ground(config, "")
+        pick = next(skill for skill in task.skills if skill.name == "pick(tray)")
+        assert task.facts.bit("at_start(chip)") & pick.precondition.forbids.bits
+
+
+def test_old_files_keep_the_table_where_goal_on_is_left_out():
+    """Also where something else is beneath, which is told as an overlap."""
+    config = config_of({"case": CASE, "board": {**BOARD, "goal_on": None}})
+    assert 0.0 == goal_pose(config, "board").position[2]
+    assert ["'board' and 'case' overlap by 2.0 mm at their goals. Move one."] == messages(config)
+
+
+def test_a_hole_is_where_the_part_it_goes_through_ends():
+    """Of a case the floor, not the walls."""
+    screws = {"bolt": {"tool": "driver", "hole_m": [0.52, 0.03], "through": "case"}}
+    tools = {
+        "hand": {"holder_m": [0.5, 0.5], "type": "suction"},
+        "driver": {"holder_m": [0.6, 0.5]},
+    }
+    config = config_of({"case": CASE}, screws=screws, tools=tools)
+    assert [] == messages(config)
+    assert (0.52, 0.03, FLOOR_M) == hole_of(config, config.screws["bolt"])
+
+
+def test_check_says_what_every_part_rests_on():
+    """In words and as JSON values, with the area."""
+    config = config_of({"case": CASE, "board": BOARD})
+    overview = AssemblyDomain().overview(config)
+    line = f"rests      board on case (12,000.0 mm2); at the start on {TABLE} (12,000.0 mm2)"
+    assert line == overview.lines[1]
+    entry = overview.document["rests"][1]
+    assert entry == {
+        "part": "board",
+        "start": [{"on": TABLE, "area_mm2": 12_000.0}],
+        "goal": [{"on": "case", "area_mm2": 12_000.0}],
+    }

@@ -1,0 +1,66 @@
+"""A small board whose drawer goes in from two sides, and a detector of what closes them."""
+
+from __future__ import annotations
+
+from situations import assembly, fake_back_end
+from skillplan.task.verdict import Verdict
+
+
+def drawer_content(*, stops=("left", "right"), **drawer):
+    """Return two stops and a drawer between them that may be pushed in from either side."""
+    block = {"tool": "hand", "size_m": [0.02, 0.04, 0.03]}
+    places = {"left": ([0.3, 0.2], [0.4, 0.0]), "right": ([0.35, 0.2], [0.6, 0.0])}
+    return {
+        "kind": "assembly",
+        "name": "drawer",
+        "robot": {"home_m": [0.3, 0.0]},
+        "tools": {"hand": {"holder_m": [0.5, 0.3]}},
+        "initial_tool": "hand",
+        "parts": {
+            **{
+                name: {**block, "start_m": places[name][0], "goal_m": places[name][1]}
+                for name in stops
+            },
+            "drawer": {
+                "tool": "hand",
+                "size_m": [0.1, 0.04, 0.03],
+                "start_m": [0.3, -0.2],
+                "goal_m": [0.5, 0.0],
+                "insert_along": [[1, 0, 0], [-1, 0, 0]],
+                **drawer,
+            },
+        },
+    }
+
+
+def drawer_task(**changes):
+    """Return the task of the stops and the drawer."""
+    return assembly(drawer_content(**changes))
+
+
+CLOSED = {
+    "place(drawer) along +x": ("placed(left)",),
+    "place(drawer) along -x": ("placed(right)",),
+}
+"""What closes which direction: the stop that the drawer would have to go through."""
+
+
+def closing(task, closed=CLOSED, **attributes):
+    """Return a detector that refuses skills, by name, while one of some facts holds.
+
+    A fact that begins with ``?`` makes the answer unknown.
+    """
+
+    def answer(skill, state):
+        absent = task.facts.none
+        for word in closed.get(skill.name, ()):
+            name = word.removeprefix("?")
+            fact = task.facts.of(name)
+            if name in state and word != name:
+                return Verdict.unknown(f"nobody knows whether {name} is in the way")
+            if name in state:
+                return Verdict.infeasible(f"runs into {name}", fact, absent)
+            absent |= fact
+        return Verdict.feasible(task.facts.none, absent)
+
+    return fake_back_end(task, answer, name="closing", **attributes)
