@@ -24,7 +24,7 @@ from skillplan.robots.panda import PANDA
 from skillplan.task.motion import Event, Visit
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Body, Box, GraspKind, Scene, ToolKind
-from skillplan_pinocchio.arm_model import CAPSULES, ArmModel
+from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.hand_sweeps import HandSweeps
 from skillplan_pinocchio.joint_path import JointPath
 from skillplan_pinocchio.obstacles import Obstacle, obstacles_of
@@ -171,6 +171,9 @@ def deepest_m(travel: CrampedTravel, path: JointPath, spacing_m: float = 1e-3) -
     boxes = [_boxes(mover, frames) for mover in movers]
     worst_m = _FAR_M
     for mover, (low, high) in zip(movers, boxes, strict=True):
+        # The base stands on the table.
+        if mover[0] == 0:
+            continue
         for piece in (piece for one in travel.standing for piece in one.pieces):
             close = (low < piece.high).all(axis=1) & (high > piece.low).all(axis=1)
             for number in np.flatnonzero(close).tolist():
@@ -193,7 +196,7 @@ _ROUGH = 64
 
 def _corners(mover: Mover, frames: Sequence[np.ndarray]) -> np.ndarray:
     """Return the corners of a mover in the world, shape (places, corners, 3)."""
-    joint, _, corners, _ = mover
+    joint, _, corners = mover
     at = np.array([frame[joint] for frame in frames])
     return np.einsum("nij,cj->nci", at[:, :3, :3], corners) + at[:, np.newaxis, :3, 3]
 
@@ -201,36 +204,33 @@ def _corners(mover: Mover, frames: Sequence[np.ndarray]) -> np.ndarray:
 def _boxes(mover: Mover, frames: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return the corners of boxes that are 2 mm larger than a mover, each of shape (places, 3)."""
     placed = _corners(mover, frames)
-    more_m = mover[3] + _FAR_M
-    return placed.min(axis=1) - more_m, placed.max(axis=1) + more_m
+    return placed.min(axis=1) - _FAR_M, placed.max(axis=1) + _FAR_M
 
 
-Mover = tuple[int, object, np.ndarray, float]
+Mover = tuple[int, object, np.ndarray]
 
 
 def _movers(travel: CrampedTravel) -> list[Mover]:
     """Return joints, geometries and corners, in the frames of the joints, of all that moves."""
     found: list[Mover] = []
-    for capsule in CAPSULES:
-        ends = np.array([capsule.start, capsule.end])
-        found.append((capsule.link, _swollen(ends, capsule.radius_m), ends, capsule.radius_m))
+    for joint, shapes in enumerate(PANDA.shapes):
+        for shape in shapes:
+            corners = np.array(shape.corners_m)
+            found.append((joint, _hull(corners), corners))
     goal = _frames(travel.goal_rad)
     back = np.linalg.inv(goal[len(goal) - 1])
     motion = travel.motion
     for _, held in travel.planner.sweeps.held(motion, motion.above):
         for piece in held:
             corners = piece.corners @ back[:3, :3].T + back[:3, 3]
-            found.append((len(goal) - 1, _swollen(corners, 0.0), corners, 0.0))
+            found.append((len(goal) - 1, _hull(corners), corners))
     return found
 
 
-def _swollen(corners: np.ndarray, radius_m: float) -> object:
-    """Return the hull of corners for coal, or of two of them the capsule about them."""
-    if radius_m == 0.0:
-        points = coal.StdVec_Vec3s()
-        points.extend(list(corners))
-        return coal.Convex.convexHull(points, True, "Qt")
-    return coal.Capsule(radius_m, float(np.linalg.norm(corners[1] - corners[0])))
+def _hull(corners: np.ndarray) -> object:
+    points = coal.StdVec_Vec3s()
+    points.extend(list(corners))
+    return coal.Convex.convexHull(points, True, "Qt")
 
 
 def _frames(joints_rad: np.ndarray) -> list[np.ndarray]:
@@ -260,18 +260,8 @@ def _turn(axis: str, angle_rad: float) -> np.ndarray:
 
 
 def _placed(mover: Mover, frames: Sequence[np.ndarray]) -> object:
-    joint, _, corners, radius_m = mover
-    at = np.eye(4)
-    if radius_m > 0.0:
-        along = corners[1] - corners[0]
-        along = along / np.linalg.norm(along)
-        aside = np.eye(3)[int(np.argmin(np.abs(along)))]
-        x = np.cross(aside, along)
-        x /= np.linalg.norm(x)
-        at[:3, :3] = np.column_stack([x, np.cross(along, x), along])
-        at[:3, 3] = corners.mean(axis=0)
-    placed = frames[joint] @ at
-    return coal.Transform3s(placed[:3, :3], placed[:3, 3])
+    frame = frames[mover[0]]
+    return coal.Transform3s(frame[:3, :3], frame[:3, 3])
 
 
 def _to_piece_m(mover: Mover, frames: Sequence[np.ndarray], piece: ConvexPiece) -> float:

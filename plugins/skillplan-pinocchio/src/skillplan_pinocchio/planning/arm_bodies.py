@@ -22,7 +22,7 @@ class ArmBodies:
     model
         The arm's `pinocchio.Model`.
     solids
-        One at least.
+        Those that stand still first.
     home_rad
         A posture in which the arm does not collide with itself, shape (joints,).
 
@@ -46,7 +46,7 @@ class ArmBodies:
     def __init__(self, model: Any, solids: Sequence[MovingSolid], home_rad: Vector) -> None:
         self.model = model
         self.solids = tuple(solids)
-        self.reach_m = np.array([_reach_m(model, solid) for solid in solids])
+        self.reach_m = np.array([_reach_m(model, solid) for solid in solids]).reshape(-1, model.nv)
         candidates = [
             (a, b)
             for b, outer in enumerate(self.solids)

@@ -82,11 +82,14 @@ class ContinuousCheck:
             self._geometry.addGeometryObject(
                 pin.GeometryObject(f"piece {index}", 0, pin.SE3.Identity(), piece.hull)
             )
+        # The base of the arm stands where it is put.
+        still = sum(solid.joint == 0 for solid in bodies.solids)
+        self._moving = range(still, solids)
         chosen = np.zeros((self._geometry.ngeoms, self._geometry.ngeoms), dtype=bool)
-        chosen[:solids, solids:] = True
+        chosen[still:solids, solids:] = True
         # By solid, then by piece.
         self._geometry.setCollisionPairs(chosen)
-        self._pairs = [(solid, number) for solid in range(solids) for number, _ in pieces]
+        self._pairs = [(solid, number) for solid in self._moving for number, _ in pieces]
         self._nearness = self._geometry.createData()
         self._margin_m = 0.0
         self._active: Sequence[int] = range(len(self._pairs))
@@ -150,7 +153,7 @@ class ContinuousCheck:
             centres = self.bodies.centres(path.at((number + 0.5) / count))[:, np.newaxis]
             away = np.maximum(np.maximum(self._low - centres, centres - self._high), 0.0)
             found |= (away**2).sum(axis=2) < (reached_m**2)[:, np.newaxis]
-        return np.flatnonzero(found.ravel()).tolist()
+        return np.flatnonzero(found[self._moving.start :].ravel()).tolist()
 
     def activate(self, pairs: Sequence[int]) -> None:
         """Look at some pairs only, by number."""
@@ -191,7 +194,7 @@ class _Run:
         self._slopes = path.steepest_by_interval
         moves_m = self._slopes @ check.bodies.reach_m.T
         self._pairs = check.near(path, moves_m.max(axis=0))
-        self._fastest_m = moves_m.max(axis=1).tolist()
+        self._fastest_m = moves_m.max(axis=1, initial=0.0).tolist()
         self._own_m = (self._slopes @ check.bodies.pair_reach_m.T).tolist()
         self._own = list(range(len(check.bodies.pairs)))
 

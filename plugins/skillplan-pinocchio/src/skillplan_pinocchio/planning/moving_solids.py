@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +10,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from skillplan_pinocchio.arm_model import CAPSULES, Capsule
+from skillplan_pinocchio.arm_model import ArmModel
+from skillplan_pinocchio.link_pieces import LinkPiece
 
 Vector = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ class MovingSolid:
     name
         In words, as ``link 4 of the arm``.
     joint
-        Number of the joint that moves it, counted from 1.
+        Number of the joint that moves it, counted from 1; 0 for what stands still.
     geometry
         Of coal.
     frame
@@ -47,15 +47,27 @@ class MovingSolid:
     of_arm: bool = False
 
 
-def arm_solids(capsules: Iterable[Capsule] = CAPSULES) -> tuple[MovingSolid, ...]:
-    """Return the links of an arm.
-
-    Parameters
-    ----------
-    capsules
-        About its links.
-    """
-    return tuple(_capsule(capsule) for capsule in capsules)
+def arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
+    """Return the base of an arm, which stands still, and its links."""
+    turned = pin.SE3(np.array(arm.mount.rotation), np.array(arm.mount.position))
+    base = arm.description.shapes[0] if arm.description.shapes else ()
+    found = []
+    for piece in (*(LinkPiece(0, shape) for shape in base), *arm.pieces):
+        centre, half = piece.box
+        placed = turned if piece.link == 0 else pin.SE3.Identity()
+        name = f"link {piece.link} of the arm" if piece.link else "the base of the arm"
+        found.append(
+            MovingSolid(
+                name,
+                piece.link,
+                piece.geometry,
+                placed * piece.frame,
+                placed.act(centre),
+                float(np.linalg.norm(half)),
+                of_arm=True,
+            )
+        )
+    return tuple(found)
 
 
 def convex_solid(name: str, joint: int, corners: Vector) -> MovingSolid:
@@ -76,28 +88,3 @@ def convex_solid(name: str, joint: int, corners: Vector) -> MovingSolid:
     radius_m = float(np.linalg.norm(corners - centre, axis=1).max())
     hull = coal.Convex.convexHull(points, True, "Qt")
     return MovingSolid(name, joint, hull, pin.SE3.Identity(), centre, radius_m)
-
-
-def _capsule(capsule: Capsule) -> MovingSolid:
-    start, end = np.array(capsule.start), np.array(capsule.end)
-    length_m = float(np.linalg.norm(end - start))
-    centre = (start + end) / 2
-    return MovingSolid(
-        f"link {capsule.link} of the arm",
-        capsule.link,
-        coal.Capsule(capsule.radius_m, length_m),
-        pin.SE3(_turns(end - start), centre),
-        centre,
-        length_m / 2 + capsule.radius_m,
-        of_arm=True,
-    )
-
-
-def _turns(along: Vector) -> Vector:
-    """Return a rotation that turns z along a vector, shape (3, 3)."""
-    z = along / np.linalg.norm(along)
-    # Whichever axis is farther from it.
-    aside = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.7 else np.array([0.0, 1.0, 0.0])
-    x = np.cross(aside, z)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])

@@ -53,7 +53,7 @@ class TravelPlanner:
     ) -> None:
         self.arm = arm
         self.sweeps = sweeps
-        self._links = arm_solids() if check_arm else ()
+        self._links = arm_solids(arm) if check_arm else ()
         space = joint_space(arm.model, arm.low_rad, arm.high_rad)
         self._search = TravelSearch(obstacles, space, most_checks)
 
