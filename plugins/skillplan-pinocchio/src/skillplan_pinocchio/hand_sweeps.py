@@ -61,8 +61,11 @@ class HandSweeps:
             label = "the insertion" if is_last and number > 2 else "the approach"
             # Down to its goal, also where it is let go from above.
             target = motion.grasp_tip if is_last else end
+            loads = [*self._load(label, motion, motion.carries, begin, _difference(begin, target))]
+            if label == "the insertion" and motion.drop_m:
+                loads += self._load(label, motion, motion.carries, begin, _difference(begin, end))
             yield (
-                *self._load(label, motion, motion.carries, begin, _difference(begin, target)),
+                *loads,
                 *self._hands(label, motion, begin, _difference(begin, end), after=False),
             )
 
@@ -128,7 +131,8 @@ class HandSweeps:
         if motion.visit.event in _HANDLING:
             grasp = visited_grasp(self.scene.body(motion.visit.subject), motion.visit)
             is_open = before is (motion.visit.event is Event.GRASP)
-            opening_m = jaw_opening_m(grasp, self.clearance_m if is_open else 0.0, tool)
+            clearance_m = self.clearance_m if is_open else 0.0
+            opening_m = jaw_opening_m(grasp, clearance_m, tool, self.robot.hand)
         return hand_parts(self.robot, tool, opening_m)
 
 
