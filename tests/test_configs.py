@@ -183,7 +183,7 @@ def overlaps(one: Box, other: Box) -> list[float]:
 
 class TestEveryConfig:
     def test_there_are_the_board_larger_ones_and_those_of_another_kind(self) -> None:
-        """Of another order, of many tools, of many parts, of chance, in space, and of time as cost."""
+        """Of another order, many tools, many parts, of chance, in space, and of time as cost."""
         expected = {"inverter_board", "motor_drive", "sensor_stack"}
         expected |= {"battery_module", "relay_rail", "inverter_grasps", "inverter_time"}
         expected |= {"mini_pc", "gear_unit", "drawer_module"}
