@@ -58,6 +58,8 @@ class Piece:
         if self.prism is None or lower.prism is None:
             from skillplan.collision.solids.falling import height_above
 
+            if not (self.surface.convex and lower.surface.convex):
+                return height_above(self.surface, lower.surface, at_least_m)
             # What is convex is above or beneath as a whole.
             height_m = height_above(self.surface, lower.surface)
             return height_m if height_m >= at_least_m else math.inf
