@@ -32,7 +32,7 @@ EXIT_MEANINGS = {
     "feasible, or a claim of a result fails",
     "EXIT_WRONG_INPUT": "wrong input, option or plugin; also a solver that refuses the task or is "
     "caught in a wrong claim",
-    "EXIT_BACK_END": "a physics or collision back end failed",
+    "EXIT_BACK_END": "a physics or collision back end failed, or contradicts itself",
     "EXIT_INTERRUPTED": "interrupted by Ctrl-C or SIGTERM; the best so far is printed",
 }
 

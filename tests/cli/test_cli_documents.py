@@ -181,7 +181,7 @@ PLUGINS = record(
     schema=one_of("skillplan.plugins/1"),
     plugins=many(
         record(
-            kind=one_of("domain", "physics", "collision", "solver"),
+            kind=one_of("domain", "physics", "collision", "solver", "executor"),
             name=TEXT,
             distribution=TEXT,
             version=TEXT,

@@ -243,7 +243,7 @@ def _go_on(conversation: Conversation, said: Checked | None) -> _Pending | None:
 
 
 def _named(ended: Ended) -> str:
-    if not ended.killed:
+    if ended.exit_code is None or ended.exit_code >= 0:
         return ended.how
     try:
         return f"{ended.how} ({signal.Signals(-ended.exit_code).name})"

@@ -28,6 +28,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
+from skillplan.workers.executor import MakeExecutor
 
 if TYPE_CHECKING:
     from skillplan.checks.check_workers import CheckWorkers
@@ -84,6 +85,9 @@ class Feasibility:
     jobs
         From 2 on, expensive back ends check in so many processes at once. Neither verdicts nor
         what is counted depends on it.
+    make_executor
+        Where those processes are; with one even a single job is done there. None for this
+        machine.
     on_check
         Called before and after every query that an expensive back end has to work for.
 
@@ -119,6 +123,7 @@ class Feasibility:
         cache: VerdictCache | None = None,
         *,
         jobs: int = 1,
+        make_executor: MakeExecutor | None = None,
         on_check: Callable[[CheckCount], None] | None = None,
     ) -> None:
         if jobs < 1:
@@ -137,14 +142,17 @@ class Feasibility:
         expensive = any(back_end.expensive for back_end in self.back_ends)
         self._on_check = on_check if expensive else None
         self._workers: CheckWorkers | None = None
-        if expensive and jobs > 1:
+        self.make_executor = make_executor
+        apart = expensive and (jobs > 1 or make_executor is not None)
+        if apart:
             # Here and not above: whoever needs no processes must not pay for importing this.
             from skillplan.checks.check_workers import CheckWorkers
 
-            self._workers = CheckWorkers(task, self.back_ends, jobs)
+            executor = None if make_executor is None else make_executor(jobs)
+            self._workers = CheckWorkers(task, self.back_ends, jobs, executor)
         # Each with whether it is worth counting, and whether it is queried in another process.
         self._chain = tuple(
-            (index, back_end, back_end.expensive or not expensive, back_end.expensive and jobs > 1)
+            (index, back_end, back_end.expensive or not expensive, back_end.expensive and apart)
             for index, back_end in enumerate(self.back_ends)
         )
         self._timers = tuple(one for one in self.back_ends if tells_time(one) and not one.screens)
@@ -327,7 +335,7 @@ class Feasibility:
                 verdict = checked.verdict
                 self.cache.keep(back_end, skill, checked, state)
             else:
-                self.reused.note(index, back_end, skill, state, verdict)
+                self.reused.note(index, skill, state, verdict)
             if verdict.status is VerdictStatus.INFEASIBLE:
                 return verdict
             if verdict.status is VerdictStatus.UNKNOWN:

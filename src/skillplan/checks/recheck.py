@@ -107,13 +107,15 @@ def put_to_the_test(
         _Trying(task, index, kept, state, on_trial)
         for (index, kept), state in zip(drawn, states, strict=True)
     ]
-    if jobs > 1:
+    make_executor = feasibility.make_executor
+    if jobs > 1 or make_executor is not None:
+        executor = None if make_executor is None else make_executor(jobs)
 
         def poll() -> None:
             if stopped():
                 raise _Stopped
 
-        with closing(CheckWorkers(task, back_ends, jobs)) as workers, suppress(_Stopped):
+        with closing(CheckWorkers(task, back_ends, jobs, executor)) as workers, suppress(_Stopped):
             workers.hold(trials, poll)
     else:
         for trial in trials:

@@ -27,6 +27,7 @@ def load(
     solver: str | None = None,
     task_file: str | None = None,
     changed_task: bool = False,
+    executor: str = "local",
 ) -> LoadedResult:
     """Return a result with its task.
 
@@ -42,6 +43,8 @@ def load(
         The task file; None for the one that the result names.
     changed_task
         Whether the task may be another one than was solved.
+    executor
+        Where jobs are done, as ``NAME`` or ``NAME:ADDRESS``.
 
     Raises
     ------
@@ -49,14 +52,18 @@ def load(
         If the result cannot be used, or an option is wrong.
     """
     from skillplan.pipeline.restoration import Override, load_result
+    from skillplan.workers.executor_choice import ExecutorChoice
 
+    options = parse_options(back_ends.options, solver)
+    place = ExecutorChoice.read(executor, options)
+    options.pop(place.name, None)
     override = Override(
         task_file,
         reading.part,
         reading.settings(),
         back_ends.physics,
         tuple(split_names(back_ends.collision or "")),
-        parse_options(back_ends.options, solver),
+        options,
     )
     changed = changed_task or bool(reading.changes)
     loaded = load_result(path, override, changed_task=changed)
@@ -66,5 +73,6 @@ def load(
         collision=back_ends.collision or ",".join(loaded.origin.collision) or None,
     )
     # Options are for who takes part.
-    chosen.setup(loaded.problem.tasks[-1], () if solver is None else (solver,))
-    return loaded
+    solvers = () if solver is None else (solver,)
+    chosen.setup(loaded.problem.tasks[-1], solvers, executor=executor)
+    return replace(loaded, setup=replace(loaded.setup, executor=place))

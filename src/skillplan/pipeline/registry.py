@@ -28,6 +28,7 @@ KINDS = {
     "physics": "skillplan.physics.engine:Engine",
     "collision": "skillplan.collision.detector:Detector",
     "solver": "skillplan.solvers.solver:Solver",
+    "executor": "skillplan.workers.executor:Executor",
 }
 
 # Words that users try, to the plugin that they mean where no name is near.
@@ -44,6 +45,7 @@ _MEANT = {
     },
     "physics": {"bullet": "pybullet", "none": "kinematic"},
     "collision": {"chart": "precedence", "boxes": "aabb"},
+    "executor": {"processes": "local", "multiprocessing": "local", "cluster": "ray"},
 }
 
 

@@ -47,7 +47,9 @@ def make_feasibility(
         As in `make_model`.
     """
     made = setup.back_ends(task) if back_ends is None else back_ends
-    return Feasibility(task, made, cache, jobs=jobs, on_check=on_check)
+    return Feasibility(
+        task, made, cache, jobs=jobs, make_executor=setup.make_executor, on_check=on_check
+    )
 
 
 def make_model(
@@ -219,7 +221,7 @@ def _prepared(solver: str | Solver, task: Task, setup: Setup, stop: Stop, jobs: 
         solver = make_solver(solver, setup.options.get(solver, {}), stop)
     else:
         solver.stop = stop
-    solver.jobs = jobs
+    solver.jobs, solver.make_executor = jobs, setup.make_executor
     stop.decimals = task.metric.decimals
     return solver
 

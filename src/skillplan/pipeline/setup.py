@@ -15,6 +15,8 @@ from skillplan.plugins.blame import blame
 from skillplan.records.origin import Origin
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import BackEndChoice, Task
+from skillplan.workers.executor import Executor, MakeExecutor
+from skillplan.workers.executor_choice import ExecutorChoice
 
 DEFAULT_PHYSICS = "kinematic"
 SCREEN = "swept"
@@ -38,12 +40,15 @@ class Setup:
     screening
         Whether an installed geometric detector is queried before an engine that executes skills,
         and what it refuses is not executed.
+    executor
+        Where jobs are done; nothing that comes out depends on it.
     """
 
     physics: str | None = None
     collision: tuple[str, ...] = ()
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     screening: bool = False
+    executor: ExecutorChoice = field(default_factory=ExecutorChoice)
 
     def back_ends(self, task: Task, spare: list[BackEnd] | None = None) -> list[BackEnd]:
         """Return the back ends for a task, physics first.
@@ -72,6 +77,14 @@ class Setup:
         if self.screens(task):
             next(one for one in made if one.name == SCREEN).screens = True
         return made
+
+    @property
+    def make_executor(self) -> MakeExecutor | None:
+        """What makes executors of so many slots; None for processes of this machine."""
+        return None if self.executor.is_default else self._executor
+
+    def _executor(self, slots: int) -> Executor:
+        return make_executor(self.executor, slots)
 
     def origin(self, file: str, part: str | None, changes: Mapping[str, str]) -> Origin:
         """Return what a result says of where it comes from."""
@@ -127,6 +140,22 @@ class Setup:
         if refusal is not None:
             raise OptionError(f"{kind} {choice.name!r} cannot serve {task.name!r}: {refusal}")
         return back_end
+
+
+def make_executor(choice: ExecutorChoice, slots: int) -> Executor:
+    """Return an executor of so many slots, which has started nothing.
+
+    Raises
+    ------
+    OptionError
+        If an option is wrong, or there is an address and it takes none.
+    PluginError
+        If the executor is unknown or broken.
+    """
+    plugin = registry.load("executor", choice.name)
+    options = registry.make_options("executor", choice.name, plugin, choice.options)
+    executor: Executor = plugin(slots, options, choice.address)
+    return executor
 
 
 def _declared(task: Task) -> dict[str, BackEndChoice]:

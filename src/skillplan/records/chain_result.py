@@ -157,6 +157,11 @@ class ChainResult:
         return cost is not None and optimum is not None and cost <= optimum + tolerance(cost)
 
     @property
+    def back_end_failed(self) -> bool:
+        """Whether a part has failed by a back end."""
+        return any(part.result.back_end_failed for part in self.parts)
+
+    @property
     def reason(self) -> str:
         """Why it is no better than the status says, and what to know before executing it."""
         for part in self.parts:

@@ -66,6 +66,8 @@ class Result:
         The policy that the plan follows; None where the solver gave a plan.
     origin
         The task file and how it was read; None where the task is from no file.
+    back_end_failed
+        Whether it has failed by a back end, and by no fault of the solver's.
 
     Raises
     ------
@@ -98,6 +100,7 @@ class Result:
     trace: Mapping[str, Any] = field(default_factory=dict)
     policy: Mapping[State, Skill] | None = field(default=None, repr=False, compare=False)
     origin: Origin | None = None
+    back_end_failed: bool = False
 
     def __post_init__(self) -> None:
         has_plan = self.status in (Status.OPTIMAL, Status.SOLVED)

@@ -50,7 +50,7 @@ class AutoSolver(Solver):
         from skillplan.solvers.ordering.solver import PortfolioSolver
 
         portfolio = PortfolioSolver(stop=self.stop)
-        portfolio.jobs = self.jobs
+        portfolio.jobs, portfolio.make_executor = self.jobs, self.make_executor
         try:
             portfolio.problem(model)
         except NotASequencing as error:
@@ -73,7 +73,7 @@ class AutoSolver(Solver):
         return ExactSolver(options, trial).solve(model, seed=seed)
 
     def _by(self, solver: Solver, model: SkillModel, seed: int, why: str) -> Solution:
-        solver.jobs = self.jobs
+        solver.jobs, solver.make_executor = self.jobs, self.make_executor
         return _because(solver.solve(model, seed=seed), why)
 
 

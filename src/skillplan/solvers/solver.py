@@ -11,6 +11,7 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.solution import Solution
 from skillplan.solvers.stop import Stop
 from skillplan.task import back_end
+from skillplan.workers.executor import MakeExecutor
 
 
 class Solver(ABC):
@@ -41,6 +42,8 @@ class Solver(ABC):
     jobs
         How many processes it may use at once, >= 1; 1 unless the user allows more. No answer
         may be worse for being allowed more.
+    make_executor
+        Where those other processes are; None for this machine.
     """
 
     name: ClassVar[str]
@@ -48,6 +51,7 @@ class Solver(ABC):
     stage: ClassVar[str | None] = None
     polls: ClassVar[bool] = False
     jobs: int = 1
+    make_executor: MakeExecutor | None = None
 
     def __init__(self, options: BaseModel | None = None, stop: Stop | None = None) -> None:
         self.options = self.Options() if options is None else options

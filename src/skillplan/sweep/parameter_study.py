@@ -167,7 +167,8 @@ def do_study(
         for index, setting in enumerate(plan.settings)
         if (index, seed) not in done
     )
-    for record in do_all(job, orders, jobs, stopped):
+    maker = job.setup.make_executor
+    for record in do_all(job, orders, jobs, stopped, None if maker is None else maker(jobs)):
         if folder is not None:
             folder.add(record)
         records.append(record)

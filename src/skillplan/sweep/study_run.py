@@ -17,6 +17,7 @@ from skillplan.records.sweep.record import StartOutcome, SweepRecord
 from skillplan.solvers.stop import Stop
 from skillplan.task.state import State
 from skillplan.task.task import Task
+from skillplan.workers.inside import shares_files
 
 # Exact search from one start, to stand beside what is learned, takes no longer than this.
 _REFERENCE_S = 10.0
@@ -53,8 +54,8 @@ class StudyJob:
             raise ValueError("A study needs at least one start.")
 
     def cache(self) -> VerdictCache:
-        """Return where a run keeps verdicts: cold unless the study is warm."""
-        return warm_cache() if self.warm else VerdictCache()
+        """Return where a run keeps verdicts: cold unless the study is warm, and on its machine."""
+        return warm_cache() if self.warm and shares_files() else VerdictCache()
 
     def optimum(self, start: str) -> float | None:
         """Return the proved least cost from a start; None where exact search proves none."""

@@ -33,7 +33,8 @@ def do_all(
     """Yield the records of runs as they end, in whatever order.
 
     A run whose process is ended, for want of memory for example, is recorded as failed, and the
-    others go on. Once `stopped` is true, unfinished runs are given up.
+    others go on; one whose machine is lost is done once more elsewhere. Once `stopped` is true,
+    unfinished runs are given up.
 
     Parameters
     ----------
@@ -57,6 +58,7 @@ def do_all(
     todo = iter(orders)
     content = packed(job, _WHAT)
     at: dict[Worker, Order] = {}
+    again: list[Order] = []
 
     def give(worker: Worker | None, order: Order) -> None:
         if worker is None:
@@ -75,7 +77,14 @@ def do_all(
                 order = at[worker]
                 if isinstance(answer, Answer):
                     record = answer.content
-                elif not answer.started:
+                elif answer.exit_code is None and order not in again:
+                    # A lost machine is no fault of the run's: once more, elsewhere.
+                    again.append(order)
+                    del at[worker]
+                    worker.end()
+                    give(None, order)
+                    continue
+                elif not answer.started and not answer.killed:
                     raise worker.not_started()
                 else:
                     error = f"its process ended by {answer.how}"

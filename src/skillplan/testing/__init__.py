@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from skillplan.testing.back_end_suites import DetectorSuite, EngineSuite
 from skillplan.testing.domain_suite import DomainSuite
+from skillplan.testing.executor_suite import ExecutorSuite
 from skillplan.testing.solver_suite import SolverSuite
 from skillplan.testing.tasks import lid_content, lid_task, reachable_states, shut_box_task
 
@@ -21,6 +22,7 @@ __all__ = [
     "DetectorSuite",
     "DomainSuite",
     "EngineSuite",
+    "ExecutorSuite",
     "SolverSuite",
     "lid_content",
     "lid_task",

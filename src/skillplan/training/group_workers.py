@@ -279,7 +279,7 @@ class _Elsewhere:
         worker.end()
         group = assigned.job.group
         if isinstance(answer, Ended):
-            if not answer.started:
+            if not answer.started and not answer.killed:
                 raise worker.not_started()
             if assigned.starts < _STARTS:
                 self._start(assigned.job, assigned.order, assigned.starts + 1)

@@ -94,7 +94,11 @@ class Trainer:
         optimum = None if expensive else self._prove(VerdictCache())
         jobs = [GroupJob(plan, path, group, elapsed_s) for group in range(len(plan.groups))]
         endings: dict[int, Ending] = {}
-        for ending in drive(jobs, self._jobs, lambda: self.interrupted, self._report, self._cache):
+        maker = plan.setup.make_executor
+        executor = None if maker is None else maker(self._jobs)
+        for ending in drive(
+            jobs, self._jobs, lambda: self.interrupted, self._report, self._cache, executor
+        ):
             endings[ending[0]] = ending
             if isinstance(ending[1], GroupFailure):
                 self._fail(ending[1], stored)

@@ -1,7 +1,7 @@
 """What every executor offers: workers that each do one job at a time, somewhere else.
 
-`LocalProcesses` is the one there is. Another, on a cluster for example, subclasses `Executor` and
-`Worker`; whoever has jobs to do takes any.
+`LocalProcesses` is the default. Another, on a cluster for example, subclasses `Executor` and
+`Worker` and is registered in the group ``skillplan.executor``; whoever has jobs to do takes any.
 """
 
 from __future__ import annotations
@@ -10,9 +10,12 @@ import pickle
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
-from skillplan.errors import SkillplanError
+from pydantic import BaseModel
+
+from skillplan.errors import OptionError, SkillplanError
+from skillplan.task import back_end
 
 # Of what workers start from; returns the function that does jobs. Whatever can be pickled is a job.
 Prepare = Callable[[Any], Callable[[Any], Any]]
@@ -42,22 +45,28 @@ class Ended:
     Parameters
     ----------
     exit_code
-        Of its process; below 0 the signal that ended it.
+        Of its process; below 0 the signal that ended it. None where nobody can say: the process
+        is lost, and maybe its machine.
     started
         Whether it had come as far as to wait for jobs.
+    cause
+        What ended it, in words, where there is no exit code.
     """
 
-    exit_code: int
+    exit_code: int | None
     started: bool
+    cause: str = ""
 
     @property
     def killed(self) -> bool:
-        """Whether a signal ended it."""
-        return self.exit_code < 0
+        """Whether a signal ended it, or the loss of its machine: nothing that it did itself."""
+        return self.exit_code is None or self.exit_code < 0
 
     @property
     def how(self) -> str:
-        """What ended it: ``signal 9`` or ``exit code 1``."""
+        """What ended it: ``signal 9``, ``exit code 1``, or the cause in words."""
+        if self.exit_code is None:
+            return self.cause or "the loss of its machine"
         return f"signal {-self.exit_code}" if self.killed else f"exit code {self.exit_code}"
 
 
@@ -116,21 +125,50 @@ class Worker(ABC):
 class Executor(ABC):
     """Starts workers and waits for them.
 
+    To construct one starts nothing and connects to nothing; the first worker does.
+
     Parameters
     ----------
     slots
         The most workers at once, >= 1; whoever starts them keeps to it.
+    options
+        An instance of `Options`; None for the defaults.
+    address
+        Of what it connects to; empty for none.
+
+    Attributes
+    ----------
+    name
+        Kebab-case, as in the entry point.
+    Options
+        A pydantic model whose fields carry range and description.
+    takes_address
+        Whether ``--executor NAME:ADDRESS`` may give it an address.
+    shares_files
+        Whether its workers see the files of this machine under the same paths. Where they do not,
+        they write none that anybody is to find, and what they make is sent back.
 
     Raises
     ------
     ValueError
         If `slots` is below 1.
+    OptionError
+        If there is an address and it takes none.
     """
 
-    def __init__(self, slots: int) -> None:
+    name: ClassVar[str]
+    Options: ClassVar[type[BaseModel]] = back_end.Options
+    takes_address: ClassVar[bool] = False
+    shares_files: ClassVar[bool] = True
+
+    def __init__(self, slots: int, options: BaseModel | None = None, address: str = "") -> None:
         if slots < 1:
             raise ValueError(f"There must be at least one process, not {slots}.")
+        if address and not self.takes_address:
+            raise OptionError(f"The executor {self.name!r} takes no address, but got {address!r}.")
         self.slots = slots
+        self.options = self.Options() if options is None else options
+        self.address = address
 
     @property
     def refusal(self) -> str:
@@ -172,6 +210,10 @@ class Executor(ABC):
     @abstractmethod
     def close(self) -> None:
         """End all workers at once; more can be started afterwards."""
+
+
+MakeExecutor = Callable[[int], Executor]
+"""Returns an executor of so many slots; None in its place stands for processes of this machine."""
 
 
 def packed(content: Any, what: str) -> bytes:

@@ -14,6 +14,7 @@ class _Surroundings:
 
     tell: Callable[[Any], None] | None = None
     on_request: Callable[[], None] | None = None
+    shares_files: bool = True
 
 
 _here = _Surroundings()
@@ -36,6 +37,25 @@ def asked_to_stop() -> None:
         _here.on_request()
 
 
-def connect(speak: Callable[[Any], None]) -> None:
-    """Set by what `tell` speaks; the executor does, from the worker's side."""
+def connect(speak: Callable[[Any], None], *, shares_files: bool = True) -> None:
+    """Say by what `tell` speaks, and whose files these are; the executor does, from inside.
+
+    Parameters
+    ----------
+    speak
+        Sends news to whoever gave the job.
+    shares_files
+        As `Executor.shares_files`.
+    """
     _here.tell = speak
+    _here.shares_files = shares_files
+
+
+def is_worker() -> bool:
+    """Whether this process does jobs for another one."""
+    return _here.tell is not None
+
+
+def shares_files() -> bool:
+    """Whether files that are written here are those of whoever gave the job."""
+    return _here.shares_files

@@ -16,33 +16,39 @@ from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from pydantic import BaseModel
+
 from skillplan.errors import BackEndError, SkillplanError
 from skillplan.workers.executor import POLL_S, Answer, Ended, Executor, News, Prepare, Worker
-from skillplan.workers.inside import asked_to_stop, connect
+from skillplan.workers.inside import asked_to_stop, connect, is_worker
 
 
 class LocalProcesses(Executor):
-    """Workers that are processes of this machine.
+    """Do jobs in processes of this machine.
 
     Parameters
     ----------
-    slots
-        The most processes at once, >= 1.
+    slots, options, address
+        As for `Executor`.
 
     Raises
     ------
     ValueError
         If `slots` is below 1.
+    OptionError
+        If there is an address.
     """
 
-    def __init__(self, slots: int) -> None:
-        super().__init__(slots)
+    name = "local"
+
+    def __init__(self, slots: int, options: BaseModel | None = None, address: str = "") -> None:
+        super().__init__(slots, options, address)
         self._workers: list[WorkerProcess] = []
 
     @property
     def refusal(self) -> str:
         """Why none can be started from here, in words; empty where they can."""
-        inside = multiprocessing.current_process().daemon
+        inside = multiprocessing.current_process().daemon or is_worker()
         return "a process for jobs may not start others" if inside else ""
 
     def start(self, prepare: Prepare, content: bytes, what: str) -> WorkerProcess:

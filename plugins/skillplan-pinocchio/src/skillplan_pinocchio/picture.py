@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
-
-import numpy as np
 
 from skillplan.collision.hulls import Hull, HullRole, HullScene
 from skillplan.task.motion import Point
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.arm_model import CAPSULES, ArmModel, Vector
+from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.hand_sweeps import HandSweeps
 from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
 from skillplan_pinocchio.obstacles import TABLE
-from skillplan_pinocchio.shapes import Array, ConvexPiece
-
-# So many corners has each half of a capsule's ends about its axis.
-_RING = 12
+from skillplan_pinocchio.shapes import ConvexPiece
 
 
 def hull_scene(
@@ -88,29 +82,13 @@ def _links(motions: Sequence[ArmMotion], arm: ArmModel, verdict: Verdict) -> Ite
         for elbow in one.elbows[:1]:
             if met & {obstacle.body for obstacle, _ in elbow.meets}:
                 joints_rad = elbow.at(float(evidence["fraction"]))
-                for capsule, ends in zip(CAPSULES, arm.segments(joints_rad), strict=True):
-                    piece = ConvexPiece(_capsule_corners(*ends, capsule.radius_m))
-                    yield _hull(f"link {capsule.link} of the arm", HullRole.MOVING, piece)
+                rotations, origins = arm.frames([joints_rad])
+                for one_piece in arm.pieces:
+                    rotation = rotations[0, one_piece.link - 1]
+                    corners = one_piece.corners @ rotation.T + origins[0, one_piece.link - 1]
+                    name = f"link {one_piece.link} of the arm"
+                    yield _hull(name, HullRole.MOVING, ConvexPiece(corners))
                 return
-
-
-def _capsule_corners(start: Vector, end: Vector, radius_m: float) -> Array:
-    """Return corners on the surface of a capsule, shape (corners, 3) [m]."""
-    along = (end - start) / np.linalg.norm(end - start)
-    aside = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
-    aside /= np.linalg.norm(aside)
-    other = np.cross(along, aside)
-    corners = []
-    for centre, outward in ((start, -along), (end, along)):
-        for lift in (0.0, math.pi / 4):
-            for number in range(_RING):
-                turn = 2 * math.pi * number / _RING
-                flat = math.cos(turn) * aside + math.sin(turn) * other
-                corners.append(
-                    centre + radius_m * (math.cos(lift) * flat + math.sin(lift) * outward)
-                )
-        corners.append(centre + radius_m * outward)
-    return np.array(corners)
 
 
 def _touches(verdict: Verdict) -> Iterator[Point]:
@@ -122,12 +100,10 @@ def _touches(verdict: Verdict) -> Iterator[Point]:
 
 def _hull(name: str, role: HullRole, piece: ConvexPiece) -> Hull:
     """Return a piece with its surface in triangles, as coal has worked it out."""
-    found = piece.hull
-    corners = np.asarray(found.points())
-    faces = [found.polygons(number) for number in range(found.num_polygons)]
+    corners, faces = piece.surface
     return Hull(
         name,
         role,
-        [(float(x), float(y), float(z)) for x, y, z in corners],
-        [(int(face[0]), int(face[1]), int(face[2])) for face in faces],
+        [(float(x), float(y), float(z)) for x, y, z in corners.tolist()],
+        [(int(a), int(b), int(c)) for a, b, c in faces.tolist()],
     )

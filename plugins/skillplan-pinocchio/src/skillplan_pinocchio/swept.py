@@ -161,7 +161,7 @@ class SweptDetector(Detector):
     @cached_property
     def _planner(self) -> MotionPlanner:
         return MotionPlanner(
-            ArmModel(self._robot.base),
+            ArmModel.of(self._robot),
             obstacles_of(self.task.scene),
             tolerance_m=self.options.tolerance_m,
             samples=self.options.samples,
@@ -181,7 +181,7 @@ class SweptDetector(Detector):
     def _times(self) -> SkillTimes:
         options = self.options
         dwells_s = {event: getattr(options, f"{event.value}_s") for event in Event}
-        limits = JointLimits().scaled(options.speed_fraction)
+        limits = JointLimits.of(self._robot.model).scaled(options.speed_fraction)
         drop_m = options.drop_height_m
         return SkillTimes(self.task, self._robot, self._planner, limits, dwells_s, drop_m)
 

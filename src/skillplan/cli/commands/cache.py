@@ -11,6 +11,7 @@ from skillplan.cli.options.shared import (
     OUTPUT,
     BackEnds,
     Checking,
+    ExecutorName,
     Jobs,
     MaybeTaskFile,
     PartReading,
@@ -82,6 +83,7 @@ def verify(
     ] = False,
     seed: Seed = 0,
     jobs: Jobs = 1,
+    executor: ExecutorName = "local",
     style: Style = "table",
 ) -> int:
     """Check again, with fresh back ends, a random sample of the verdicts that TASK would use.
@@ -100,7 +102,7 @@ def verify(
     from skillplan.records.cache import CacheTest
     from skillplan.views.tables.cache import cache_test_table
 
-    loaded, setup, made = reading.set_up(task, back_ends)
+    loaded, setup, made = reading.set_up(task, back_ends, executor=executor)
     feasibility = make_feasibility(loaded, setup, back_ends=made)
     folder = VerdictFolder(warm_cache().folder)
     kept = folder.kept_for(feasibility.back_ends)
@@ -164,7 +166,7 @@ def fill(
     from skillplan.records.cache import CacheFilling
     from skillplan.views.tables.cache import filling_table
 
-    loaded, setup, made = reading.set_up(task, back_ends)
+    loaded, setup, made = reading.set_up(task, back_ends, executor=checking.executor)
     cache = checking.cache()
     requests: list[bool] = []
     begin_s = time.perf_counter()

@@ -8,12 +8,13 @@ from typing import Annotated
 import typer
 
 from skillplan.cli.options.completion import plugin_lists
+from skillplan.cli.options.limits import Limits
 from skillplan.cli.options.shared import (
     BACK_ENDS,
     Audit,
     BackEnds,
+    ExecutorName,
     Jobs,
-    Limits,
     NoScreening,
     Reading,
     Seed,
@@ -66,6 +67,7 @@ def command(
     back_ends: BackEnds,
     no_screening: NoScreening = False,
     jobs: Jobs = 1,
+    executor: ExecutorName = "local",
     audit: Audit = None,
     warm: Annotated[
         bool,
@@ -98,6 +100,7 @@ def command(
             "--no-screening": no_screening,
             "--warm": warm,
             "--jobs": jobs != 1,
+            "--executor": executor != "local",
             "--audit": audit is not None,
         }
         given |= {"--stall": limits.stall_s is not None}
@@ -115,7 +118,7 @@ def command(
     names = tuple(split_names(solvers or ""))
     if not names:
         raise OptionError("--solvers names no solver.")
-    run = _Run(names, limits, seed, jobs, warm, audit, not no_screening)
+    run = _Run(names, limits, seed, jobs, executor, warm, audit, not no_screening)
     return _compare(task, reading, back_ends, run, style)
 
 
@@ -127,6 +130,7 @@ class _Run:
     limits: Limits
     seed: int
     jobs: int
+    executor: str
     warm: bool
     audit: int | None
     screening: bool
@@ -148,7 +152,7 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
     problem = reading.problem(path, back_ends)
     last = problem.tasks[-1]
     every = tuple(dict.fromkeys(each for name in names for each in solver_names(name)))
-    setup = back_ends.setup(last, every, screening=run.screening)
+    setup = back_ends.setup(last, every, screening=run.screening, executor=run.executor)
     for name in every:
         check_solver(name, setup.options.get(name, {}))
     with ExitStack() as waiting:

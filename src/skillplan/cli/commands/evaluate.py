@@ -10,13 +10,13 @@ import typer
 
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.fit import refuse_given
+from skillplan.cli.options.limits import TimeLimit
 from skillplan.cli.options.shared import (
     BackEnds,
     Checking,
     PartReading,
     Seed,
     Style,
-    TimeLimit,
 )
 from skillplan.cli.result_input import RESULT_HELP, load
 from skillplan.cli.training_runs.evaluation import RollOuts, Wanted, evaluate_run_folders
@@ -160,6 +160,7 @@ def command(
             solver=DEFAULT_SOLVER,
             task_file=roll_outs.task_file,
             changed_task=roll_outs.changed_task,
+            executor=checking.executor,
         )
         task, plan = loaded.planned()
         skills = task.parse_sequence(",".join(plan))
@@ -167,7 +168,7 @@ def command(
     refuse_given(ctx, _RUN_ONLY, "is for a folder of runs, not for a task file")
     refuse_given(ctx, _RECORDED, "is for a result or a folder of runs, not for a task file")
     task = reading.task(inputs[0], back_ends)
-    setup = back_ends.setup(task, (DEFAULT_SOLVER,))
+    setup = back_ends.setup(task, (DEFAULT_SOLVER,), executor=checking.executor)
     task, skills_or_policy = replayed.on(task)
     return _evaluate(task, setup, skills_or_policy, checking, time_limit_s, style)
 

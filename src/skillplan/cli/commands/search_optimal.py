@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from skillplan.cli.options.limits import LIMITS, Limits
 from skillplan.cli.options.shared import (
-    LIMITS,
     OUTPUT,
     SOLVER,
     Audit,
     BackEnds,
     Checking,
-    Limits,
     NoScreening,
     PartReading,
     Seed,
@@ -95,7 +94,12 @@ def command(
     problem = reading.problem(task, back_ends)
     solver = solver or problem.domain.default_solver(problem.config)
     last = problem.tasks[-1] if part is None else problem.part(part)
-    setup = back_ends.setup(problem.tasks[-1], solver_names(solver), screening=not no_screening)
+    setup = back_ends.setup(
+        problem.tasks[-1],
+        solver_names(solver),
+        screening=not no_screening,
+        executor=checking.executor,
+    )
     plan = None
     if start is not None:
         from skillplan.records.stored.result_file import start_plan

@@ -15,6 +15,7 @@ from skillplan.cli.options.shared import (
     OUTPUT,
     SOLVER,
     BackEnds,
+    ExecutorName,
     PartReading,
     Seed,
     Style,
@@ -146,6 +147,7 @@ def command(
             rich_help_panel=SOLVER,
         ),
     ] = 1,
+    executor: ExecutorName = "local",
     back_ends: BackEnds,
     warm: Annotated[
         bool,
@@ -181,7 +183,7 @@ def command(
     problem = reading.problem(task, back_ends)
     loaded = problem.part(part)
     values, others = _split(back_ends.options, solver)
-    setup = replace(back_ends, options=others).setup(loaded, (solver,))
+    setup = replace(back_ends, options=others).setup(loaded, (solver,), executor=executor)
     plan, job = plan_study(
         loaded,
         solver,

@@ -9,12 +9,13 @@ from typing import Annotated
 
 import typer
 
+from skillplan.cli.options.limits import time_limit_option
 from skillplan.cli.options.shared import (
-    LIMITS,
     OUTPUT,
     SOLVER,
     BackEnds,
     Caching,
+    ExecutorName,
     NoScreening,
     PartReading,
     Seed,
@@ -22,7 +23,7 @@ from skillplan.cli.options.shared import (
     TaskFile,
     solver_option,
 )
-from skillplan.cli.options.values import count_option, positive_seconds
+from skillplan.cli.options.values import count_option
 from skillplan.cli.writing import tell
 
 TRAINING = "Training"
@@ -114,18 +115,13 @@ def command(
             rich_help_panel=SOLVER,
         ),
     ] = 1,
+    executor: ExecutorName = "local",
     back_ends: BackEnds,
     caching: Caching,
     no_screening: NoScreening = False,
     time_limit_s: Annotated[
         float,
-        typer.Option(
-            "--time-limit",
-            parser=positive_seconds,
-            metavar="S",
-            help="Give up proving the optimum after S seconds.",
-            rich_help_panel=LIMITS,
-        ),
+        time_limit_option("Give up proving the optimum after S seconds."),
     ] = 60.0,
     out: Annotated[
         str | None,
@@ -165,7 +161,9 @@ def command(
         raise OptionError("--resume needs --out DIR, the folder of the training to go on with.")
     part = reading.part
     problem = reading.problem(task, back_ends)
-    setup = back_ends.setup(problem.part(part), (solver,), screening=not no_screening)
+    setup = back_ends.setup(
+        problem.part(part), (solver,), screening=not no_screening, executor=executor
+    )
     plan = plan_training(
         problem,
         solver,

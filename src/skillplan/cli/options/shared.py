@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -12,9 +11,7 @@ import typer
 from skillplan.cli.options.completion import plugin_lists, plugin_names, plugin_options, task_files
 from skillplan.cli.options.values import (
     count_option,
-    memory_size,
     one_of,
-    positive_seconds,
     whole_number,
 )
 from skillplan.cli.writing import tell
@@ -24,13 +21,12 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.checks.verdict_cache import DiskVerdictCache
     from skillplan.domains.load import Problem
     from skillplan.pipeline.setup import Setup
-    from skillplan.solvers.stop import Stop
     from skillplan.task.back_end import BackEnd
     from skillplan.task.task import Task
 
 # The panels of a command's help.
 TASK, SOLVER, BACK_ENDS = "Task", "Solver", "Back ends"
-LIMITS, OUTPUT = "Limits", "Output"
+OUTPUT = "Output"
 
 FORMATS = ("table", "json", "csv", "md")
 _MOST_SEED = 2**63 - 1
@@ -68,17 +64,6 @@ Seed = Annotated[
         rich_help_panel=SOLVER,
     ),
 ]
-TimeLimit = Annotated[
-    float | None,
-    typer.Option(
-        "--time-limit",
-        parser=positive_seconds,
-        metavar="S",
-        help="Stop after S seconds with the best plan, its bound and its gap.",
-        rich_help_panel=LIMITS,
-    ),
-]
-
 Jobs = Annotated[
     int,
     count_option(
@@ -87,6 +72,19 @@ Jobs = Annotated[
         most=64,
         text="How many processes may be used: expensive back ends check in them at once, and "
         "solvers that can search in them; no verdict depends on it.",
+        rich_help_panel=BACK_ENDS,
+    ),
+]
+
+
+ExecutorName = Annotated[
+    str,
+    typer.Option(
+        "--executor",
+        metavar="NAME[:ADDRESS]",
+        autocompletion=plugin_names("executor"),
+        help="Where those processes are: local for this machine, ray for a cluster that has been "
+        "started, if skillplan-ray is installed. Nothing that comes out depends on it.",
         rich_help_panel=BACK_ENDS,
     ),
 ]
@@ -215,7 +213,12 @@ class PartReading(Reading):
         return self.problem(path, back_ends).part(self.part)
 
     def set_up(
-        self, path: str, back_ends: BackEnds, *, screening: bool = False
+        self,
+        path: str,
+        back_ends: BackEnds,
+        *,
+        screening: bool = False,
+        executor: str = "local",
     ) -> tuple[Task, Setup, list[BackEnd]]:
         """Return the task meant, how it is checked, and the back ends, constructed once.
 
@@ -227,6 +230,8 @@ class PartReading(Reading):
             Those that the command line chooses.
         screening
             Whether geometry is asked before anything is executed.
+        executor
+            Where jobs are done, as ``NAME`` or ``NAME:ADDRESS``.
 
         Raises
         ------
@@ -237,7 +242,7 @@ class PartReading(Reading):
         """
         problem = self.problem(path, back_ends)
         task = problem.part(self.part)
-        setup = back_ends.setup(task, screening=screening)
+        setup = back_ends.setup(task, screening=screening, executor=executor)
         return task, setup, setup.back_ends(task, problem.spare_back_ends)
 
 
@@ -293,7 +298,14 @@ class BackEnds:
         given = {"physics": self.physics, "collision": self.collision}
         return {kind: split_names(names) for kind, names in given.items() if names is not None}
 
-    def setup(self, task: Task, solvers: Collection[str] = (), *, screening: bool = False) -> Setup:
+    def setup(
+        self,
+        task: Task,
+        solvers: Collection[str] = (),
+        *,
+        screening: bool = False,
+        executor: str = "local",
+    ) -> Setup:
         """Return the setup for a task.
 
         Parameters
@@ -304,14 +316,19 @@ class BackEnds:
             Those that take part; of a single one options need not name it.
         screening
             Whether geometry is asked before anything is executed.
+        executor
+            Where jobs are done, as ``NAME`` or ``NAME:ADDRESS``.
 
         Raises
         ------
         OptionError
             If an option has a wrong form or names a plugin that takes no part.
+        PluginError
+            If the executor is unknown or broken.
         """
         from skillplan.errors import name_hint
         from skillplan.pipeline.setup import Setup
+        from skillplan.workers.executor_choice import ExecutorChoice
 
         if self.physics is not None and not self.physics.strip():
             raise OptionError("--physics names no engine.")
@@ -319,7 +336,11 @@ class BackEnds:
         if self.collision is not None and not detectors:
             raise OptionError("--collision names no detector.")
         parsed = parse_options(self.options, next(iter(solvers)) if len(solvers) == 1 else None)
-        setup = Setup(self.physics, detectors, parsed, screening)
+        chosen = ExecutorChoice.read(executor, parsed)
+        parsed.pop(chosen.name, None)
+        setup = Setup(self.physics, detectors, parsed, screening, chosen)
+        if setup.make_executor is not None:
+            setup.make_executor(1)  # one that is unknown or has wrong options is refused here
         taking_part = [
             *solvers,
             setup.physics_choice(task).name,
@@ -379,68 +400,12 @@ class Checking(Caching):
         Whether verdicts kept on disk are left alone.
     jobs
         How many processes, from 1 to 64.
+    executor
+        Where they are, as ``NAME`` or ``NAME:ADDRESS``.
     """
 
     jobs: Jobs = 1
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """When a search ends by itself.
-
-    Parameters
-    ----------
-    time_limit_s
-        After how long [s].
-    stall_s
-        After how long without a better plan or bound [s].
-    memory_limit_bytes
-        How much memory it may hold [bytes].
-    """
-
-    time_limit_s: TimeLimit = None
-    stall_s: Annotated[
-        float | None,
-        typer.Option(
-            "--stall",
-            parser=positive_seconds,
-            metavar="S",
-            help="Stop once there is a plan and neither cost nor bound has improved for S seconds.",
-            rich_help_panel=LIMITS,
-        ),
-    ] = None
-    memory_limit_bytes: Annotated[
-        int | None,
-        typer.Option(
-            "--memory-limit",
-            parser=memory_size,
-            metavar="SIZE",
-            help="Stop with the best plan, its bound and its gap before the process, and those "
-            "that search beside it, hold more memory than this, such as 2GiB or 512MiB; 64MiB at "
-            "least.",
-            rich_help_panel=LIMITS,
-        ),
-    ] = None
-
-    def stoppable(self, label: str, gap: float = 0.0) -> AbstractContextManager[Stop]:
-        """Return what yields a stop with these limits.
-
-        Parameters
-        ----------
-        label
-            What a terminal shows meanwhile.
-        gap
-            At which relative gap the search ends, from 0 to 1.
-        """
-        from skillplan.cli.waiting import stoppable
-
-        return stoppable(
-            self.time_limit_s,
-            gap,
-            label,
-            stall_s=self.stall_s,
-            memory_limit_bytes=self.memory_limit_bytes,
-        )
+    executor: ExecutorName = "local"
 
 
 def warn_of(problem: Problem) -> None:

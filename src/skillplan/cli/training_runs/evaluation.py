@@ -261,7 +261,8 @@ def _loaded(folder: RunFolder, wanted: Wanted) -> tuple[Problem, Setup]:
         check_same_task(folder, problem, quoted=told)
     warn_of(problem)
     part = problem.part(manifest.task.part)
-    setup = back_ends.setup(part, _PROVERS, screening=manifest.screening)
+    executor = wanted.checking.executor
+    setup = back_ends.setup(part, _PROVERS, screening=manifest.screening, executor=executor)
     kept = dict(manifest.back_end_options)
     merged = {
         name: {**kept.get(name, {}), **setup.options.get(name, {})}

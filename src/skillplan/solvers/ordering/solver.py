@@ -147,7 +147,8 @@ class SequencingSolver(JobOrderSolver):
         if self.jobs > 1:
             from skillplan.solvers.ordering.parallel_search import ParallelSearch
 
-            parallel = ParallelSearch(search, self.jobs, seed)
+            executor = None if self.make_executor is None else self.make_executor(self.jobs - 1)
+            parallel = ParallelSearch(search, self.jobs, seed, executor)
             parallel.run()
             trace = parallel.trace
         else:

@@ -21,7 +21,7 @@ from skillplan.task.motion import Event, Point
 from skillplan.task.pose import Pose, plus
 from skillplan.task.scene import Box
 from skillplan.task.task import Task
-from skillplan_pybullet.arm.hand_shapes import hand_boxes, tool_boxes, wrist_box
+from skillplan_pybullet.arm.hand_shapes import hand_boxes, hand_of, tool_boxes, wrist_box
 from skillplan_pybullet.arm.hand_turns import ArmMotion
 from skillplan_pybullet.arm.joint_motion import postures_between
 from skillplan_pybullet.arm.kinematics import ArmKinematics, Vector, kinematics_of
@@ -52,6 +52,7 @@ class Sweeps:
         self.task = task
         self.clearance_m, self.press_travel_m = clearance_m, press_travel_m
         self.kinematics: ArmKinematics = kinematics_of(task.scene.robots[0])
+        self.hand = hand_of(task.scene.robots[0])
 
     def of_skill(self, planned: Sequence[ArmMotion], here: Vector | None) -> list[Sweep]:
         """Return what moves in the motions of a skill, and on the travels that are part of it.
@@ -93,7 +94,7 @@ class Sweeps:
         upright = _tool_pose(motion)
         found = [box_at(box, upright) for box in self._hand(motion)]
         if motion.points_down:
-            found.append(world_box(wrist_box(), motion.tip))
+            found.append(world_box(wrist_box(self.hand), motion.tip))
         if event in (Event.GRASP, Event.RELEASE):
             # Down to its goal, also where it is let go from above.
             found += world_boxes(self.task.scene.body(visit.subject), visit.pose)
@@ -110,15 +111,19 @@ class Sweeps:
         tool, visit = motion.tool, motion.visit
         if visit.event in (Event.GRASP, Event.RELEASE):
             # The hand, or the tool that is there instead.
-            if tool is not None and tool_shapes(tool):
-                return list(tool_boxes(tool))
+            if tool is not None and tool_shapes(tool, self.hand):
+                return list(tool_boxes(tool, self.hand))
             grasp = visited_grasp(self.task.scene.body(visit.subject), visit)
-            return list(hand_boxes(jaw_opening_m(grasp, self.clearance_m, tool)))
-        found = list(tool_boxes(tool))
+            return list(
+                hand_boxes(self.hand, jaw_opening_m(grasp, self.clearance_m, tool, self.hand))
+            )
+        found = list(tool_boxes(tool, self.hand))
         if visit.event is Event.LOAD:
             robots = self.task.scene.robots
             tools = (item for robot in robots for item in robot.tools)
-            found += tool_boxes(next(item for item in tools if item.name == visit.subject))
+            found += tool_boxes(
+                next(item for item in tools if item.name == visit.subject), self.hand
+            )
         return found
 
     def _of_travel(self, begin_rad: Vector, planned: ArmMotion) -> Iterator[Sweep]:

@@ -1,0 +1,276 @@
+"""What every executor owes those who have jobs to do.
+
+Each worker is given the name of a function of `_FUNCTIONS` and calls it on what its jobs hold.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import signal
+import threading
+import time
+from collections.abc import Callable
+from contextlib import closing
+from typing import Any, ClassVar
+
+import pytest
+
+from skillplan.checks.feasibility import Feasibility
+from skillplan.collision.aabb import AabbDetector
+from skillplan.errors import SkillplanError
+from skillplan.model.skill_model import SkillModel
+from skillplan.pipeline import registry
+from skillplan.pipeline.setup import make_executor
+from skillplan.task.verdict import Verdict
+from skillplan.testing.options import assert_options_described
+from skillplan.testing.tasks import lid_task, reachable_states
+from skillplan.workers.executor import Answer, Ended, Executor, News, Worker, packed
+from skillplan.workers.executor_choice import ExecutorChoice
+from skillplan.workers.inside import tell, when_asked_to_stop
+from skillplan.workers.local_processes import LocalProcesses
+
+_WHAT = "tests"
+_PATIENCE_S = 60.0
+# So soon whoever was ended is gone [s].
+_GONE_S = 2.0
+
+
+class ExecutorSuite:
+    """What every executor owes those who have jobs to do."""
+
+    executor: ClassVar[str]
+    address: ClassVar[str] = ""
+    options: ClassVar[dict[str, Any]] = {}
+
+    def make(self, slots: int = 2) -> Executor:
+        """Return a new executor, as the command line makes it."""
+        return make_executor(ExecutorChoice(self.executor, self.address, self.options), slots)
+
+    def test_it_is_registered_and_its_options_are_described(self) -> None:
+        """The registry finds it under its name, with a summary and described options."""
+        plugin = registry.load("executor", self.executor)
+        assert plugin.name == self.executor
+        assert_options_described(plugin)
+        assert (plugin.__doc__ or "").strip()
+
+    def test_there_is_a_slot_at_least(self) -> None:
+        """Otherwise nothing would ever be done."""
+        with pytest.raises(ValueError, match="at least one process, not 0"):
+            self.make(0)
+
+    def test_jobs_are_done_elsewhere_one_after_another(self) -> None:
+        """By the same process, which has another number, and whatever size they have."""
+        with closing(self.make()) as executor:
+            worker = _started(executor, "echo")
+            first, second = (_done(executor, worker, job) for job in ("one", b"\0" * 3_000_000))
+            assert first[0] == "one"
+            assert len(second[0]) == 3_000_000
+            assert first[1] == second[1] != _here()
+            assert worker.number in (None, first[1][1])
+            assert worker.alive
+
+    def test_only_those_are_ready_that_have_answered(self) -> None:
+        """The other is still at its job; among none nobody is, and nobody waits."""
+        with closing(self.make()) as executor:
+            assert executor.first_ready([], 600.0) == []
+            slow, quick = _started(executor, "sleep"), _started(executor, "echo")
+            slow.take(600)
+            quick.take("quick")
+            heard: list[Worker] = []
+            end_s = time.monotonic() + _PATIENCE_S
+            while not heard and time.monotonic() < end_s:
+                for worker in executor.first_ready([slow, quick]):
+                    if worker.answer() is not None:
+                        heard.append(worker)
+            assert [quick] == heard
+
+    def test_news_come_before_the_answer_in_order(self) -> None:
+        """What code in a worker tells arrives, all of it."""
+        with closing(self.make(1)) as executor:
+            worker = _started(executor, "count")
+            worker.take(3)
+            said = [_heard(executor, worker) for _ in range(4)]
+            assert said == [News(0), News(1), News(2), Answer(3)]
+
+    def test_a_worker_hears_that_it_shall_stop(self) -> None:
+        """Where its code listens."""
+        with closing(self.make(1)) as executor:
+            worker = _started(executor, "wait")
+            worker.take(30)
+            assert News("listening") == _heard(executor, worker)
+            worker.ask_to_stop()
+            assert Answer("asked to stop") == _heard(executor, worker)
+
+    def test_what_cannot_make_itself_ready_is_an_error_in_words(self) -> None:
+        """The words say what was raised."""
+        with closing(self.make(1)) as executor:
+            worker = _started(executor, "no such function")
+            with pytest.raises(SkillplanError, match="could not make itself ready: KeyError"):
+                _heard(executor, worker)
+
+    @pytest.mark.parametrize("job", ["exit", "kill"])
+    def test_one_that_breaks_down_says_so_and_harms_no_other(self, job: str) -> None:
+        """It had been ready; a fresh one takes its place, and the other goes on."""
+        with closing(self.make()) as executor:
+            worker, other = _started(executor, job), _started(executor, "echo")
+            worker.take(7)
+            ended = _heard(executor, worker)
+            assert isinstance(ended, Ended)
+            assert ended.started
+            assert ended.how
+            assert ended.killed or job == "exit"
+            assert not worker.alive
+            worker.end()
+            assert _done(executor, other, "other")[0] == "other"
+            assert _done(executor, _started(executor, "echo"), "again")[0] == "again"
+
+    def test_to_end_one_leaves_nothing_and_twice_does_nothing(self) -> None:
+        """Whatever it is at; so whoever cleans up need not know what was ended before."""
+        with closing(self.make(1)) as executor:
+            worker = _started(executor, "busy")
+            worker.take(600)
+            place = _heard(executor, worker)
+            assert isinstance(place, News)
+            worker.end(gently=False)
+            worker.end()
+            assert not worker.alive
+            assert _gone(place.content)
+
+    def test_closing_ends_all_and_more_can_be_started(self) -> None:
+        """At once, whatever they are at."""
+        executor = self.make()
+        workers = [_started(executor, "busy") for _ in range(2)]
+        for worker in workers:
+            worker.take(600)
+        places = [_heard(executor, worker) for worker in workers]
+        executor.close()
+        assert [worker.alive for worker in workers] == [False, False]
+        assert all(isinstance(one, News) and _gone(one.content) for one in places)
+        with closing(executor):
+            assert _done(executor, _started(executor, "echo"), "more")[0] == "more"
+
+    def test_a_worker_starts_no_others(self) -> None:
+        """It is told why."""
+        with closing(self.make(1)) as executor:
+            worker = _started(executor, "refusal")
+            assert "may not start others" in _done(executor, worker, None)
+
+    def test_verdicts_and_counts_are_those_of_this_process(self) -> None:
+        """Checks of a task that are made elsewhere, with one slot and with two."""
+        task = lid_task()
+        states = reachable_states(SkillModel(Feasibility(task)), 20)
+        queries = [(k, s) for s in states for k in task.skills if k.applicable(s)]
+
+        def outcome(slots: int) -> tuple[list[Verdict], int, int, int]:
+            maker = self.make if slots else None
+            checks = Feasibility(
+                task, [ExpensiveBoxes(task)], jobs=max(1, slots), make_executor=maker
+            )
+            with closing(checks):
+                verdicts = checks.verdicts(queries)
+            return verdicts, checks.checks, checks.hits, checks.executions
+
+        assert outcome(0) == outcome(1) == outcome(2)
+
+
+class ExpensiveBoxes(AabbDetector):
+    """The detector of boxes, as if a check of it were worth a process."""
+
+    expensive = True
+
+
+def _started(executor: Executor, function: str) -> Worker:
+    return executor.start(prepare, packed(function, _WHAT), _WHAT)
+
+
+def _done(executor: Executor, worker: Worker, job: Any) -> Any:
+    """Return what a worker makes of a job."""
+    worker.take(job)
+    answer = _heard(executor, worker)
+    assert isinstance(answer, Answer)
+    return answer.content
+
+
+def _heard(executor: Executor, worker: Worker) -> Answer | News | Ended:
+    """Return the next thing that a worker says, once it is ready."""
+    end_s = time.monotonic() + _PATIENCE_S
+    while time.monotonic() < end_s:
+        for ready in executor.first_ready([worker], 1.0):
+            said = ready.answer()
+            if said is not None:
+                return said
+    raise AssertionError(f"nothing was heard for {_PATIENCE_S:g} s")
+
+
+def _here() -> tuple[str, int]:
+    """Return machine and number of this process."""
+    return platform.node(), os.getpid()
+
+
+def _gone(place: tuple[str, int]) -> bool:
+    """Whether a process is gone; one of another machine cannot be seen from here."""
+    machine, number = place
+    if machine != platform.node():
+        return True
+    end_s = time.monotonic() + _GONE_S
+    while time.monotonic() < end_s:
+        try:
+            os.kill(number, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def prepare(function: str) -> Callable[[Any], Any]:
+    """Return the function of a name; called by a worker."""
+    return _FUNCTIONS[function]
+
+
+def _echo(job: Any) -> tuple[Any, tuple[str, int]]:
+    return job, _here()
+
+
+def _count(job: int) -> int:
+    for number in range(job):
+        tell(number)
+    return job
+
+
+def _wait(job: float) -> str:
+    asked = threading.Event()
+    when_asked_to_stop(asked.set)
+    tell("listening")
+    end_s = time.monotonic() + job
+    while not asked.is_set() and time.monotonic() < end_s:
+        time.sleep(0.01)
+    when_asked_to_stop(None)
+    return "asked to stop" if asked.is_set() else "heard nothing"
+
+
+def _busy(job: float) -> None:
+    tell(_here())
+    end_s = time.monotonic() + job
+    while time.monotonic() < end_s:
+        sum(range(10_000))
+
+
+def _kill(job: int) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _refusal(job: None) -> str:
+    return LocalProcesses(1).refusal
+
+
+_FUNCTIONS: dict[str, Callable[[Any], Any]] = {
+    "echo": _echo,
+    "sleep": time.sleep,
+    "count": _count,
+    "wait": _wait,
+    "busy": _busy,
+    "exit": os._exit,
+    "kill": _kill,
+    "refusal": _refusal,
+}

@@ -1,0 +1,88 @@
+"""Executors by name: the one of this machine, and who may choose another."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import pytest
+
+from same_process import SameProcess
+from skillplan.pipeline import registry
+from skillplan.pipeline.run import make_feasibility, solve
+from skillplan.pipeline.setup import Setup
+from skillplan.sweep.parameter_study import do_study, plan_study
+from skillplan.testing import ExecutorSuite, lid_task
+from skillplan.testing.executor_suite import ExpensiveBoxes
+from skillplan.workers.executor import Ended, Prepare, Worker
+from skillplan.workers.executor_choice import ExecutorChoice
+
+
+class TestLocalProcesses(ExecutorSuite):
+    executor = "local"
+
+
+class Elsewhere(SameProcess):
+    """An executor of somebody else's: it notes for what it was asked for workers."""
+
+    name = "elsewhere"
+    takes_address = True
+    started: ClassVar[list[str]] = []
+
+    def start(self, prepare: Prepare, content: bytes, what: str) -> Worker:
+        self.started.append(f"{what}, {self.slots} slots at {self.address}")
+        return super().start(prepare, content, what)
+
+
+ELSEWHERE = Setup(executor=ExecutorChoice("elsewhere", "there"))
+
+
+@pytest.fixture
+def elsewhere(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """An executor that is registered from outside; returns what was asked of it."""
+    known = registry.load
+    monkeypatch.setattr(
+        registry, "load", lambda kind, name: Elsewhere if name == "elsewhere" else known(kind, name)
+    )
+    monkeypatch.setattr(Elsewhere, "started", [])
+    return Elsewhere.started
+
+
+class TestWhoeverHasJobs:
+    """Takes the executor of the setup, even for a single job."""
+
+    def test_checks(self, elsewhere: list[str]) -> None:
+        task = lid_task()
+        checks = make_feasibility(task, ELSEWHERE, jobs=3, back_ends=[ExpensiveBoxes(task)])
+        alone = make_feasibility(task, back_ends=[ExpensiveBoxes(task)])
+        queries = [(one, task.initial) for one in task.skills if one.applicable(task.initial)]
+        assert alone.verdicts(queries) == checks.verdicts(queries)
+        assert {"checks, 3 slots at there"} == set(elsewhere)
+
+    def test_searches(self, elsewhere: list[str]) -> None:
+        """The cost is the one that is proved here."""
+        task = lid_task()
+        here, there = (
+            solve(task, "exact", setup, back_ends=[ExpensiveBoxes(task)])
+            for setup in (Setup(), ELSEWHERE)
+        )
+        assert (here.cost, here.checks) == (there.cost, there.checks)
+        assert {"checks, 1 slots at there"} == set(elsewhere)
+
+    def test_studies(self, elsewhere: list[str]) -> None:
+        """With the runs that are done here."""
+        plan, job = plan_study(lid_task(), "exact", setup=ELSEWHERE, runs=2)
+        result = do_study(plan, job, jobs=2)
+        assert 2 == len(result.records)
+        assert ["the runs, 2 slots at there"] * 2 == elsewhere
+
+    def test_what_is_sent_elsewhere_names_the_executor_by_data_alone(self) -> None:
+        """No process is asked for, or connected to, before there are jobs."""
+        assert Setup().make_executor is None
+        assert Setup(executor=ExecutorChoice("local")).make_executor is None
+
+
+def test_a_lost_machine_is_told_from_a_process_that_failed() -> None:
+    """By words, as there is no exit code."""
+    lost = Ended(None, started=True, cause="the loss of node 7")
+    assert (True, "the loss of node 7") == (lost.killed, lost.how)
+    assert "the loss of its machine" == Ended(None, started=False).how
