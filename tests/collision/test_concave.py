@@ -136,7 +136,7 @@ def test_the_error_of_pieces_is_measured_both_ways(provided):
 def test_without_a_provider_or_with_a_broken_one_words_say_so(provided):
     """And what to install, or to do instead."""
     provided(None)
-    with pytest.raises(NoPieces, match="Install skillplan-pinocchio with its extra"):
+    with pytest.raises(NoPieces, match="Install skillplan-pinocchio, or split it"):
         decomposition_of(channel())
     provider = Provider([])
     provider.version = "none"

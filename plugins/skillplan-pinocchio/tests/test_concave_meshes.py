@@ -35,7 +35,6 @@ WIDE = {"width_m": 0.36, "depth_m": 0.2, "height_m": 0.03}
 @pytest.fixture(scope="module")
 def task(tmp_path_factory):
     """Return a board that belongs into a wide channel; its pieces are made once."""
-    pytest.importorskip("coacd", reason="the extra 'concave' is not installed")
     folder = tmp_path_factory.mktemp("channel")
     (folder / "channel.obj").write_text(as_obj(channel(**WIDE)))
     (folder / "task.yaml").write_text(TASK)
@@ -45,7 +44,6 @@ def task(tmp_path_factory):
 
 def test_coacd_takes_a_channel_apart_and_says_how_well():
     """The same pieces whenever it is asked, with an error far below what its walls are thick."""
-    pytest.importorskip("coacd", reason="the extra 'concave' is not installed")
     from skillplan_pinocchio.convex_pieces import convex_pieces
 
     mesh = channel()

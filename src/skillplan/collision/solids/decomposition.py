@@ -77,8 +77,8 @@ def decomposition_of(mesh: Mesh) -> Decomposition:
     entry = next(iter(sorted(decompositions(), key=lambda one: one.name)), None)
     if entry is None:
         raise NoPieces(
-            "it is not convex, and nothing here takes it apart. Install skillplan-pinocchio with "
-            "its extra 'concave', or split it into convex pieces, one entry of 'meshes' each"
+            "it is not convex, and nothing here takes it apart. Install skillplan-pinocchio, or "
+            "split it into convex pieces, one entry of 'meshes' each"
         )
     path = cache_folder() / "pieces" / f"{_key(mesh, entry)}.json"
     kept = _kept(path)
@@ -110,7 +110,7 @@ def _loaded(entry: EntryPoint) -> Any:
     except Exception as error:
         raise NoPieces(
             f"it is not convex, and {entry.name}, which would take it apart, cannot be loaded: "
-            f"{error}. Install the extra 'concave' of its distribution"
+            f"{error}. Install its distribution again"
         ) from error
 
 
