@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from skillplan.task.scene import Body, Pose
 from skillplan_pybullet.simulator.body_shapes import make_body
 from skillplan_pybullet.simulator.mass_properties import MassProperties, mass_properties
+from skillplan_pybullet.simulator.pair_filter import PairFilter
 from skillplan_pybullet.simulator.quiet_output import quiet_output
 
 STEPS_PER_S = 240
@@ -76,9 +77,6 @@ class World:
         self._hollow: dict[str, tuple[Body, int, bool]] = {}
         # Constraints between bodies that are fixed to each other.
         self._fastened: dict[tuple[str, str], int] = {}
-        # Pairs that pass through each other for the time being, and links that nothing touches.
-        self._parted: set[frozenset[str]] = set()
-        self._withdrawn: dict[str, frozenset[int]] = {}
         with quiet_output():
             self.client = pybullet.connect(pybullet.DIRECT)
             pybullet.setTimeStep(STEP_S, physicsClientId=self.client)
@@ -101,6 +99,7 @@ class World:
                 physicsClientId=self.client,
             )
         pybullet.changeDynamics(table, -1, lateralFriction=friction, physicsClientId=self.client)
+        self._filter = PairFilter(self.client, self.numbers)
         self.name(table, TABLE)
 
     def __enter__(self) -> World:
@@ -153,9 +152,7 @@ class World:
         if body.surfaces:
             self._hollow[body.name] = (body, colour, is_fixed)
         self.name(number, body.name)
-        for name, links in self._withdrawn.items():
-            if name != body.name:
-                self._tell(name, sorted(links), body.name)
+        self._filter.added(body.name)
         self.put(body.name, pose)
         inertia = {} if is_fixed else {"localInertiaDiagonal": properties.inertia_kg_m2.tolist()}
         pybullet.changeDynamics(
@@ -195,8 +192,6 @@ class World:
         with quiet_output():
             pybullet.removeBody(number, physicsClientId=self.client)
         self.add(body, pose, colour, stands=stands)
-        for one, other in (tuple(pair) for pair in self._parted if name in pair):
-            self._tell(one, self._links(one), other)
         for one, other in fastened:
             self.fasten(one, other)
 
@@ -266,27 +261,15 @@ class World:
 
     def part(self, one: str, others: Iterable[str]) -> None:
         """Let a body pass through others."""
-        for other in others:
-            self._parted.add(frozenset((one, other)))
-            self._tell(one, self._links(one), other)
+        self._filter.part(one, others)
 
     def join(self, one: str, others: Iterable[str]) -> None:
         """Let a body touch others again."""
-        for other in others:
-            self._parted.discard(frozenset((one, other)))
-            self._tell(one, self._links(one), other)
+        self._filter.join(one, others)
 
     def withdraw(self, name: str, links: Iterable[int]) -> None:
-        """Let these links of a body touch nothing, what is added later included.
-
-        Its other links, and those that were withdrawn before, touch what they may. That of a
-        body without joints is -1.
-        """
-        before, now = self._withdrawn.get(name, frozenset()), frozenset(links)
-        self._withdrawn[name] = now
-        for other in self.numbers:
-            if other != name:
-                self._tell(name, sorted(before ^ now), other)
+        """Let links of a body touch nothing; see :meth:`PairFilter.withdraw`."""
+        self._filter.withdraw(name, links)
 
     def hold(self, name: str) -> int:
         """Fix a body where it is; return the constraint, to be given to `release`."""
@@ -363,24 +346,3 @@ class World:
         rotation = self.rotation(pose.orientation)
         centre = np.array(pose.position) + rotation @ self._properties[name].centre
         return centre.tolist(), pose.orientation
-
-    def _links(self, name: str) -> range:
-        """Return the numbers of a body's links, from -1 for its base."""
-        return range(-1, pybullet.getNumJoints(self.numbers[name], physicsClientId=self.client))
-
-    def _tell(self, one: str, links: Iterable[int], other: str) -> None:
-        """Set in the simulator which links of a body may touch another."""
-        parted = frozenset((one, other)) in self._parted
-        hidden = self._withdrawn.get(one, frozenset())
-        others_hidden = self._withdrawn.get(other, frozenset())
-        for link in links:
-            for other_link in self._links(other):
-                may = not parted and link not in hidden and other_link not in others_hidden
-                pybullet.setCollisionFilterPair(
-                    self.numbers[one],
-                    self.numbers[other],
-                    link,
-                    other_link,
-                    int(may),
-                    physicsClientId=self.client,
-                )
