@@ -47,6 +47,7 @@ HEAVY = (
     "gymnasium",
     "highspy",
     "ortools",
+    "ray",
 )
 
 
@@ -142,6 +143,7 @@ class TestStarting:
             "coal",
             "toppra",
             "ortools",
+            "ray",
         }
 
 
