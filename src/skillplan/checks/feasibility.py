@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from skillplan.checks.execution_times import ExecutionTimes
 from skillplan.checks.query_batch import QueryBatch
 from skillplan.checks.reuse_sample import ReuseSample
 from skillplan.checks.single_check import (
@@ -15,9 +16,7 @@ from skillplan.checks.single_check import (
     CheckRequest,
     IntroducedBackEnds,
     check,
-    execution_time_s,
     introduce,
-    tells_time,
 )
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.checks.way_choice import choosing
@@ -107,6 +106,8 @@ class Feasibility:
         How often each back end was queried.
     ways
         Of skills that have several.
+    times
+        How long skills take, as back ends tell.
 
     Raises
     ------
@@ -155,9 +156,7 @@ class Feasibility:
             (index, back_end, back_end.expensive or not expensive, back_end.expensive and apart)
             for index, back_end in enumerate(self.back_ends)
         )
-        self._timers = tuple(one for one in self.back_ends if tells_time(one) and not one.screens)
-        self._durations_s: dict[tuple[str, int], float | None] = {}
-        self._stand_bits = _stand_bits(task) if self._timers else 0
+        self.times = ExecutionTimes(task, self.back_ends, self.ways)
 
     def verdict(self, skill: Skill, state: State) -> Verdict:
         """Return the verdict on `skill` in `state`.
@@ -240,27 +239,6 @@ class Feasibility:
     def _by(self, skill: Skill, verdict: Verdict) -> Skill:
         label = verdict.evidence.get("way", skill.ways[0].label)
         return self.ways.variant(skill, str(label))
-
-    @property
-    def tells_time(self) -> bool:
-        """Whether a back end may know how long skills take."""
-        return bool(self._timers)
-
-    def duration_s(self, skill: Skill, state: State) -> float | None:
-        """Return how long the first back end that knows says a skill takes [s], or None.
-
-        Queried once for every place that the robots stand at and tool that they hold.
-
-        Raises
-        ------
-        BackEndError
-            If a back end raises, or says what is no time.
-        """
-        key = (skill.name, state.bits & self._stand_bits)
-        if key not in self._durations_s:
-            said = (execution_time_s(back_end, skill, state) for back_end in self._timers)
-            self._durations_s[key] = next((one for one in said if one is not None), None)
-        return self._durations_s[key]
 
     @property
     def screens(self) -> tuple[BackEnd, ...]:
@@ -376,14 +354,3 @@ def _result_of(checking: Generator[CheckRequest, Checked, Verdict]) -> Verdict:
         verdict: Verdict = end.value
         return verdict
     raise AssertionError("nobody is there to answer")
-
-
-def _stand_bits(task: Task) -> int:
-    """Return the bits of the facts that say where robots stand and which tools they hold."""
-    names = {fact for robot in task.scene.robots for fact in robot.places}
-    names |= {tool.fact for robot in task.scene.robots for tool in robot.tools}
-    names |= set(task.places)
-    bits = 0
-    for name in names & set(task.facts.names):
-        bits |= task.facts.bit(name)
-    return bits
