@@ -41,13 +41,13 @@ def paths_of(task: Task, result: Result) -> list[tuple[JointPath, int]]:
     options = SweptDetector.Options()
     robot = task.scene.robots[0]
     planner = MotionPlanner(
-        ArmModel(robot.base),
+        ArmModel.of(robot),
         obstacles_of(task.scene),
         tolerance_m=options.tolerance_m,
         samples=options.samples,
         check_arm=options.check_arm,
     )
-    times = SkillTimes(task, robot, planner, JointLimits(), {}, options.drop_height_m)
+    times = SkillTimes(task, robot, planner, JointLimits.of(robot.model), {}, options.drop_height_m)
     state = task.initial
     here = times.stand(*robot.place(state)).joints_rad
     found = []
@@ -101,7 +101,7 @@ def main() -> None:
     task = load_problem(BOARD).task
     result = solve(task, "exact", SWEPT)
     assert result.makespan_s is not None
-    limits = JointLimits().scaled(SweptDetector.Options().speed_fraction)
+    limits = JointLimits.of(task.scene.robots[0].model).scaled(SweptDetector.Options().speed_fraction)
     paths = paths_of(task, result)
     ways: dict[str, Timing] = {
         "trapezoid": lambda path: trapezoid_s(path, limits),

@@ -43,6 +43,7 @@ HEAVY = (
     "pinocchio",
     "coal",
     "toppra",
+    "ompl",
     "numba",
     "gymnasium",
     "highspy",
@@ -142,6 +143,7 @@ class TestStarting:
             "pinocchio",
             "coal",
             "toppra",
+            "ompl",
             "ortools",
             "ray",
         }
@@ -317,7 +319,8 @@ class TestErrors:
         [
             ({}, 0),
             ({"solved": False}, 1),
-            ({"wrong": True, "back_end_failed": True, "solved": False}, 2),
+            ({"wrong": True, "solved": False}, 2),
+            ({"wrong": True, "back_end_failed": True, "solved": False}, 3),
             ({"back_end_failed": True, "solved": False}, 3),
             ({"interrupted": True, "wrong": True, "back_end_failed": True}, 130),
             ({"error": errors.OptionError("x")}, 2),

@@ -38,8 +38,8 @@ def exit_code(
     error: BaseException | None = None,
     *,
     solved: bool = True,
-    wrong: bool = False,
     back_end_failed: bool = False,
+    wrong: bool = False,
     interrupted: bool = False,
 ) -> int:
     """Return the exit code of a command; the only place that knows which it is.
@@ -53,10 +53,11 @@ def exit_code(
         is an interruption, and anything else is a failure of the program, ``EXIT_BACK_END``.
     interrupted
         Whether it was stopped before its end: ``EXIT_INTERRUPTED``.
+    back_end_failed
+        Whether physics or collision checks failed: ``EXIT_BACK_END``. No claim can be held against
+        those.
     wrong
         Whether what was given or claimed is wrong: ``EXIT_WRONG_INPUT``.
-    back_end_failed
-        Whether physics or collision checks failed: ``EXIT_BACK_END``.
     solved
         Whether there is a plan, or whatever else was wanted: ``EXIT_SOLVED``, else
         ``EXIT_NO_PLAN``.
@@ -65,9 +66,11 @@ def exit_code(
         return error.exit_code
     if interrupted or isinstance(error, KeyboardInterrupt | SearchStopped):
         return EXIT_INTERRUPTED
+    if back_end_failed:
+        return EXIT_BACK_END
     if wrong:
         return EXIT_WRONG_INPUT
-    if back_end_failed or error is not None:
+    if error is not None:
         return EXIT_BACK_END
     return EXIT_SOLVED if solved else EXIT_NO_PLAN
 

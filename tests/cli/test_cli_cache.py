@@ -484,3 +484,16 @@ class TestElsewhere:
         outcome = cli(*words, "--audit", "500")
         assert 3 == outcome.code
         assert "Back end 'slow' contradicts itself about pick(switch_1): " in outcome.err
+
+    def test_so_it_is_in_a_comparison(
+        self, cli: Any, slow: Path, bare: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """The row names the back end, the fact and both states; the exit code is a back end's."""
+        monkeypatch.setenv("SLOW_NARROW", "pick(switch_1)")
+        words = ("compare", bare, "--solvers", "exact", "--physics", "slow", "--audit")
+        outcome = cli(*words, "500", "--format", "json")
+        row = outcome.document["rows"][0]
+        assert (3, "failed") == (outcome.code, row["status"])
+        assert "Back end 'slow' contradicts itself about pick(switch_1): " in row["reason"]
+        assert 2 == row["reason"].count(" in {")
+        assert "placed(pcb)" in row["reason"].rpartition("should have named")[2]

@@ -77,8 +77,12 @@ def test_the_last_stretch_follows_the_direction_of_insertion_and_the_first_back_
     assert motion.retreat == (tip, entry, above)
 
 
-def test_what_goes_in_from_the_side_is_not_dropped() -> None:
-    assert motion_of(place_of(along=(-1.0, 0.0, 0.0), insert_m=0.08)).drop_m == 0.0
+def test_what_goes_in_from_the_side_is_not_dragged_over_what_it_will_lie_on() -> None:
+    """And what goes in from below is not dropped."""
+    motion = motion_of(place_of(along=(-1.0, 0.0, 0.0), insert_m=0.08))
+    assert motion.drop_m == 0.0003
+    assert {point[2] for point in motion.approach[1:]} == {motion.grasp_tip[2] + 0.0003}
+    assert motion_of(place_of(along=(0.0, 0.0, 1.0), insert_m=0.08)).drop_m == 0.0
 
 
 def test_the_hand_is_turned_with_the_part() -> None:

@@ -15,11 +15,12 @@ import pytest
 from situations import FakeSetup
 from skillplan.errors import BackEndError, SearchStopped, SolverError
 from skillplan.pipeline import registry
-from skillplan.pipeline.run import solve
+from skillplan.pipeline.run import make_solver, solve
 from skillplan.pipeline.search.apart import GRACE_S
 from skillplan.solvers.solver import Solver
 from skillplan.solvers.stop import Stop
 from skillplan.testing import lid_task
+from skillplan.workers.resident_memory import resident_bytes
 
 PATIENCE_S = 20
 HEAD = """
@@ -32,6 +33,51 @@ class Unsure(Detector):
 
     def check(self, skill, state):
         return Verdict.unknown("who knows")
+
+
+class TooFew(Detector):
+    name = "too-few"
+
+    def check(self, skill, state):
+        nothing = self.task.facts.none
+        if skill.name == "place(lid)" and "placed(fuse)" in state:
+            return Verdict.infeasible("the fuse is in the way", nothing, nothing)
+        return Verdict.feasible(nothing, nothing)
+
+
+class Fickle(Detector):
+    name = "fickle"
+
+    def __init__(self, task, options=None):
+        super().__init__(task, options)
+        self.asked = set()
+
+    def check(self, skill, state):
+        known = (skill.name, state) in self.asked
+        self.asked.add((skill.name, state))
+        return Verdict.infeasible("not again") if known else Verdict.feasible()
+
+
+class Screen(Detector):
+    name = "screen"
+
+    def __init__(self, task, options=None):
+        super().__init__(task, options)
+        self.screens = True
+
+    def check(self, skill, state):
+        if skill.name == "load(screwdriver)" and "placed(lid)" not in state:
+            return Verdict.infeasible("too early")
+        return Verdict.feasible()
+
+
+class Grants(Detector):
+    name = "grants"
+    expensive = True
+    expected_s = 1.0
+
+    def check(self, skill, state):
+        return Verdict.feasible()
 
 
 class Stubborn(Solver):
@@ -111,16 +157,16 @@ def test_one_that_swallows_every_error_is_ended_too(stubborn: Callable[[str], st
 def test_memory_is_measured_from_outside(stubborn: Callable[[str], str]) -> None:
     """What it allocates in one go, without ever looking, ends it; its incumbent counts."""
     skills, cost = best_of(lid_task())
+    # The limit is for this process, too, in which other tests have run.
+    limit = (resident_bytes() or 0) + 300 * 1024 * 1024
     name = stubborn(
         f"""
         self.stop.incumbent(Plan({skills!r}, {cost!r}))
-        time.sleep(0.2)
-        held = bytearray(os.urandom(1)) * (600 * 1024 * 1024)
+        held = bytearray(os.urandom(1)) * ({limit} + 100 * 1024 * 1024)
         while True:
             time.sleep(0.01)
         """
     )
-    limit = 400 * 1024 * 1024
     result = solve(lid_task(), name, stop=Stop(memory_limit_bytes=limit))
     assert ("solved", cost) == (result.status, result.cost)
     assert result.reason.startswith("memory limit")
@@ -207,6 +253,81 @@ def test_what_goes_wrong_there_is_said_here(
     """The solver has failed, in words that name it."""
     with pytest.raises(SolverError, match=words):
         solve(lid_task(), stubborn(body), stop=Stop(time_limit_s=60))
+
+
+WALKS = """
+from skillplan.testing.tasks import reachable_states
+reachable_states(model)
+"""
+
+
+class TestWhatItsSearchRestedOn:
+    @pytest.mark.parametrize(
+        ("detector", "words"),
+        [
+            (
+                "TooFew",
+                r"'too-few' contradicts itself about place\(lid\): .* resting on no fact, .*"
+                r"should have named .*placed\(fuse\)",
+            ),
+            ("Fickle", "'fickle' answers differently the second time: "),
+        ],
+    )
+    def test_is_asked_again_here(
+        self, stubborn: Callable[[str], str], detector: str, words: str
+    ) -> None:
+        """A detector that names too few facts, or changes its mind, is found out."""
+        name = stubborn(WALKS + "return Solution()")
+        with pytest.raises(BackEndError, match=words):
+            solve(
+                lid_task(),
+                name,
+                asking(detector),
+                stop=Stop(time_limit_s=60),
+                audit=64,
+            )
+
+    @pytest.mark.slow(reason="waits for a process to be ended; one that ends in every run")
+    def test_is_asked_again_where_it_was_ended(self, stubborn: Callable[[str], str]) -> None:
+        """What it last told comes with what that rests on."""
+        name = stubborn(
+            WALKS
+            + """
+self.stop.bound(0.1)
+while True:
+    time.sleep(0.01)
+"""
+        )
+        with pytest.raises(BackEndError, match=r"should have named .*placed"):
+            solve(lid_task(), name, asking("TooFew"), stop=Stop(time_limit_s=3), audit=64)
+
+    def test_is_not_asked_again_where_nobody_wants_it(self, stubborn: Callable[[str], str]) -> None:
+        """The size is that of `--audit`."""
+        name = stubborn(WALKS + "return Solution()")
+        stop = Stop(time_limit_s=60)
+        assert "unsolved" == solve(lid_task(), name, asking("TooFew"), stop=stop, audit=0).status
+
+    def test_has_refusals_of_screens_that_are_executed_here(
+        self, stubborn: Callable[[str], str]
+    ) -> None:
+        """As many as of a search in this process; one that is granted takes the proof back."""
+        skills, cost = best_of(lid_task())
+        name = stubborn(WALKS + f"return Solution(Plan({skills!r}, {cost!r}), {cost!r}, True)")
+        setup = asking("Screen", "Grants")
+        here = solve(lid_task(), make_solver(name, {}), setup)
+        apart = solve(lid_task(), name, setup, stop=Stop(time_limit_s=60))
+        assert here.trace["screening"] == apart.trace["screening"]
+        assert apart.trace["screening"]["refused"] > 1
+        assert here.reason == apart.reason
+        assert "solved" == apart.status
+        assert "which grants grants in {" in apart.reason
+
+
+def asking(*detectors: str) -> FakeSetup:
+    """Return a setup with some of the detectors that stand beside the solver."""
+    import stubborn_solver
+
+    return FakeSetup(make=lambda task: [getattr(stubborn_solver, one)(task) for one in detectors])
 
 
 def test_no_exception_handler_of_a_solver_catches_a_stop() -> None:

@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.spatial import ConvexHull
 
 from skillplan.robots import panda
-from skillplan_pinocchio.arm_model import CAPSULES, ArmModel, closing_yaw_rad, pose_down
+from skillplan.robots.panda import PANDA
+from skillplan_pinocchio.arm_model import ArmModel, closing_yaw_rad, pose_down
 
 
 def postures(count):
@@ -81,12 +83,12 @@ def test_the_jacobian_is_the_derivative_of_the_error():
             assert step.vector / 1e-6 == pytest.approx(jacobian[:, number], abs=1e-5)
 
 
-@pytest.mark.parametrize("capsule", CAPSULES, ids=lambda capsule: f"link{capsule.link}")
-def test_a_capsule_encloses_the_mesh_of_its_link(capsule, mesh_corners):
-    """No corner of the collision mesh stands out; none is a centimetre too far within."""
-    corners = mesh_corners(f"link{capsule.link}")
-    start, end = np.array(capsule.start), np.array(capsule.end)
-    along = end - start
-    share = np.clip((corners - start) @ along / (along @ along), 0.0, 1.0)
-    away = np.linalg.norm(corners - start - share[:, None] * along, axis=1)
-    assert capsule.radius_m - 0.01 < away.max() <= capsule.radius_m
+@pytest.mark.parametrize("link", range(8))
+def test_the_shapes_of_a_link_enclose_the_mesh_that_its_maker_publishes(link, mesh_corners):
+    """No corner of the collision mesh stands out by a millimetre."""
+    corners = mesh_corners(f"link{link}")
+    outside_m = np.full(len(corners), np.inf)
+    for shape in PANDA.shapes[link]:
+        planes = ConvexHull(np.array(shape.corners_m)).equations
+        outside_m = np.minimum(outside_m, (corners @ planes[:, :3].T + planes[:, 3]).max(axis=1))
+    assert outside_m.max() < 0.001

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from example_count import examples
-from skillplan.robots import panda
+from skillplan.robots.panda import PANDA
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.arm_motion import descent_paths, transfer_path
 from skillplan_pinocchio.inverse_kinematics import Unreachable, elbows
@@ -23,6 +23,7 @@ from skillplan_pinocchio.trajectory import JointLimits, fastest_trajectory
 NODES = st.integers(2, 9).flatmap(
     lambda count: arrays.arrays(float, (count, 7), elements=st.floats(-2.5, 2.5, width=32))
 )
+PANDA_LIMITS = JointLimits.of(PANDA)
 FACTORS = st.floats(0.1, 1.0)
 LIMITS = st.builds(
     lambda speeds, gains: JointLimits(tuple(speeds), tuple(gains)),
@@ -86,7 +87,7 @@ def test_there_takes_as_long_as_back(nodes, limits):
 def test_it_goes_from_rest_to_rest_through_all_nodes(nodes):
     """It is on the path at all times, in its order, and its speed fits its places."""
     path = JointPath(nodes)
-    trajectory = fastest_trajectory(path, JointLimits())
+    trajectory = fastest_trajectory(path, PANDA_LIMITS)
     whole_s = trajectory.duration_s
     for node, place in zip(nodes, np.linspace(0, 1, len(nodes)), strict=True):
         assert path.at(float(place)) == pytest.approx(node, abs=1e-9)
@@ -111,7 +112,7 @@ def test_it_goes_from_rest_to_rest_through_all_nodes(nodes):
 @given(NODES, st.floats(1e-6, 1.0))
 def test_a_short_path_takes_the_time_of_its_shape(nodes, factor):
     """Where no limit of speed counts, by the root of how much shorter it is."""
-    free = JointLimits((1e6,) * 7)
+    free = JointLimits((1e6,) * 7, PANDA.acceleration_rad_per_s2)
     whole_s = fastest_trajectory(JointPath(nodes), free).duration_s
     short_s = fastest_trajectory(JointPath(factor * nodes), free).duration_s
     if short_s > 0:
@@ -121,11 +122,11 @@ def test_a_short_path_takes_the_time_of_its_shape(nodes, factor):
 def test_no_way_takes_no_time():
     """Not a rounding error's either."""
     still = np.zeros((3, 7))
-    trajectory = fastest_trajectory(JointPath(still), JointLimits())
+    trajectory = fastest_trajectory(JointPath(still), PANDA_LIMITS)
     assert trajectory.duration_s == 0.0
     assert trajectory.at(0.0)[0] == pytest.approx(np.zeros(7))
     still[1] += 1e-12
-    assert fastest_trajectory(JointPath(still), JointLimits()).duration_s == 0.0
+    assert fastest_trajectory(JointPath(still), PANDA_LIMITS).duration_s == 0.0
 
 
 def test_a_path_that_dies_away_is_run_in_parts():
@@ -140,16 +141,16 @@ def test_a_path_that_dies_away_is_run_in_parts():
 def test_a_node_twice_is_gone_through():
     """Nodes one upon another are no stop, and no error."""
     nodes = np.repeat(np.linspace(0, 1, 3), 3)[:, np.newaxis] * np.linspace(-1, 1, 7)
-    assert 0.5 < fastest_trajectory(JointPath(nodes), JointLimits()).duration_s < 5
+    assert 0.5 < fastest_trajectory(JointPath(nodes), PANDA_LIMITS).duration_s < 5
 
 
 def test_a_single_joint_takes_the_time_of_a_trapezoid():
     """One radian: by hand from speed and acceleration."""
     nodes = np.zeros((5, 7))
     nodes[:, 0] = np.linspace(0, 1, 5)
-    speed, gain = panda.JOINT_SPEED_RAD_PER_S[0], panda.JOINT_ACCELERATION_RAD_PER_S2[0]
+    speed, gain = PANDA.speed_rad_per_s[0], PANDA.acceleration_rad_per_s2[0]
     best_s = 1 / speed + speed / gain
-    taken_s = fastest_trajectory(JointPath(nodes), JointLimits()).duration_s
+    taken_s = fastest_trajectory(JointPath(nodes), PANDA_LIMITS).duration_s
     assert best_s <= taken_s * (1 + 1e-9) <= best_s * 1.01
 
 
@@ -160,12 +161,14 @@ def test_every_process_finds_the_same_times_to_the_bit(tmp_path):
         "from skillplan_pinocchio.joint_path import JointPath\n"
         "from skillplan_pinocchio.trajectory import JointLimits, fastest_trajectory\n"
         "nodes = np.sin(np.arange(63.0)).reshape(9, 7)\n"
-        "print(fastest_trajectory(JointPath(nodes), JointLimits()).times_s.tobytes().hex())\n"
+        "from skillplan.robots.panda import PANDA\n"
+        "limits = JointLimits.of(PANDA)\n"
+        "print(fastest_trajectory(JointPath(nodes), limits).times_s.tobytes().hex())\n"
         "import sys\n"
         "assert 'matplotlib' not in sys.modules"
     )
     nodes = np.sin(np.arange(63.0)).reshape(9, 7)
-    own = fastest_trajectory(JointPath(nodes), JointLimits()).times_s.tobytes().hex()
+    own = fastest_trajectory(JointPath(nodes), PANDA_LIMITS).times_s.tobytes().hex()
     environment = {**os.environ, "MPLBACKEND": "none", "MPLCONFIGDIR": str(tmp_path)}
     command = [sys.executable, "-W", "default", "-c", words]
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
@@ -176,7 +179,7 @@ def test_every_process_finds_the_same_times_to_the_bit(tmp_path):
 def test_a_limit_that_is_none_is_refused(values):
     """Zero, infinite, negative."""
     with pytest.raises(ValueError, match="must be > 0"):
-        JointLimits(speed_rad_per_s=values)
+        JointLimits(values, PANDA.acceleration_rad_per_s2)
 
 
 def test_a_path_needs_two_nodes():

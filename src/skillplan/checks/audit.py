@@ -7,13 +7,12 @@ back end says otherwise.
 
 from __future__ import annotations
 
-import random
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from skillplan.checks.feasibility import Feasibility
-from skillplan.checks.reuse_sample import Reuse
 from skillplan.checks.single_check import check
-from skillplan.checks.ways import asked_about
+from skillplan.checks.verdict_sample import DrawnVerdict, draw_reused
+from skillplan.checks.ways import asked_by_name
 from skillplan.errors import BackEndError
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
@@ -22,8 +21,6 @@ from skillplan.task.verdict import Verdict, VerdictStatus
 
 # What a back end says that is asked the same so often is what it always says.
 _TIMES = 3
-# Of verdicts that were never reused, so many are looked at.
-_MOST_KEPT = 1_000
 _MOST_NAMED = 12
 
 
@@ -32,60 +29,54 @@ def audit(feasibility: Feasibility, size: int, seed: int, *, expensive: bool) ->
 
     Parameters
     ----------
-    feasibility
-        With which a search was done.
-    size
-        How many verdicts are put to the test, >= 0.
-    seed
-        Governs the choice.
-    expensive
-        Whether expensive back ends are asked, too.
+    feasibility, size, seed, expensive
+        As in `draw_reused`.
 
     Returns
     -------
     int
-        How many were.
+        How many verdicts were put to the test.
 
     Raises
     ------
     BackEndError
         If a back end contradicts itself, or fails.
     """
-    if not size:
-        return 0
-    draw = random.Random(seed)
-    chosen = _drawn(feasibility, size, draw, expensive=expensive)
-    if len(chosen) < size:
-        # What was never reused can at least be asked a second time.
-        kept = list(_kept(feasibility, expensive=expensive))
-        chosen += draw.sample(kept, min(size - len(chosen), len(kept)))
-    for one in chosen:
-        made_in = feasibility.cache.made_in(one.back_end, one.skill, one.verdict)
-        hold(one.back_end, one.skill, one.verdict, one.state if made_in is None else made_in, one)
-    return len(chosen)
+    drawn = draw_reused(feasibility, size, seed, expensive=expensive)
+    ask_again(feasibility.back_ends, drawn)
+    return len(drawn)
 
 
-def hold(back_end: BackEnd, skill: Skill, verdict: Verdict, made_in: State, reuse: Reuse) -> None:
-    """Ask a back end about a kept verdict, where it was made and where it was reused.
+def ask_again(
+    back_ends: Sequence[BackEnd], drawn: Sequence[DrawnVerdict], *, times: int = 1
+) -> None:
+    """Ask back ends about verdicts, where these were made and where they were reused.
 
     Parameters
     ----------
-    back_end, skill, verdict
-        Who said what about which skill.
-    made_in
-        The state in which it was asked.
-    reuse
-        Where the verdict stood in for it.
+    back_ends
+        In the order of the chain in which the verdicts were given.
+    drawn
+        The verdicts.
+    times
+        How often each is asked, >= 1. One that was never asked before, as the verdicts are from
+        another process, may say the first time what it says no second time.
 
     Raises
     ------
     BackEndError
-        If it says otherwise, or fails.
+        If one says otherwise, or fails.
     """
-    for state in dict.fromkeys((reuse.state, made_in)):
-        fresh = check(back_end, skill, state).verdict
-        if contradicts(verdict, fresh):
-            raise contradiction(back_end, skill, verdict, made_in, fresh, state)
+    skills = asked_by_name(back_ends[0].task) if drawn else {}
+    for one in drawn:
+        back_end, skill = back_ends[one.back_end], skills[one.skill]
+        task, kept = back_end.task, one.verdict(back_end)
+        made_in = one.made_in(task)
+        for state in dict.fromkeys((one.used_in(task), made_in)):
+            for _ in range(times):
+                fresh = check(back_end, skill, state).verdict
+                if contradicts(kept, fresh):
+                    raise contradiction(back_end, skill, kept, made_in, fresh, state)
 
 
 def contradicts(kept: Verdict, fresh: Verdict) -> bool:
@@ -180,32 +171,3 @@ def _steps(back_end: BackEnd, made_in: State, state: State) -> Iterator[int]:
 def _listed(names: list[str]) -> str:
     shown = names if len(names) <= _MOST_NAMED else [*names[:_MOST_NAMED], "..."]
     return ", ".join(shown) or "a fact"
-
-
-def _drawn(
-    feasibility: Feasibility, size: int, draw: random.Random, *, expensive: bool
-) -> list[Reuse]:
-    """Return some of the reuses: of every skill one, then of every skill another."""
-    rows = [
-        draw.sample(row, len(row))
-        for row in feasibility.reused.by_skill()
-        if expensive or not row[0].back_end.expensive
-    ]
-    draw.shuffle(rows)
-    depth = max(map(len, rows), default=0)
-    order = [row[level] for level in range(depth) for row in rows if level < len(row)]
-    return order[:size]
-
-
-def _kept(feasibility: Feasibility, *, expensive: bool) -> Iterator[Reuse]:
-    """Yield verdicts that were made, as if they had been reused where they were made."""
-    left = _MOST_KEPT
-    for back_end in feasibility.back_ends:
-        if back_end.expensive and not expensive:
-            continue
-        for skill in asked_about(feasibility.task):
-            for verdict, state in feasibility.cache.made(back_end, skill):
-                if not left:
-                    return
-                left -= 1
-                yield Reuse(back_end, skill, state, verdict)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
@@ -19,14 +18,14 @@ class Reuse:
     Parameters
     ----------
     back_end
-        That gave it.
+        The index of the one that gave it.
     skill, state
         What was asked, and where.
     verdict
         The answer that was kept.
     """
 
-    back_end: BackEnd
+    back_end: int
     skill: Skill
     state: State
     verdict: Verdict
@@ -45,11 +44,13 @@ class ReuseSample:
         self.most = most
         self._rows: dict[tuple[int, str], _Row] = {}
 
-    def note(
-        self, index: int, back_end: BackEnd, skill: Skill, state: State, said: Verdict
-    ) -> None:
-        """Note that a verdict was reused; `index` is that of the back end."""
-        key = (index, skill.name)
+    def keep(self, wanted: int) -> None:
+        """Remember so many of each that as many as are wanted can be drawn."""
+        self.most = max(DEFAULT_SIZE, 2 * wanted)
+
+    def note(self, back_end: int, skill: Skill, state: State, said: Verdict) -> None:
+        """Note that a verdict of a back end, given by its index, was reused."""
+        key = (back_end, skill.name)
         row = self._rows.get(key)
         if row is None:
             row = self._rows[key] = _Row()
@@ -68,7 +69,8 @@ class ReuseSample:
 
     def by_skill(self) -> list[list[Reuse]]:
         """Return what is remembered, a list for every skill and back end."""
-        return [list(row.entries) for row in self._rows.values()]
+        # At once: a search that goes on in another thread adds rows.
+        return [list(row.entries) for row in list(self._rows.values())]
 
 
 class _Row:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from skillplan import errors
 from skillplan.cli.writing import as_json, tell, write_out
 from skillplan.errors import OptionError
-from skillplan.files.atomic_file import write_whole
+from skillplan.files.atomic_file import write_new
 from skillplan.files.output_path import output_path, refusing
 from skillplan.records.result import Result, Status
 from skillplan.views.text.rendering import render
@@ -41,13 +40,14 @@ def emit(
 def exit_code(results: Sequence[Result | ChainResult]) -> int:
     """Return the exit code of a command that printed these results.
 
-    Interrupted wins, then a wrong claim or a plugin that failed, then any solved result; where
-    all were refused, what was given does not fit.
+    Interrupted wins, then a back end that failed, then a wrong claim or a solver that failed, then
+    any solved result; where all were refused, what was given does not fit.
     """
     found = {result.status for result in results}
     return errors.exit_code(
         solved=bool(found & {Status.OPTIMAL, Status.SOLVED}),
         wrong=bool(found & {Status.WRONG, Status.FAILED}) or found == {Status.REFUSED},
+        back_end_failed=any(result.back_end_failed for result in results),
         interrupted=any(result.interrupted for result in results),
     )
 
@@ -72,7 +72,8 @@ def write_new_file(out: str, text: str, suffixes: Collection[str], what: str) ->
         If it is there already, or cannot be written.
     """
     path = output_path("--out", out, suffixes, what)
-    if os.path.lexists(path):
-        raise OptionError(f"--out {out}: is there already. Name a new file.")
     with refusing("--out", path):
-        write_whole(path, text)
+        try:
+            write_new(path, text)
+        except FileExistsError:
+            raise OptionError(f"--out {out}: is there already. Name a new file.") from None

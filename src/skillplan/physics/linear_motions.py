@@ -40,6 +40,8 @@ _NATURAL_YAW_RAD = math.pi / 2
 _STANDOFF_M = 0.02
 # How far a screw is from its hole where the hand begins to follow its axis [m].
 _SCREW_STRETCH_M = 0.05
+# What goes in from the side is so far above where it will lie, at most, not to drag on it [m].
+_SIDE_LIFT_M = 3e-4
 # A hand that does not point down reaches below its tip by no more than this [m].
 _HAND_RADIUS_M = 0.11
 
@@ -261,9 +263,7 @@ def _linear_motion(
     elif visit.event is Event.DRIVE:
         carries, leaves_with = visit.subject, None
     points, closing = _hand_directions(visit, grasp)
-    downwards = same_direction(visit.along, DOWN)
-    drops = visit.event is Event.RELEASE and downwards
-    drop_m = drop_height_m if drops else 0.0
+    drop_m = _drop_m(visit, drop_height_m)
     tip = _tip(task, visit, grasp)
     body = None if grasp is None else task.scene.body(visit.subject)
     # Of an upright body, its origin is where it begins.
@@ -274,7 +274,8 @@ def _linear_motion(
     else:
         yaw_rad, low_m = 0.0, min(low_m, tip[2] - _HAND_RADIUS_M)
     above_m = max(robot.safe_height_m, low_m) + (tip[2] - low_m)
-    dropped = (tip[0], tip[1], tip[2] + drop_m)
+    up: Point = (0.0, 0.0, drop_m)
+    dropped = plus(tip, up)
     orientation = Pose.of_axes(tip, closing, points).orientation
     approach, retreat = _stretches(visit, grasp, body, tip, points, closing)
     return LinearMotion(
@@ -282,13 +283,30 @@ def _linear_motion(
         dropped,
         yaw_rad,
         orientation,
-        (_at_height(approach[-1], above_m), *reversed(approach[1:]), dropped),
-        (dropped, *retreat[1:], _at_height(retreat[-1], above_m)),
+        (
+            _at_height(approach[-1], above_m),
+            *(plus(point, up) for point in reversed(approach[1:])),
+            dropped,
+        ),
+        (
+            dropped,
+            *(plus(point, up) for point in retreat[1:]),
+            _at_height(retreat[-1], above_m),
+        ),
         carries,
         tool,
         leaves_with,
         drop_m,
     )
+
+
+def _drop_m(visit: Visit, drop_height_m: float) -> float:
+    """Return how high above its goal a visit lets go of a part [m]."""
+    if visit.event is not Event.RELEASE or same_direction(visit.along, AXES["z"]):
+        return 0.0
+    if same_direction(visit.along, DOWN):
+        return drop_height_m
+    return min(drop_height_m, _SIDE_LIFT_M)
 
 
 def _stretches(

@@ -19,7 +19,7 @@ from skillplan.pipeline.search.attempt import Attempt
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solver_choice import REFERENCE, made_for, solvers_by_stage
 from skillplan.records.chain_result import ChainPart, ChainResult
-from skillplan.records.grading import Grade
+from skillplan.records.grading import failed_grade
 from skillplan.records.result import Result, Status
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.stop import Stop
@@ -162,7 +162,7 @@ class Chain:
         """Return the chain as far as it came before a solver or back end raised."""
         task = self.tasks[len(self.parts)]
         solver = self.solvers[task.stage]
-        granted = Grade(Status.FAILED, reason=str(error))
+        granted = failed_grade(error)
         result = make_draft(task, solver, self.setup, self.seed).graded(granted)
         self.parts.append(ChainPart(task, result))
         return self._result()

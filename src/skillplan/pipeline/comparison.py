@@ -23,8 +23,8 @@ from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solver_choice import solver_names
 from skillplan.plugins.blame import debugging, traceback_text
 from skillplan.records.chain_result import ChainResult
-from skillplan.records.grading import Grade
-from skillplan.records.result import Result, Status
+from skillplan.records.grading import failed_grade
+from skillplan.records.result import Result
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
 
@@ -70,7 +70,8 @@ def compare_solvers(
     -------
     list of Result or ChainResult
         A row for every solver, in order; those after an interruption are missing. A row of a
-        solver or back end that raised has the status ``failed``.
+        solver or back end that raised, or of a back end that contradicts itself, has the status
+        ``failed``.
 
     Raises
     ------
@@ -129,8 +130,7 @@ def solve_all(
             raise
         except SkillplanError as error:
             _note(error)
-            failed = Grade(Status.FAILED, reason=str(error))
-            result = make_draft(task, name, setup, seed).graded(failed)
+            result = make_draft(task, name, setup, seed).graded(failed_grade(error))
         results.append(result)
         if stop.interrupted:
             break

@@ -157,6 +157,11 @@ class ChainResult:
         return cost is not None and optimum is not None and cost <= optimum + tolerance(cost)
 
     @property
+    def back_end_failed(self) -> bool:
+        """Whether a part has failed by a back end."""
+        return any(part.result.back_end_failed for part in self.parts)
+
+    @property
     def reason(self) -> str:
         """Why it is no better than the status says, and what to know before executing it."""
         for part in self.parts:
@@ -285,6 +290,7 @@ class ChainResult:
             "proved_by_level": self.proved_by_level,
             "makespan": self.makespan,
             "makespan_s": self.makespan_s,
+            "timed_by": self.parts[-1].result.timed_by,
             "skills": [step["skill"] for step in steps],
             "actions": [step["action"] for step in steps],
             "steps": [{**step, "index": index} for index, step in enumerate(steps)],
@@ -293,6 +299,7 @@ class ChainResult:
                 "expanded": self.iterations,
                 "checks": sum(part.result.checks for part in self.parts),
                 "cache_hits": sum(part.result.cache_hits for part in self.parts),
+                "trajectories": sum(part.result.trajectories for part in self.parts),
                 "wall_s": self.wall_s,
             },
             "trace": {},

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from skillplan.errors import BackEndError, SkillplanError
 from skillplan.model.replay import Step
 from skillplan.records.result import Result, Status
 from skillplan.task.skill import Skill
@@ -34,6 +35,8 @@ class Grade:
         Why it is no better than the status says; empty for an optimal plan.
     policy
         The policy that the plan follows; None where the solver gave a plan.
+    back_end_failed
+        Whether it has failed by a back end, and by no fault of the solver's.
     """
 
     status: Status
@@ -44,6 +47,13 @@ class Grade:
     bound_method: str = ""
     reason: str = ""
     policy: Mapping[State, Skill] | None = field(default=None, repr=False, compare=False)
+    back_end_failed: bool = False
+
+
+def failed_grade(error: SkillplanError) -> Grade:
+    """Return the grade of a solver that failed, or met a back end that did."""
+    back_end_failed = isinstance(error, BackEndError)
+    return Grade(Status.FAILED, reason=str(error), back_end_failed=back_end_failed)
 
 
 @dataclass(frozen=True)
@@ -58,7 +68,9 @@ class Draft:
         How it is solved.
     cost_unit
         The unit of the task's metric.
-    states, expanded, checks, cache_hits, wall_s
+    timed_by
+        The back ends that tell how long skills take; empty where the task's own figures count.
+    states, expanded, checks, cache_hits, trajectories, wall_s
         How often the solver queried the model, and how long it took [s].
     interrupted
         Whether the user ended the search.
@@ -74,10 +86,12 @@ class Draft:
     physics: str
     collision: str
     cost_unit: str = ""
+    timed_by: str = ""
     states: int = 0
     expanded: int | None = None
     checks: int = 0
     cache_hits: int = 0
+    trajectories: int = 0
     wall_s: float = 0.0
     interrupted: bool = False
     trace: Mapping[str, Any] = field(default_factory=dict)

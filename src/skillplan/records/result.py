@@ -58,7 +58,9 @@ class Result:
         Its duration [s].
     reason
         Why it is no better than the status says; empty for an optimal plan.
-    states, expanded, checks, cache_hits, wall_s
+    timed_by
+        The back ends that tell how long skills take; empty where the task's own figures count.
+    states, expanded, checks, cache_hits, trajectories, wall_s
         How often the solver queried the model, and how long it took [s], the referee not counted.
     trace
         Figures of the search.
@@ -66,6 +68,8 @@ class Result:
         The policy that the plan follows; None where the solver gave a plan.
     origin
         The task file and how it was read; None where the task is from no file.
+    back_end_failed
+        Whether it has failed by a back end, and by no fault of the solver's.
 
     Raises
     ------
@@ -89,15 +93,18 @@ class Result:
     steps: tuple[Step, ...] = ()
     makespan_s: float | None = None
     reason: str = ""
+    timed_by: str = ""
     states: int = 0
     expanded: int | None = None
     checks: int = 0
     cache_hits: int = 0
+    trajectories: int = 0
     wall_s: float = 0.0
     interrupted: bool = False
     trace: Mapping[str, Any] = field(default_factory=dict)
     policy: Mapping[State, Skill] | None = field(default=None, repr=False, compare=False)
     origin: Origin | None = None
+    back_end_failed: bool = False
 
     def __post_init__(self) -> None:
         has_plan = self.status in (Status.OPTIMAL, Status.SOLVED)
@@ -107,7 +114,8 @@ class Result:
             )
         if self.wall_s < 0 or (self.makespan_s or 0) < 0 or (self.cost or 0) < 0:
             raise ValueError("Costs and times must be >= 0.")
-        if min(self.states, self.expanded or 0, self.checks, self.cache_hits) < 0:
+        counts = (self.states, self.expanded or 0, self.checks, self.cache_hits, self.trajectories)
+        if min(counts) < 0:
             raise ValueError("Counts must be >= 0.")
         cost, bound = self.cost, self.lower_bound
         if cost is not None and bound is not None and bound > cost + tolerance(cost):
@@ -146,6 +154,7 @@ class Result:
             "gap": self.gap,
             "makespan": self.makespan,
             "makespan_s": self.makespan_s,
+            "timed_by": self.timed_by,
             "skills": [step.skill for step in self.steps],
             "actions": [step.action for step in self.steps],
             "steps": [step_document(step) for step in self.steps],
@@ -154,6 +163,7 @@ class Result:
                 "expanded": self.expanded,
                 "checks": self.checks,
                 "cache_hits": self.cache_hits,
+                "trajectories": self.trajectories,
                 "wall_s": self.wall_s,
             },
             "trace": dict(self.trace),

@@ -190,6 +190,10 @@ class ArmDescription:
         moves it; none of any where nothing is known.
     reach_m
         How far from the base it works, as its maker says [m]; None for the length of its links.
+    swing
+        Of an arm with a spare joint whose first axis is its base's z and which points down at home:
+        the joints, counted from 0, that turn all of it, swing its elbow, and turn its hand. None
+        for others.
 
     Raises
     ------
@@ -203,6 +207,7 @@ class ArmDescription:
     home_rad: tuple[float, ...]
     shapes: tuple[tuple[LinkShape, ...], ...] = ()
     reach_m: float | None = None
+    swing: tuple[int, int, int] | None = None
 
     def __post_init__(self) -> None:
         if not self.name:

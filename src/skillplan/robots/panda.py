@@ -140,6 +140,7 @@ PANDA: Final = ArmDescription(
     home_rad=READY_RAD,
     shapes=SHAPES,
     reach_m=0.855,
+    swing=(0, 2, 6),
 )
 """The arm without its hand; its tip is the flange."""
 

@@ -174,6 +174,10 @@ class Stop:
         """Request that the search stop and return its best."""
         self.interrupted = True
 
+    def listen(self, on_progress: Callable[[Progress], None]) -> None:
+        """Have a function called with the progress from now on, in the place of any other."""
+        self._on_progress = on_progress
+
     def end(self, reason: str) -> None:
         """Stop for a reason of the solver's own, such as a limit."""
         self._own_reason = reason

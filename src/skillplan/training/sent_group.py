@@ -21,11 +21,10 @@ from skillplan.files.growing_file import GrowingFile
 from skillplan.files.regular_file import read_bytes
 from skillplan.records.training.metrics_file import METRICS
 from skillplan.records.training.run_folder import MANIFEST, TASK_CONFIG, group_path, run_path
+from skillplan.training.checkpoint_file import MOST_BYTES
 from skillplan.training.group_job import GroupJob
 from skillplan.training.run_log import events_path, writing
 
-# Checkpoints of networks are the largest of all.
-_MOST_BYTES = 4 * 1024**3
 Order = TypeVar("Order")
 Outcome = TypeVar("Outcome")
 
@@ -74,7 +73,7 @@ class SentGroup:
             If a file cannot be read.
         """
         files = tuple(
-            FileChange(name, None, read_bytes(job.folder / name, _MOST_BYTES, within=job.folder))
+            FileChange(name, None, read_bytes(job.folder / name, MOST_BYTES, within=job.folder))
             for name in _names(job, job.folder)
         )
         return cls(job, files)
@@ -170,13 +169,13 @@ class _Watched:
         grown = [name for name in names if _grows(name)]
         whole = [name for name in names if not _grows(name)]
         for name in grown:
-            content = read_bytes(folder / name, _MOST_BYTES, within=folder)
+            content = read_bytes(folder / name, MOST_BYTES, within=folder)
             start = self._lengths.get(name)
             if start != len(content):
                 self._lengths[name] = len(content)
                 yield FileChange(name, start, content[start or 0 :])
         for name in sorted(whole, key=lambda one: ((folder / one).stat().st_mtime_ns, one)):
-            content = read_bytes(folder / name, _MOST_BYTES, within=folder)
+            content = read_bytes(folder / name, MOST_BYTES, within=folder)
             digest = sha256(content).digest()
             if digest != self._hashes.get(name):
                 self._hashes[name] = digest

@@ -1,4 +1,4 @@
-"""A Panda with its hand for pinocchio, built from its description: no model file is read.
+"""An arm with its hand for pinocchio, built from its description: no model file is read.
 
 The tip is the lowest point of hand or tool; it is at one and the same distance from the frame
 of the hand whatever is attached.
@@ -7,55 +7,25 @@ of the hand whatever is attached.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from skillplan.robots import panda
-from skillplan.robots.arm_description import Transform
+from skillplan.robots.arm_description import ArmDescription
+from skillplan.robots.hand import Hand
+from skillplan.robots.panda import PANDA, PANDA_HAND
 from skillplan.task.pose import Point, Pose, Quaternion
+from skillplan.task.scene import Robot
 from skillplan_pinocchio.kinematics.numeric_inverse import NumericInverse
-from skillplan_pinocchio.kinematics.serial_arm import SerialArm, build_model
+from skillplan_pinocchio.kinematics.serial_arm import SerialArm
+from skillplan_pinocchio.kinematics.ur_inverse import UrInverse, UrLengths
+from skillplan_pinocchio.link_pieces import link_pieces
 
 Vector = NDArray[np.float64]
-
-JOINTS: Final = 7
-
-
-@dataclass(frozen=True, slots=True)
-class Capsule:
-    """A stand-in for a link: all points within a distance of a segment.
-
-    Parameters
-    ----------
-    link
-        Number of the joint that moves it, 1 to 7.
-    start, end
-        Ends of the segment in the joint's frame [m].
-    radius_m
-        Distance from the segment, > 0.
-    """
-
-    link: int
-    start: Point
-    end: Point
-    radius_m: float
-
-
-# Fitted about the collision meshes that the maker publishes, 1 mm larger. The base and the
-# first link stand still or turn on the spot.
-CAPSULES: Final = (
-    Capsule(2, (0.0, 0.0, 0.053), (0.0, -0.144, 0.0), 0.078),
-    Capsule(3, (0.0, 0.002, -0.083), (0.083, 0.043, 0.0), 0.071),
-    Capsule(4, (0.0, 0.0, 0.042), (-0.083, 0.082, 0.0), 0.071),
-    Capsule(5, (0.0, 0.010, -0.242), (0.0, 0.064, 0.002), 0.069),
-    Capsule(6, (0.021, 0.010, 0.005), (0.088, 0.008, 0.0), 0.076),
-    Capsule(7, (-0.005, -0.005, 0.074), (0.040, 0.035, 0.078), 0.051),
-)
 
 
 class ArmModel:
@@ -64,28 +34,73 @@ class ArmModel:
     Parameters
     ----------
     base
-        Where the arm stands in the world [m]; it looks along x.
+        Where the arm stands in the world [m].
+    description
+        The robot.
+    orientation
+        How its base is turned.
+    hand
+        What is on its flange.
 
     Attributes
     ----------
-    base
+    description
         As given.
+    mount
+        Where its base is, and how it is turned.
     low_rad, high_rad
-        Limits of the joints [rad], shape (7,).
+        Limits of the joints [rad], shape (joints,).
+    home_rad
+        The description's posture [rad], shape (joints,).
+    pieces
+        The shapes about its links.
     """
 
-    def __init__(self, base: Point = (0.0, 0.0, 0.0)) -> None:
-        self.base = base
-        self.low_rad: Vector = np.array(panda.PANDA.low_rad)
-        self.high_rad: Vector = np.array(panda.PANDA.high_rad)
-        self.model = build_model(panda.PANDA, Transform(base), panda.TIP_ON_FLANGE)
+    def __init__(
+        self,
+        base: Point = (0.0, 0.0, 0.0),
+        description: ArmDescription = PANDA,
+        orientation: Quaternion = (0.0, 0.0, 0.0, 1.0),
+        hand: Hand = PANDA_HAND,
+    ) -> None:
+        self.description = description
+        self.mount = Pose(base, orientation)
+        self.hand = hand
+        turned = pin.SE3(np.array(self.mount.rotation), np.array(base, dtype=float))
+        self.serial = SerialArm(description, turned, hand.tip_on_flange)
+        self.low_rad = self.serial.low_rad
+        self.high_rad = self.serial.high_rad
+        self.home_rad = self.serial.home_rad
+        self.model = self.serial.model
+        self.pieces = link_pieces(description)
         self._data = self.model.createData()
         self._tip = self.model.getFrameId("tip")
+
+    @classmethod
+    def of(cls, robot: Robot) -> ArmModel:
+        """Return the arm of a scene's robot."""
+        return cls(robot.base, robot.model, robot.base_orientation, robot.hand)
 
     @cached_property
     def inverse(self) -> NumericInverse:
         """Joint angles for any pose of the tip."""
-        return NumericInverse(SerialArm(panda.PANDA, Transform(self.base), panda.TIP_ON_FLANGE))
+        return NumericInverse(self.serial)
+
+    @cached_property
+    def closed_form(self) -> UrInverse | None:
+        """All joint angles for any pose of the tip, where there is a formula."""
+        return None if UrLengths.of(self.description) is None else UrInverse(self.serial)
+
+    @cached_property
+    def shoulder(self) -> Vector:
+        """Where the second joint is at home [m], shape (3,)."""
+        pin.forwardKinematics(self.model, self._data, self.home_rad)
+        return np.asarray(self._data.oMi[min(2, self.joints)].translation.copy())
+
+    @property
+    def joints(self) -> int:
+        """How many joints it has."""
+        return len(self.home_rad)
 
     def tip(self, joints_rad: Vector) -> tuple[Vector, Vector]:
         """Return position [m], shape (3,), and rotation, shape (3, 3), of the tip.
@@ -102,7 +117,7 @@ class ArmModel:
         Parameters
         ----------
         joints_rad
-            Shape (7,).
+            Shape (joints,).
         target
             From `pose_down`.
 
@@ -111,7 +126,7 @@ class ArmModel:
         twist
             Displacement [m] and rotation vector [rad] that are left to go, shape (6,).
         jacobian
-            Shape (6, 7).
+            Shape (6, joints).
         """
         pin.computeJointJacobians(self.model, self._data, joints_rad)
         pin.updateFramePlacement(self.model, self._data, self._tip)
@@ -119,19 +134,35 @@ class ArmModel:
         left = pin.log6(self._data.oMf[self._tip].actInv(target))
         return left.vector, jacobian
 
-    def segments(self, joints_rad: Vector) -> list[tuple[Vector, Vector]]:
-        """Return the ends of the segments of `CAPSULES` in the world [m], each of shape (3,)."""
-        pin.forwardKinematics(self.model, self._data, joints_rad)
-        found = []
-        for capsule in CAPSULES:
-            placement = self._data.oMi[capsule.link]
-            found.append(
-                (
-                    placement.act(np.array(capsule.start)),
-                    placement.act(np.array(capsule.end)),
-                )
-            )
-        return found
+    @cached_property
+    def boxes(self) -> tuple[NDArray[np.intp], Vector, Vector]:
+        """Of every piece which joint moves it, from 0, and centre and half extents of its box [m].
+
+        In the frame of the joint; shapes (pieces,), (pieces, 3) and (pieces, 3).
+        """
+        joints = np.array([piece.link - 1 for piece in self.pieces], dtype=np.intp)
+        centres = np.array([piece.box[0] for piece in self.pieces]).reshape(-1, 3)
+        return joints, centres, np.array([piece.box[1] for piece in self.pieces]).reshape(-1, 3)
+
+    def frames(self, postures_rad: Sequence[Vector]) -> tuple[Vector, Vector]:
+        """Return rotations and origins [m] of the joints' frames in some postures.
+
+        Parameters
+        ----------
+        postures_rad
+            Joint angles [rad], each of shape (joints,).
+
+        Returns
+        -------
+        tuple
+            Of shapes (postures, joints, 3, 3) and (postures, joints, 3).
+        """
+        placements = []
+        for joints_rad in postures_rad:
+            pin.forwardKinematics(self.model, self._data, joints_rad)
+            placements.append([one.homogeneous for one in self._data.oMi[1:]])
+        found = np.array(placements)
+        return found[..., :3, :3], found[..., :3, 3]
 
 
 def pose_down(position: Point, closing_yaw_rad: float) -> Any:

@@ -28,6 +28,8 @@ from skillplan_pinocchio.joint_path import JointPath
 _INTERVALS = 8
 # Where it follows a direction of insertion, through more: it stays within 0.1 mm of the line.
 _FINE_INTERVALS = 16
+# A hand that points down has this z of its axis, at most.
+_DOWNWARDS = -1 + 1e-9
 
 
 @dataclass(frozen=True)
@@ -180,20 +182,22 @@ def descent_paths(
 def transfer_path(arm: ArmModel, start: Vector, end: Vector) -> JointPath:
     """Return the path of a transfer motion, the tip in a straight line, the hand pointing down.
 
-    Where the straight line leads out of reach, as close to the base, all joints go straight to
-    their ends instead.
+    Where the hand is turned on the way, or the straight line leads out of reach, as close to the
+    base, all joints go straight to their ends instead.
 
     Parameters
     ----------
     arm
         The arm.
     start, end
-        Joint angles with the hand pointing down [rad], shape (7,).
+        Joint angles [rad], shape (joints,).
     """
     shares = [number / _INTERVALS for number in range(_INTERVALS + 1)]
     straight = [start + share * (end - start) for share in shares]
-    begin, _ = arm.tip(start)
-    finish, _ = arm.tip(end)
+    begin, at_start = arm.tip(start)
+    finish, at_end = arm.tip(end)
+    if max(at_start[2, 2], at_end[2, 2]) > _DOWNWARDS:
+        return JointPath(straight)
     yaws = _unwound([closing_yaw_rad(arm.tip(joints)[1]) for joints in straight])
     nodes = [start]
     for share, joints in zip(shares[1:-1], straight[1:-1], strict=True):

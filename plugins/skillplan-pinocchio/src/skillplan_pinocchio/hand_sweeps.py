@@ -13,7 +13,7 @@ from skillplan.task.scene import Robot, Scene
 from skillplan_pinocchio.hulls import HandPart, hand_parts
 from skillplan_pinocchio.motion_plan import spared
 from skillplan_pinocchio.obstacles import Obstacle
-from skillplan_pinocchio.shapes import pieces_of
+from skillplan_pinocchio.shapes import ConvexPiece, pieces_of
 from skillplan_pinocchio.sweep import Sweep, Touch
 
 _HANDLING = (Event.GRASP, Event.RELEASE)
@@ -54,6 +54,21 @@ class HandSweeps:
             "the travel", motion, (start[0], start[1], above[2]), by, after=False
         )
 
+    def held(
+        self, motion: LinearMotion, begin: Point
+    ) -> Iterator[tuple[str, tuple[ConvexPiece, ...]]]:
+        """Yield what is at the end of the arm before a motion acts: names, and pieces in the world.
+
+        Parameters
+        ----------
+        motion
+            The motion.
+        begin
+            Where the tip is [m].
+        """
+        for sweep in self._swept("", motion, begin, _STILL, after=False):
+            yield sweep.mover, sweep.pieces
+
     def approach(self, motion: LinearMotion) -> Iterator[tuple[Sweep, ...]]:
         """Yield the sweeps of each straight stretch to the target, in order."""
         for number, (begin, end) in enumerate(pairwise(motion.approach), start=2):
@@ -61,8 +76,11 @@ class HandSweeps:
             label = "the insertion" if is_last and number > 2 else "the approach"
             # Down to its goal, also where it is let go from above.
             target = motion.grasp_tip if is_last else end
+            loads = [*self._load(label, motion, motion.carries, begin, _difference(begin, target))]
+            if label == "the insertion" and motion.drop_m:
+                loads += self._load(label, motion, motion.carries, begin, _difference(begin, end))
             yield (
-                *self._load(label, motion, motion.carries, begin, _difference(begin, target)),
+                *loads,
                 *self._hands(label, motion, begin, _difference(begin, end), after=False),
             )
 
@@ -128,7 +146,8 @@ class HandSweeps:
         if motion.visit.event in _HANDLING:
             grasp = visited_grasp(self.scene.body(motion.visit.subject), motion.visit)
             is_open = before is (motion.visit.event is Event.GRASP)
-            opening_m = jaw_opening_m(grasp, self.clearance_m if is_open else 0.0, tool)
+            clearance_m = self.clearance_m if is_open else 0.0
+            opening_m = jaw_opening_m(grasp, clearance_m, tool, self.robot.hand)
         return hand_parts(self.robot, tool, opening_m)
 
 

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion
 from skillplan.physics.tool_shapes import tool_shapes
-from skillplan.robots import panda
+from skillplan.robots.hand import Hand
 from skillplan.task.grasp import AXES
 from skillplan.task.pose import Point, Pose, cross
 from skillplan.task.scene import Robot, Tool, ToolKind
@@ -26,27 +25,6 @@ from skillplan_pinocchio.shapes import (
     cylinder_corners,
     placed,
     placed_at,
-)
-
-# The body of the hand from its underside upwards: depth in the frame of the hand, how far out
-# along the closing axis, and half its width there [m]. Convex between. Measured on the collision
-# mesh that the maker publishes, made symmetric, as jaws close alike with the hand turned
-# by half a turn.
-_HAND_OUTLINE_M: Final = (
-    (panda.HAND_UNDERSIDE_M, 0.0975, 0.0173),
-    (0.0560, 0.0960, 0.0196),
-    (0.0560, 0.1006, 0.0165),
-    (0.0430, 0.0960, 0.0208),
-    (0.0430, 0.1006, 0.0170),
-    (0.0110, 0.0930, 0.0246),
-    (0.0012, 0.0020, panda.HAND_HALF_WIDTH_M),
-    (0.0012, panda.HAND_HALF_LENGTH_M, 0.0040),
-    (-0.0085, 0.0420, 0.0281),
-    (-0.0085, 0.0800, 0.0262),
-    (-0.0085, 0.0880, 0.0248),
-    (-0.0085, panda.HAND_HALF_LENGTH_M, 0.0037),
-    (-0.0180, 0.1000, 0.0040),
-    (-0.0262, 0.0885, 0.0040),
 )
 
 
@@ -105,23 +83,25 @@ def hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple[HandP
     """
     if tool is None and robot.tools:
         return ()
+    hand = robot.hand_of(tool)
     if tool is None or tool.kind is ToolKind.GRIPPER:
-        fingers = (_finger(opening_m / 2, 1), _finger(opening_m / 2, -1))
-        return (HandPart("a finger", fingers), HandPart("the hand", (_hand(),)))
-    return (HandPart(tool.name, tuple(_corners(shape) for shape in tool_shapes(tool))),)
+        fingers = (_finger(hand, opening_m / 2, 1), _finger(hand, opening_m / 2, -1))
+        return (HandPart("a finger", fingers), HandPart("the hand", (_body(hand),)))
+    shapes = tool_shapes(tool, robot.hand)
+    return (HandPart(tool.name, tuple(_corners(shape) for shape in shapes)),)
 
 
-def _hand() -> Array:
+def _body(hand: Hand) -> Array:
     corners = [
-        _rectangle((0.0, 0.0), (2 * half_length_m, 2 * half_width_m), panda.TIP_M - depth_m)
-        for depth_m, half_length_m, half_width_m in _HAND_OUTLINE_M
+        _rectangle((0.0, 0.0), (2 * half_length_m, 2 * half_width_m), hand.tip_m - depth_m)
+        for depth_m, half_length_m, half_width_m in hand.body_m
     ]
     return np.concatenate(corners)
 
 
-def _finger(face_m: float, side: int) -> Array:
+def _finger(hand: Hand, face_m: float, side: int) -> Array:
     corners = []
-    for height_m, half_width_m, begin_m, end_m in panda.FINGER_PROFILE_M:
+    for height_m, half_width_m, begin_m, end_m in hand.jaw_m:
         centre = (side * (face_m + (begin_m + end_m) / 2), 0.0)
         corners.append(_rectangle(centre, (end_m - begin_m, 2 * half_width_m), height_m))
     return np.concatenate(corners)

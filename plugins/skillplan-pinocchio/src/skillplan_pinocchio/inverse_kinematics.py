@@ -1,8 +1,9 @@
-"""Joint angles for a tip that points straight down, by damped least squares within limits.
+"""Joint angles for poses of the tip, within limits, those nearest to the home posture first.
 
-The seven joints leave one degree of freedom: the elbow may swing about the line from shoulder
-to wrist. Every start of the search gives one position of the elbow, the one nearest to the
-"ready" pose first.
+Where there is a formula, it gives all of them. Seven joints leave one degree of freedom: the elbow
+may swing about the line from shoulder to wrist. For an arm whose description says with which joint,
+and a hand that points straight down, every start of the search gives one position of the elbow. For
+all else the search starts from postures that fill the joints' ranges evenly.
 """
 
 from __future__ import annotations
@@ -15,10 +16,8 @@ from typing import Any, Final
 import numpy as np
 import pinocchio as pin
 
-from skillplan.robots import panda
 from skillplan.task.pose import DOWN, Point, same_direction
 from skillplan_pinocchio.arm_model import (
-    JOINTS,
     ArmModel,
     Vector,
     closing_yaw_rad,
@@ -42,6 +41,8 @@ _IDENTITY = np.eye(6)
 # Of a hand that does not point down so many postures are looked for, from so many starts.
 _POSTURES = 6
 _TRIES = 24
+# From this cosine on a direction is another one.
+_STRAIGHT = 1 - 1e-9
 _HALF_TURN = np.diag([-1.0, -1.0, 1.0])
 
 
@@ -77,7 +78,7 @@ class Unreachable:
 
 
 def elbows(arm: ArmModel, position: Point, closing_yaw: float) -> Iterator[Vector | Unreachable]:
-    """Yield joint angles for a pose, by elbow and hand, nearest to the ready pose first.
+    """Yield joint angles for a hand that points down, nearest to the home posture first.
 
     Jaws close alike with the hand turned by half a turn, so that both are tried.
 
@@ -86,38 +87,44 @@ def elbows(arm: ArmModel, position: Point, closing_yaw: float) -> Iterator[Vecto
     arm
         The arm.
     position
-        Where the tip is to be [m].
+        Where the tip is to be in the world [m].
     closing_yaw
         Direction in which the jaws are to close, from x about the vertical [rad].
 
     Yields
     ------
     Vector
-        Joint angles [rad] within their limits, shape (7,), with the tip within 1e-6 m and
+        Joint angles [rad] within their limits, shape (joints,), with the tip within 1e-6 m and
         1e-6 rad of the pose; or why this start led to none.
     """
-    ready: Vector = np.array(panda.READY_RAD)
-    _, rotation = arm.tip(ready)
-    ready_yaw = closing_yaw_rad(rotation)
-    bearing = math.atan2(position[1] - arm.base[1], position[0] - arm.base[0])
+    _, rotation = arm.tip(arm.home_rad)
+    swing = arm.description.swing
+    if swing is None or not arm.mount.is_upright or rotation[2, 2] > -_STRAIGHT:
+        yield from postures(arm, pose_down(position, closing_yaw))
+        return
+    base, elbow, hand = swing
+    turned, home = arm.mount.yaw_rad, arm.home_rad
+    home_yaw = closing_yaw_rad(rotation) - turned
+    away = arm.mount.position
+    bearing = math.atan2(position[1] - away[1], position[0] - away[0]) - turned
     for elbow_rad in ELBOWS_RAD:
         starts = []
         for turn in (0.0, math.pi):
             # The hand turns against the first joint, looked at from above.
-            wrist = panda.READY_RAD[6] - _wrapped(closing_yaw + turn - ready_yaw - bearing)
-            wrist = _within(wrist, arm.low_rad[6], arm.high_rad[6])
+            wrist = home[hand] - _wrapped(closing_yaw - turned + turn - home_yaw - bearing)
+            wrist = _within(wrist, arm.low_rad[hand], arm.high_rad[hand])
             # The less the hand is turned, the more room is left for the motions to come.
             starts.append((abs(wrist), wrist, turn))
         for _, wrist, turn in sorted(starts):
-            start = ready.copy()
-            start[0] = bearing - elbow_rad
-            start[2] = elbow_rad
-            start[6] = wrist
+            start = home.copy()
+            start[base] = bearing - elbow_rad
+            start[elbow] = elbow_rad
+            start[hand] = wrist
             yield solve(arm, pose_down(position, closing_yaw + turn), start, pull=_PULL)
 
 
 def postures(arm: ArmModel, target: Any) -> Iterator[Vector | Unreachable]:
-    """Yield joint angles for a hand that points anywhere, nearest to the ready pose first.
+    """Yield joint angles for a hand that points anywhere, nearest to the home posture first.
 
     Jaws close alike with the hand turned by half a turn, so that both are tried.
 
@@ -131,24 +138,50 @@ def postures(arm: ArmModel, target: Any) -> Iterator[Vector | Unreachable]:
     Yields
     ------
     Vector
-        Joint angles [rad] within their limits, shape (7,), of one turn of the hand or the other;
-        or why there are none.
+        Joint angles [rad] within their limits, shape (joints,), of one turn of the hand or the
+        other; or why there are none.
     """
-    ready: Vector = np.array(panda.READY_RAD)
     found: list[Vector] = []
     for turn in (np.eye(3), _HALF_TURN):
         turned = pin.SE3(target.rotation @ turn, target.translation)
-        found += arm.inverse.several(turned, _POSTURES, _TRIES)
+        found += _solutions(arm, turned)
     if not found:
-        nearest = arm.inverse.solve(target)
-        assert isinstance(nearest, Unreached)
-        x, y, z = (float(value) for value in target.translation)
-        px, py, pz = (float(value) for value in target.rotation[:, 2])
-        missed_m = round(nearest.distance_m, 6)
-        yield Unreachable((x, y, z), nearest.reason, missed_m, (px, py, pz))
+        yield _last_try(arm, target)
         return
     # Sorting keeps the order of those that are equally far.
-    yield from sorted(found, key=lambda joints: round(float(np.abs(joints - ready).max()), 6))
+    yield from sorted(
+        found, key=lambda joints: round(float(np.abs(joints - arm.home_rad).max()), 6)
+    )
+
+
+def _solutions(arm: ArmModel, target: Any) -> list[Vector]:
+    if arm.closed_form is None:
+        return arm.inverse.several(target, _POSTURES, _TRIES)
+    turn = 2 * math.pi
+    found = []
+    for joints in arm.closed_form.solve(target):
+        # Of the full turns of a joint, the one nearest to home.
+        nearest = joints + turn * np.round((arm.home_rad - joints) / turn)
+        nearest = np.where(nearest < arm.low_rad, nearest + turn, nearest)
+        nearest = np.where(nearest > arm.high_rad, nearest - turn, nearest)
+        found.append(nearest)
+    return found
+
+
+def _last_try(arm: ArmModel, target: Any) -> Vector | Unreachable:
+    """Return joint angles from other starts, or why there are none."""
+    if arm.closed_form is not None:
+        return solve(arm, target, arm.home_rad)
+    found = arm.inverse.solve(target)
+    if not isinstance(found, Unreached):
+        return found
+    return _unreachable(target, found.reason, found.distance_m)
+
+
+def _unreachable(target: Any, why: str, distance_m: float) -> Unreachable:
+    x, y, z = (float(value) for value in target.translation)
+    px, py, pz = (float(value) for value in target.rotation[:, 2])
+    return Unreachable((x, y, z), why, round(distance_m, 6), (px, py, pz))
 
 
 def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vector | Unreachable:
@@ -161,7 +194,7 @@ def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vecto
     target
         From :func:`pose_down`.
     start
-        Joint angles [rad], shape (7,); moved into the limits.
+        Joint angles [rad], shape (joints,); moved into the limits.
     pull
         In [0, 1): how strongly the elbow is held where the start has it. At 0 the joints move
         as little as they can.
@@ -169,7 +202,7 @@ def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vecto
     Returns
     -------
     Vector
-        Joint angles [rad] within their limits, shape (7,); or why there are none.
+        Joint angles [rad] within their limits, shape (joints,); or why there are none.
     """
     low, high = arm.low_rad, arm.high_rad
     posture = np.clip(start, low, high)
@@ -191,9 +224,7 @@ def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vecto
             held = np.where(stuck, np.clip(moved, low, high) - joints, 0.0)
             step = held + _step(free, twist - jacobian @ held, 0.0, posture) * ~stuck
         joints = np.clip(joints + step, low, high)
-    x, y, z = (float(value) for value in target.translation)
-    px, py, pz = (float(value) for value in target.rotation[:, 2])
-    return Unreachable((x, y, z), _why(arm, joints, target), round(nearest, 6), (px, py, pz))
+    return _unreachable(target, _why(arm, joints, target), nearest)
 
 
 def _step(jacobian: Vector, twist: Vector, pull: float, back: Vector) -> Vector:
@@ -214,15 +245,14 @@ def _why(arm: ArmModel, joints: Vector, target: Any) -> str:
     near = 1e-6
     at_limit = [
         str(number + 1)
-        for number in range(JOINTS)
+        for number in range(arm.joints)
         if not arm.low_rad[number] + near < joints[number] < arm.high_rad[number] - near
     ]
     if at_limit:
         these = "joint" if len(at_limit) == 1 else "joints"
         each = "its limit" if len(at_limit) == 1 else "their limits"
         return f"{these} {' and '.join(at_limit)} at {each}"
-    shoulder = np.array(arm.base) + np.array([0.0, 0.0, panda.LINK_OFFSETS_M[0]])
-    away = float(np.linalg.norm(target.translation - shoulder))
+    away = float(np.linalg.norm(target.translation - arm.shoulder))
     return f"it is {away:.3f} m from the shoulder, beyond what the arm spans"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -11,14 +10,11 @@ from skillplan.collision.hulls import Hull, HullRole, HullScene
 from skillplan.task.motion import Point
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.arm_model import CAPSULES, ArmModel, Vector
+from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.hand_sweeps import HandSweeps
 from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
 from skillplan_pinocchio.obstacles import TABLE
-from skillplan_pinocchio.shapes import Array, ConvexPiece
-
-# So many corners has each half of a capsule's ends about its axis.
-_RING = 12
+from skillplan_pinocchio.shapes import ConvexPiece
 
 
 def hull_scene(
@@ -88,29 +84,13 @@ def _links(motions: Sequence[ArmMotion], arm: ArmModel, verdict: Verdict) -> Ite
         for elbow in one.elbows[:1]:
             if met & {obstacle.body for obstacle, _ in elbow.meets}:
                 joints_rad = elbow.at(float(evidence["fraction"]))
-                for capsule, ends in zip(CAPSULES, arm.segments(joints_rad), strict=True):
-                    piece = ConvexPiece(_capsule_corners(*ends, capsule.radius_m))
-                    yield _hull(f"link {capsule.link} of the arm", HullRole.MOVING, piece)
+                rotations, origins = arm.frames([joints_rad])
+                for one_piece in arm.pieces:
+                    rotation = rotations[0, one_piece.link - 1]
+                    corners = one_piece.corners @ rotation.T + origins[0, one_piece.link - 1]
+                    name = f"link {one_piece.link} of the arm"
+                    yield _hull(name, HullRole.MOVING, ConvexPiece(corners))
                 return
-
-
-def _capsule_corners(start: Vector, end: Vector, radius_m: float) -> Array:
-    """Return corners on the surface of a capsule, shape (corners, 3) [m]."""
-    along = (end - start) / np.linalg.norm(end - start)
-    aside = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
-    aside /= np.linalg.norm(aside)
-    other = np.cross(along, aside)
-    corners = []
-    for centre, outward in ((start, -along), (end, along)):
-        for lift in (0.0, math.pi / 4):
-            for number in range(_RING):
-                turn = 2 * math.pi * number / _RING
-                flat = math.cos(turn) * aside + math.sin(turn) * other
-                corners.append(
-                    centre + radius_m * (math.cos(lift) * flat + math.sin(lift) * outward)
-                )
-        corners.append(centre + radius_m * outward)
-    return np.array(corners)
 
 
 def _touches(verdict: Verdict) -> Iterator[Point]:

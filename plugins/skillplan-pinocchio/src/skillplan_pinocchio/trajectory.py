@@ -22,7 +22,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from skillplan.robots import panda
+from skillplan.robots.arm_description import ArmDescription
 from skillplan_pinocchio.joint_path import Array, JointPath
 
 # A grid has about so many intervals, and so many between two nodes at least. Finer ones are taken
@@ -39,7 +39,7 @@ class JointLimits:
     Parameters
     ----------
     speed_rad_per_s, acceleration_rad_per_s2
-        Of every joint, each > 0; shape (7,).
+        Of every joint, each > 0; shape (joints,).
 
     Raises
     ------
@@ -47,14 +47,19 @@ class JointLimits:
         If a limit is not positive.
     """
 
-    speed_rad_per_s: tuple[float, ...] = panda.JOINT_SPEED_RAD_PER_S
-    acceleration_rad_per_s2: tuple[float, ...] = panda.JOINT_ACCELERATION_RAD_PER_S2
+    speed_rad_per_s: tuple[float, ...]
+    acceleration_rad_per_s2: tuple[float, ...]
 
     def __post_init__(self) -> None:
         for name in ("speed_rad_per_s", "acceleration_rad_per_s2"):
             values = getattr(self, name)
             if not all(math.isfinite(value) and value > 0 for value in values):
                 raise ValueError(f"Joint limits {name} must be > 0, not {values}.")
+
+    @classmethod
+    def of(cls, arm: ArmDescription) -> JointLimits:
+        """Return the limits of an arm."""
+        return cls(arm.speed_rad_per_s, arm.acceleration_rad_per_s2)
 
     def scaled(self, fraction: float) -> JointLimits:
         """Return the limits of which a fraction in (0, 1] is used."""

@@ -31,6 +31,7 @@ def command(
     from contextlib import closing
 
     from skillplan.chart.precedence_chart import derive_chart
+    from skillplan.checks.verdict_sample import SampleSize, draw_sample
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import showing_checks
     from skillplan.pipeline.run import make_feasibility
@@ -50,7 +51,7 @@ def command(
         )
         with closing(feasibility):
             chart = derive_chart(feasibility)
-            sample = executed_sample(feasibility)
+            sample = executed_sample(feasibility.back_ends, draw_sample(feasibility, SampleSize()))
     names = [back_end.name for back_end in feasibility.back_ends]
     emit(style, chart_document(chart, loaded, names), [chart_table(chart, loaded, names)])
     sample.raise_overruled()

@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from skillplan.checks.audit import audit as hold_together
+from skillplan.checks.audit import ask_again
 from skillplan.checks.feasibility import Feasibility
-from skillplan.checks.reuse_sample import DEFAULT_SIZE
 from skillplan.checks.verdict_cache import VerdictCache
+from skillplan.checks.verdict_sample import SampleSize, VerdictSample, draw_sample
 from skillplan.judge.untouched import Untouched
 from skillplan.model.skill_model import ModelStats, SkillModel
+from skillplan.pipeline.search.found import Found
 from skillplan.pipeline.search.solver_call import blamed, plain_answer
 from skillplan.records.grading import Draft
 from skillplan.solvers.solution import Plan, Solution
@@ -26,9 +27,6 @@ from skillplan.solvers.stop import Stop
 from skillplan.solvers.warm_start import search_from
 from skillplan.task.back_end import BackEnd
 from skillplan.task.task import Task
-
-DEFAULT_AUDIT = 4
-"""So many verdicts are asked again after a search, where that costs nothing to speak of."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +99,11 @@ class Terms:
     start: Plan | None = None
     may_leave: bool = True
 
+    @property
+    def sample_size(self) -> SampleSize:
+        """How many verdicts are put to the test after the search."""
+        return SampleSize.of(self.audit, self.seed)
+
 
 def attempted(solver: Solver, model: SkillModel, draft: Draft, terms: Terms) -> Attempt:
     """Let a solver search a model.
@@ -126,8 +129,6 @@ def attempted(solver: Solver, model: SkillModel, draft: Draft, terms: Terms) -> 
         If a back end fails or contradicts itself.
     """
     stop, back_ends = terms.stop, model.feasibility.back_ends
-    size = DEFAULT_AUDIT if terms.audit is None else terms.audit
-    model.feasibility.reused.most = max(DEFAULT_SIZE, 2 * size)
     by_geometry = _attempted_by_geometry(draft, model, terms)
     if by_geometry is not None:
         return by_geometry
@@ -150,8 +151,10 @@ def attempted(solver: Solver, model: SkillModel, draft: Draft, terms: Terms) -> 
         touched = before.restore()
     trace, doubt = solution.trace, ""
     if not touched and not stop.interrupted:
-        hold_together(model.feasibility, size, terms.seed, expensive=terms.audit is not None)
-        executed, doubt = _executed_sample(model, terms)
+        sample = search.sample or draw_sample(model.feasibility, terms.sample_size)
+        # Those of another process were asked there; here it is the first time.
+        ask_again(back_ends, sample.reused, times=2 if sample.elsewhere else 1)
+        executed, doubt = _executed_sample(model, sample, stop)
         trace = {**trace, **executed}
     stats = search.stats
     iterations = _count(solution, "iterations", "expanded", "visited")
@@ -161,6 +164,7 @@ def attempted(solver: Solver, model: SkillModel, draft: Draft, terms: Terms) -> 
         expanded=stats.states if iterations is None else iterations,
         checks=stats.checks,
         cache_hits=stats.cache_hits,
+        trajectories=stats.trajectories,
         wall_s=wall_s,
         interrupted=stop.interrupted,
         trace=trace,
@@ -171,7 +175,7 @@ def attempted(solver: Solver, model: SkillModel, draft: Draft, terms: Terms) -> 
 
 
 class _Search:
-    """A search that is done once, and what was queried in it.
+    """A search that is done once, what was queried in it, and what of that was drawn elsewhere.
 
     Parameters
     ----------
@@ -179,13 +183,15 @@ class _Search:
         Does it.
     """
 
-    def __init__(self, do: Callable[[], tuple[Solution, ModelStats]]) -> None:
+    def __init__(self, do: Callable[[], Found]) -> None:
         self._do = do
         self.stats = ModelStats()
+        self.sample: VerdictSample | None = None
 
     def __call__(self) -> Solution:
-        solution, self.stats = self._do()
-        return solution
+        found = self._do()
+        self.stats, self.sample = found.stats, found.sample
+        return found.solution
 
 
 def _search_of(solver: Solver, model: SkillModel, terms: Terms) -> _Search:
@@ -197,12 +203,13 @@ def _search_of(solver: Solver, model: SkillModel, terms: Terms) -> _Search:
 
         if apart.is_possible():
             args = (solver, model.task, model.feasibility.back_ends, terms.cache, terms.seed, stop)
-            return _Search(partial(apart.search_apart, *args))
+            return _Search(partial(apart.search_apart, *args, terms.sample_size))
+    model.feasibility.reused.keep(terms.sample_size.reused)
     return _Search(partial(_search, solver, model, terms))
 
 
-def _search(solver: Solver, model: SkillModel, terms: Terms) -> tuple[Solution, ModelStats]:
-    return plain_answer(solver, model, terms.seed, terms.stop), model.stats
+def _search(solver: Solver, model: SkillModel, terms: Terms) -> Found:
+    return Found(plain_answer(solver, model, terms.seed, terms.stop), model.stats)
 
 
 def _search_from(start: Plan, model: SkillModel, search: _Search, terms: Terms) -> Solution:
@@ -223,11 +230,12 @@ def _attempted_by_geometry(draft: Draft, model: SkillModel, terms: Terms) -> Att
 
     stop = terms.stop
     begin_s = time.perf_counter()
-    proof = ruled_out(model.feasibility, terms.cache, stop, terms.seed)
+    proof = ruled_out(model.feasibility, stop, terms.seed)
     if proof is None:
         return None
     with closing(model.feasibility):
-        executed, doubt = _executed_sample(model, terms)
+        sample = draw_sample(model.feasibility, terms.sample_size)
+        executed, doubt = _executed_sample(model, sample, stop)
     draft = replace(
         draft,
         states=proof.trace["states"],
@@ -245,15 +253,16 @@ def _attempted_by_geometry(draft: Draft, model: SkillModel, terms: Terms) -> Att
     return Attempt(draft, Solution(proved=True), back_ends=proof.back_ends, doubt=doubt)
 
 
-def _executed_sample(model: SkillModel, terms: Terms) -> tuple[dict[str, Any], str]:
+def _executed_sample(
+    model: SkillModel, sample: VerdictSample, stop: Stop
+) -> tuple[dict[str, Any], str]:
     """Execute some of what a screen refused; return figures for the trace, and what is in doubt."""
     if not model.feasibility.screens:
         return {}, ""
-    from skillplan.pipeline.search.screening import DEFAULT_SAMPLE, executed_sample
+    from skillplan.pipeline.search.screening import executed_sample
 
-    size = DEFAULT_SAMPLE if terms.audit is None else terms.audit
-    sample = executed_sample(model.feasibility, terms.cache, size, terms.seed, terms.stop)
-    return {"screening": sample.document()}, sample.overruled
+    screened = executed_sample(model.feasibility.back_ends, sample, stop)
+    return {"screening": screened.document()}, screened.overruled
 
 
 def _count(solution: Solution, *names: str) -> int | None:

@@ -7,15 +7,14 @@ what it refused: a screen must not hide what an engine would grant.
 
 from __future__ import annotations
 
-import random
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import IntroducedBackEnds, check
-from skillplan.checks.verdict_cache import VerdictCache
-from skillplan.checks.ways import asked_about
+from skillplan.checks.verdict_sample import VerdictSample
+from skillplan.checks.ways import asked_by_name
 from skillplan.errors import BackEndError, SearchStopped
 from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.solvers.search.exact import ExactSolver
@@ -23,10 +22,8 @@ from skillplan.solvers.stop import Stop
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
-from skillplan.task.verdict import Verdict, VerdictStatus
+from skillplan.task.verdict import VerdictStatus
 
-DEFAULT_SAMPLE = 2
-"""So many refusals are executed after a search."""
 # Where geometry alone takes longer, the search with physics begins without its proof [s].
 _PATIENCE_S = 20.0
 
@@ -50,9 +47,7 @@ class RuledOut:
     trace: Mapping[str, Any]
 
 
-def ruled_out(
-    feasibility: Feasibility, cache: VerdictCache, stop: Stop, seed: int
-) -> RuledOut | None:
+def ruled_out(feasibility: Feasibility, stop: Stop, seed: int) -> RuledOut | None:
     """Return the proof by quick back ends that a task has no plan, or None without one.
 
     Fewer back ends allow more: where they leave no plan, all together leave none.
@@ -60,9 +55,8 @@ def ruled_out(
     Parameters
     ----------
     feasibility
-        Of the task, with a screen among its back ends.
-    cache
-        Where verdicts are kept; those made here serve the search after.
+        Of the task, with a screen among its back ends; the verdicts made here serve the search
+        after.
     stop
         That of the search.
     seed
@@ -77,7 +71,7 @@ def ruled_out(
     if not task.deterministic:
         return None
     quick = IntroducedBackEnds(one for one in feasibility.back_ends if not one.expensive)
-    model = SkillModel(Feasibility(task, quick, cache), stop.overdue)
+    model = SkillModel(Feasibility(task, quick, feasibility.cache), stop.overdue)
     # Ctrl-C is heard by `stop` alone, at the next query.
     solver = ExactSolver(stop=stop.within(_PATIENCE_S))
     try:
@@ -123,24 +117,16 @@ class Screened:
 
 
 def executed_sample(
-    feasibility: Feasibility,
-    cache: VerdictCache | None = None,
-    size: int = DEFAULT_SAMPLE,
-    seed: int = 0,
-    stop: Stop | None = None,
+    back_ends: Sequence[BackEnd], sample: VerdictSample, stop: Stop | None = None
 ) -> Screened:
-    """Execute a sample of what a screen has refused.
+    """Execute a sample of what screens have refused.
 
     Parameters
     ----------
-    feasibility
-        With which a search was done, or a chart derived.
-    cache
-        Where verdicts are kept; by default that of `feasibility`.
-    size
-        How many refusals are executed, >= 0.
-    seed
-        Governs the choice.
+    back_ends
+        In the order of the chain in which the verdicts were given.
+    sample
+        What was refused.
     stop
         That of a search; once it has stopped, nothing more is executed.
 
@@ -149,33 +135,24 @@ def executed_sample(
     BackEndError
         If a back end fails.
     """
-    refusals = list(_refusals(feasibility, feasibility.cache if cache is None else cache))
-    draw = random.Random(seed)
-    others = [one for one in feasibility.back_ends if not one.screens]
+    others = [one for one in back_ends if not one.screens]
+    skills = asked_by_name(back_ends[0].task) if sample.refused else {}
     executed = 0
-    for screen, skill, state, verdict in draw.sample(refusals, min(size, len(refusals))):
+    for refusal in sample.refused:
         if stop is not None and (stop.interrupted or stop()):
             break
         executed += 1
+        screen, skill = back_ends[refusal.back_end], skills[refusal.skill]
+        state = refusal.made_in(screen.task)
         if all(_grants(other, skill, state) for other in others):
             names = " and ".join(one.name for one in others if one.expensive)
             words = (
-                f"the screen {screen.name!r} refuses {skill.name} ({verdict.reason}), which "
+                f"the screen {screen.name!r} refuses {skill.name} ({refusal.reason}), which "
                 f"{names} grants in {state}; --no-screening leaves it to {names}"
             )
-            return Screened(len(refusals), executed, words)
-    return Screened(len(refusals), executed)
+            return Screened(sample.refusals, executed, words)
+    return Screened(sample.refusals, executed)
 
 
 def _grants(back_end: BackEnd, skill: Skill, state: State) -> bool:
     return check(back_end, skill, state).verdict.status is VerdictStatus.FEASIBLE
-
-
-def _refusals(
-    feasibility: Feasibility, cache: VerdictCache
-) -> Iterator[tuple[BackEnd, Skill, State, Verdict]]:
-    for screen in feasibility.screens:
-        for skill in asked_about(feasibility.task):
-            for verdict, state in cache.made(screen, skill):
-                if verdict.status is VerdictStatus.INFEASIBLE:
-                    yield screen, skill, state, verdict

@@ -26,7 +26,7 @@ class SerialArm:
     description
         The robot.
     base
-        Where it stands in the world.
+        Where it stands in the world, as a `Transform` or `pinocchio.SE3`.
     tool
         Where the tip is, seen from the flange.
 
@@ -53,7 +53,7 @@ class SerialArm:
     def __init__(
         self,
         description: ArmDescription,
-        base: Transform = _NOWHERE,
+        base: Any = _NOWHERE,
         tool: Transform = _NOWHERE,
     ) -> None:
         self.description = description
@@ -100,8 +100,10 @@ class SerialArm:
         return pin.log6(here.actInv(target)).vector, jacobian
 
 
-def placement(transform: Transform) -> Any:
-    """Return a transform as `pinocchio.SE3`."""
+def placement(transform: Any) -> Any:
+    """Return a `Transform` as `pinocchio.SE3`; one of those as it is."""
+    if isinstance(transform, pin.SE3):
+        return transform
     roll, pitch, yaw = transform.rpy_rad
     cr, sr = math.cos(roll), math.sin(roll)
     cp, sp = math.cos(pitch), math.sin(pitch)
@@ -117,7 +119,7 @@ def placement(transform: Transform) -> Any:
 
 
 def build_model(
-    description: ArmDescription, base: Transform = _NOWHERE, tool: Transform = _NOWHERE
+    description: ArmDescription, base: Any = _NOWHERE, tool: Transform = _NOWHERE
 ) -> Any:
     """Return the `pinocchio.Model` of an arm.
 
@@ -126,7 +128,7 @@ def build_model(
     description
         The robot.
     base
-        Where it stands in the world.
+        Where it stands in the world, as a `Transform` or `pinocchio.SE3`.
     tool
         Where the frame `tip` is, seen from the frame `flange`.
     """
