@@ -183,9 +183,10 @@ def overlaps(one: Box, other: Box) -> list[float]:
 
 class TestEveryConfig:
     def test_there_are_the_board_larger_ones_and_those_of_another_kind(self) -> None:
-        """Of another order, of many tools, of many parts, of chance, and of time as its cost."""
+        """Of another order, many tools, many parts, of chance, in space, and of time as cost."""
         expected = {"inverter_board", "motor_drive", "sensor_stack"}
         expected |= {"battery_module", "relay_rail", "inverter_grasps", "inverter_time"}
+        expected |= {"mini_pc", "gear_unit", "drawer_module"}
         assert expected <= {path.stem for path in ASSEMBLIES}
 
     def test_every_kind_has_a_file(self) -> None:

@@ -18,6 +18,7 @@ from skillplan.task.scene import Robot
 from skillplan_pybullet.arm.dynamics import PinocchioDynamics
 from skillplan_pybullet.arm.joint_motion import JointMotion, turned_on_the_way
 from skillplan_pybullet.arm.kinematics import UnreachableError, kinematics_of
+from skillplan_pybullet.arm.link_bounds import LinkBounds
 from skillplan_pybullet.arm.robot_file import JAW_LINKS
 from skillplan_pybullet.arm.rotations import (
     of_vector,
@@ -173,3 +174,29 @@ def test_what_the_hand_is_made_of_is_told_apart_by_name(arm):
     for number, name in arm.link_names.items():
         info = pybullet.getJointInfo(arm.number, number, physicsClientId=arm.world.client)
         assert info[12].decode() in ({"robot hand": "hand"}.get(name, ""), *JAW_LINKS)
+
+
+@settings(max_examples=examples(10))
+@given(shares)
+def test_boxes_about_the_links_hold_them_as_they_are_simulated(arm, shares):
+    joints = posture(arm, shares)
+    arm.stand(joints, 0.0)
+    client = arm.world.client
+    # The point of a link that is nearest to a wall is its outermost one on that side.
+    shape = pybullet.createCollisionShape(
+        pybullet.GEOM_BOX, halfExtents=(9.0, 9.0, 9.0), physicsClientId=client
+    )
+    wall = pybullet.createMultiBody(0, shape, physicsClientId=client)
+    for axis in range(3):
+        for side, corner in ((-1, 0), (1, 1)):
+            place = [0.0, 0.0, 0.0]
+            place[axis] = side * 12.0
+            pybullet.resetBasePositionAndOrientation(wall, place, (0, 0, 0, 1), client)
+            for number, box in enumerate(LinkBounds(arm.kinematics).at(joints)):
+                points = pybullet.getClosestPoints(
+                    arm.number, wall, 5.0, number, -1, physicsClientId=client
+                )
+                outermost = max(side * point[5][axis] for point in points)
+                # The simulator makes hulls 1 mm larger.
+                assert -0.003 < side * box[corner][axis] - outermost + 0.001 < 0.003
+    pybullet.removeBody(wall, physicsClientId=client)

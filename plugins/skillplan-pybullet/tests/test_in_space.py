@@ -129,6 +129,28 @@ class TestAPartThatIsTurned:
         assert arrival.tilt_rad < math.radians(1)
 
 
+BY_A_CUP = Grasp(GraspKind.SUCTION, (-0.015, 0.0, 0.06), AXES["y"], 0.0, approach=ALONG_X)
+
+
+class TestSuctionFromTheSide:
+    @pytest.mark.slow(reason="an execution; jaws from the side in every run")
+    @pytest.mark.parametrize("control", ["osc", "position"])
+    def test_a_plate_is_stood_up_by_a_cup(self, control) -> None:
+        parts = {"plate": block((0.03, 0.05, 0.09), (0.5, -0.2), (0.5, 0.15), tool="cup")}
+        found = content(parts)
+        found["tools"] = {"cup": {"holder_m": [0.6, 0.4], "type": "suction"}}
+        found["initial_tool"] = "cup"
+        start = Pose.turned((0.45, -0.2, 0.015), (0.0, math.pi / 2, 0.0))
+        task = in_space(assembly(found), "plate", start, STANDING, grasps=(BY_A_CUP,))
+        engine = PybulletEngine(task, PybulletEngine.Options(control=control))
+        introduce([engine, ContactPairsDetector(task)])
+        performance = engine.perform([task.skill(name) for name in ("pick(plate)", "place(plate)")])
+        assert performance.failed is None, performance.failed.verdict.reason
+        (arrival,) = performance.arrivals
+        assert arrival.offset_m < 0.0005
+        assert arrival.tilt_rad < math.radians(1)
+
+
 FLOOR_M, WALL_M, INSIDE_M = 0.06, 0.01, 0.031
 # A drawer that stands on its front at first, and lies in its housing in the end.
 UPENDED = Pose.turned((0.4, -0.2, 0.035), (0.0, math.pi / 2, 0.0))

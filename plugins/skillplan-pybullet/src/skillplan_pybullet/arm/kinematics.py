@@ -95,12 +95,12 @@ class ArmKinematics:
         )
         return TipPose(here.translation.copy(), here.rotation.copy()), jacobian
 
-    def origins(self, joints_rad: Vector) -> list[Vector]:
-        """Return where the joints are, from the first, and the tip at last [m], shape (3,) each."""
+    def frames(self, joints_rad: Vector) -> list[Any]:
+        """Return where the joints are, from the first, and the tip at last, as `pinocchio.SE3`."""
         model, data = self.arm.model, self._data
         pinocchio.framesForwardKinematics(model, data, joints_rad)
-        joints = [data.oMi[index].translation.copy() for index in range(1, model.njoints)]
-        return [*joints, data.oMf[self._tip].translation.copy()]
+        joints = [data.oMi[index].copy() for index in range(1, model.njoints)]
+        return [*joints, data.oMf[self._tip].copy()]
 
     def reach(self, position: Point, rotation: Vector, near: Vector | None = None) -> Vector:
         """Return joint angles that bring the tip to a pose.

@@ -267,11 +267,7 @@ class SimulatedArm:
 
     def _follow_by_position(self) -> None:
         assert self.wanted is not None
-        x, y, z = self.wanted.position.tolist()
-        found = self.kinematics.follow((x, y, z), self.wanted.rotation, self._joints)
-        if found is None:
-            raise unreachable((x, y, z), self.wanted.rotation)
-        self._joints = found
+        self._joints = self._posture_for(self.wanted)
         pybullet.setJointMotorControlArray(
             self.number,
             self.file.joints,
@@ -281,3 +277,13 @@ class SimulatedArm:
             positionGains=[_POSITION_GAIN] * len(self.file.joints),
             physicsClientId=self.world.client,
         )
+
+    def _posture_for(self, wanted: Setpoint) -> Vector:
+        """Return joint angles near the last ones that bring the tip where it is to be."""
+        if wanted.is_posture:
+            return wanted.posture
+        x, y, z = wanted.position.tolist()
+        found = self.kinematics.follow((x, y, z), wanted.rotation, self._joints)
+        if found is None:
+            raise unreachable((x, y, z), wanted.rotation)
+        return found
