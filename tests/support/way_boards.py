@@ -6,13 +6,14 @@ from situations import assembly, fake_back_end
 from skillplan.task.verdict import Verdict
 
 
-def drawer_content(*, stops=("left", "right"), **drawer):
+def drawer_content(*, stops=("left", "right"), cost="distance", **drawer):
     """Return two stops and a drawer between them that may be pushed in from either side."""
     block = {"tool": "hand", "size_m": [0.02, 0.04, 0.03]}
     places = {"left": ([0.3, 0.2], [0.4, 0.0]), "right": ([0.35, 0.2], [0.6, 0.0])}
     return {
         "kind": "assembly",
         "name": "drawer",
+        "cost": cost,
         "robot": {"home_m": [0.3, 0.0]},
         "tools": {"hand": {"holder_m": [0.5, 0.3]}},
         "initial_tool": "hand",

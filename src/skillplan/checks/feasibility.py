@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -9,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from skillplan.checks.execution_times import ExecutionTimes
+from skillplan.checks.precondition import PRECONDITION, inapplicable
 from skillplan.checks.query_batch import QueryBatch
 from skillplan.checks.reuse_sample import ReuseSample
 from skillplan.checks.single_check import (
@@ -19,7 +21,7 @@ from skillplan.checks.single_check import (
     introduce,
 )
 from skillplan.checks.verdict_cache import VerdictCache
-from skillplan.checks.way_choice import choosing
+from skillplan.checks.way_choice import Prices, choosing
 from skillplan.checks.way_verdict import WAYS
 from skillplan.checks.ways import Ways
 from skillplan.task.back_end import BackEnd
@@ -31,11 +33,6 @@ from skillplan.workers.executor import MakeExecutor
 
 if TYPE_CHECKING:
     from skillplan.checks.check_workers import CheckWorkers
-
-PRECONDITION = "precondition"
-
-# Of the facts that would do, a message names so many.
-_MOST_NAMED = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +154,8 @@ class Feasibility:
             for index, back_end in enumerate(self.back_ends)
         )
         self.times = ExecutionTimes(task, self.back_ends, self.ways)
+        timed = task.metric.is_duration and bool(self.times.sources)
+        self._prices = Prices(self._price, self.times.basis) if timed else None
 
     def verdict(self, skill: Skill, state: State) -> Verdict:
         """Return the verdict on `skill` in `state`.
@@ -210,7 +209,7 @@ class Feasibility:
     def stages(self, skill: Skill, state: State) -> list[Verdict]:
         """Return the verdict of every stage, also beyond the first that fails."""
         if not skill.applicable(state):
-            return [self._inapplicable(skill, state)]
+            return [inapplicable(self.task, skill, state)]
         condition = skill.condition(state)
         first = Verdict.feasible(condition.requires, condition.forbids)
         found = [first.grounded(state, PRECONDITION)]
@@ -236,6 +235,11 @@ class Feasibility:
         """
         return self._by(skill, self.verdict(skill, state)) if skill.ways else skill
 
+    def _price(self, skill: Skill, state: State) -> float:
+        """Return what a skill by one of its ways costs where that is its time."""
+        said_s = self.times.duration_s(skill, state)
+        return math.inf if said_s is None else said_s
+
     def _by(self, skill: Skill, verdict: Verdict) -> Skill:
         label = verdict.evidence.get("way", skill.ways[0].label)
         return self.ways.variant(skill, str(label))
@@ -250,32 +254,15 @@ class Feasibility:
         if self._workers is not None:
             self._workers.close()
 
-    def _inapplicable(self, skill: Skill, state: State) -> Verdict:
-        amiss = skill.why_not(state)
-        names = [*amiss.requires, *(f"not {name}" for name in amiss.forbids)]
-        one_of = "one of " if len(amiss.requires) > len(skill.condition(state).requires) else ""
-        shown = names if len(names) <= _MOST_NAMED else [*names[:_MOST_NAMED], "..."]
-        reason = f"needs {one_of}{', '.join(shown)}"
-        wrong = [self.task.places[fact].name for fact in amiss.forbids if fact in self.task.places]
-        if len(wrong) == len(names):
-            reason = f"cannot be done at {', '.join(wrong)}"
-        return Verdict(
-            VerdictStatus.INFEASIBLE,
-            reason,
-            PRECONDITION,
-            amiss.forbids,
-            amiss.requires,
-            {"amiss": names},
-        )
-
     def _checking(self, skill: Skill, state: State) -> Generator[CheckRequest, Checked, Verdict]:
         """Decide about a skill, yielding what is to be queried in another process."""
         if not skill.applicable(state):
             self._to_go -= 1
-            return self._inapplicable(skill, state)
+            return inapplicable(self.task, skill, state)
         tally = _Tally()
         if skill.ways:
-            verdict = yield from choosing(self.ways, partial(self._deciding, tally), skill, state)
+            deciding = partial(self._deciding, tally)
+            verdict = yield from choosing(self.ways, deciding, skill, state, self._prices)
         else:
             verdict = yield from self._deciding(tally, skill, state)
         self.checks += tally.worked

@@ -118,7 +118,8 @@ class BackEnd(ABC):
         Parameters
         ----------
         skill
-            A skill of the task, applicable in `state`.
+            A skill of the task, applicable in `state`; one that has several ways by one of them,
+            under a name of its own.
         state
             Where it starts.
 
