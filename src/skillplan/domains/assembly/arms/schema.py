@@ -45,7 +45,9 @@ class RobotConfig(Strict):
         description="how the base is turned about the fixed axes x, y and z, in this order [rad]",
     )
     tip: Name | None = Field(
-        None, description="of a URDF, the link to which the hand is fixed; its z points out of it"
+        None,
+        description="of a URDF, the link to which the hand is fixed, its z pointing out; left out: "
+        "there is none, as of panda and ur5e",
     )
     home_rad: Annotated[list[JointAngle], Field(min_length=6, max_length=7)] | None = Field(
         None,
@@ -188,4 +190,4 @@ class ToolConfig(Strict):
         opening_m = self.opening_m or hand.opening_m
         force_n = self.force_n if self.force_n is not None else hand.force_n
         assert math.isfinite(force_n)
-        return replace(hand, jaw_m=jaw, opening_m=opening_m, force_n=force_n)
+        return replace(hand, jaw_m=jaw, jaw_corners_m=(), opening_m=opening_m, force_n=force_n)

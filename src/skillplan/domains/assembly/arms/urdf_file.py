@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import posixpath
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -68,7 +69,7 @@ def read_arm(
         content = read_companion(path, MAX_BYTES, "robot")
     except CompanionFileError as error:
         raise ArmFileError(str(error)) from None
-    meshes = _Meshes(path.parent, hashlib.sha256(content))
+    meshes = _Meshes(folder, posixpath.dirname(name), hashlib.sha256(content))
     try:
         arm = read_urdf(content, tip, home_rad, meshes.corners)
     except UrdfError as error:
@@ -83,8 +84,9 @@ def read_arm(
 class _Meshes:
     """Reads meshes beside a URDF, and remembers what they were."""
 
-    def __init__(self, folder: Path, digest: hashlib._Hash) -> None:
+    def __init__(self, folder: Path, beside: str, digest: hashlib._Hash) -> None:
         self.folder = folder
+        self.beside = beside
         self.digest = digest
 
     def corners(self, name: str, scale: Triple) -> tuple[Triple, ...]:
@@ -94,8 +96,9 @@ class _Meshes:
 
         refusal = MeshFileError("It names no file.")
         for candidate in _candidates(name):
+            within = posixpath.normpath(posixpath.join(self.beside, candidate))
             try:
-                corners, sha256 = read_hull(self.folder, candidate, scale)
+                corners, sha256 = read_hull(self.folder, within, scale)
             except MeshFileError as error:
                 refusal = error
                 continue
