@@ -76,6 +76,7 @@ bench: .venv/.test  ## ratios against a baseline of the same run
 	$(BIN)/python benchmarks/swept.py
 	$(BIN)/python benchmarks/inverse_kinematics.py
 	$(BIN)/python benchmarks/trajectories.py
+	$(BIN)/python benchmarks/travels.py
 	$(BIN)/python benchmarks/scaling.py --parts 6,10,20,50 --densities 0.3 --tools 1 --seconds 2
 	$(BIN)/python benchmarks/sequencing.py --names ESC25,ft70.4,p43.1,rbg109a,ry48p.1 --seconds 2
 	if $(HAS_PYBULLET); then $(BIN)/python benchmarks/physics.py; fi

@@ -46,12 +46,16 @@ parts:
     grasp: {type: suction, at_m: [0.0, 0.0]}, start_yaw_rad: 0.0, goal_m: [0.5, 0.0],
     goal_yaw_rad: 0.0}
   lid: {tool: gripper, boxes: [{size_m: [0.08, 0.08, 0.01], centre_m: [0, 0, 0.005]}],
-    grasp: {type: suction}, start_on: box, goal_m: [0.5, 0.0], goal_on: box}
+    grasp: [{type: suction}, {approach: [0, 0, -1], type: suction, at_m: [0.0, 0.02]}],
+    insert_along: [[0, 0, -1], [1, 0, 0]], insert_m: 0.05, frame: goal,
+    start_on: box, goal_m: [0.5, 0.0], goal_on: box}
+  plug: {tool: gripper, size_m: [0.02, 0.02, 0.04], grasp: auto, start_m: [0.3, -0.1],
+    goal_m: [0.6, 0.1], insert_along: [0, 1, 0]}
   clip: {tool: gripper, cylinder: {diameter_m: 0.01, height_m: 0.01}, feeder: tray,
     grasp: {closing_axis: auto, depth_m: 0.004}, goal_m: [0.4, 0.2]}
 screws:
-  bolt: {tool: driver, hole_m: [0.5, 0.0], through: lid, feeder: tray, head_diameter_m: 0.006,
-    head_height_m: 0.002, mass_kg: 0.001}
+  bolt: {tool: driver, hole_m: [0.5, 0.0], axis: [0, 0, -1], through: lid, feeder: tray,
+    head_diameter_m: 0.006, head_height_m: 0.002, mass_kg: 0.001}
 goal: [placed(lid), fastened(bolt)]
 chart:
   - {before: box, after: [lid]}

@@ -43,6 +43,7 @@ HEAVY = (
     "pinocchio",
     "coal",
     "toppra",
+    "ompl",
     "numba",
     "gymnasium",
     "highspy",
@@ -141,6 +142,7 @@ class TestStarting:
             "pinocchio",
             "coal",
             "toppra",
+            "ompl",
             "ortools",
         }
 

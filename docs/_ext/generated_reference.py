@@ -2,8 +2,8 @@
 
 A line ``<!-- generated: NAME ARGUMENT -->`` in a page is replaced by Markdown: ``commands``,
 ``keys KIND`` (of task files), ``options KIND`` (of plugins), ``documents`` (JSON, from the schemas
-in ``reference/documents``), ``exit-codes``, ``floors``, ``public-names``, ``errors`` and
-``licences``.
+in ``reference/documents``), ``exit-codes``, ``floors``, ``public-names``, ``errors``,
+``licences`` and ``limits``.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Any
 
 import command_pages
 import licences
+import limits
 import public_names
 import schema_tables
 import yaml
@@ -132,6 +133,7 @@ GENERATORS: dict[str, Callable[..., str]] = {
     "public-names": public_names.page,
     "errors": public_names.errors_page,
     "licences": licences.page,
+    "limits": limits.page,
 }
 
 

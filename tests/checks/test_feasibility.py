@@ -262,7 +262,7 @@ def test_where_no_back_end_knows_the_tasks_figure_counts():
     model = model_of(TASK, timing(None))
     assert model.transition(START, SKILL).duration_s == 1.0
     plain = model_of(TASK, fake_back_end(TASK))
-    assert not plain.feasibility.tells_time
+    assert not plain.feasibility.times.sources
     assert plain.transition(START, SKILL).duration_s == plain.duration_s(START, SKILL) == 1.0
 
 
@@ -282,10 +282,10 @@ def test_time_is_asked_again_where_the_robot_stands_elsewhere(board_task):
     state = task.initial - task.facts.of(*robot.places) | task.facts.of(here)
     done = task.facts.of(next(iter(task.operations.values())))
     for one in (state, state | done, state - task.facts.of(here) | task.facts.of(there)):
-        model.feasibility.duration_s(skill, one)
+        model.feasibility.times.duration_s(skill, one)
     assert len(asked) == 2
     tools = task.facts.of(*(tool.fact for tool in robot.tools))
-    model.feasibility.duration_s(skill, state - tools | (tools - state))
+    model.feasibility.times.duration_s(skill, state - tools | (tools - state))
     assert len(asked) == 3
 
 

@@ -15,7 +15,10 @@ from skillplan.checks.recheck import put_to_the_test
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
 from skillplan.checks.verdict_folder import VerdictFolder
 from skillplan.checks.ways import asked_about
+from skillplan.errors import NotASequencing
+from skillplan.model.sequencing import SequencingProblem
 from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.search.exact import ExactSolver
 from skillplan.task.verdict import VerdictStatus
 from skillplan.testing import reachable_states
 from way_boards import CLOSED, closing, drawer_task
@@ -181,6 +184,42 @@ def test_the_skill_by_its_way_is_what_is_executed():
     assert taken.motion == place.ways[1].motion
     pick = checks.task.skill("pick(drawer)")
     assert checks.taken(pick, checks.task.initial) is pick
+
+
+def timed(task, seconds, closed=CLOSED):
+    """Return a detector that also tells how long skills take, by name; others take a second."""
+
+    def duration_s(self, skill, state):
+        return seconds.get(skill.name, 1.0)
+
+    return closing(task, closed, duration_s=duration_s)
+
+
+SECONDS = {"place(drawer) along +x": 9.0, "place(drawer) along -x": 4.0}
+
+
+def test_of_the_ways_that_are_granted_the_quickest_is_taken_where_time_is_the_cost():
+    """What is refused is no choice; where the cost is the distance, the first is taken."""
+    task = drawer_task(cost="time")
+    checks = Feasibility(task, [timed(task, SECONDS)])
+    held = holding(task)
+    assert verdict_of(checks, "place(drawer)", held).evidence["way"] == "along -x"
+    closed = holding(task, "right")
+    assert verdict_of(checks, "place(drawer)", closed).evidence["way"] == "along +x"
+    by_distance = drawer_task()
+    checks = Feasibility(by_distance, [timed(by_distance, SECONDS)])
+    assert verdict_of(checks, "place(drawer)", holding(by_distance)).evidence["way"] == "along +x"
+
+
+def test_a_plan_costs_the_time_of_the_ways_that_it_takes():
+    """Exact search proves it; orders of jobs cannot say it."""
+    task = drawer_task(cost="time")
+    model = SkillModel(Feasibility(task, [timed(task, SECONDS)]))
+    solution = ExactSolver().solve(model)
+    assert solution.proved
+    assert solution.plan.cost == pytest.approx(5 * 1.0 + 4.0)
+    with pytest.raises(NotASequencing, match="depends on the way"):
+        SequencingProblem.from_model(model)
 
 
 def ruled(task, seed):

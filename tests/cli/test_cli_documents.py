@@ -74,10 +74,18 @@ RESULT = record(
     gap=MAYBE_NUMBER,
     makespan=MAYBE_COUNT,
     makespan_s=MAYBE_NUMBER,
+    timed_by=TEXT,
     skills=many(TEXT),
     actions=many(COUNT),
     steps=many(STEP),
-    stats=record(states=COUNT, expanded=MAYBE_COUNT, checks=COUNT, cache_hits=COUNT, wall_s=NUMBER),
+    stats=record(
+        states=COUNT,
+        expanded=MAYBE_COUNT,
+        checks=COUNT,
+        cache_hits=COUNT,
+        trajectories=COUNT,
+        wall_s=NUMBER,
+    ),
     trace={"type": "object"},
 )
 VERIFICATION = record(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import warnings
@@ -12,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from run_folders import OPTIMAL, write_runs
 from skillplan.cli import standard_streams, writing
 from skillplan.errors import OptionError
 
@@ -30,7 +33,8 @@ DETECTOR = '''
         name = "rude"
 
         def check(self, skill, state):
-            return Verdict.refuse("\\x1b[31mred\\u202e[bold]\\x7f", rests_on=())
+            nothing = self.task.facts.none
+            return Verdict.infeasible("\\x1b[31mred\\u202e[bold]\\x7f", nothing, nothing)
 '''
 SOLVER = '''
     from skillplan import Solver
@@ -96,6 +100,61 @@ class TestNothingRaw:
             assert "\x1b[31mred\u202e[bold]\x7f" in outcome.document["rows"][0]["reason"]
         elif style != "csv":
             assert r"[31mred\u202e" in outcome.out.replace("\\\\", "\\")
+
+    @pytest.mark.parametrize("style", ["table", "csv", "md", "json"])
+    @pytest.mark.parametrize(
+        "words",
+        [
+            ("evaluate", "BOARD", "--sequence", "0"),
+            ("explain", "BOARD", "pick(pcb)"),
+            ("search-optimal", "BOARD", "--audit", "0"),
+        ],
+        ids=lambda words: words[0],
+    )
+    def test_a_verdict_is_written_out(
+        self, cli: Any, board: str, install: Any, words: tuple[str, ...], style: str
+    ) -> None:
+        """Its reason, wherever it is shown."""
+        install("collision", "rude", "rude_detector:Rude", DETECTOR)
+        given = (word.replace("BOARD", board) for word in words)
+        outcome = cli(*given, "--collision", "rude", "--format", style)
+        assert 1 == outcome.code
+        assert None is RAW.search(both(outcome))
+        assert "red" in both(outcome)
+
+    @pytest.mark.parametrize("style", ["table", "csv", "md", "json"])
+    @pytest.mark.parametrize("words", [("verify", "--verbose"), ("evaluate",)])
+    def test_a_document_is_written_out(
+        self, cli: Any, solved_board: Path, tmp_path: Path, words: tuple[str, ...], style: str
+    ) -> None:
+        """Of a result: what its words hold is shown where they do not hold."""
+        folder = Path(shutil.copytree(solved_board, tmp_path / "result"))
+        path = folder / "result.json"
+        document = json.loads(path.read_text("utf-8"))
+        for key in ("solver", "reason", "cost_unit", "bound_method"):
+            document[key] = HOSTILE
+        document["trace"] = {HOSTILE: HOSTILE}
+        path.write_text(json.dumps(document), "utf-8")
+        command, *more = words
+        outcome = cli(command, str(folder), *(more if style == "table" else ()), "--format", style)
+        assert outcome.code in (0, 1, 2)
+        assert None is RAW.search(both(outcome))
+
+    @pytest.mark.parametrize("style", ["table", "csv", "md", "json"])
+    def test_a_manifest_is_written_out(
+        self, cli: Any, board: str, tmp_path: Path, style: str
+    ) -> None:
+        """Of a training: names, paths, solver."""
+        folder = write_runs(tmp_path / "run", board, [OPTIMAL], steps=500)
+        path = folder / "manifest.json"
+        manifest = json.loads(path.read_text("utf-8"))
+        manifest["solver"] = HOSTILE
+        manifest["task"].update(name=HOSTILE, source=HOSTILE)
+        path.write_text(json.dumps(manifest), "utf-8")
+        outcome = cli("evaluate", str(folder), "--episodes", "1", "--format", style)
+        assert outcome.code in (0, 1, 2)
+        assert both(outcome)
+        assert None is RAW.search(both(outcome))
 
     def test_a_traceback_is_written_out(
         self, cli: Any, board: str, install: Any, monkeypatch: pytest.MonkeyPatch

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,26 @@ def test_no_file_is_overwritten(cli: Any, tmp_path: Path) -> None:
         assert f"error: --out {path}: is there already. Name a new file.\n" in refused.err
     assert "mine" == there.read_text()
     assert not (tmp_path / "nowhere.yaml").exists()
+
+
+@pytest.mark.parametrize("words", [FIVE, ("init", "assembly")])
+def test_nor_is_one_that_another_program_writes_meanwhile(
+    cli: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    """The other was there first, when all but the name was ready."""
+    path, sync = tmp_path / "board.yaml", os.fsync
+
+    def meanwhile(descriptor: int) -> None:
+        if not path.exists():
+            path.write_text("theirs")
+        sync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", meanwhile)
+    refused = cli(*words, "--out", str(path))
+    assert 2 == refused.code
+    assert f"error: --out {path}: is there already. Name a new file.\n" in refused.err
+    assert "theirs" == path.read_text()
+    assert [path] == list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

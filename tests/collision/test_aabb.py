@@ -276,6 +276,23 @@ def test_moving_the_whole_layout_changes_no_verdict(name):
             assert (verdict.status, verdict.reason) == (again.status, again.reason)
 
 
+def test_a_horizontal_screw_is_pressed_on_what_is_behind_its_head():
+    """Beneath it, along its axis."""
+    content = shelf()
+    content["tools"] = {
+        **content["tools"],
+        "driver": {"type": "screwdriver", "holder_m": [0.6, -0.2]},
+    }
+    base = content["parts"]["base"]
+    front_m = base["goal_m"][0] - base["size_m"][0] / 2
+    hole = {"hole_m": [front_m, base["goal_m"][1], base["size_m"][2] / 2], "axis": [1, 0, 0]}
+    content["screws"] = {"screw": {"tool": "driver", "through": "base", **hole}}
+    placed = verdict_of(content, "fasten(screw)", "placed(base)", "hand_free", tool="driver")
+    assert placed.is_feasible
+    away = verdict_of(content, "fasten(screw)", "hand_free", tool="driver")
+    assert away.reason == "screw has nothing beneath it"
+
+
 def test_a_screw_is_not_driven_through_what_lies_above_its_hole():
     """The screw itself is swept, not just the tool that drives it."""
     content = lid_content()

@@ -28,6 +28,7 @@ sys.path.insert(0, str(DOCS / "_ext"))
 
 import command_pages  # noqa: E402
 import generated_reference  # noqa: E402
+import limits  # noqa: E402
 import schema_tables  # noqa: E402
 
 BOARD = "configs/inverter_board.yaml"
@@ -274,3 +275,38 @@ def test_references_to_modules_lead_to_public_names():
     public_names = importlib.import_module("public_names")
     assert len(public_names.homes()) >= len(skillplan.__all__) - 2
     assert "skillplan.Verdict" == public_names.homes()["skillplan.task.verdict.Verdict"]
+
+
+class TestLimits:
+    def test_the_page_on_trust_holds_what_the_code_refuses(self):
+        """The table is made of the constants, and stands in the page."""
+        page = (DOCS / "explanation" / "trust.md").read_text("utf-8")
+        table = limits.page()
+        assert table in generated_reference.filled(page)
+        for row in (
+            "| task file in YAML | 1 MiB, 32 levels, 100,000 values |",
+            "| SOP and TSPLIB | 16 MiB, 2,000 nodes, a cost of 2⁴⁰ |",
+            "| checkpoint | 64 GiB, and what memory has room for |",
+        ):
+            assert row in table
+
+    def test_a_changed_constant_changes_the_table(self, monkeypatch):
+        """No figure of it is typed by hand."""
+        for _, words, places in limits.ROWS:
+            assert re.sub(r"{[a-z]*}", "", words).isascii()
+            assert not re.search(r"\d", words)
+            assert words.count("{") == len(places)
+        monkeypatch.setattr("skillplan.files.yaml.MAX_BYTES", 3 * 1024)
+        assert "| task file in YAML | 3 KiB, " in limits.page()
+
+    def test_every_limit_on_the_bytes_of_a_file_is_in_the_table(self):
+        """A new reader with a limit of its own is not forgotten."""
+        listed = {place.partition(":")[0] for _, _, places in limits.ROWS for place in places}
+        named = re.compile(r"^_?(?:MOST|MAX)_BYTES\b", re.MULTILINE)
+        source = ROOT / "src" / "skillplan"
+        limited = {
+            ".".join(path.relative_to(source).with_suffix("").parts)
+            for path in source.rglob("*.py")
+            if named.search(path.read_text("utf-8"))
+        }
+        assert set() == limited - listed

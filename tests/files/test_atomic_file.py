@@ -5,6 +5,9 @@ from __future__ import annotations
 import errno
 import os
 import stat
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -13,6 +16,7 @@ from skillplan.files import atomic_file
 from skillplan.files.atomic_file import (
     is_unfinished,
     replacing,
+    write_new,
     write_whole,
     written_beside,
 )
@@ -204,3 +208,54 @@ def test_what_is_being_written_has_such_a_name(tmp_path: Path) -> None:
     with written_beside(tmp_path / "video.mp4") as temporary:
         assert is_unfinished(temporary.name, "video.mp4")
         assert tmp_path == temporary.parent
+
+
+@pytest.fixture(params=["links", "no links"])
+def _system(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file system with hard links, and one without."""
+    if request.param == "no links":
+
+        def refused(source: Path, target: Path) -> None:
+            raise OSError(errno.EPERM, os.strerror(errno.EPERM))
+
+        monkeypatch.setattr(os, "link", refused)
+
+
+@pytest.mark.usefixtures("_system")
+class TestNewFiles:
+    def test_it_is_there_whole_and_nothing_beside_it(self, tmp_path: Path) -> None:
+        """As where another is replaced."""
+        path = tmp_path / "file"
+        write_new(path, "früher")
+        assert "früher".encode() == path.read_bytes()
+        assert [path] == list(tmp_path.iterdir())
+
+    @pytest.mark.parametrize("dangling", [False, True])
+    def test_what_is_there_stays(self, tmp_path: Path, dangling: bool) -> None:
+        """Be it a link that leads nowhere."""
+        path = tmp_path / "file"
+        if dangling:
+            path.symlink_to(tmp_path / "nowhere")
+        else:
+            path.write_text("old")
+        with pytest.raises(FileExistsError):
+            write_new(path, "new")
+        assert [path] == list(tmp_path.iterdir())
+        assert path.is_symlink() if dangling else "old" == path.read_text()
+
+    def test_one_of_many_programs_writes_it(self, tmp_path: Path) -> None:
+        """All begin at once; the others are told, and the file is that of the one."""
+        path = tmp_path / "file"
+        gate = threading.Barrier(8)
+
+        def write(text: str) -> str | None:
+            gate.wait()
+            with suppress(FileExistsError):
+                write_new(path, text * 100_000)
+                return text
+            return None
+
+        with ThreadPoolExecutor(8) as pool:
+            written = [text for text in pool.map(write, "abcdefgh") if text is not None]
+        assert [path.read_text()] == [text * 100_000 for text in written]
+        assert [path] == list(tmp_path.iterdir())

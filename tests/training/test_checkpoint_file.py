@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -122,3 +123,53 @@ def test_notes_that_are_no_json_are_refused(tmp_path: Path) -> None:
         write_checkpoint(tmp_path / "a", Checkpoint(1, {}, Snapshot({}, {"x": float("nan")})))
     assert [] == list(tmp_path.iterdir())
     assert json.dumps(NOTES)
+
+
+class TestASparseFile:
+    """It takes no room on disk, and in memory all that it claims."""
+
+    SIZE = 512 * 1024**2
+
+    def refused(self, path: Path, begins: bytes) -> str:
+        """Return what is said of such a file, for which nothing is allocated."""
+        with path.open("wb") as file:
+            file.write(begins)
+            file.truncate(self.SIZE)
+        tracemalloc.start()
+        try:
+            with pytest.raises(OptionError) as caught:
+                read_checkpoint(path)
+            assert tracemalloc.get_traced_memory()[1] < self.SIZE / 100
+        finally:
+            tracemalloc.stop()
+        return str(caught.value)
+
+    def test_that_has_no_header_is_damaged(self, tmp_path: Path) -> None:
+        assert "is damaged" in self.refused(tmp_path / "a", b"")
+        assert "longer than the file" in self.refused(tmp_path / "a", b"\xff" * 8)
+
+    def test_whose_header_accounts_for_less_is_damaged(self, tmp_path: Path) -> None:
+        path = tmp_path / "a"
+        write_checkpoint(path, KEPT)
+        said = self.refused(path, path.read_bytes())
+        assert re.search(r"is damaged: its header accounts for \d+ bytes, not for 53\d,", said)
+
+    def test_for_which_there_is_no_room_is_told_so(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Though its header accounts for all of it."""
+        begins = self.begins()
+        room = "skillplan.training.checkpoint_file.available_bytes"
+        monkeypatch.setattr(room, lambda: 2 * (self.SIZE - len(begins)) - 1)
+        said = self.refused(tmp_path / "a", begins)
+        assert "its arrays take more memory than the 1,07" in said
+        assert said.endswith("Resume where there is more.")
+
+    def begins(self) -> bytes:
+        """Return the length of a header, and the header of an array that takes all the rest."""
+        end = self.SIZE
+        for _ in range(3):
+            array = {"dtype": "U8", "shape": [end], "data_offsets": [0, end]}
+            header = json.dumps({"a": array}).encode()
+            end = self.SIZE - 8 - len(header)
+        return len(header).to_bytes(8, "little") + header

@@ -12,10 +12,14 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from skillplan.robots import panda
+from skillplan.robots.ur5e import UR5E
+from skillplan.task.pose import Pose
 from skillplan.task.scene import Robot
-from skillplan_pybullet.arm.dynamics import HAND_LINK, PinocchioDynamics, PybulletDynamics
+from skillplan_pybullet.arm.dynamics import PinocchioDynamics
 from skillplan_pybullet.arm.joint_motion import JointMotion, turned_on_the_way
 from skillplan_pybullet.arm.kinematics import UnreachableError, kinematics_of
+from skillplan_pybullet.arm.link_bounds import LinkBounds
+from skillplan_pybullet.arm.robot_file import JAW_LINKS
 from skillplan_pybullet.arm.rotations import (
     of_vector,
     pointing_down,
@@ -27,45 +31,56 @@ from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.simulator.world import World
 
 ROBOT = Robot("robot", (0.0, 0.0, 0.0), 0.8, 0.2, {})
-KINEMATICS = kinematics_of(ROBOT)
-angles = st.tuples(
-    *(
-        st.floats(low, high)
-        for low, high in zip(panda.JOINT_LOW_RAD, panda.JOINT_HIGH_RAD, strict=True)
+# A second arm, on a base that is turned; and one that hangs.
+TURNED, HANGING = (
+    Robot("robot", pose.position, 0.8, 0.2, {}, model=UR5E, base_orientation=pose.orientation)
+    for pose in (
+        Pose.upright((0.1, -0.2, 0.3), 2.0),
+        Pose.turned((0.1, -0.2, 1.1), (2.9, -0.1, 2.0)),
     )
 )
+ROBOTS = (ROBOT, TURNED)
+KINEMATICS = kinematics_of(ROBOT)
+shares = st.tuples(*[st.floats(0.0, 1.0)] * 7)
 rates = st.tuples(*[st.floats(-2.0, 2.0)] * 7)
 turns = st.tuples(*[st.floats(-1.8, 1.8)] * 3)
 
 
-@pytest.fixture(scope="module")
-def arm():
+@pytest.fixture(scope="module", params=ROBOTS, ids=lambda robot: robot.model.name)
+def arm(request):
     """An arm in an empty world."""
     with World(0.6) as world:
-        yield SimulatedArm(world, ROBOT, ExecutionSettings())
+        yield SimulatedArm(world, request.param, ExecutionSettings())
+
+
+def posture(arm, shares):
+    """Return joint angles by shares of their ranges."""
+    low, high = arm.kinematics.low_rad, arm.kinematics.high_rad
+    return low + np.array(shares[: len(low)]) * (high - low)
 
 
 @settings(max_examples=examples(50))
-@given(angles)
-def test_the_tip_is_where_the_simulated_one_is(arm, joints):
-    for joint, angle in enumerate(joints):
-        pybullet.resetJointState(arm.number, joint, angle, physicsClientId=arm.world.client)
-    pose, jacobian = KINEMATICS.tip_and_jacobian(np.array(joints))
+@given(shares)
+def test_the_tip_is_where_the_simulated_one_is(arm, shares):
+    joints = posture(arm, shares)
+    arm.stand(joints, 0.0)
+    pose, jacobian = arm.kinematics.tip_and_jacobian(joints)
     simulated = arm.tip()
     assert np.allclose(pose.position, simulated.position, atol=1e-6)
     assert np.allclose(pose.rotation, simulated.rotation, atol=1e-6)
-    terms = PybulletDynamics(arm.world.client, arm.number).terms(
-        np.array([*joints, 0.0, 0.0]), np.zeros(9)
-    )
+    angles = np.array([*joints, 0.0, 0.0])
+    terms = arm.dynamics.terms(angles, np.zeros(len(angles)))
     assert np.allclose(jacobian, terms.jacobian, atol=1e-9)
 
 
 @settings(max_examples=examples(50))
-@given(angles, rates)
-def test_pinocchio_and_the_simulator_agree_on_the_dynamics(arm, joints, speeds):
-    position, velocity = np.array([*joints, 0.01, 0.01]), np.array([*speeds, 0.0, 0.0])
-    own = PybulletDynamics(arm.world.client, arm.number).terms(position, velocity)
-    other = PinocchioDynamics().terms(position, velocity)
+@given(shares, rates)
+def test_pinocchio_and_the_simulator_agree_on_the_dynamics(arm, shares, speeds):
+    joints = posture(arm, shares)
+    position = np.array([*joints, 0.01, 0.01])
+    velocity = np.array([*speeds[: len(joints)], 0.0, 0.0])
+    own = arm.dynamics.terms(position, velocity)
+    other = PinocchioDynamics(arm.file, arm.robot.mount).terms(position, velocity)
     assert np.allclose(own.mass, other.mass, atol=1e-9)
     assert np.allclose(own.jacobian, other.jacobian, atol=1e-9)
     assert np.allclose(own.bias, other.bias, atol=1e-4)
@@ -145,6 +160,43 @@ def test_a_move_in_joint_space_says_how_fast_the_tip_goes():
     assert KINEMATICS.tip(end).position == pytest.approx(move.at(move.duration_s).position)
 
 
-def test_the_link_of_the_hand_is_the_hand(arm):
-    info = pybullet.getJointInfo(arm.number, HAND_LINK, physicsClientId=arm.world.client)
-    assert info[12] == b"panda_hand"
+def test_an_arm_that_hangs_stays_where_it_is():
+    with World(0.6) as world:
+        arm = SimulatedArm(world, HANGING, ExecutionSettings())
+        arm.stand(arm.kinematics.home_rad + 0.2, 0.04)
+        for _ in range(60):
+            arm.actuate()
+            world.step()
+        assert arm.tip_error_m() < 1e-5
+
+
+def test_what_the_hand_is_made_of_is_told_apart_by_name(arm):
+    for number, name in arm.link_names.items():
+        info = pybullet.getJointInfo(arm.number, number, physicsClientId=arm.world.client)
+        assert info[12].decode() in ({"robot hand": "hand"}.get(name, ""), *JAW_LINKS)
+
+
+@settings(max_examples=examples(10))
+@given(shares)
+def test_boxes_about_the_links_hold_them_as_they_are_simulated(arm, shares):
+    joints = posture(arm, shares)
+    arm.stand(joints, 0.0)
+    client = arm.world.client
+    # The point of a link that is nearest to a wall is its outermost one on that side.
+    shape = pybullet.createCollisionShape(
+        pybullet.GEOM_BOX, halfExtents=(9.0, 9.0, 9.0), physicsClientId=client
+    )
+    wall = pybullet.createMultiBody(0, shape, physicsClientId=client)
+    for axis in range(3):
+        for side, corner in ((-1, 0), (1, 1)):
+            place = [0.0, 0.0, 0.0]
+            place[axis] = side * 12.0
+            pybullet.resetBasePositionAndOrientation(wall, place, (0, 0, 0, 1), client)
+            for number, box in enumerate(LinkBounds(arm.kinematics).at(joints)):
+                points = pybullet.getClosestPoints(
+                    arm.number, wall, 5.0, number, -1, physicsClientId=client
+                )
+                outermost = max(side * point[5][axis] for point in points)
+                # The simulator makes hulls 1 mm larger.
+                assert -0.003 < side * box[corner][axis] - outermost + 0.001 < 0.003
+    pybullet.removeBody(wall, physicsClientId=client)

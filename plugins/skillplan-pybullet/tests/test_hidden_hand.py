@@ -8,7 +8,6 @@ import pybullet
 import pytest
 
 from skillplan.task.scene import Body, Box, Pose, Robot, Scene, Tool, ToolKind
-from skillplan_pybullet.arm.dynamics import FINGER_LINKS, HAND_LINK
 from skillplan_pybullet.arm.rotations import pointing_down
 from skillplan_pybullet.arm.simulated_arm import ROBOT, SimulatedArm
 from skillplan_pybullet.arm.tool_changer import ToolChanger
@@ -55,7 +54,7 @@ def touching(world: World, one: str, other: str) -> set[int]:
 
 def on_block(arm: SimulatedArm) -> set[int]:
     """Return which links of hand and fingers touch the block."""
-    return touching(arm.world, ROBOT, "block") & {HAND_LINK, *FINGER_LINKS}
+    return touching(arm.world, ROBOT, "block") & set(arm.link_names)
 
 
 class TestAHiddenHand:

@@ -88,7 +88,7 @@ def after(task: Task, *names: str):
 
 def verdicts(task: Task, name: str, state):
     """Return what the engine and the detector of contacts say of a skill."""
-    engine = PybulletEngine(task, PybulletEngine.Options(drop_height_m=0.0002))
+    engine = PybulletEngine(task)
     detector = ContactPairsDetector(task)
     introduce([engine, detector])
     return engine.check(task.skill(name), state), detector.check(task.skill(name), state)
@@ -96,7 +96,7 @@ def verdicts(task: Task, name: str, state):
 
 def plan(task: Task, *names: str):
     """Return a plan as it was executed."""
-    engine = PybulletEngine(task, PybulletEngine.Options(drop_height_m=0.0002))
+    engine = PybulletEngine(task)
     detector = ContactPairsDetector(task)
     introduce([engine, detector])
     return engine.perform([task.skill(name) for name in names])
@@ -119,6 +119,36 @@ class TestAPartThatIsTurned:
         for verdict in verdicts(task, "place(bar)", after(task, "pick(bar)")):
             assert verdict.is_feasible, verdict.reason
         assert "at(bar.start)" in verdict.facts
+
+    @pytest.mark.slow(reason="two skills and the travels between them; one skill in every run")
+    def test_a_whole_plan_turns_it(self) -> None:
+        performance = plan(bar(), "pick(bar)", "place(bar)")
+        assert performance.failed is None, performance.failed.verdict.reason
+        (arrival,) = performance.arrivals
+        assert arrival.offset_m < 0.0005
+        assert arrival.tilt_rad < math.radians(1)
+
+
+BY_A_CUP = Grasp(GraspKind.SUCTION, (-0.015, 0.0, 0.06), AXES["y"], 0.0, approach=ALONG_X)
+
+
+class TestSuctionFromTheSide:
+    @pytest.mark.slow(reason="an execution; jaws from the side in every run")
+    @pytest.mark.parametrize("control", ["osc", "position"])
+    def test_a_plate_is_stood_up_by_a_cup(self, control) -> None:
+        parts = {"plate": block((0.03, 0.05, 0.09), (0.5, -0.2), (0.5, 0.15), tool="cup")}
+        found = content(parts)
+        found["tools"] = {"cup": {"holder_m": [0.6, 0.4], "type": "suction"}}
+        found["initial_tool"] = "cup"
+        start = Pose.turned((0.45, -0.2, 0.015), (0.0, math.pi / 2, 0.0))
+        task = in_space(assembly(found), "plate", start, STANDING, grasps=(BY_A_CUP,))
+        engine = PybulletEngine(task, PybulletEngine.Options(control=control))
+        introduce([engine, ContactPairsDetector(task)])
+        performance = engine.perform([task.skill(name) for name in ("pick(plate)", "place(plate)")])
+        assert performance.failed is None, performance.failed.verdict.reason
+        (arrival,) = performance.arrivals
+        assert arrival.offset_m < 0.0005
+        assert arrival.tilt_rad < math.radians(1)
 
 
 FLOOR_M, WALL_M, INSIDE_M = 0.06, 0.01, 0.031
@@ -172,12 +202,21 @@ class TestInsertionFromTheSide:
         assert engine.evidence["sensed"]["insertion_force_n"] < 5.0
         assert "placed(housing)" in engine.facts
 
-    @pytest.mark.slow(reason="another execution; the drawer that goes in in every run")
     def test_a_drawer_that_misses_the_opening_is_stopped(self) -> None:
         goal = Pose((0.55, 0.11, FLOOR_M))
         task = drawer(goal=goal)
         engine, detector = verdicts(task, "place(drawer)", after(task, *self.STATE))
         assert engine.is_infeasible or detector.is_infeasible
+
+    @pytest.mark.slow(reason="two skills and the travels between them; one skill in every run")
+    def test_a_whole_plan_leaves_it_there(self) -> None:
+        task = drawer()
+        task = replace(task, initial=after(task, "pick(housing)", "place(housing)"))
+        performance = plan(task, "pick(drawer)", "place(drawer)")
+        assert performance.failed is None, performance.failed.verdict.reason
+        for arrival in performance.arrivals:
+            assert arrival.offset_m < 0.0005
+            assert arrival.tilt_rad < math.radians(1)
 
 
 INTO_THE_SIDE = Pose.turned((0.5, 0.1, 0.1), (0.0, -math.pi / 2, 0.0))
@@ -222,7 +261,6 @@ class TestHorizontalScrews:
         assert arrivals["screw"].offset_m < 0.0005
         assert arrivals["screw"].tilt_rad < math.radians(1)
 
-    @pytest.mark.slow(reason="another execution; a heavy block in every run")
     def test_a_light_block_yields(self) -> None:
         task = bracket(0.2)
         for verdict in verdicts(task, "fasten(screw)", after(task, *self.STATE)):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from skillplan.checks.execution_times import ExecutionTimes
+from skillplan.checks.precondition import PRECONDITION, inapplicable
 from skillplan.checks.query_batch import QueryBatch
 from skillplan.checks.reuse_sample import ReuseSample
 from skillplan.checks.single_check import (
@@ -15,12 +18,10 @@ from skillplan.checks.single_check import (
     CheckRequest,
     IntroducedBackEnds,
     check,
-    execution_time_s,
     introduce,
-    tells_time,
 )
 from skillplan.checks.verdict_cache import VerdictCache
-from skillplan.checks.way_choice import choosing
+from skillplan.checks.way_choice import Prices, choosing
 from skillplan.checks.way_verdict import WAYS
 from skillplan.checks.ways import Ways
 from skillplan.task.back_end import BackEnd
@@ -32,11 +33,6 @@ from skillplan.workers.executor import MakeExecutor
 
 if TYPE_CHECKING:
     from skillplan.checks.check_workers import CheckWorkers
-
-PRECONDITION = "precondition"
-
-# Of the facts that would do, a message names so many.
-_MOST_NAMED = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +103,8 @@ class Feasibility:
         How often each back end was queried.
     ways
         Of skills that have several.
+    times
+        How long skills take, as back ends tell.
 
     Raises
     ------
@@ -155,9 +153,9 @@ class Feasibility:
             (index, back_end, back_end.expensive or not expensive, back_end.expensive and apart)
             for index, back_end in enumerate(self.back_ends)
         )
-        self._timers = tuple(one for one in self.back_ends if tells_time(one) and not one.screens)
-        self._durations_s: dict[tuple[str, int], float | None] = {}
-        self._stand_bits = _stand_bits(task) if self._timers else 0
+        self.times = ExecutionTimes(task, self.back_ends, self.ways)
+        timed = task.metric.is_duration and bool(self.times.sources)
+        self._prices = Prices(self._price, self.times.basis) if timed else None
 
     def verdict(self, skill: Skill, state: State) -> Verdict:
         """Return the verdict on `skill` in `state`.
@@ -211,7 +209,7 @@ class Feasibility:
     def stages(self, skill: Skill, state: State) -> list[Verdict]:
         """Return the verdict of every stage, also beyond the first that fails."""
         if not skill.applicable(state):
-            return [self._inapplicable(skill, state)]
+            return [inapplicable(self.task, skill, state)]
         condition = skill.condition(state)
         first = Verdict.feasible(condition.requires, condition.forbids)
         found = [first.grounded(state, PRECONDITION)]
@@ -237,30 +235,14 @@ class Feasibility:
         """
         return self._by(skill, self.verdict(skill, state)) if skill.ways else skill
 
+    def _price(self, skill: Skill, state: State) -> float:
+        """Return what a skill by one of its ways costs where that is its time."""
+        said_s = self.times.duration_s(skill, state)
+        return math.inf if said_s is None else said_s
+
     def _by(self, skill: Skill, verdict: Verdict) -> Skill:
         label = verdict.evidence.get("way", skill.ways[0].label)
         return self.ways.variant(skill, str(label))
-
-    @property
-    def tells_time(self) -> bool:
-        """Whether a back end may know how long skills take."""
-        return bool(self._timers)
-
-    def duration_s(self, skill: Skill, state: State) -> float | None:
-        """Return how long the first back end that knows says a skill takes [s], or None.
-
-        Queried once for every place that the robots stand at and tool that they hold.
-
-        Raises
-        ------
-        BackEndError
-            If a back end raises, or says what is no time.
-        """
-        key = (skill.name, state.bits & self._stand_bits)
-        if key not in self._durations_s:
-            said = (execution_time_s(back_end, skill, state) for back_end in self._timers)
-            self._durations_s[key] = next((one for one in said if one is not None), None)
-        return self._durations_s[key]
 
     @property
     def screens(self) -> tuple[BackEnd, ...]:
@@ -272,32 +254,15 @@ class Feasibility:
         if self._workers is not None:
             self._workers.close()
 
-    def _inapplicable(self, skill: Skill, state: State) -> Verdict:
-        amiss = skill.why_not(state)
-        names = [*amiss.requires, *(f"not {name}" for name in amiss.forbids)]
-        one_of = "one of " if len(amiss.requires) > len(skill.condition(state).requires) else ""
-        shown = names if len(names) <= _MOST_NAMED else [*names[:_MOST_NAMED], "..."]
-        reason = f"needs {one_of}{', '.join(shown)}"
-        wrong = [self.task.places[fact].name for fact in amiss.forbids if fact in self.task.places]
-        if len(wrong) == len(names):
-            reason = f"cannot be done at {', '.join(wrong)}"
-        return Verdict(
-            VerdictStatus.INFEASIBLE,
-            reason,
-            PRECONDITION,
-            amiss.forbids,
-            amiss.requires,
-            {"amiss": names},
-        )
-
     def _checking(self, skill: Skill, state: State) -> Generator[CheckRequest, Checked, Verdict]:
         """Decide about a skill, yielding what is to be queried in another process."""
         if not skill.applicable(state):
             self._to_go -= 1
-            return self._inapplicable(skill, state)
+            return inapplicable(self.task, skill, state)
         tally = _Tally()
         if skill.ways:
-            verdict = yield from choosing(self.ways, partial(self._deciding, tally), skill, state)
+            deciding = partial(self._deciding, tally)
+            verdict = yield from choosing(self.ways, deciding, skill, state, self._prices)
         else:
             verdict = yield from self._deciding(tally, skill, state)
         self.checks += tally.worked
@@ -376,14 +341,3 @@ def _result_of(checking: Generator[CheckRequest, Checked, Verdict]) -> Verdict:
         verdict: Verdict = end.value
         return verdict
     raise AssertionError("nobody is there to answer")
-
-
-def _stand_bits(task: Task) -> int:
-    """Return the bits of the facts that say where robots stand and which tools they hold."""
-    names = {fact for robot in task.scene.robots for fact in robot.places}
-    names |= {tool.fact for robot in task.scene.robots for tool in robot.tools}
-    names |= set(task.places)
-    bits = 0
-    for name in names & set(task.facts.names):
-        bits |= task.facts.bit(name)
-    return bits

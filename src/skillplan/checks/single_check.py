@@ -194,9 +194,30 @@ def execution_time_s(back_end: BackEnd, skill: Skill, state: State) -> float | N
     return float(duration_s)
 
 
-def tells_time(back_end: BackEnd) -> bool:
-    """Whether a back end may know how long skills take."""
-    return type(back_end).duration_s is not BackEnd.duration_s
+def least_execution_time_s(
+    back_end: BackEnd, skill: Skill, true_bits: int, false_bits: int
+) -> float:
+    """Return a back end's lower bound on how long a skill takes [s]; see `least_duration_s`.
+
+    Raises
+    ------
+    BackEndError
+        If it raises, or says what is no time.
+    """
+    try:
+        least_s = back_end.least_duration_s(skill, true_bits, false_bits)
+    except BaseException as error:
+        _blame(error, back_end, f" to bound the time of {skill.name}")
+    if not isinstance(least_s, int | float) or not least_s >= 0:
+        raise BackEndError(
+            f"Back end {back_end.name!r} says that {skill.name} takes {least_s!r} s at least."
+        )
+    return float(least_s)
+
+
+def tells_time(back_end: type[BackEnd]) -> bool:
+    """Whether back ends of a class may know how long skills take."""
+    return back_end.duration_s is not BackEnd.duration_s
 
 
 def _blame(error: BaseException, back_end: BackEnd | type[BackEnd], on: str = "") -> NoReturn:

@@ -37,36 +37,30 @@ class _Shelf:
     """
 
     def __init__(self, verdicts: Iterable[tuple[Verdict, State]] = ()) -> None:
-        self._groups: dict[int, dict[int, Verdict]] = {}
-        # By the facts that it rests on, the state in which a verdict was made.
-        self._made_in: dict[tuple[int, int], State] = {}
+        # Each with the state in which it was made.
+        self._groups: dict[int, dict[int, tuple[Verdict, State]]] = {}
         for verdict, state in verdicts:
             self.add(verdict, state)
 
     def __iter__(self) -> Iterator[tuple[Verdict, State]]:
-        for basis, group in self._groups.items():
-            for present, verdict in group.items():
-                yield verdict, self._made_in[basis, present]
+        for group in self._groups.values():
+            yield from group.values()
 
     def made_in(self, verdict: Verdict) -> State | None:
-        """Return the state in which a verdict was made."""
-        assert verdict.present is not None
-        assert verdict.absent is not None
-        basis = verdict.present.bits | verdict.absent.bits
-        return self._made_in.get((basis, verdict.present.bits))
+        """Return the state in which a verdict was made, or None for one that is not kept."""
+        basis, present = _basis(verdict)
+        kept = self._groups.get(basis, {}).get(present)
+        return None if kept is None else kept[1]
 
     def add(self, verdict: Verdict, state: State) -> None:
-        assert verdict.present is not None
-        assert verdict.absent is not None
-        basis = verdict.present.bits | verdict.absent.bits
-        self._groups.setdefault(basis, {})[verdict.present.bits] = verdict
-        self._made_in[basis, verdict.present.bits] = state
+        basis, present = _basis(verdict)
+        self._groups.setdefault(basis, {})[present] = (verdict, state)
 
     def find(self, bits: int) -> Verdict | None:
         for basis, group in self._groups.items():
-            verdict = group.get(bits & basis)
-            if verdict is not None:
-                return verdict
+            kept = group.get(bits & basis)
+            if kept is not None:
+                return kept[0]
         return None
 
 
@@ -235,6 +229,13 @@ class DiskVerdictCache(VerdictCache):
             return _Shelf()
         folder = key_folder(self.folder, back_end, skill)
         return _DiskShelf(folder, back_end.task.facts, self.dropped)
+
+
+def _basis(verdict: Verdict) -> tuple[int, int]:
+    """Return the bits of the facts that a verdict rests on, and of those among them that hold."""
+    assert verdict.present is not None
+    assert verdict.absent is not None
+    return verdict.present.bits | verdict.absent.bits, verdict.present.bits
 
 
 def key_folder(root: Path, back_end: BackEnd, skill: Skill) -> Path:

@@ -1,12 +1,16 @@
-"""Which way of a skill is taken in a state: the first that all back ends grant."""
+"""Which way of a skill is taken in a state: of those that all back ends grant the cheapest.
+
+Where all cost the same, that is the first.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
 
 from skillplan.checks.single_check import Checked, CheckRequest
 from skillplan.checks.way_verdict import WayAccount
-from skillplan.checks.ways import Pairing, Ways
+from skillplan.checks.ways import Pairing, Variant, Ways
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict, VerdictStatus
@@ -16,7 +20,25 @@ Checking = Generator[CheckRequest, Checked, Verdict]
 Deciding = Callable[[Skill, State], Checking]
 
 
-def choosing(ways: Ways, deciding: Deciding, skill: Skill, state: State) -> Checking:
+@dataclass(frozen=True, slots=True)
+class Prices:
+    """What skills cost by each of their ways, where that is not the same.
+
+    Parameters
+    ----------
+    cost
+        Of a skill with one motion in a state; may query a back end.
+    basis
+        Bits of the facts that it may depend on.
+    """
+
+    cost: Callable[[Skill, State], float]
+    basis: int
+
+
+def choosing(
+    ways: Ways, deciding: Deciding, skill: Skill, state: State, prices: Prices | None = None
+) -> Checking:
     """Decide about a skill with several ways that is applicable in a state.
 
     Parameters
@@ -27,31 +49,51 @@ def choosing(ways: Ways, deciding: Deciding, skill: Skill, state: State) -> Chec
         Begins to decide about a skill by one of its ways.
     skill, state
         What is asked.
+    prices
+        None where all ways cost the same.
 
     Returns
     -------
     Verdict
-        Feasible by the first way that is granted, which its evidence names; infeasible where all
-        are refused; else unknown. It rests on the facts of all ways that were looked at.
+        Feasible by the cheapest way that is granted, of one price the first, which its evidence
+        names; infeasible where all are refused; else unknown. It rests on the facts of all ways
+        that were looked at.
     """
     pairing = ways.pairing(skill)
     if pairing is None:
-        return (yield from _first(ways, deciding, skill, state))
+        account = WayAccount(skill, state)
+        taken = yield from _cheapest(account, deciding, ways.of(skill), state, prices)
+        return account.denied() if taken is None else account.granted(taken.label)
     if skill.name == pairing.place.name:
-        return (yield from _placing(ways, pairing, deciding, state))
+        return (yield from _placing(ways, pairing, deciding, state, prices))
     return (yield from _picking(ways, pairing, deciding, state))
 
 
-def _first(ways: Ways, deciding: Deciding, skill: Skill, state: State) -> Checking:
-    account = WayAccount(skill, state)
-    for one in ways.of(skill):
+def _cheapest(
+    account: WayAccount,
+    deciding: Deciding,
+    variants: Sequence[Variant],
+    state: State,
+    prices: Prices | None,
+) -> Generator[CheckRequest, Checked, Variant | None]:
+    """Return the cheapest variant that is granted, the first of one price, or None."""
+    granted = []
+    for one in variants:
         verdict = yield from deciding(one.skill, state)
         if account.note(one.label, verdict) is VerdictStatus.FEASIBLE:
-            return account.granted(one.label)
-    return account.denied()
+            if prices is None:
+                return one
+            granted.append(one)
+    if prices is None or len(granted) < 2:
+        return granted[0] if granted else None
+    account.rest_on(prices.basis)
+    cost = prices.cost
+    return min(granted, key=lambda one: cost(one.skill, state))
 
 
-def _placing(ways: Ways, pairing: Pairing, deciding: Deciding, state: State) -> Checking:
+def _placing(
+    ways: Ways, pairing: Pairing, deciding: Deciding, state: State, prices: Prices | None
+) -> Checking:
     """Decide about a place: its grasp is the first by which the part could be picked, too."""
     account = WayAccount(pairing.place, state)
     over = ways.before_pick(pairing, state)
@@ -61,10 +103,9 @@ def _placing(ways: Ways, pairing: Pairing, deciding: Deciding, state: State) -> 
         verdict = yield from deciding(pick.skill, over)
         if account.note(pick.label, verdict, settled) is not VerdictStatus.FEASIBLE:
             continue
-        for place in holding.places:
-            verdict = yield from deciding(place.skill, state)
-            if account.note(place.label, verdict) is VerdictStatus.FEASIBLE:
-                return account.granted(place.label)
+        taken = yield from _cheapest(account, deciding, holding.places, state, prices)
+        if taken is not None:
+            return account.granted(taken.label)
     return account.denied()
 
 

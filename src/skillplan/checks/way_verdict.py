@@ -50,6 +50,7 @@ class WayAccount:
         self.skill = skill
         self.state = state
         self._looked: list[Looked] = []
+        self._basis = 0
 
     def note(self, label: str, verdict: Verdict, settled: int = 0) -> VerdictStatus:
         """Note a verdict and return its status.
@@ -61,6 +62,10 @@ class WayAccount:
         """
         self._looked.append(Looked(label, verdict, settled))
         return verdict.status
+
+    def rest_on(self, bits: int) -> None:
+        """Note that which way is taken also depends on some facts."""
+        self._basis |= bits
 
     def granted(self, label: str) -> Verdict:
         """Return the verdict that the skill is feasible by a way."""
@@ -94,7 +99,7 @@ class WayAccount:
 
     def _facts(self) -> tuple[State, State]:
         """Return the facts that hold, and that do not, on which everything that was said rests."""
-        bits = 0
+        bits = self._basis
         for one in self._looked:
             present, absent = one.verdict.present, one.verdict.absent
             if present is None or absent is None:

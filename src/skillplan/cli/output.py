@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from skillplan import errors
 from skillplan.cli.writing import as_json, tell, write_out
 from skillplan.errors import OptionError
-from skillplan.files.atomic_file import write_whole
+from skillplan.files.atomic_file import write_new
 from skillplan.files.output_path import output_path, refusing
 from skillplan.records.result import Result, Status
 from skillplan.views.text.rendering import render
@@ -73,7 +72,8 @@ def write_new_file(out: str, text: str, suffixes: Collection[str], what: str) ->
         If it is there already, or cannot be written.
     """
     path = output_path("--out", out, suffixes, what)
-    if os.path.lexists(path):
-        raise OptionError(f"--out {out}: is there already. Name a new file.")
     with refusing("--out", path):
-        write_whole(path, text)
+        try:
+            write_new(path, text)
+        except FileExistsError:
+            raise OptionError(f"--out {out}: is there already. Name a new file.") from None

@@ -19,7 +19,7 @@ from skillplan.collision.boxes import WorldBox, centroid, contact_area, sweep_hi
 from skillplan.collision.detector import Detector
 from skillplan.task import back_end
 from skillplan.task.motion import Event, Point, Visit
-from skillplan.task.pose import Pose
+from skillplan.task.pose import DOWN, Pose, same_direction
 from skillplan.task.scene import WORLD, Body, Placement
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -224,11 +224,15 @@ class AabbDetector(Detector):
             if visit.event not in (Event.RELEASE, Event.DRIVE):
                 continue
             body = self.task.scene.body(visit.subject)
-            boxes = world_boxes(body, visit.pose)
+            # What a screw is pressed on is beneath it along its axis.
+            sideways = visit.event is Event.DRIVE and not same_direction(visit.along, DOWN)
+            level = visit.pose.inverse() if sideways else None
+            boxes = world_boxes(body, visit.pose if level is None else level.then(visit.pose))
             floor_m = min(box.low[2] for box in boxes)
             feet = [box for box in boxes if box.low[2] - floor_m <= tolerance_m]
             contacts = []
-            for other, placement, tops in self._solids(frozenset({body.name})):
+            for other, placement, there in self._solids(frozenset({body.name})):
+                tops = there if level is None else world_boxes(other, level.then(placement.pose))
                 areas = tuple(
                     area
                     for foot in feet
@@ -237,7 +241,8 @@ class AabbDetector(Detector):
                 )
                 if areas:
                     contacts.append((placement.fact, other.name, areas))
-            yield _Ground(body.name, floor_m <= tolerance_m, centroid(boxes), tuple(contacts))
+            on_table = level is None and floor_m <= tolerance_m
+            yield _Ground(body.name, on_table, centroid(boxes), tuple(contacts))
 
 
 def _off_axes(pose: Pose) -> str | None:

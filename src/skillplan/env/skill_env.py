@@ -165,7 +165,7 @@ class SkillEnv(gymnasium.Env[Features, np.int64]):
                 False,
                 info,
             )
-        cost = skill.cost.at(before)
+        cost = self.model.cost(before, skill)
         self._cost += cost
         self._state = self._outcome(skill, before).apply(before)
         goal = self.model.is_goal(self._state)

@@ -206,7 +206,7 @@ class TransitionTable:
                 number, 0.0, reward_function.infeasible, reward_function.infeasible, INFEASIBLE, 1.0
             )
         else:
-            cost, total = skill.cost.at(state), 0.0
+            cost, total = model.cost(state, skill), 0.0
             for outcome in skill.outcomes_in(state):
                 following = outcome.apply(state)
                 goal = model.is_goal(following)

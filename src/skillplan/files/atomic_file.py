@@ -44,6 +44,38 @@ def write_whole(
         file.write(content.encode() if isinstance(content, str) else content)
 
 
+def write_new(path: Path, content: str | bytes) -> None:
+    """Write a file in one piece where there is none yet; of two programs that try, one does.
+
+    Parameters
+    ----------
+    path
+        The file.
+    content
+        Text is written as UTF-8.
+
+    Raises
+    ------
+    FileExistsError
+        If there is something of that name, be it a link that leads nowhere.
+    OSError
+        If it cannot be written. In either case nothing is left behind, and what was there stays.
+    """
+    temporary = _temporary_name(path)
+    _write_piece(temporary, content)
+    try:
+        try:
+            # Unlike a renamed file, another name takes nobody's place.
+            os.link(temporary, path)
+        except FileExistsError:
+            raise
+        except OSError:
+            _put_in_free_place(temporary, path)
+        sync_folder(path.parent)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
 @contextmanager
 def replacing(path: Path, *, within: str | os.PathLike[str] | None = None) -> Iterator[IO[bytes]]:
     """Yield a file that takes the place of another once all has been written to it.
@@ -64,12 +96,9 @@ def replacing(path: Path, *, within: str | os.PathLike[str] | None = None) -> It
     if within is not None:
         path = plain_path_within(path.parent, within) / path.name
     temporary = _temporary_name(path)
-    file = temporary.open("xb")
+    with _piece(temporary) as file:
+        yield file
     try:
-        with file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
         _put_in_place(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
@@ -126,7 +155,8 @@ def write_as_one(
     placed: list[Path] = []
     try:
         for name, piece in pieces.items():
-            _write_piece(piece, contents[name], folder / name)
+            with _blaming(folder / name):
+                _write_piece(piece, contents[name])
         sync_folder(folder)
         (folder / last).unlink(missing_ok=True)
         for name in (*names, last):
@@ -142,11 +172,23 @@ def write_as_one(
         raise
 
 
-def _write_piece(piece: Path, content: str | bytes, path: Path) -> None:
-    with _blaming(path), piece.open("xb") as file:
+@contextmanager
+def _piece(path: Path) -> Iterator[IO[bytes]]:
+    """Yield a new file that is on disk once all has been written to it, and else gone."""
+    file = path.open("xb")
+    try:
+        with file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+
+
+def _write_piece(path: Path, content: str | bytes) -> None:
+    with _piece(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)
-        file.flush()
-        os.fsync(file.fileno())
 
 
 @contextmanager
@@ -198,6 +240,16 @@ def _temporary_name(path: Path) -> Path:
     kept = os.fsdecode(os.fsencode(path.name)[:_KEPT_NAME_BYTES])
     # By chance, so that nobody can have put anything there.
     return path.with_name(f".{kept}.{os.urandom(8).hex()}.tmp")
+
+
+def _put_in_free_place(temporary: Path, path: Path) -> None:
+    """Take a place that is free where the file system has no hard links."""
+    path.open("xb").close()
+    try:
+        os.replace(temporary, path)
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
 
 
 def _put_in_place(temporary: Path, path: Path) -> None:

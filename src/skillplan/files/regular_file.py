@@ -10,10 +10,11 @@ import errno
 import os
 import stat
 from collections.abc import Callable
+from io import FileIO
 from pathlib import Path
 from typing import Literal
 
-Refusal = Literal["folder", "irregular", "large", "outside", "link", "shared"]
+Refusal = Literal["folder", "irregular", "large", "memory", "outside", "link", "shared"]
 
 _CHUNK_BYTES = 1024 * 1024
 # Nothing is waited for, nothing becomes this process's terminal, and no other program inherits it.
@@ -27,6 +28,7 @@ _WORDS: dict[Refusal, tuple[int, str]] = {
     "folder": (errno.EISDIR, "it is a folder"),
     "irregular": (errno.EINVAL, "it is no regular file"),
     "large": (errno.EFBIG, "it is larger than the {most_bytes:,} bytes that it may have"),
+    "memory": (errno.ENOMEM, "its arrays take more memory than the {most_bytes:,} bytes there are"),
     "outside": (errno.ELOOP, "a link leads out of the folder"),
     "shared": (errno.EMLINK, "the same file has another name, a hard link; copy it"),
     "link": (errno.ELOOP, "there is a link on the way to it"),
@@ -77,17 +79,22 @@ def read_bytes(
         If it cannot be read; `strerror` says why.
     """
     with os.fdopen(open_regular(path, os.O_RDONLY, within=within), "rb", buffering=0) as file:
-        size = os.fstat(file.fileno()).st_size
-        if size > most_bytes:
-            raise RefusedFile("large", path, most_bytes)
-        pieces: list[bytes] = []
-        left, chunk = most_bytes + 1, size + 1
-        # A file may grow meanwhile, and those of the process file system have no size.
-        while left and (piece := file.read(min(left, chunk))):
-            pieces.append(piece)
-            left, chunk = left - len(piece), _CHUNK_BYTES
-        if not left:
-            raise RefusedFile("large", path, most_bytes)
+        return read_rest(file, path, most_bytes)
+
+
+def read_rest(file: FileIO, path: str | os.PathLike[str], most_bytes: int) -> bytes:
+    """Return all that an open file still holds; errors are those of `read_bytes`."""
+    size = os.fstat(file.fileno()).st_size
+    if size > most_bytes:
+        raise RefusedFile("large", path, most_bytes)
+    pieces: list[bytes] = []
+    left, chunk = most_bytes + 1, size + 1
+    # A file may grow meanwhile, and those of the process file system have no size.
+    while left and (piece := file.read(min(left, chunk))):
+        pieces.append(piece)
+        left, chunk = left - len(piece), _CHUNK_BYTES
+    if not left:
+        raise RefusedFile("large", path, most_bytes)
     return b"".join(pieces)
 
 

@@ -54,15 +54,23 @@ def _number(value: Any, what: str) -> float | None:
     """Return a number as the plain float that it is, whatever a subclass says it is."""
     if value is None:
         return None
+    plain = _without_class(value)
+    if plain is not None:
+        return float(plain)
+    try:
+        # Such as a scalar of numpy, which is no subclass.
+        return _without_class(float(value))
+    except Exception:
+        raise ValueError(f"its {what} is a {type(value).__name__}, not a number") from None
+
+
+def _without_class(value: Any) -> float | int | None:
+    """Return a float or an int as Python itself has it; None of anything else."""
     if isinstance(value, float):
         return float.__add__(value, 0.0)
     if isinstance(value, int) and not isinstance(value, bool):
-        return float(int.__add__(value, 0))
-    try:
-        # Such as a scalar of numpy, which is no subclass.
-        return float.__add__(float(value), 0.0)
-    except Exception:
-        raise ValueError(f"its {what} is a {type(value).__name__}, not a number") from None
+        return int.__add__(value, 0)
+    return None
 
 
 def _plain(value: Any) -> Any:
@@ -73,14 +81,11 @@ def _plain(value: Any) -> Any:
         return [_plain(item) for item in list.__iter__(value)]
     if isinstance(value, tuple):
         return tuple(_plain(item) for item in tuple.__iter__(value))
-    if isinstance(value, bool):
-        return value
-    if isinstance(value, float):
-        return float.__add__(value, 0.0)
-    if isinstance(value, int):
-        return int.__add__(value, 0)
+    if isinstance(value, str):
+        return str.__str__(value)
+    number = _without_class(value)
     # Whatever else there is, JSON does not know.
-    return str.__str__(value) if isinstance(value, str) else value
+    return value if number is None else number
 
 
 def _policy(found: Mapping[State, Skill] | None) -> Mapping[State, Skill] | None:

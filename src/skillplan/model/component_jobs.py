@@ -67,6 +67,9 @@ class ComponentJobs:
     ----------
     task
         What to look at.
+    told_basis
+        Bits of the facts that costs depend on where back ends tell them, beside those that the
+        task's own costs depend on.
 
     Attributes
     ----------
@@ -85,8 +88,9 @@ class ComponentJobs:
         If the task does not have this structure; the message says what stands against it.
     """
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: Task, told_basis: int = 0) -> None:
         self.task = task
+        self._told_basis = told_basis
         if not task.deterministic:
             raise self.no("skills may have several outcomes")
         if any(skill.cases for skill in task.skills):
@@ -123,7 +127,7 @@ class ComponentJobs:
 
     def _named_bits(self) -> dict[str, int]:
         """Return the bits of the facts named after each component that no cost depends on."""
-        basis, depended = CostBasis(), 0
+        basis, depended = CostBasis(), self._told_basis
         for skill in self._live:
             bits = basis.bits(skill.cost)
             if bits is None:

@@ -48,6 +48,8 @@ class _Group:
 class JobConnections:
     """Least costs of coming to jobs and doing them, and the skills on these paths.
 
+    Where back ends tell costs, lower bounds stand for them: see :mod:`priced_connections`.
+
     Parameters
     ----------
     model
@@ -70,6 +72,7 @@ class JobConnections:
 
     def __init__(self, model: SkillModel, structure: ComponentJobs, sets: DoneSets) -> None:
         self._model = model
+        self._bounds = model.asks_costs
         self._structure = structure
         self._sets = sets
         self._facts = structure.task.facts
@@ -125,7 +128,7 @@ class JobConnections:
     def _from(self, situation: int) -> tuple[NDArray[np.float64], list[tuple[str, ...]]]:
         """Return the cost of coming from a situation to each job and doing it, and the paths."""
         stops = self._stops(situation)
-        costs = np.stack([stop.cost + self._row(stop.situation) for stop in stops])
+        costs = np.stack([stop.cost + self.row(stop.situation) for stop in stops])
         # Of equally expensive paths the first found, which is the shortest.
         chosen = costs.argmin(axis=0)
         least = costs[chosen, np.arange(len(chosen))]
@@ -147,13 +150,13 @@ class JobConnections:
             if len(met) >= _MOST_SITUATIONS:
                 raise self._structure.no(f"more than {_MOST_SITUATIONS} situations between jobs")
             met[here] = _Stop(cost, here, path)
-            for more, following, name in self._edges_of(here):
+            for more, following, name in self.steps_from(here):
                 if following not in met:
                     pushed += 1
                     heapq.heappush(queue, (cost + more, pushed, following, (*path, name)))
         return list(met.values())
 
-    def _edges_of(self, situation: int) -> list[tuple[float, int, str]]:
+    def steps_from(self, situation: int) -> list[tuple[float, int, str]]:
         """Return cost, situation after and name of each skill that may be done between jobs."""
         if situation not in self._edges:
             edges = []
@@ -161,7 +164,7 @@ class JobConnections:
                 if situation & needs == needs and not situation & bars:
                     cost = self._cost_of(skill, self._facts.state(situation))
                     if math.isfinite(cost) and self._passes(skill, situation):
-                        following = self._following(skill, situation)
+                        following = self.following(skill, situation)
                         edges.append((cost, following, skill.name))
             self._edges[situation] = edges
         return self._edges[situation]
@@ -210,13 +213,13 @@ class JobConnections:
             bars = job.chain[0].precondition.forbids.bits & self._structure.situation
             group = groups.setdefault((needs, bars), _Group(needs, bars, [], {}))
             cost = job.chain[0].cost
-            if isinstance(cost, TableCost) and len(job.chain) == 1:
+            if isinstance(cost, TableCost) and len(job.chain) == 1 and not self._bounds:
                 group.tables.setdefault(cost.places.bits, []).append(i)
             else:
                 group.jobs.append(i)
         return list(groups.values())
 
-    def _row(self, situation: int) -> NDArray[np.float64]:
+    def row(self, situation: int) -> NDArray[np.float64]:
         """Return the cost of beginning and doing each job in a situation; inf where it cannot."""
         found = self._rows.get(situation)
         if found is None:
@@ -250,7 +253,7 @@ class JobConnections:
         cost = self._cost_of(chain[0], state)
         if len(chain) == 1:
             return cost
-        situation = self._following(chain[0], state.bits)
+        situation = self.following(chain[0], state.bits)
         key = (job, situation)
         if key not in self._tails:
             self._tails[key] = self._tail(chain[1:], situation)
@@ -265,17 +268,22 @@ class JobConnections:
             if situation & needs != needs or situation & bars:
                 return math.inf
             cost += self._cost_of(skill, self._facts.state(situation))
-            situation = self._following(skill, situation)
+            situation = self.following(skill, situation)
         return cost
 
     def _cost_of(self, skill: Skill, state: State) -> float:
         try:
-            return skill.cost.at(state)
+            cost = skill.cost.at(state)
         except ValueError as error:
             why = str(error).rstrip(".")
             raise self._structure.no(f"the cost of {skill.name} is unknown: {why}") from None
+        if self._bounds:
+            lacks = self._structure.situation & ~state.bits
+            return self._model.least_cost(skill, state.bits, lacks)
+        return cost
 
-    def _following(self, skill: Skill, situation: int) -> int:
+    def following(self, skill: Skill, situation: int) -> int:
+        """Return the bits of the situation after a skill."""
         outcome = skill.prediction
         kept = situation & ~outcome.delete.bits
         return kept | outcome.add.bits & self._structure.situation

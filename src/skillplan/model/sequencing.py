@@ -21,6 +21,7 @@ from skillplan.model.component_jobs import ComponentJobs
 from skillplan.model.done_jobs import DoneSets, closed, members
 from skillplan.model.job_connections import JobConnections
 from skillplan.model.job_precedence import JobQuery
+from skillplan.model.priced_connections import PricedConnections, needed_connections
 from skillplan.model.skill_model import SkillModel
 
 # By how much a path may cost more for leaving a job out, because of rounding.
@@ -126,6 +127,9 @@ class SequencingProblem:
     def from_model(cls, model: SkillModel) -> SequencingProblem:
         """Recognise the structure in a model; back ends are queried for the precedence.
 
+        And for costs where they tell them: then what cannot come right after each other, and what
+        is not cheapest even by its lower bound, is not asked.
+
         Raises
         ------
         NotASequencing
@@ -135,17 +139,27 @@ class SequencingProblem:
         SearchStopped
             If the caller should have stopped long ago.
         """
-        structure = ComponentJobs(model.task)
+        told_basis = model.feasibility.times.basis if model.asks_costs else 0
+        structure = ComponentJobs(model.task, told_basis)
+        several = next(
+            (one.name for one in model.task.skills if one.ways and model.asks_costs), None
+        )
+        if several is not None:
+            raise structure.no(f"how long {several} takes depends on the way that it can take")
         sets = DoneSets(structure)
         connections = JobConnections(model, structure, sets)
-        costs = connections.matrix()
+        costs, paths_found = connections.matrix(), connections.paths
         before = _precedence(model, structure, sets, connections)
+        if model.asks_costs:
+            needed = needed_connections(len(structure.jobs), *closed(structure, before))
+            priced = PricedConnections(model, structure, connections, needed)
+            costs, paths_found = priced.costs, priced.paths
         chosen = sorted(before)
         _check_left_out(structure, set(before), costs)
         index = {job: i for i, job in enumerate(chosen)}
         paths = {
             (index.get(source, -1), index[job]): path
-            for (source, job), path in connections.paths.items()
+            for (source, job), path in paths_found.items()
             if job in index and (source < 0 or source in index)
         }
         return cls(

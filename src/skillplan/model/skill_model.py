@@ -1,10 +1,12 @@
 """The lazy skill-transition model: what every solver consumes.
 
 *Applicable* is symbolic and free; *feasible* queries back ends, and only once a solver needs it.
+So does a *cost* where it is the time that a back end tells.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -65,12 +67,23 @@ class Transition:
 
 @dataclass(slots=True)
 class ModelStats:
-    """What was queried of a model: states expanded, checks made, verdicts reused, unknown met."""
+    """What was queried of a model.
+
+    Parameters
+    ----------
+    states
+        Expanded.
+    checks, cache_hits, unknown
+        Checks made, verdicts reused, and verdicts that were unknown.
+    trajectories
+        Times of skills that back ends told.
+    """
 
     states: int = 0
     checks: int = 0
     cache_hits: int = 0
     unknown: int = 0
+    trajectories: int = 0
 
 
 class SkillModel:
@@ -83,6 +96,11 @@ class SkillModel:
     overdue
         Returns True once a solver should have stopped long ago; then the model raises
         `SearchStopped` in it.
+
+    Attributes
+    ----------
+    asks_costs
+        Whether a back end is asked for costs: then `least_cost` bounds them without asking.
     """
 
     def __init__(self, feasibility: Feasibility, overdue: Callable[[], bool] | None = None) -> None:
@@ -90,7 +108,9 @@ class SkillModel:
         self.task: Task = feasibility.task
         self._overdue = overdue
         self._transitions: dict[State, tuple[Transition, ...]] = {}
-        self._timed = feasibility.tells_time
+        self._times = feasibility.times
+        self._timed = bool(self._times.sources)
+        self.asks_costs = self._timed and self.task.metric.is_duration
         self._unknown = 0
         self._expanded = 0
         self._masks = [
@@ -116,6 +136,7 @@ class SkillModel:
             checks=self.feasibility.checks,
             cache_hits=self.feasibility.hits,
             unknown=self._unknown,
+            trajectories=self._times.told,
         )
 
     def is_goal(self, state: State) -> bool:
@@ -160,30 +181,65 @@ class SkillModel:
         No back end is queried for a verdict, but for the way of a skill that has several; one that
         can may say how long it takes.
         """
+        duration_s = self.duration_s(state, skill)
         return Transition(
             state,
             skill,
             tuple(
                 (outcome.probability, outcome.apply(state)) for outcome in skill.outcomes_in(state)
             ),
-            skill.cost.at(state),
-            self.duration_s(state, skill) if self._timed else skill.duration_s.at(state),
+            duration_s if self.asks_costs else skill.cost.at(state),
+            duration_s,
         )
+
+    def cost(self, state: State, skill: Skill) -> float:
+        """Return what `skill` costs from `state`: a back end may be asked where that is its time.
+
+        Raises
+        ------
+        ValueError
+            If the state leaves it open.
+        BackEndError
+            If a back end fails.
+        """
+        return self.duration_s(state, skill) if self.asks_costs else skill.cost.at(state)
+
+    def least_cost(self, skill: Skill, true_bits: int, false_bits: int) -> float:
+        """Return a lower bound on the cost of a skill, without asking a back end for a time.
+
+        Parameters
+        ----------
+        skill
+            A skill of the task.
+        true_bits, false_bits
+            Bits of the facts that are known to hold, and not to hold, where it starts.
+        """
+        if self.asks_costs:
+            least_s = self._times.least_s(skill, true_bits, false_bits)
+            if math.isfinite(least_s):
+                return least_s
+        return skill.cost.least(true_bits, false_bits)
 
     def duration_s(self, state: State, skill: Skill) -> float:
         """Return the time that `skill` takes from `state` [s]: a back end's, or else the task's.
 
         Of a skill with several ways that of the one that is taken, for which verdicts are queried.
+        The task's figure counts as no less than the bound of a back end that could not time it.
 
         Raises
         ------
         BackEndError
             If a back end fails.
         """
-        said_s = None
-        if self._timed:
-            said_s = self.feasibility.duration_s(self.feasibility.taken(skill, state), state)
-        return skill.duration_s.at(state) if said_s is None else said_s
+        if not self._timed:
+            return skill.duration_s.at(state)
+        said_s = self._times.duration_s(self.feasibility.taken(skill, state), state)
+        if said_s is not None:
+            return said_s
+        figure_s = skill.duration_s.at(state)
+        bits = state.bits
+        least_s = self._times.least_s(skill, bits, self.task.facts.all_bits & ~bits)
+        return max(figure_s, least_s) if math.isfinite(least_s) else figure_s
 
     def transitions(self, state: State) -> tuple[Transition, ...]:
         """Return the transitions of all skills that are applicable and feasible in `state`.

@@ -238,6 +238,7 @@ def make_draft(task: Task, solver: str, setup: Setup, seed: int) -> Draft:
         physics=setup.physics_choice(task).name,
         collision=",".join(choice.name for choice in setup.collision_choices(task)),
         cost_unit=task.metric.unit,
+        timed_by=setup.timed_by(task),
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NoReturn
 
+from skillplan.checks.single_check import tells_time
 from skillplan.domains.domain import Domain
 from skillplan.domains.load import FileChecks, Problem, load_task
 from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError
@@ -123,6 +124,20 @@ class Setup:
         if not self.has_screen(task):
             return False
         return bool(registry.load("physics", self.physics_choice(task).name).expensive)
+
+    def timed_by(self, task: Task) -> str:
+        """Return the back ends that tell how long skills take, by commas; empty without any.
+
+        Raises
+        ------
+        PluginError
+            If a back end is unknown or broken.
+        """
+        chosen = [("physics", self.physics_choice(task).name)]
+        chosen += [("collision", choice.name) for choice in self.collision_choices(task)]
+        screen = SCREEN if self.screens(task) else None
+        tell = [n for kind, n in chosen if n != screen and tells_time(registry.load(kind, n))]
+        return ",".join(tell)
 
     def _detectors(self, task: Task) -> tuple[str, ...]:
         named = self.collision or tuple(choice.name for choice in task.collision)

@@ -68,7 +68,9 @@ class Draft:
         How it is solved.
     cost_unit
         The unit of the task's metric.
-    states, expanded, checks, cache_hits, wall_s
+    timed_by
+        The back ends that tell how long skills take; empty where the task's own figures count.
+    states, expanded, checks, cache_hits, trajectories, wall_s
         How often the solver queried the model, and how long it took [s].
     interrupted
         Whether the user ended the search.
@@ -84,10 +86,12 @@ class Draft:
     physics: str
     collision: str
     cost_unit: str = ""
+    timed_by: str = ""
     states: int = 0
     expanded: int | None = None
     checks: int = 0
     cache_hits: int = 0
+    trajectories: int = 0
     wall_s: float = 0.0
     interrupted: bool = False
     trace: Mapping[str, Any] = field(default_factory=dict)

@@ -58,7 +58,9 @@ class Result:
         Its duration [s].
     reason
         Why it is no better than the status says; empty for an optimal plan.
-    states, expanded, checks, cache_hits, wall_s
+    timed_by
+        The back ends that tell how long skills take; empty where the task's own figures count.
+    states, expanded, checks, cache_hits, trajectories, wall_s
         How often the solver queried the model, and how long it took [s], the referee not counted.
     trace
         Figures of the search.
@@ -91,10 +93,12 @@ class Result:
     steps: tuple[Step, ...] = ()
     makespan_s: float | None = None
     reason: str = ""
+    timed_by: str = ""
     states: int = 0
     expanded: int | None = None
     checks: int = 0
     cache_hits: int = 0
+    trajectories: int = 0
     wall_s: float = 0.0
     interrupted: bool = False
     trace: Mapping[str, Any] = field(default_factory=dict)
@@ -110,7 +114,8 @@ class Result:
             )
         if self.wall_s < 0 or (self.makespan_s or 0) < 0 or (self.cost or 0) < 0:
             raise ValueError("Costs and times must be >= 0.")
-        if min(self.states, self.expanded or 0, self.checks, self.cache_hits) < 0:
+        counts = (self.states, self.expanded or 0, self.checks, self.cache_hits, self.trajectories)
+        if min(counts) < 0:
             raise ValueError("Counts must be >= 0.")
         cost, bound = self.cost, self.lower_bound
         if cost is not None and bound is not None and bound > cost + tolerance(cost):
@@ -149,6 +154,7 @@ class Result:
             "gap": self.gap,
             "makespan": self.makespan,
             "makespan_s": self.makespan_s,
+            "timed_by": self.timed_by,
             "skills": [step.skill for step in self.steps],
             "actions": [step.action for step in self.steps],
             "steps": [step_document(step) for step in self.steps],
@@ -157,6 +163,7 @@ class Result:
                 "expanded": self.expanded,
                 "checks": self.checks,
                 "cache_hits": self.cache_hits,
+                "trajectories": self.trajectories,
                 "wall_s": self.wall_s,
             },
             "trace": dict(self.trace),

@@ -90,6 +90,27 @@ class BackEnd(ABC):
         """
         return None
 
+    def least_duration_s(self, skill: Skill, true_bits: int, false_bits: int) -> float:
+        """Return a lower bound on `duration_s`, without working out any trajectory [s].
+
+        Where cycle time is what is minimised, searches ask for times only where this bound does
+        not do. A time below it is refused as a contradiction.
+
+        Parameters
+        ----------
+        skill
+            A skill of the task.
+        true_bits, false_bits
+            Bits of the facts that are known to hold, and not to hold, where it starts.
+
+        Returns
+        -------
+        float
+            At most what `duration_s` says in any such state, >= 0; inf where it says None in all
+            of them.
+        """
+        return 0.0
+
     @abstractmethod
     def check(self, skill: Skill, state: State) -> Verdict:
         """Decide about one execution.
@@ -97,7 +118,8 @@ class BackEnd(ABC):
         Parameters
         ----------
         skill
-            A skill of the task, applicable in `state`.
+            A skill of the task, applicable in `state`; one that has several ways by one of them,
+            under a name of its own.
         state
             Where it starts.
 

@@ -27,6 +27,9 @@ class Metric:
         For people; no unit, an empty text, for plain numbers.
     decimals
         How many a cost is printed with, >= 0; 0 for what is counted.
+    is_duration
+        Whether the cost of a skill is how long it takes [s]: then a back end that tells time goes
+        before the task's own figures.
 
     Raises
     ------
@@ -37,6 +40,7 @@ class Metric:
     name: str
     unit: str
     decimals: int = 5
+    is_duration: bool = False
 
     def __post_init__(self) -> None:
         if self.decimals < 0:

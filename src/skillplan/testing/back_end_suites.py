@@ -83,6 +83,20 @@ class _BackEndSuite:
         again = [backward.check(*query) for query in reversed(queries)]
         assert answers == list(reversed(again))
 
+    def test_it_says_of_no_skill_that_it_takes_less_than_its_bound(self) -> None:
+        """In any state, and where only the precondition is known; 0 bounds every time."""
+        task = self.task()
+        back_end = self.make(task)
+        for skill, state in self.queries(task):
+            taken_s = back_end.duration_s(skill, state)
+            unknown = task.facts.all_bits & ~state.bits
+            least_s = back_end.least_duration_s(skill, state.bits, unknown)
+            needs = skill.precondition
+            anywhere_s = back_end.least_duration_s(skill, needs.requires.bits, needs.forbids.bits)
+            assert least_s >= 0
+            assert anywhere_s >= 0
+            assert taken_s is None or max(least_s, anywhere_s) <= taken_s * (1 + 1e-9)
+
 
 class DetectorSuite(_BackEndSuite):
     """What every collision detector owes the model."""

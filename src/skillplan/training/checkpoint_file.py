@@ -19,15 +19,17 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
-from skillplan.files.regular_file import read_bytes
+from skillplan.files.regular_file import RefusedFile
+from skillplan.files.safetensors_file import read_safetensors
 from skillplan.files.schema_errors import schema_issues
 from skillplan.files.strict_json import parse_json
 from skillplan.records import schemas
 from skillplan.solvers.learning.learner import Snapshot
+from skillplan.workers.resident_memory import available_bytes
 
 _KEY = "skillplan"
 # More than any replay memory that fits into a machine of today.
-_MOST_BYTES = 64 * 1024**3
+MOST_BYTES = 64 * 1024**3
 _MOST_SHOWN = 40
 _REMEDY = "Delete it, and --resume begins its runs again"
 
@@ -110,26 +112,30 @@ def read_checkpoint(path: Path, *, within: Path | None = None) -> Checkpoint | N
     Raises
     ------
     OptionError
-        If it cannot be read, or is not as it was written.
+        If it cannot be read, is not as it was written, or there is no room for it in memory.
     """
     from safetensors import SafetensorError
     from safetensors.numpy import load
 
     try:
-        data = read_bytes(path, _MOST_BYTES, within=within)
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        raise OptionError(f"{path}: cannot be read: {error.strerror}. {_REMEDY}.") from None
-    try:
-        arrays = {name: np.array(array) for name, array in load(data).items()}
-        size = int.from_bytes(data[:8], "little")
-        header = parse_json(parse_json(data[8 : 8 + size])["__metadata__"][_KEY])
+        data, said = read_safetensors(path, MOST_BYTES, room_bytes=available_bytes(), within=within)
+        kept = load(data)
+        del data
+        # One after the other: that of the parser goes where its copy, to be written to, comes.
+        arrays = {name: np.array(kept.pop(name)) for name in list(kept)}
+        header = parse_json(said["__metadata__"][_KEY])
         text = header["content"]
         if _digest(text, arrays) != header["sha256"]:
             raise ValueError("its hash is another one")
         content = parse_json(text)
         schema = content.pop("schema")
+    except FileNotFoundError:
+        return None
+    except RefusedFile as error:
+        remedy = "Resume where there is more" if error.why == "memory" else _REMEDY
+        raise OptionError(f"{path}: cannot be read: {error.strerror}. {remedy}.") from None
+    except OSError as error:
+        raise OptionError(f"{path}: cannot be read: {error.strerror}. {_REMEDY}.") from None
     except (SafetensorError, ValueError, KeyError, TypeError, AttributeError) as error:
         reason = f"{type(error).__name__}: {error}" if isinstance(error, KeyError) else str(error)
         raise OptionError(f"{path}: is damaged: {reason.rstrip('.')}. {_REMEDY}.") from None
@@ -139,11 +145,11 @@ def read_checkpoint(path: Path, *, within: Path | None = None) -> Checkpoint | N
             f"{schemas.CHECKPOINT}. Use the version that wrote it."
         )
     try:
-        said = _Content.model_validate(content)
+        checked = _Content.model_validate(content)
     except ValidationError as error:
         fault = str(schema_issues(error, _Content)[0]).rstrip(".")
         raise OptionError(f"{path}: is damaged: {fault}. {_REMEDY}.") from None
-    return Checkpoint(said.steps, said.lengths, Snapshot(arrays, said.notes))
+    return Checkpoint(checked.steps, checked.lengths, Snapshot(arrays, checked.notes))
 
 
 def _digest(text: str, arrays: Mapping[str, NDArray[Any]]) -> str:

@@ -160,25 +160,37 @@ def _legitimate(task: Task, back_ends: Sequence[BackEnd]) -> Iterator[CheckedTri
             for skill in (one for one in task.skills if one.applicable(state)):
                 if chart is not None and not chart.check(skill, state).is_feasible:
                     continue
-                known = {one.name: cache.find(one, skill, state) for one in back_ends}
-                verdicts = dict[str, Verdict]()
-                for back_end in back_ends:
-                    verdict = known[back_end.name]
-                    if verdict is None:
-                        checked = check(back_end, skill, state)
-                        cache.keep(back_end, skill, checked, state)
-                        verdict = checked.verdict
-                    verdicts[back_end.name] = verdict
-                granted = sum(verdict.is_feasible for verdict in verdicts.values())
-                if chart is None and 2 * granted <= len(back_ends):
+                for one in [skill.by(way) for way in skill.ways] or [skill]:
+                    new, verdicts = _asked(cache, back_ends, one, state)
+                    most = 2 * sum(said.is_feasible for said in verdicts.values()) > len(back_ends)
+                    if most or (chart is not None and not skill.ways):
+                        break
+                else:
                     continue
-                if None in known.values():
-                    yield CheckedTrial(Trial(task, skill, state, Truth.LEGITIMATE), verdicts)
+                if new:
+                    yield CheckedTrial(Trial(task, one, state, Truth.LEGITIMATE), verdicts)
                 after = skill.prediction_in(state).apply(state)
                 if after not in seen and not task.goal.holds(state):
                     seen.add(after)
                     following.append(after)
         level = following
+
+
+def _asked(
+    cache: VerdictCache, back_ends: Sequence[BackEnd], skill: Skill, state: State
+) -> tuple[bool, dict[str, Verdict]]:
+    """Return whether a back end had to be queried, and what each says by its name."""
+    new = False
+    verdicts = dict[str, Verdict]()
+    for back_end in back_ends:
+        verdict = cache.find(back_end, skill, state)
+        if verdict is None:
+            new = True
+            checked = check(back_end, skill, state)
+            cache.keep(back_end, skill, checked, state)
+            verdict = checked.verdict
+        verdicts[back_end.name] = verdict
+    return new, verdicts
 
 
 def _chosen(

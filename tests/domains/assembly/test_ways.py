@@ -237,3 +237,16 @@ def test_a_hole_with_a_height_need_not_be_at_the_highest_place():
     content["screws"]["bolt"]["hole_m"] = [0.45, 0.09, 0.01]
     ((path, _),) = issues_of(content)
     assert path == ("screws", "bolt", "hole_m")
+
+
+def test_check_shows_how_parts_go_in_and_are_held():
+    """With the length of each stretch; nothing of parts that have no choice and say nothing."""
+    config = AssemblyConfig.model_validate(content_of())
+    assert "ways" not in AssemblyDomain().overview(config).document
+    grasps = [{"type": "suction"}, {"approach": [-1, 0, 0]}]
+    content = content_of(insert_along=[[-1, 0, 0], [0, 0, -1]], grasp=grasps)
+    shown = AssemblyDomain().overview(AssemblyConfig.model_validate(content))
+    line = "ways       drawer goes in along -x over 155.0 mm or along -z, is held at top or +x"
+    assert shown.lines[-1] == line
+    (entry,) = shown.document["ways"]
+    assert [one["insert_m"] for one in entry["directions"]] == [pytest.approx(0.155), None]

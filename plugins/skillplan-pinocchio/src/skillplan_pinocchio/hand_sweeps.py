@@ -13,7 +13,7 @@ from skillplan.task.scene import Robot, Scene
 from skillplan_pinocchio.hulls import HandPart, hand_parts
 from skillplan_pinocchio.motion_plan import spared
 from skillplan_pinocchio.obstacles import Obstacle
-from skillplan_pinocchio.shapes import pieces_of
+from skillplan_pinocchio.shapes import ConvexPiece, pieces_of
 from skillplan_pinocchio.sweep import Sweep, Touch
 
 _HANDLING = (Event.GRASP, Event.RELEASE)
@@ -53,6 +53,21 @@ class HandSweeps:
         yield from self._swept(
             "the travel", motion, (start[0], start[1], above[2]), by, after=False
         )
+
+    def held(
+        self, motion: LinearMotion, begin: Point
+    ) -> Iterator[tuple[str, tuple[ConvexPiece, ...]]]:
+        """Yield what is at the end of the arm before a motion acts: names, and pieces in the world.
+
+        Parameters
+        ----------
+        motion
+            The motion.
+        begin
+            Where the tip is [m].
+        """
+        for sweep in self._swept("", motion, begin, _STILL, after=False):
+            yield sweep.mover, sweep.pieces
 
     def approach(self, motion: LinearMotion) -> Iterator[tuple[Sweep, ...]]:
         """Yield the sweeps of each straight stretch to the target, in order."""

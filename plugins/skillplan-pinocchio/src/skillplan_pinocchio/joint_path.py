@@ -82,6 +82,11 @@ class JointPath:
     @property
     def steepest(self) -> Array:
         """Greatest size of the first derivative of every joint, shape (joints,)."""
+        return np.asarray(self.steepest_by_interval.max(axis=0))
+
+    @property
+    def steepest_by_interval(self) -> Array:
+        """The same between every two neighbouring nodes, shape (intervals, joints)."""
         step, bends = self._step, self._bends
         rise = np.diff(self.nodes, axis=0) / step
         before, after = bends[:-1], bends[1:]
@@ -93,8 +98,7 @@ class JointPath:
         turns = before * after < 0
         share = np.divide(before, before - after, out=np.zeros_like(before), where=turns)
         inner = rise + step / 6 * ((1 - 3 * (1 - share) ** 2) * before + (3 * share**2 - 1) * after)
-        found = np.maximum(found, np.where(turns, np.abs(inner), 0.0))
-        return np.asarray(found.max(axis=0))
+        return np.asarray(np.maximum(found, np.where(turns, np.abs(inner), 0.0)))
 
     @property
     def sharpest(self) -> Array:

@@ -26,10 +26,14 @@ class Stand:
         Where the tip is [m].
     joints_rad
         How the arm stands there, shape (7,); None where it cannot.
+    came_from_rad
+        How it stood before it went there, shape (7,), where that path is no skill's own: as to look
+        for a part whose grasp failed. What is done next takes the time of that path, too.
     """
 
     above: Point
     joints_rad: Vector | None
+    came_from_rad: Vector | None = None
 
 
 class SkillTimes:
@@ -69,7 +73,7 @@ class SkillTimes:
         self._stands: dict[str, Stand] = {}
         self._transfers: dict[tuple[bytes, bytes], JointPath] = {}
         self._paths_s: dict[bytes, float] = {}
-        self._last = self._last_motions()
+        self._last, self._failed = self._last_motions()
 
     def duration_s(self, planned: tuple[ArmMotion, ...], stand: Stand) -> float | None:
         """Return how long some motions take in turn [s]; None where the arm cannot make them.
@@ -83,6 +87,8 @@ class SkillTimes:
         """
         here = stand.joints_rad
         total_s = 0.0
+        if stand.came_from_rad is not None and here is not None:
+            total_s = self._path_s(self.transfer(stand.came_from_rad, here))
         for one in planned:
             if not one.elbows or here is None:
                 return None
@@ -132,17 +138,38 @@ class SkillTimes:
             elbows = self.planner.plan(motion).elbows
         else:
             elbows = self.planner.descents(position, position, 0.0, frozenset()).elbows
-        return Stand(position, elbows[0].strokes.end if elbows else None)
+        before = self._failed.get(fact) if motion is None else None
+        came_from = () if before is None else self.planner.plan(before).elbows
+        return Stand(
+            position,
+            elbows[0].strokes.end if elbows else None,
+            came_from[0].strokes.end if came_from else None,
+        )
 
-    def _last_motions(self) -> dict[str, LinearMotion]:
-        """Return the last motion of the first skill that ends at every place."""
-        found: dict[str, LinearMotion] = {}
+    def _last_motions(self) -> tuple[dict[str, LinearMotion], dict[str, LinearMotion]]:
+        """Return the last motion of the first skill that ends at every place, and may fail there.
+
+        A skill that fails and leaves the arm at another place has made its motions, too.
+        """
+        ends: dict[str, LinearMotion] = {}
+        failed: dict[str, LinearMotion] = {}
         for skill in self.task.skills:
             if skill.motion is None or skill.motion.robot != self.robot.name:
                 continue
-            for fact in skill.prediction.add:
-                if fact in self.robot.places and fact not in found:
-                    # A state in which the first route is the one that fits.
-                    state = skill.motion.routes[0].when | skill.precondition.requires
-                    found[fact] = linear_motions(self.task, skill, state, self.drop_height_m)[-1]
-        return found
+            nominal = [fact for fact in skill.prediction.add if fact in self.robot.places]
+            others = [
+                fact
+                for outcome in skill.effects
+                for fact in outcome.add
+                if fact in self.robot.places and fact not in nominal
+            ]
+            if not (nominal or others):
+                continue
+            # A state in which the first route is the one that fits.
+            state = skill.motion.routes[0].when | skill.precondition.requires
+            motion = linear_motions(self.task, skill, state, self.drop_height_m)[-1]
+            for fact in nominal:
+                ends.setdefault(fact, motion)
+            for fact in others:
+                failed.setdefault(fact, motion)
+        return ends, failed

@@ -27,6 +27,7 @@ from skillplan.task.verdict import Verdict
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.hand_sweeps import HandSweeps
 from skillplan_pinocchio.joint_path import JointPath
+from skillplan_pinocchio.least_times import LeastTimes
 from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
 from skillplan_pinocchio.obstacles import obstacles_of
 from skillplan_pinocchio.picture import hull_scene
@@ -141,6 +142,10 @@ class SweptDetector(Detector):
             self._durations_s[key] = self._times.duration_s(self._plan(skill, state), stand)
         return self._durations_s[key]
 
+    def least_duration_s(self, skill: Skill, true_bits: int, false_bits: int) -> float:
+        """Return a bound on `duration_s` by the joints' limits; see :class:`LeastTimes`."""
+        return self._least_times.least_s(skill, true_bits, false_bits)
+
     def hulls(self, skill: Skill, state: State) -> HullScene:
         """Return what `skill` sweeps, to be looked at; see :meth:`HullDetector.hulls`."""
         words = too_wide(self.task.scene, self._robot, skill)
@@ -184,6 +189,10 @@ class SweptDetector(Detector):
         limits = JointLimits.of(self._robot.model).scaled(options.speed_fraction)
         drop_m = options.drop_height_m
         return SkillTimes(self.task, self._robot, self._planner, limits, dwells_s, drop_m)
+
+    @cached_property
+    def _least_times(self) -> LeastTimes:
+        return LeastTimes(self.task, self._robot, self._times, self._plan)
 
     @cached_property
     def _transfer_matters(self) -> bool:

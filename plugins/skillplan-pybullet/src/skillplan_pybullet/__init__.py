@@ -1,4 +1,4 @@
-"""A Panda in pybullet: skills executed, contacts logged, postconditions sensed.
+"""An arm in pybullet: skills executed, contacts logged, postconditions sensed.
 
 It holds the engine, the detectors that read its contacts, and what they need; it never solves, and
 never shows or stores anything.

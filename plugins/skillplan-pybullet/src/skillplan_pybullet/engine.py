@@ -1,4 +1,4 @@
-"""The engine: a skill is feasible if a simulated Panda executes it and senses what was promised."""
+"""The engine: a skill is feasible if a simulated arm executes it and senses what was promised."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from skillplan.physics.jaws import jaw_faults
 from skillplan.physics.performance import Image, Performance, Performer, Sample
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
+from skillplan.task.scene import ToolKind
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -31,9 +32,9 @@ _KEPT_RECORDS = 8
 
 
 class PybulletEngine(Engine, Performer):
-    """Execute the skill with a Panda in pybullet and sense its postcondition.
+    """Execute the skill with an arm in pybullet and sense its postcondition.
 
-    The robot is the one that pybullet ships (its inertias are placeholders, not measured).
+    The arm is the task's, built from its description: published kinematics, limits and masses.
     Every check has a world of its own, with the bodies near the motion and their supports; the
     verdict rests on the facts that put them there. It is about sensed postconditions: where
     parts come to rest, what is in the hand, which tool is attached, the force a screw is
@@ -41,7 +42,7 @@ class PybulletEngine(Engine, Performer):
     """
 
     name = "pybullet"
-    version = "4"
+    version = "5"
     expected_s = 0.6
     expensive = True
     contact_detectors = ("contact-pairs", "contact-force")
@@ -128,12 +129,17 @@ class PybulletEngine(Engine, Performer):
         return {name: version(name) for name in others}
 
     def refuses(self) -> str | None:
-        """Refuse tasks without bodies, and those with several robots."""
+        """Refuse tasks without bodies, several robots, and grippers with different jaws."""
         scene = self.task.scene
         if len(scene.robots) != 1:
             return f"it simulates one arm, and the task has {len(scene.robots)} robots"
         if not scene.bodies:
             return "the task has no bodies to simulate"
+        (robot,) = scene.robots
+        grippers = [tool for tool in robot.tools if tool.kind is ToolKind.GRIPPER]
+        if len({robot.hand_of(tool) for tool in grippers}) > 1:
+            names = ", ".join(repr(tool.name) for tool in grippers)
+            return f"it simulates one kind of jaws, and those of {names} are not alike"
         return None
 
     def faults(self) -> Mapping[str, str]:

@@ -8,13 +8,13 @@ from typing import Annotated
 import typer
 
 from skillplan.cli.options.completion import plugin_lists
+from skillplan.cli.options.limits import Limits
 from skillplan.cli.options.shared import (
     BACK_ENDS,
     Audit,
     BackEnds,
     ExecutorName,
     Jobs,
-    Limits,
     NoScreening,
     Reading,
     Seed,

@@ -10,13 +10,13 @@ import typer
 
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.fit import refuse_given
+from skillplan.cli.options.limits import TimeLimit
 from skillplan.cli.options.shared import (
     BackEnds,
     Checking,
     PartReading,
     Seed,
     Style,
-    TimeLimit,
 )
 from skillplan.cli.result_input import RESULT_HELP, load
 from skillplan.cli.training_runs.evaluation import RollOuts, Wanted, evaluate_run_folders

@@ -12,13 +12,13 @@ import typer
 
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.fit import given, refuse_given
+from skillplan.cli.options.limits import TimeLimit
 from skillplan.cli.options.shared import (
     OUTPUT,
     SOLVER,
     BackEnds,
     PartReading,
     Seed,
-    TimeLimit,
     parse_options,
     solver_option,
     split_names,

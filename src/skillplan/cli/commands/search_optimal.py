@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from skillplan.cli.options.limits import LIMITS, Limits
 from skillplan.cli.options.shared import (
-    LIMITS,
     OUTPUT,
     SOLVER,
     Audit,
     BackEnds,
     Checking,
-    Limits,
     NoScreening,
     PartReading,
     Seed,

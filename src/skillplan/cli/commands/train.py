@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
+from skillplan.cli.options.limits import time_limit_option
 from skillplan.cli.options.shared import (
-    LIMITS,
     OUTPUT,
     SOLVER,
     BackEnds,
@@ -23,7 +23,7 @@ from skillplan.cli.options.shared import (
     TaskFile,
     solver_option,
 )
-from skillplan.cli.options.values import count_option, positive_seconds
+from skillplan.cli.options.values import count_option
 from skillplan.cli.writing import tell
 
 TRAINING = "Training"
@@ -121,13 +121,7 @@ def command(
     no_screening: NoScreening = False,
     time_limit_s: Annotated[
         float,
-        typer.Option(
-            "--time-limit",
-            parser=positive_seconds,
-            metavar="S",
-            help="Give up proving the optimum after S seconds.",
-            rich_help_panel=LIMITS,
-        ),
+        time_limit_option("Give up proving the optimum after S seconds."),
     ] = 60.0,
     out: Annotated[
         str | None,

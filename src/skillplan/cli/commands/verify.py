@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from skillplan.cli.options.completion import task_files
-from skillplan.cli.options.shared import BACK_ENDS, LIMITS, OUTPUT, TASK, Style
-from skillplan.cli.options.values import memory_size, positive_seconds
+from skillplan.cli.options.limits import memory_limit_option, time_limit_option
+from skillplan.cli.options.shared import BACK_ENDS, OUTPUT, TASK, Style
 
 
 def command(
@@ -51,24 +51,11 @@ def command(
     ] = False,
     time_limit_s: Annotated[
         float,
-        typer.Option(
-            "--time-limit",
-            parser=positive_seconds,
-            metavar="S",
-            help="Prove nothing a second time that takes longer than S seconds in all.",
-            rich_help_panel=LIMITS,
-        ),
+        time_limit_option("Prove nothing a second time that takes longer than S seconds in all."),
     ] = 60.0,
     memory_limit_bytes: Annotated[
         int | None,
-        typer.Option(
-            "--memory-limit",
-            parser=memory_size,
-            metavar="SIZE",
-            help="Prove nothing a second time that takes more memory in all than this, such as "
-            "2GiB or 512MiB; 64MiB at least.",
-            rich_help_panel=LIMITS,
-        ),
+        memory_limit_option("Prove nothing a second time that takes more memory in all than this"),
     ] = None,
     verbose: Annotated[
         bool,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -12,9 +11,7 @@ import typer
 from skillplan.cli.options.completion import plugin_lists, plugin_names, plugin_options, task_files
 from skillplan.cli.options.values import (
     count_option,
-    memory_size,
     one_of,
-    positive_seconds,
     whole_number,
 )
 from skillplan.cli.writing import tell
@@ -24,13 +21,12 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.checks.verdict_cache import DiskVerdictCache
     from skillplan.domains.load import Problem
     from skillplan.pipeline.setup import Setup
-    from skillplan.solvers.stop import Stop
     from skillplan.task.back_end import BackEnd
     from skillplan.task.task import Task
 
 # The panels of a command's help.
 TASK, SOLVER, BACK_ENDS = "Task", "Solver", "Back ends"
-LIMITS, OUTPUT = "Limits", "Output"
+OUTPUT = "Output"
 
 FORMATS = ("table", "json", "csv", "md")
 _MOST_SEED = 2**63 - 1
@@ -68,17 +64,6 @@ Seed = Annotated[
         rich_help_panel=SOLVER,
     ),
 ]
-TimeLimit = Annotated[
-    float | None,
-    typer.Option(
-        "--time-limit",
-        parser=positive_seconds,
-        metavar="S",
-        help="Stop after S seconds with the best plan, its bound and its gap.",
-        rich_help_panel=LIMITS,
-    ),
-]
-
 Jobs = Annotated[
     int,
     count_option(
@@ -421,65 +406,6 @@ class Checking(Caching):
 
     jobs: Jobs = 1
     executor: ExecutorName = "local"
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """When a search ends by itself.
-
-    Parameters
-    ----------
-    time_limit_s
-        After how long [s].
-    stall_s
-        After how long without a better plan or bound [s].
-    memory_limit_bytes
-        How much memory it may hold [bytes].
-    """
-
-    time_limit_s: TimeLimit = None
-    stall_s: Annotated[
-        float | None,
-        typer.Option(
-            "--stall",
-            parser=positive_seconds,
-            metavar="S",
-            help="Stop once there is a plan and neither cost nor bound has improved for S seconds.",
-            rich_help_panel=LIMITS,
-        ),
-    ] = None
-    memory_limit_bytes: Annotated[
-        int | None,
-        typer.Option(
-            "--memory-limit",
-            parser=memory_size,
-            metavar="SIZE",
-            help="Stop with the best plan, its bound and its gap before the process, and those "
-            "that search beside it, hold more memory than this, such as 2GiB or 512MiB; 64MiB at "
-            "least.",
-            rich_help_panel=LIMITS,
-        ),
-    ] = None
-
-    def stoppable(self, label: str, gap: float = 0.0) -> AbstractContextManager[Stop]:
-        """Return what yields a stop with these limits.
-
-        Parameters
-        ----------
-        label
-            What a terminal shows meanwhile.
-        gap
-            At which relative gap the search ends, from 0 to 1.
-        """
-        from skillplan.cli.waiting import stoppable
-
-        return stoppable(
-            self.time_limit_s,
-            gap,
-            label,
-            stall_s=self.stall_s,
-            memory_limit_bytes=self.memory_limit_bytes,
-        )
 
 
 def warn_of(problem: Problem) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from skillplan.domains.assembly.consistency import issues
 from skillplan.domains.assembly.grounding import ground
+from skillplan.domains.assembly.handling.way_overview import way_overview
 from skillplan.domains.assembly.hints import hints
 from skillplan.domains.assembly.layout_family import layouts
 from skillplan.domains.assembly.rest_overview import rest_overview
@@ -34,8 +35,9 @@ class AssemblyDomain(Domain):
         return hints(config)
 
     def overview(self, config: Any) -> Overview:
-        """Return what every part rests on, at the start and at its goal."""
-        return rest_overview(config)
+        """Return what every part rests on, and how those with a choice are held and go in."""
+        rests, ways = rest_overview(config), way_overview(config)
+        return Overview({**rests.document, **ways.document}, (*rests.lines, *ways.lines))
 
     def variants(self, config: Any, seed: int, count: int) -> list[Any]:
         """Return layouts of the file's family, by its block ``family``."""

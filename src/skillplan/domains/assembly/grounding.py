@@ -1,7 +1,8 @@
 """From the content of an assembly file to its task.
 
 The five skills of Table I of Moller et al.: pick, place, load, offload, fasten. An action's
-cost is the planar distance from where the action before it ended to its own goal (section 4.2).
+cost is the planar distance from where the action before it ended to its own goal (section 4.2), or
+the time that it takes: then the task's own figures stand in where no back end tells times.
 A grasp may fail, which leaves the part where it lies; where the arm then goes to look for it
 again, the skill after counts that path, too.
 """
@@ -38,6 +39,11 @@ from skillplan.task.reward import Penalty, RewardScheme
 from skillplan.task.skill import Outcome, Skill, Way
 from skillplan.task.state import Facts, State
 from skillplan.task.task import BackEndChoice, Literal, Metric, Precedence, Task
+
+_METRICS = {
+    "distance": Metric("distance", "m"),
+    "time": Metric("time", "s", decimals=3, is_duration=True),
+}
 
 
 def ground(config: AssemblyConfig, sha256: str) -> Task:
@@ -79,7 +85,7 @@ class _Grounding:
             skills=tuple(skills[name] for name in order),
             initial=self._initial(),
             goal=Condition(facts.of(*goal), facts.none),
-            metric=Metric("distance", "m"),
+            metric=_METRICS[config.cost],
             step_limit=step_limit_of(config),
             scene=scene_of(config, {at(name): p for name, p in self.positions.items()}),
             reward=self._reward(order),
@@ -143,20 +149,22 @@ class _Grounding:
             there = facts.of(at(draft.failed_at))
             left = (facts.of(CHANGED_TOOL) | self.stands) - there
             outcomes.append(Outcome(draft.failure, there, left))
+        distance_m = DistanceCost(self.places, motion, behind_m=self.behind_m)
+        duration_s = DistanceCost(
+            self.places,
+            motion,
+            per_m=1 / config.robot.travel_speed_m_per_s,
+            fixed=getattr(config.durations_s, draft.kind),
+            behind_m=self.behind_m,
+        )
         return Skill(
             name=draft.name,
             kind=draft.kind,
             agents=(config.robot.name,),
             precondition=Condition(facts.of(*draft.requires), facts.of(*draft.forbids)),
             outcomes=tuple(outcomes),
-            cost=DistanceCost(self.places, motion, behind_m=self.behind_m),
-            duration_s=DistanceCost(
-                self.places,
-                motion,
-                per_m=1 / config.robot.travel_speed_m_per_s,
-                fixed=getattr(config.durations_s, draft.kind),
-                behind_m=self.behind_m,
-            ),
+            cost=duration_s if config.cost == "time" else distance_m,
+            duration_s=duration_s,
             motion=motion,
             parameters=draft.parameters,
             ways=tuple(

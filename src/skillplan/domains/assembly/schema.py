@@ -21,6 +21,7 @@ Reward = Annotated[float, Field(ge=-1e6, le=1e6)]
 Fact = Annotated[str, Field(min_length=1, max_length=200)]
 Shift = Annotated[float, Field(ge=0, le=1)]
 ToolChange = Literal["swap", "separate"]
+CostKind = Literal["distance", "time"]
 
 
 class DurationsConfig(Strict):
@@ -67,7 +68,7 @@ class RewardConfig(Strict):
 
     infeasible: Reward = Field(-10.0, description="a collision or an inapplicable skill")
     complete: Reward = Field(10.0, description="the step that completes the assembly")
-    per_cost: Reward = Field(-0.1, description="factor on the cost of any other step [1/m]")
+    per_cost: Reward = Field(-0.1, description="factor on the cost of any other step [1/m; 1/s]")
     out_of_time: Reward = Field(-10.0, description="the step that exhausts the step limit")
     repeated_tool_change: Reward | None = Field(
         None,
@@ -113,9 +114,9 @@ class CostExpectation(Strict):
 class ExpectConfig(Strict):
     """Figures that the project's tests verify; no command reads them."""
 
-    optimal_cost: float | None = Field(None, ge=0, description="cost of the optimum [m]")
+    optimal_cost: float | None = Field(None, ge=0, description="cost of the optimum [m; s]")
     optimal_expected_cost: float | None = Field(
-        None, ge=0, description="expected cost of the optimum, where grasps may fail [m]"
+        None, ge=0, description="expected cost of the optimum, where grasps may fail [m; s]"
     )
     optimal_actions: list[int] | None = Field(
         None, description="the actions of the optimum, by number from 0"
@@ -140,6 +141,12 @@ class AssemblyConfig(Strict):
     name: Name = Field(description="the task's name")
     description: str = Field("", description="for people")
     robot: RobotConfig = Field(description="the arm")
+    cost: CostKind = Field(
+        "distance",
+        description="what is minimised: the planar distance that the tip goes [m], or the cycle "
+        "time [s], as a back end tells it that works out trajectories, and else by "
+        "'durations_s' and 'travel_speed_m_per_s'",
+    )
     durations_s: DurationsConfig = Field(
         default_factory=DurationsConfig, description="how long each skill takes at its place [s]"
     )

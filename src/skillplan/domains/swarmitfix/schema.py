@@ -16,6 +16,7 @@ Swing = Annotated[float, Field(gt=0, le=86_400)]
 Position = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,63}$")]
 GoalRule = Literal["whole-trajectory", "fewest-steps", "nearest-centroid"]
 # A state holds a bit for each position; larger benches are for the compiled kernels alone.
+MOST_ROBOTS = 8
 MAX_POSITIONS = 10_000
 
 
@@ -238,9 +239,9 @@ class SwarmitfixConfig(Strict):
     timings: TimingsConfig = Field(
         default_factory=TimingsConfig, description="how long the five steps take [s]"
     )
-    robots: Annotated[dict[Name, BaseRobotConfig], Field(min_length=2, max_length=8)] | None = (
-        Field(None, description="several bases on one bench; instead of a trajectory")
-    )
+    robots: (
+        Annotated[dict[Name, BaseRobotConfig], Field(min_length=2, max_length=MOST_ROBOTS)] | None
+    ) = Field(None, description="several bases on one bench; instead of a trajectory")
     step_limit: Annotated[int, Field(ge=1, le=100_000)] | None = Field(
         None, description="the most skills of a sequence; left out: enough for every pair"
     )

@@ -164,6 +164,7 @@ def attempted(solver: Solver, model: SkillModel, draft: Draft, terms: Terms) -> 
         expanded=stats.states if iterations is None else iterations,
         checks=stats.checks,
         cache_hits=stats.cache_hits,
+        trajectories=stats.trajectories,
         wall_s=wall_s,
         interrupted=stop.interrupted,
         trace=trace,

@@ -78,6 +78,7 @@ class StoredStats(_Stored):
     expanded: int | None = Field(default=None, ge=0)
     checks: int = Field(default=0, ge=0)
     cache_hits: int = Field(default=0, ge=0)
+    trajectories: int = Field(default=0, ge=0)
     wall_s: float = Field(default=0.0, ge=0)
 
 

@@ -18,7 +18,7 @@ from skillplan.env.observation import Observation
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.json_file import json_text, read_checked
-from skillplan.files.regular_file import read_bytes
+from skillplan.files.safetensors_file import read_safetensors
 from skillplan.records import schemas
 from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.task.task import Task
@@ -163,9 +163,11 @@ def read_network(path: Path, *, within: Path | None = None) -> StoredNetwork:
     said = read_checked(path, schemas.NETWORK_POLICY, NetworkPolicyContent, _REMEDY, within=within)
     weights = path.with_suffix(".safetensors")
     try:
-        data = read_bytes(weights, _MOST_BYTES, within=within)
+        data, _ = read_safetensors(weights, _MOST_BYTES, within=within)
     except OSError as error:
         raise OptionError(f"{weights}: cannot be read: {error.strerror}. {_REMEDY}.") from None
+    except ValueError as error:
+        raise OptionError(f"{weights}: is damaged: {error}. {_REMEDY}.") from None
     if hashlib.sha256(data).hexdigest() != said.sha256:
         raise OptionError(f"{weights}: is damaged: it is not what {path} vouches for. {_REMEDY}.")
     try:

@@ -3,7 +3,9 @@
 A* (Hart, Nilsson and Raphael, 1968) ordered by cost, then by number of skills, then by time. Edges
 are evaluated lazily (Dellin and Srinivasa, "A unifying formalism for shortest path problems with
 expensive edge evaluations", 2016): a back end checks a skill only when its edge comes up for
-expansion, so that most edges need no check.
+expansion, so that most edges need no check. Where a back end tells what a skill costs, the edge has
+a lower bound until then; with its cost it goes back into the queue, and is expanded once nothing
+there can be cheaper.
 """
 
 from __future__ import annotations
@@ -28,7 +30,10 @@ _TIME_BITS = 40
 
 @dataclass(slots=True)
 class _Label:
-    """A path to a state: its cost [units], skills and time [us], and its parent."""
+    """A path to a state: its cost [units], skills and time [us], and its parent.
+
+    What is not `priced` has a lower bound for the cost of its last skill.
+    """
 
     state: State
     cost: int
@@ -36,6 +41,7 @@ class _Label:
     time: int
     parent: _Label | None
     skill: int
+    priced: bool = True
 
 
 class ExactSolver(Solver):
@@ -105,7 +111,9 @@ class _Search:
         self.options = solver.options
         self.stop = solver.stop
         self.model = model
-        self.bound = LandmarkBound(model.task)
+        self.bound = LandmarkBound(model.task, model.least_cost if model.asks_costs else None)
+        # A trajectory takes more than a check by geometry, and less than an execution.
+        self._prices_first = any(one.expensive for one in model.feasibility.back_ends)
         self.states = 0
         self.expanded = 0
         self.generated = 0
@@ -136,7 +144,15 @@ class _Search:
                 return self._plan, False
             heapq.heappop(queue)
             known = best.setdefault(label.state.bits, [])
-            if self._dominated(known, label, bounded) or not self._feasible(label):
+            if self._dominated(known, label, bounded):
+                continue
+            if not (label.priced or self._prices_first or self._feasible(label)):
+                continue
+            if not label.priced:
+                self._price(label)
+                self._push(queue, label, limit)
+                continue
+            if not self._feasible(label):
                 continue
             if self.model.is_goal(label.state):
                 plan = _plan_of(self.model, label)
@@ -195,10 +211,21 @@ class _Search:
             yield self._child(label, skill)
 
     def _child(self, label: _Label, skill: Skill) -> _Label:
-        state = skill.prediction_in(label.state).apply(label.state)
-        cost = label.cost + to_units(skill.cost.at(label.state))
-        time = label.time + round(skill.duration_s.at(label.state) * 1e6)
-        return _Label(state, cost, label.steps + 1, time, label, self.model.task.action(skill))
+        here, action = label.state, self.model.task.action(skill)
+        state = skill.prediction_in(here).apply(here)
+        time = label.time + round(skill.duration_s.at(here) * 1e6)
+        asks = self.model.asks_costs
+        cost = self.bound.from_here(here, skill) if asks else skill.cost.at(here)
+        units = label.cost + to_units(cost)
+        return _Label(state, units, label.steps + 1, time, label, action, priced=not asks)
+
+    def _price(self, label: _Label) -> None:
+        """Replace the bound on the cost of a label's last skill by the cost."""
+        if not label.priced and label.parent is not None:
+            skill = self.model.task.skills[label.skill]
+            cost = self.model.cost(label.parent.state, skill)
+            label.cost = label.parent.cost + to_units(cost)
+            label.priced = True
 
     def _feasible(self, label: _Label) -> bool:
         if label.parent is None:
@@ -217,6 +244,10 @@ class _Search:
             here = stack.pop()
             if here is not label and not self._feasible(here):
                 continue
+            if not here.priced:
+                self._price(here)
+                if self._ahead(here, limit) is None:
+                    continue
             if self.model.is_goal(here.state):
                 self._keep(here)
                 return
@@ -237,6 +268,7 @@ class _Search:
         for name in plan.skills:
             skill = self.model.task.skill(name)
             label = self._child(label, skill)
+            self._price(label)
         self._keep(label)
 
     def _keep(self, label: _Label) -> None:

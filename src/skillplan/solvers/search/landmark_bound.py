@@ -3,15 +3,17 @@
 A *landmark* is a skill that every plan from here must contain (Hoffmann, Porteous and Sebastia,
 "Ordered landmarks in planning", 2004): the only achiever of a missing goal fact, and so on through
 its own preconditions. Each landmark costs at least what it costs after the cheapest of the skills
-that can directly precede it. No back end is queried.
+that can directly precede it. No back end is queried: where costs are times that back ends tell,
+their lower bounds take the place of costs.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 
@@ -52,10 +54,16 @@ class LandmarkBound:
     ----------
     task
         A task whose skills are deterministic.
+    least
+        Bounds the cost of a skill where the bits of some facts are known true and false; None for
+        the costs of the task.
     """
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: Task, least: Callable[[Skill, int, int], float] | None = None) -> None:
         self._task = task
+        self._bounded = least is not None
+        self._least = _own_least if least is None else least
+        self._all_bits = task.facts.all_bits
         self._requires = [skill.precondition.requires.bits for skill in task.skills]
         self._forbids = [skill.precondition.forbids.bits for skill in task.skills]
         self._adds = [_union(o.add for o in skill.effects) for skill in task.skills]
@@ -87,10 +95,16 @@ class LandmarkBound:
         bits, total = state.bits, outlook.total
         for i, least in outlook.landmarks.items():
             if self._ready(i, bits):
-                from_here = to_units(self._task.skills[i].cost.at(state))
+                from_here = to_units(self.from_here(state, self._task.skills[i]))
                 if from_here < least:
                     total += from_here - least
         return (total, len(outlook.landmarks)) if total < _NEVER else (-1, 0)
+
+    def from_here(self, state: State, skill: Skill) -> float:
+        """Return a lower bound on the cost of a skill from `state`: its cost, if that is known."""
+        if self._bounded:
+            return self._least(skill, state.bits, self._all_bits & ~state.bits)
+        return skill.cost.at(state)
 
     def _ready(self, i: int, bits: int) -> bool:
         requires = self._requires[i]
@@ -178,11 +192,15 @@ class LandmarkBound:
             for j, (true, false) in enumerate(after):
                 if true & needs_false or false & needs_true:
                     continue
-                cost = skill.cost.least(true | needs_true, false | needs_false)
+                cost = self._least(skill, true | needs_true, false | needs_false)
                 if math.isfinite(cost):
                     found.append((to_units(cost), j))
             predecessors.append(sorted(found))
         return predecessors
+
+
+def _own_least(skill: Skill, true_bits: int, false_bits: int) -> float:
+    return skill.cost.least(true_bits, false_bits)
 
 
 def _union(sets: Iterable[State]) -> int:

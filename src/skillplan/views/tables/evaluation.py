@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from skillplan.records.evaluation import Evaluation
 from skillplan.records.result import tolerance
-from skillplan.views.tables.results import step_rows
+from skillplan.views.tables.results import step_rows, times_note
 from skillplan.views.text.table import Table
 from skillplan.views.text.wording import percent, yes_no
 
@@ -15,7 +15,8 @@ def evaluation_table(evaluation: Evaluation) -> Table:
     notes = [f"feasible   {yes_no(walked.feasible)}", f"complete   {yes_no(walked.complete)}"]
     if walked.steps:
         what = "cost" if walked.complete else "so far"
-        lasts = f", {walked.duration_s:.1f} s" if walked.duration_s else ""
+        apart = walked.duration_s and not task.metric.is_duration
+        lasts = f", {walked.duration_s:.1f} s" if apart else ""
         notes.append(f"{what:<10} {task.cost_text(walked.cost)}{lasts}")
     if evaluation.deviation is not None:
         notes.append(
@@ -31,6 +32,8 @@ def evaluation_table(evaluation: Evaluation) -> Table:
                 "deviation  none: under chance a sequence is one run that a policy may take, "
                 "here with every nominal outcome"
             )
+    if evaluation.best is not None:
+        notes += times_note(evaluation.best, task.metric)
     if walked.total_reward is not None:
         notes.append(f"reward     {walked.total_reward:.5f}")
     for fault in walked.violations:

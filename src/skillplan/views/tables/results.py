@@ -38,6 +38,7 @@ def plan_table(result: Result, task: Task) -> Table:
             f"sequence   {actions}",
             f"makespan   {result.makespan} skills"
             + (f", {number(result.makespan_s, 1)} s" if result.makespan_s else ""),
+            *times_note(result, task.metric),
         ]
     else:
         notes += bound
@@ -45,9 +46,12 @@ def plan_table(result: Result, task: Task) -> Table:
         f"{key:<10} {result.trace[key]}" for key in ("choice", "start") if key in result.trace
     ]
     notes += _trace_notes(result, task.metric.decimals)
+    nodes = "-" if result.expanded is None else result.expanded
+    timed = task.metric.is_duration and result.timed_by
+    asked = f"{result.trajectories} trajectories, " if timed else ""
     notes.append(
-        f"effort     {result.checks} checks, {result.cache_hits} verdicts reused, "
-        f"{result.expanded if result.expanded is not None else '-'} nodes, {result.wall_s:.2f} s"
+        f"effort     {result.checks} checks, {result.cache_hits} verdicts reused, {asked}"
+        f"{nodes} nodes, {result.wall_s:.2f} s"
     )
     return Table(title, *step_rows(result.steps, task.metric), notes)
 
@@ -61,6 +65,15 @@ def _bound_note(result: Result, task: Task) -> list[str]:
     return [f"bound      {claim} by {result.bound_method or result.solver}"]
 
 
+def times_note(result: Result, metric: Metric) -> list[str]:
+    """Return, where time is what is minimised, who told it."""
+    if not metric.is_duration:
+        return []
+    if result.timed_by:
+        return [f"times      of the trajectories of {result.timed_by}"]
+    return ["times      the task's own figures, as no back end tells any; swept does"]
+
+
 def step_rows(
     steps: Sequence[Step], metric: Metric
 ) -> tuple[tuple[Column, ...], list[tuple[str, ...]]]:
@@ -68,6 +81,7 @@ def step_rows(
     walks = any(step.place is not None for step in steps)
     moves = any(step.goal is not None for step in steps) or not steps
     lasts = any(step.duration_s for step in steps) or not steps
+    lasts = lasts and not metric.is_duration
     chooses = any(step.way is not None for step in steps)
     columns = (
         Column("step", right=True),
@@ -96,8 +110,12 @@ def step_rows(
 
 
 def comparison_table(results: Sequence[Result], title: str, decimals: int = 5) -> Table:
-    """Return several solvers' results side by side, their costs with so many decimals."""
+    """Return several solvers' results side by side, their costs with so many decimals.
+
+    Where costs are times that back ends tell, also how many trajectories were computed for them.
+    """
     unit = results[0].cost_unit if results else ""
+    timed = unit == "s" and any(result.timed_by for result in results)
     columns = (
         Column("solver"),
         Column("status"),
@@ -106,6 +124,7 @@ def comparison_table(results: Sequence[Result], title: str, decimals: int = 5) -
         Column("makespan", right=True),
         Column("makespan [s]", right=True, below=True),
         Column("checks", right=True),
+        *([Column("trajectories", right=True, below=True)] if timed else []),
         Column("iterations", right=True),
         Column("seconds", right=True),
         Column("sequence", below=True),
@@ -119,6 +138,7 @@ def comparison_table(results: Sequence[Result], title: str, decimals: int = 5) -
             "-" if result.makespan is None else str(result.makespan),
             number(result.makespan_s, 1),
             str(result.checks),
+            *([str(result.trajectories)] if timed else []),
             "-" if result.expanded is None else str(result.expanded),
             f"{result.wall_s:.3f}",
             ",".join(str(step.action) for step in result.steps) or "-",

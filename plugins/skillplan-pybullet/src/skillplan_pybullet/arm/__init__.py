@@ -1,4 +1,4 @@
-"""The Panda: its kinematics and control, its hand and tools, and the arm in a simulated world.
+"""Arms: kinematics and control, hands and tools, and the arm in a simulated world.
 
 It knows points and turns; it never knows skills, but for how a task's targets turn the hand.
 """

@@ -7,23 +7,17 @@ two agree to the last digits, which a test says.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 import pinocchio
 import pybullet
-import pybullet_data
 from numpy.typing import NDArray
 
-from skillplan.robots import panda
+from skillplan.task.pose import Pose
+from skillplan_pybullet.arm.robot_file import TIP_LINK, RobotFile
 
 Vector = NDArray[np.float64]
-
-URDF = Path(pybullet_data.__file__).parent / "franka_panda" / "panda.urdf"
-ARM_JOINTS = tuple(range(7))
-HAND_LINK = 8
-FINGER_LINKS = (9, 10)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,11 +27,11 @@ class Terms:
     Parameters
     ----------
     mass
-        Mass matrix [kg m2], shape (7, 7).
+        Mass matrix [kg m2], shape (joints, joints).
     jacobian
-        Of the tip, linear above angular velocity, shape (6, 7).
+        Of the tip, linear above angular velocity, shape (6, joints).
     bias
-        Torques of gravity, centrifugal and Coriolis forces [N m], shape (7,).
+        Torques of gravity, centrifugal and Coriolis forces [N m], shape (joints,).
     """
 
     mass: Vector
@@ -49,23 +43,36 @@ class Dynamics(Protocol):
     """Works out the terms."""
 
     def terms(self, angles: Vector, rates: Vector) -> Terms:
-        """Return the terms at joint angles and rates, the fingers' included, shape (9,) each."""
+        """Return the terms at joint angles and rates, shape (joints + 2,): jaws count."""
 
 
 class PybulletDynamics:
-    """Terms by the simulator."""
+    """Terms by the simulator.
 
-    def __init__(self, client: int, robot: int) -> None:
+    Parameters
+    ----------
+    client, robot
+        Where the arm is, and its number there.
+    file
+        What it was loaded from.
+    mount
+        Where its base is, and how it is turned.
+    """
+
+    def __init__(self, client: int, robot: int, file: RobotFile, mount: Pose) -> None:
         self._client, self._robot = client, robot
+        self._hand, self._joints = file.hand, len(file.joints)
+        self._turned = np.array(mount.rotation)
+        self._still = [0.0] * (self._joints + len(file.jaws))
 
     def terms(self, angles: Vector, rates: Vector) -> Terms:
         """Return the terms; see :class:`Dynamics`."""
-        joints, speeds, still = angles.tolist(), rates.tolist(), [0.0] * 9
+        joints, speeds, still, arm = angles.tolist(), rates.tolist(), self._still, self._joints
         mass = pybullet.calculateMassMatrix(self._robot, joints, physicsClientId=self._client)
         linear, angular = pybullet.calculateJacobian(
             self._robot,
-            HAND_LINK,
-            (0.0, 0.0, panda.TIP_M),
+            self._hand,
+            (0.0, 0.0, 0.0),
             joints,
             still,
             still,
@@ -74,28 +81,46 @@ class PybulletDynamics:
         bias = pybullet.calculateInverseDynamics(
             self._robot, joints, speeds, still, physicsClientId=self._client
         )
-        jacobian = np.concatenate([np.array(linear)[:, :7], np.array(angular)[:, :7]])
-        return Terms(np.array(mass)[:7, :7], jacobian, np.array(bias)[:7])
+        # The simulator leaves out how the base is turned.
+        jacobian = _in_world(self._turned, np.concatenate([linear, angular])[:, :arm])
+        return Terms(np.array(mass)[:arm, :arm], jacobian, np.array(bias)[:arm])
 
 
 class PinocchioDynamics:
-    """Terms by pinocchio."""
+    """Terms by pinocchio, from the same description.
 
-    def __init__(self) -> None:
-        self._model = pinocchio.buildModelFromUrdf(str(URDF))
+    Parameters
+    ----------
+    file
+        What the arm was loaded from.
+    mount
+        Where its base is, and how it is turned.
+    """
+
+    def __init__(self, file: RobotFile, mount: Pose) -> None:
+        self._model = pinocchio.buildModelFromXML(file.dynamics)
+        # The description is of an arm whose base is the world's origin.
+        self._turned = np.array(mount.rotation)
+        upwards = pinocchio.Motion.Zero()
+        upwards.linear = self._turned.T @ self._model.gravity.linear
+        self._model.gravity = upwards
         self._data = self._model.createData()
-        self._hand = self._model.getFrameId("panda_hand")
+        self._hand = self._model.getFrameId(TIP_LINK)
+        self._joints = len(file.joints)
 
     def terms(self, angles: Vector, rates: Vector) -> Terms:
         """Return the terms; see :class:`Dynamics`."""
-        pin, model, data = pinocchio, self._model, self._data
-        mass = np.array(pin.crba(model, data, angles))
+        model, data, arm = self._model, self._data, self._joints
+        mass = np.array(pinocchio.crba(model, data, angles))
         mass = np.triu(mass) + np.triu(mass, 1).T
-        bias = np.array(pin.nonLinearEffects(model, data, angles, rates))
-        aligned = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        pin.computeJointJacobians(model, data, angles)
-        pin.updateFramePlacements(model, data)
-        at_hand = np.array(pin.getFrameJacobian(model, data, self._hand, aligned))[:, :7]
-        lever = panda.TIP_M * np.array(data.oMf[self._hand].rotation)[:, 2]
-        at_hand[:3] += np.cross(at_hand[3:].T, lever).T
-        return Terms(mass[:7, :7], at_hand, bias[:7])
+        bias = np.array(pinocchio.nonLinearEffects(model, data, angles, rates))
+        aligned = pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        pinocchio.computeJointJacobians(model, data, angles)
+        pinocchio.updateFramePlacements(model, data)
+        jacobian = np.array(pinocchio.getFrameJacobian(model, data, self._hand, aligned))
+        return Terms(mass[:arm, :arm], _in_world(self._turned, jacobian[:, :arm]), bias[:arm])
+
+
+def _in_world(turned: Vector, jacobian: Vector) -> Vector:
+    """Return a Jacobian of the base's frame in the world that the base is turned in."""
+    return np.concatenate([turned @ jacobian[:3], turned @ jacobian[3:]])

@@ -99,6 +99,7 @@ class JointMotion:
             rate * along[:3],
             rate * along[3:],
             change * along[:3],
+            is_posture=True,
         )
 
 

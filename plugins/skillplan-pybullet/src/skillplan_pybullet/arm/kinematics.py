@@ -17,14 +17,13 @@ import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 
-from skillplan.robots import panda
 from skillplan.robots.arm_description import ArmDescription, Transform
 from skillplan.task.motion import Point
 from skillplan.task.scene import Robot
 from skillplan_pinocchio.kinematics.numeric_inverse import NumericInverse
 from skillplan_pinocchio.kinematics.serial_arm import SerialArm
 from skillplan_pinocchio.kinematics.ur_inverse import UrInverse, UrLengths
-from skillplan_pybullet.arm.rotations import points_down
+from skillplan_pybullet.arm.rotations import points_down, rpy_of
 
 Vector = NDArray[np.float64]
 
@@ -96,12 +95,12 @@ class ArmKinematics:
         )
         return TipPose(here.translation.copy(), here.rotation.copy()), jacobian
 
-    def origins(self, joints_rad: Vector) -> list[Vector]:
-        """Return where the joints are, from the first, and the tip at last [m], shape (3,) each."""
+    def frames(self, joints_rad: Vector) -> list[Any]:
+        """Return where the joints are, from the first, and the tip at last, as `pinocchio.SE3`."""
         model, data = self.arm.model, self._data
         pinocchio.framesForwardKinematics(model, data, joints_rad)
-        joints = [data.oMi[index].translation.copy() for index in range(1, model.njoints)]
-        return [*joints, data.oMf[self._tip].translation.copy()]
+        joints = [data.oMi[index].copy() for index in range(1, model.njoints)]
+        return [*joints, data.oMf[self._tip].copy()]
 
     def reach(self, position: Point, rotation: Vector, near: Vector | None = None) -> Vector:
         """Return joint angles that bring the tip to a pose.
@@ -208,7 +207,8 @@ def _made(description: ArmDescription, base: Transform, tool: Transform) -> ArmK
 
 def kinematics_of(robot: Robot) -> ArmKinematics:
     """Return the kinematics of a robot of a task."""
-    return _made(panda.PANDA, Transform(robot.base), panda.TIP_ON_FLANGE)
+    base = Transform(robot.base, rpy_of(np.array(robot.mount.rotation)))
+    return _made(robot.model, base, robot.tip)
 
 
 def unreachable(position: Point, rotation: Vector) -> UnreachableError:

@@ -51,6 +51,17 @@ def pose_of(position: Vector, rotation: Vector) -> Pose:
     return Pose.of_axes((x, y, z), tuple(across), tuple(out))
 
 
+def rpy_of(rotation: Vector) -> tuple[float, float, float]:
+    """Return a rotation as roll, pitch and yaw [rad]."""
+    sine = -float(rotation[2, 0])
+    pitch = math.atan2(sine, math.hypot(float(rotation[0, 0]), float(rotation[1, 0])))
+    if abs(sine) > 1 - 1e-12:
+        # Roll and yaw turn about one axis.
+        return 0.0, pitch, math.atan2(-float(rotation[0, 1]), float(rotation[1, 1]))
+    roll = math.atan2(float(rotation[2, 1]), float(rotation[2, 2]))
+    return roll, pitch, math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
+
+
 def of_vector(turn_rad: Vector) -> Vector:
     """Return a rotation vector, of any length, as a matrix."""
     x, y, z = turn_rad.tolist()

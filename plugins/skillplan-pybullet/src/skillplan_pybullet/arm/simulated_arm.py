@@ -1,4 +1,4 @@
-"""A Panda in a simulated world: its joints, its jaws, what it holds and which tool it has."""
+"""An arm in a simulated world: its joints, its jaws, what it holds and which tool it has."""
 
 from __future__ import annotations
 
@@ -6,19 +6,13 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from skillplan.robots import panda
+from skillplan.robots.hand import Hand
 from skillplan.task.scene import Robot
-from skillplan_pybullet.arm.dynamics import (
-    ARM_JOINTS,
-    FINGER_LINKS,
-    HAND_LINK,
-    URDF,
-    Dynamics,
-    PinocchioDynamics,
-    PybulletDynamics,
-)
+from skillplan_pybullet.arm.dynamics import Dynamics, PinocchioDynamics, PybulletDynamics
+from skillplan_pybullet.arm.hand_shapes import hand_of
 from skillplan_pybullet.arm.kinematics import TipPose, kinematics_of, unreachable
 from skillplan_pybullet.arm.operational_space import torques
+from skillplan_pybullet.arm.robot_file import RobotFile, robot_file
 from skillplan_pybullet.arm.straight_motion import Setpoint
 from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.simulator.quiet_output import quiet_output
@@ -29,7 +23,7 @@ Vector = NDArray[np.float64]
 # Names with a space, which no part of a task can have.
 ROBOT = "robot arm"
 HAND = "robot hand"
-LINK_NAMES = {HAND_LINK: HAND, FINGER_LINKS[0]: "left finger", FINGER_LINKS[1]: "right finger"}
+FINGERS = ("left finger", "right finger")
 
 # How fast the jaws move [m/s], and with what force they are held open [N].
 JAW_SPEED_M_PER_S = 0.05
@@ -61,8 +55,14 @@ class SimulatedArm:
     def __init__(
         self, world: World, robot: Robot, settings: ExecutionSettings, *, seen: bool = True
     ) -> None:
-        self.world, self.settings = world, settings
+        self.world, self.robot, self.settings = world, robot, settings
         self.kinematics = kinematics_of(robot)
+        self.hand: Hand = hand_of(robot)
+        self.file: RobotFile = robot_file(robot.model, robot.tip, self.hand)
+        # What the links that handle parts are called.
+        self.link_names = dict(
+            zip((self.file.hand, *self.file.jaws), (HAND, *FINGERS), strict=True)
+        )
         client = world.client
         flags = pybullet.URDF_USE_INERTIA_FROM_FILE
         if not seen:
@@ -70,41 +70,44 @@ class SimulatedArm:
         with quiet_output():
             self.number = int(
                 pybullet.loadURDF(
-                    str(URDF),
+                    str(self.file.path),
                     basePosition=robot.base,
+                    baseOrientation=robot.mount.orientation,
                     useFixedBase=True,
                     flags=flags,
                     physicsClientId=client,
                 )
             )
         world.name(self.number, ROBOT)
+        # The simulator's own know nothing of a base that leans.
+        by_pinocchio = settings.dynamics == "pinocchio" or not robot.mount.is_upright
         self.dynamics: Dynamics = (
-            PinocchioDynamics()
-            if settings.dynamics == "pinocchio"
-            else PybulletDynamics(client, self.number)
+            PinocchioDynamics(self.file, robot.mount)
+            if by_pinocchio
+            else PybulletDynamics(client, self.number, self.file, robot.mount)
         )
         # What the hand lifts beside itself [kg], and the force that it presses with [N].
         self.payload_kg = 0.0
         self.press_n: Vector = np.zeros(3)
         self.wanted: Setpoint | None = None
         self._joints = self.kinematics.home_rad
-        self._limit_nm = np.array(panda.JOINT_TORQUE_NM)
-        self._jaw_target_m = panda.OPENING_M / 2
+        self.limit_nm = np.array(robot.model.torque_nm)
+        self._jaw_target_m = self.hand.opening_m / 2
         self._jaw_wanted_m = self._jaw_target_m
         self._jaw_force_n = _OPENING_FORCE_N
         self._prepare()
 
     def _prepare(self) -> None:
         client = self.world.client
-        for joint in (*ARM_JOINTS, *FINGER_LINKS):
+        for joint in (*self.file.joints, *self.file.jaws):
             pybullet.setJointMotorControl2(
                 self.number, joint, pybullet.VELOCITY_CONTROL, force=0, physicsClientId=client
             )
         gear = pybullet.createConstraint(
             self.number,
-            FINGER_LINKS[0],
+            self.file.jaws[0],
             self.number,
-            FINGER_LINKS[1],
+            self.file.jaws[1],
             pybullet.JOINT_GEAR,
             (1, 0, 0),
             (0, 0, 0),
@@ -114,9 +117,7 @@ class SimulatedArm:
         pybullet.changeConstraint(
             gear, gearRatio=-1, erp=_GEAR_ERP, maxForce=_GEAR_FORCE_N, physicsClientId=client
         )
-        for link in (HAND_LINK, *FINGER_LINKS):
-            pybullet.changeDynamics(self.number, link, collisionMargin=0.0, physicsClientId=client)
-        for link in FINGER_LINKS:
+        for link in self.file.jaws:
             pybullet.changeDynamics(
                 self.number,
                 link,
@@ -130,9 +131,9 @@ class SimulatedArm:
         """Put the arm at rest in a posture [rad], its jaws so far open."""
         self._joints = joints
         client = self.world.client
-        for joint, angle in zip(ARM_JOINTS, joints.tolist(), strict=True):
+        for joint, angle in zip(self.file.joints, joints.tolist(), strict=True):
             pybullet.resetJointState(self.number, joint, angle, 0.0, physicsClientId=client)
-        for joint in FINGER_LINKS:
+        for joint in self.file.jaws:
             pybullet.resetJointState(self.number, joint, opening_m / 2, 0.0, physicsClientId=client)
         self._jaw_target_m = self._jaw_wanted_m = opening_m / 2
         tip = self.kinematics.tip(joints)
@@ -141,10 +142,12 @@ class SimulatedArm:
     def tip(self) -> TipPose:
         """Return where the tip is."""
         link = pybullet.getLinkState(
-            self.number, HAND_LINK, computeForwardKinematics=True, physicsClientId=self.world.client
+            self.number,
+            self.file.hand,
+            computeForwardKinematics=True,
+            physicsClientId=self.world.client,
         )
-        rotation = World.rotation(link[5])
-        return TipPose(np.array(link[4]) + panda.TIP_M * rotation[:, 2], rotation)
+        return TipPose(np.array(link[4]), World.rotation(link[5]))
 
     def tip_error_m(self) -> float:
         """Return how far the tip is from where it is to be [m]."""
@@ -153,13 +156,15 @@ class SimulatedArm:
 
     def joints_rad(self) -> tuple[float, ...]:
         """Return the joint angles [rad]."""
-        states = pybullet.getJointStates(self.number, ARM_JOINTS, physicsClientId=self.world.client)
+        states = pybullet.getJointStates(
+            self.number, self.file.joints, physicsClientId=self.world.client
+        )
         return tuple(state[0] for state in states)
 
     def jaw_width_m(self) -> float:
         """Return the distance between the jaws [m]."""
         states = pybullet.getJointStates(
-            self.number, FINGER_LINKS, physicsClientId=self.world.client
+            self.number, self.file.jaws, physicsClientId=self.world.client
         )
         return float(states[0][0] + states[1][0])
 
@@ -182,24 +187,25 @@ class SimulatedArm:
             return
         client = self.world.client
         states = pybullet.getJointStates(
-            self.number, (*ARM_JOINTS, *FINGER_LINKS), physicsClientId=client
+            self.number, (*self.file.joints, *self.file.jaws), physicsClientId=client
         )
+        arm = len(self.file.joints)
         angles = np.array([state[0] for state in states])
         rates = np.array([state[1] for state in states])
         lift_n = np.array([0.0, 0.0, self.payload_kg * GRAVITY_M_PER_S2])
         found = torques(
             self.dynamics.terms(angles, rates),
-            angles[:7],
-            rates[:7],
+            angles[:arm],
+            rates[:arm],
             self.tip(),
             self.wanted,
             stiffness_per_s2=self.settings.stiffness_per_s2,
             force_n=lift_n + self.press_n,
-            limit_nm=self._limit_nm,
+            limit_nm=self.limit_nm,
         )
         pybullet.setJointMotorControlArray(
             self.number,
-            ARM_JOINTS,
+            self.file.joints,
             pybullet.TORQUE_CONTROL,
             forces=found.tolist(),
             physicsClientId=client,
@@ -207,7 +213,7 @@ class SimulatedArm:
 
     def show_hand(self, visible: bool) -> None:
         """Take the hand and its fingers out of collision and sight, or put them back."""
-        links = (HAND_LINK, *FINGER_LINKS)
+        links = (self.file.hand, *self.file.jaws)
         self.world.withdraw(ROBOT, () if visible else links)
         for link in links:
             pybullet.changeVisualShape(
@@ -222,7 +228,7 @@ class SimulatedArm:
         client = self.world.client
         other = self.world.numbers[name]
         link = pybullet.getLinkState(
-            self.number, HAND_LINK, computeForwardKinematics=True, physicsClientId=client
+            self.number, self.file.hand, computeForwardKinematics=True, physicsClientId=client
         )
         position, orientation = pybullet.getBasePositionAndOrientation(
             other, physicsClientId=client
@@ -233,7 +239,7 @@ class SimulatedArm:
         return int(
             pybullet.createConstraint(
                 self.number,
-                HAND_LINK,
+                self.file.hand,
                 other,
                 -1,
                 pybullet.JOINT_FIXED,
@@ -252,7 +258,7 @@ class SimulatedArm:
         self._jaw_target_m += max(-step_m, min(step_m, left_m))
         pybullet.setJointMotorControlArray(
             self.number,
-            FINGER_LINKS,
+            self.file.jaws,
             pybullet.POSITION_CONTROL,
             targetPositions=[self._jaw_target_m] * 2,
             forces=[self._jaw_force_n] * 2,
@@ -261,17 +267,23 @@ class SimulatedArm:
 
     def _follow_by_position(self) -> None:
         assert self.wanted is not None
-        x, y, z = self.wanted.position.tolist()
-        found = self.kinematics.follow((x, y, z), self.wanted.rotation, self._joints)
-        if found is None:
-            raise unreachable((x, y, z), self.wanted.rotation)
-        self._joints = found
+        self._joints = self._posture_for(self.wanted)
         pybullet.setJointMotorControlArray(
             self.number,
-            ARM_JOINTS,
+            self.file.joints,
             pybullet.POSITION_CONTROL,
             targetPositions=self._joints.tolist(),
-            forces=self._limit_nm.tolist(),
-            positionGains=[_POSITION_GAIN] * 7,
+            forces=self.limit_nm.tolist(),
+            positionGains=[_POSITION_GAIN] * len(self.file.joints),
             physicsClientId=self.world.client,
         )
+
+    def _posture_for(self, wanted: Setpoint) -> Vector:
+        """Return joint angles near the last ones that bring the tip where it is to be."""
+        if wanted.is_posture:
+            return wanted.posture
+        x, y, z = wanted.position.tolist()
+        found = self.kinematics.follow((x, y, z), wanted.rotation, self._joints)
+        if found is None:
+            raise unreachable((x, y, z), wanted.rotation)
+        return found

@@ -32,6 +32,8 @@ class Setpoint:
     posture
         Joint angles that the arm is drawn to as far as the tip is not moved by it, shape
         (joints,) [rad].
+    is_posture
+        Whether the pose is that of the posture.
     """
 
     position: Vector
@@ -40,6 +42,7 @@ class Setpoint:
     velocity: Vector
     spin_rad_per_s: Vector
     acceleration: Vector
+    is_posture: bool = False
 
     @classmethod
     def at_rest(cls, position: Vector, rotation: Vector, posture: Vector) -> Setpoint:

@@ -93,7 +93,7 @@ class ToolChanger:
         return apart_m
 
     def _attach(self, tool: Tool) -> None:
-        body = tool_body(tool)
+        body = tool_body(tool, self.arm.hand)
         if body is None:
             return
         if tool.name in self._docked:

@@ -10,7 +10,7 @@ import pybullet
 from numpy.typing import NDArray
 
 from skillplan.task.scene import Pose
-from skillplan_pybullet.arm.simulated_arm import LINK_NAMES, ROBOT, SimulatedArm
+from skillplan_pybullet.arm.simulated_arm import ROBOT, SimulatedArm
 from skillplan_pybullet.record import FRAMES_PER_S, Pair
 from skillplan_pybullet.simulator.world import STEPS_PER_S, TABLE, World
 
@@ -164,4 +164,4 @@ class ContactLog:
 
     def _named(self, number: int, link: int) -> str:
         name = self.world.names[number]
-        return LINK_NAMES.get(link, ROBOT) if name == ROBOT else name
+        return self.arm.link_names.get(link, ROBOT) if name == ROBOT else name

@@ -13,7 +13,7 @@ from skillplan_pybullet.arm.hand_turns import ArmMotion
 from skillplan_pybullet.arm.joint_motion import JointMotion, turned_on_the_way
 from skillplan_pybullet.arm.kinematics import Vector
 from skillplan_pybullet.arm.rotations import points_down, turn_between
-from skillplan_pybullet.arm.simulated_arm import HAND, LINK_NAMES, ROBOT, SimulatedArm
+from skillplan_pybullet.arm.simulated_arm import FINGERS, HAND, ROBOT, SimulatedArm
 from skillplan_pybullet.arm.straight_motion import StraightMotion
 from skillplan_pybullet.arm.tool_changer import ToolChanger
 from skillplan_pybullet.execution.contact_log import STEPS_PER_FRAME, ContactLog
@@ -26,6 +26,9 @@ _STUCK_M = 0.012
 _LEVEL_M = 1e-6
 # No skill takes so many simulation steps.
 _MOST_STEPS = 200_000
+# Contacts in the hand are found anew after it has turned by so much, and at the end of a move by
+# more than so much [rad].
+_TURN_FELT_RAD, _TURN_UNFELT_RAD = 0.3, 0.01
 STILL: Vector = np.zeros(3)
 """A hand that is not turned."""
 
@@ -81,7 +84,7 @@ class ControlledRobot:
     def watch(self, handled: set[str]) -> None:
         """Begin a log for the skill to come."""
         self.log = ContactLog(self.world, self.arm, handled)
-        for name in (HAND, *LINK_NAMES.values(), ROBOT):
+        for name in (HAND, *FINGERS, ROBOT):
             for other in handled:
                 self.log.expected.add((min(name, other), max(name, other)))
         if self.carried is not None and self._bond is not None:
@@ -213,12 +216,34 @@ class ControlledRobot:
         )
 
     def _go(self, motion: StraightMotion | JointMotion) -> None:
+        assert self.arm.wanted is not None
+        felt = self.arm.wanted.rotation
         for step in range(1, int(motion.duration_s / STEP_S) + 2):
             self.arm.wanted = motion.at(step * STEP_S)
             self.step()
+            if _angle(felt, self.arm.wanted.rotation) > _TURN_FELT_RAD:
+                self._feel_anew()
+                felt = self.arm.wanted.rotation
+        if _angle(felt, self.arm.wanted.rotation) > _TURN_UNFELT_RAD:
+            self._feel_anew()
+
+    def _feel_anew(self) -> None:
+        """Have the contacts between jaws and what they hold found anew.
+
+        The simulator keeps points of contact with the directions that they had in the world, and
+        does not turn them with what is held.
+        """
+        if self.carried is not None and self._bond is None:
+            self.world.part(self.carried, [ROBOT])
+            self.world.join(self.carried, [ROBOT])
 
     def _check_sanity(self) -> None:
         if not (self.world.is_sane() and np.isfinite(self.arm.tip_error_m())):
             raise UpsetError("the simulation blew up")
         if self.world.steps > self._last_step:
             raise UpsetError(f"the skill took more than {_MOST_STEPS:,} simulation steps")
+
+
+def _angle(one: Vector, other: Vector) -> float:
+    """Return the angle between two rotations [rad]."""
+    return 0.0 if one is other else float(np.linalg.norm(turn_between(one, other)))

@@ -27,10 +27,11 @@ class Fastenings:
     def __init__(self, task: Task) -> None:
         self._facts: set[tuple[str, str]] = set()
         for skill in task.skills:
-            for route in skill.motion.routes if skill.motion is not None else ():
-                for visit in route.visits:
-                    if visit.event is Event.DRIVE and not same_direction(visit.along, DOWN):
-                        self._facts |= {(visit.subject, fact) for fact in skill.prediction.add}
+            motions = (skill.motion, *(way.motion for way in skill.ways))
+            routes = (route for motion in motions if motion is not None for route in motion.routes)
+            for visit in (visit for route in routes for visit in route.visits):
+                if visit.event is Event.DRIVE and not same_direction(visit.along, DOWN):
+                    self._facts |= {(visit.subject, fact) for fact in skill.prediction.add}
 
     def hold(self, body: str, placement: Placement) -> bool:
         """Whether a thread holds a body at one of its places."""

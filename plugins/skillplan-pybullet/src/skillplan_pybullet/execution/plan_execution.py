@@ -16,7 +16,6 @@ from skillplan.physics.performance import (
     PerformedSkill,
     Sample,
 )
-from skillplan.robots import panda
 from skillplan.task.scene import Pose
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -125,7 +124,7 @@ class _PlanExecution:
         _, home = self.robot.place(state)
         try:
             joints = self.arm.kinematics.reach(home, pointing_down(_HOME_YAW_RAD))
-            self.arm.stand(joints, panda.OPENING_M / 2)
+            self.arm.stand(joints, self.arm.hand.opening_m / 2)
         except UnreachableError as error:
             none = self.task.facts.none
             verdict = Verdict.infeasible(f"before it begins: {error}", none, none)

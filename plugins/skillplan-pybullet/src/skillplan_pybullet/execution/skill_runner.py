@@ -228,7 +228,9 @@ class SkillRunner(ControlledRobot):
         return _CUP_GAP_M if self._held(motion).kind is GraspKind.SUCTION else 0.0
 
     def _opening_for(self, motion: LinearMotion) -> float:
-        return jaw_opening_m(self._held(motion), self.settings.clearance_m, self.tools.tool)
+        return jaw_opening_m(
+            self._held(motion), self.settings.clearance_m, self.tools.tool, self.arm.hand
+        )
 
     def _grasp(self, motion: LinearMotion) -> None:
         subject = motion.visit.subject

@@ -21,17 +21,16 @@ from skillplan.task.motion import Event, Point
 from skillplan.task.pose import Pose, plus
 from skillplan.task.scene import Box
 from skillplan.task.task import Task
-from skillplan_pybullet.arm.hand_shapes import hand_boxes, tool_boxes, wrist_box
+from skillplan_pybullet.arm.hand_shapes import hand_boxes, hand_of, tool_boxes, wrist_box
 from skillplan_pybullet.arm.hand_turns import ArmMotion
 from skillplan_pybullet.arm.joint_motion import postures_between
 from skillplan_pybullet.arm.kinematics import ArmKinematics, Vector, kinematics_of
+from skillplan_pybullet.arm.link_bounds import LinkBounds
 from skillplan_pybullet.arm.rotations import points_down
 
 # A box, and the vector by which it is displaced [m].
 Sweep = tuple[WorldBox, Point]
 
-# All of a link is this near to the straight line between its joints [m].
-_LINK_RADIUS_M = 0.11
 _STILL = (0.0, 0.0, 0.0)
 
 
@@ -52,6 +51,8 @@ class Sweeps:
         self.task = task
         self.clearance_m, self.press_travel_m = clearance_m, press_travel_m
         self.kinematics: ArmKinematics = kinematics_of(task.scene.robots[0])
+        self.links = LinkBounds(self.kinematics)
+        self.hand = hand_of(task.scene.robots[0])
 
     def of_skill(self, planned: Sequence[ArmMotion], here: Vector | None) -> list[Sweep]:
         """Return what moves in the motions of a skill, and on the travels that are part of it.
@@ -78,14 +79,13 @@ class Sweeps:
         if motion.is_vertical:
             up: Point = (0.0, 0.0, motion.above[2] - motion.tip[2])
             yield from ((box, up) for box in boxes)
+            yield from self._of_links(planned.approach)
             return
         for begin, end in (*pairwise(motion.approach), *pairwise(motion.retreat)):
             offset, by = plus(begin, motion.tip, -1.0), plus(end, begin, -1.0)
             yield from ((box.moved(offset), by) for box in boxes)
-        if not motion.points_down:
-            for postures in (planned.approach, planned.retreat):
-                for begin_rad, end_rad in pairwise(postures):
-                    yield from self._of_links([begin_rad, (begin_rad + end_rad) / 2, end_rad])
+        for begin_rad, end_rad in (*pairwise(planned.approach), *pairwise(planned.retreat)):
+            yield from self._of_links([begin_rad, (begin_rad + end_rad) / 2, end_rad])
 
     def _at_target(self, motion: LinearMotion) -> list[WorldBox]:
         """Return boxes about hand, tool and load where a motion acts, and about the wrist."""
@@ -93,7 +93,7 @@ class Sweeps:
         upright = _tool_pose(motion)
         found = [box_at(box, upright) for box in self._hand(motion)]
         if motion.points_down:
-            found.append(world_box(wrist_box(), motion.tip))
+            found.append(world_box(wrist_box(self.hand), motion.tip))
         if event in (Event.GRASP, Event.RELEASE):
             # Down to its goal, also where it is let go from above.
             found += world_boxes(self.task.scene.body(visit.subject), visit.pose)
@@ -110,27 +110,32 @@ class Sweeps:
         tool, visit = motion.tool, motion.visit
         if visit.event in (Event.GRASP, Event.RELEASE):
             # The hand, or the tool that is there instead.
-            if tool is not None and tool_shapes(tool):
-                return list(tool_boxes(tool))
+            if tool is not None and tool_shapes(tool, self.hand):
+                return list(tool_boxes(tool, self.hand))
             grasp = visited_grasp(self.task.scene.body(visit.subject), visit)
-            return list(hand_boxes(jaw_opening_m(grasp, self.clearance_m, tool)))
-        found = list(tool_boxes(tool))
+            return list(
+                hand_boxes(self.hand, jaw_opening_m(grasp, self.clearance_m, tool, self.hand))
+            )
+        found = list(tool_boxes(tool, self.hand))
         if visit.event is Event.LOAD:
             robots = self.task.scene.robots
             tools = (item for robot in robots for item in robot.tools)
-            found += tool_boxes(next(item for item in tools if item.name == visit.subject))
+            found += tool_boxes(
+                next(item for item in tools if item.name == visit.subject), self.hand
+            )
         return found
 
     def _of_travel(self, begin_rad: Vector, planned: ArmMotion) -> Iterator[Sweep]:
         """Yield what a travel to a motion moves, however turned, and how far."""
         motion, start = planned.motion, self.kinematics.tip(begin_rad)
         boxes = self._at_target(motion)
+        postures = postures_between(begin_rad, planned.approach[0])
         if planned.points_down and points_down(start.rotation):
             x, y, z = start.position.tolist()
             yield from _level(boxes, (x, y, z), motion)
+            yield from self._of_links(postures)
             return
         radius_m = max(_away_m(box, motion.tip) for box in boxes)
-        postures = postures_between(begin_rad, planned.approach[0])
         points = [self.kinematics.tip(joints).position.tolist() for joints in postures]
         # It is lifted first where it begins lower.
         x, y, z = points[0]
@@ -142,13 +147,11 @@ class Sweeps:
         yield from self._of_links(postures)
 
     def _of_links(self, postures: Sequence[Vector]) -> Iterator[Sweep]:
-        """Yield boxes about the links that move, on a way through some postures."""
-        # The first joint stays where it is, and so does what is below it.
-        ways = np.array([self.kinematics.origins(joints)[1:] for joints in postures])
-        for link in range(ways.shape[1] - 1):
-            points = ways[:, link : link + 2].reshape(-1, 3)
-            low, high = points.min(axis=0) - _LINK_RADIUS_M, points.max(axis=0) + _LINK_RADIUS_M
-            yield WorldBox(tuple(low.tolist()), tuple(high.tolist())), _STILL
+        """Yield boxes about the links, on a way through some postures."""
+        ways = np.array([self.links.at(joints) for joints in postures])
+        lows, highs = ways[:, :, 0].min(axis=0), ways[:, :, 1].max(axis=0)
+        for (ax, ay, az), (bx, by, bz) in zip(lows.tolist(), highs.tolist(), strict=True):
+            yield WorldBox((ax, ay, az), (bx, by, bz)), _STILL
 
 
 def _level(boxes: Sequence[WorldBox], begin: Point, motion: LinearMotion) -> Iterator[Sweep]:

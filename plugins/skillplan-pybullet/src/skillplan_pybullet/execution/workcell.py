@@ -9,7 +9,6 @@ import numpy as np
 
 from skillplan.physics.jaws import jaw_opening_m
 from skillplan.physics.linear_motions import LinearMotion, linear_motions, visited_grasp
-from skillplan.robots import panda
 from skillplan.task.grasp import GraspKind
 from skillplan.task.motion import Event
 from skillplan.task.pose import Pose, plus
@@ -17,6 +16,7 @@ from skillplan.task.scene import Robot
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
+from skillplan_pybullet.arm.hand_shapes import hand_of
 from skillplan_pybullet.arm.hand_turns import ArmMotion, HandPose, HandTurns
 from skillplan_pybullet.arm.kinematics import UnreachableError, Vector
 from skillplan_pybullet.arm.rotations import points_down
@@ -49,6 +49,7 @@ class Workcell:
     def __init__(self, task: Task, settings: ExecutionSettings) -> None:
         self.task, self.settings = task, settings
         self.robot: Robot = task.scene.robots[0]
+        self.hand = hand_of(self.robot)
         self.surroundings = Surroundings(task, settings.clearance_m, settings.press_travel_m)
         self.turns = HandTurns(task, settings.drop_height_m)
         self.fastenings = Fastenings(task)
@@ -216,9 +217,9 @@ class Workcell:
 
     def _first_opening(self, motion: LinearMotion) -> float:
         if motion.visit.event not in (Event.GRASP, Event.RELEASE):
-            return panda.OPENING_M / 2
+            return self.hand.opening_m / 2
         grasp = visited_grasp(self.task.scene.body(motion.visit.subject), motion.visit)
-        return jaw_opening_m(grasp, self.settings.clearance_m, motion.tool)
+        return jaw_opening_m(grasp, self.settings.clearance_m, motion.tool, self.hand)
 
     def _sense(self, runner: SkillRunner, last: LinearMotion, stopped: str | None) -> None:
         sensed = runner.sensed

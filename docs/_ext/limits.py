@@ -1,0 +1,121 @@
+"""How much is read before it is refused: a table made of the constants that refuse it."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+# What is limited, in words with a place for each constant, and where the constants are.
+ROWS: list[tuple[str, str, list[str]]] = [
+    (
+        "task file in YAML",
+        "{bytes}, {} levels, {} values",
+        ["files.yaml:MAX_BYTES", "files.yaml:MAX_DEPTH", "files.yaml:MAX_VALUES"],
+    ),
+    (
+        "SOP and TSPLIB",
+        "{bytes}, {} nodes, a cost of {power}",
+        [
+            "domains.sop:SopDomain.max_bytes",
+            "domains.sop.schema:MOST_NODES",
+            "domains.sop.schema:MOST_COST",
+        ],
+    ),
+    (
+        "mesh (OBJ, STL, PLY)",
+        "{bytes}, {} corners, {} m",
+        [
+            "domains.assembly.mesh_files:MAX_BYTES",
+            "domains.assembly.mesh_files:MAX_CORNERS",
+            "domains.assembly.mesh_files:_MOST_EXTENT_M",
+        ],
+    ),
+    (
+        "trajectory (DXF, CSV, G-code)",
+        "{bytes}, {} m, {} control points of a spline",
+        [
+            "domains.swarmitfix.trajectory.files:MAX_BYTES",
+            "domains.swarmitfix.trajectory.units:_MOST_EXTENT_M",
+            "domains.swarmitfix.trajectory.dxf_entities:_MOST_CONTROL_POINTS",
+        ],
+    ),
+    (
+        "bench",
+        "{} robots, {} heads on a segment, {} places of all robots",
+        [
+            "domains.swarmitfix.schema:MOST_ROBOTS",
+            "domains.swarmitfix.heads.grid:MOST_HEADS",
+            "domains.swarmitfix.faults:MOST_PLACES",
+        ],
+    ),
+    ("steps of an assembly", "{}", ["domains.assembly.step_limit:MOST_STEPS"]),
+    ("`--set`", "{} steps of a path", ["domains.overrides:_MOST_STEPS"]),
+    (
+        "result and other documents in JSON",
+        "{bytes}, {} levels",
+        ["files.json_file:_MOST_BYTES", "files.strict_json:MAX_DEPTH"],
+    ),
+    ("table beside a result", "{bytes}", ["pipeline.record_check:_MOST_BYTES"]),
+    (
+        "manifest of a training",
+        "{} runs, paths of {} characters",
+        ["records.training.run_folder:MOST_RUNS", "records.training.run_folder:MOST_PATH"],
+    ),
+    ("plans of a chain that `verify` makes anew", "{}", ["pipeline.certification:MOST_REPLANS"]),
+    ("policy in JSON", "{bytes}", ["records.stored.policy_file:_MOST_BYTES"]),
+    (
+        "policy of a network (safetensors)",
+        "{bytes}",
+        ["records.training.network_policy_file:_MOST_BYTES"],
+    ),
+    ("metrics of a run", "{bytes}", ["records.training.metrics_file:_MOST_BYTES"]),
+    (
+        "checkpoint",
+        "{bytes}, and what memory has room for",
+        ["training.checkpoint_file:MOST_BYTES"],
+    ),
+    ("file of a parameter study", "{bytes}", ["sweep.study_folder:_MOST_BYTES"]),
+    ("kept verdict", "{bytes}", ["checks.verdict_file:_MOST_BYTES"]),
+    (
+        "source of a plugin, hashed for kept verdicts",
+        "{bytes} a file",
+        ["checks.code_origin:_MOST_BYTES"],
+    ),
+    ("a solver that does not poll", "{} s beyond its limits", ["pipeline.search.apart:GRACE_S"]),
+    ("errors of a file on stderr", "{}", ["cli.error_report:_MOST_LINES"]),
+]
+_UNITS = [(1024**3, "GiB"), (1024**2, "MiB"), (1024, "KiB")]
+_SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def page() -> str:
+    """Return the table."""
+    rows = [f"| {what} | {text(words, places)} |" for what, words, places in ROWS]
+    return "\n".join(["| what | at most |", "|---|---|", *rows])
+
+
+def text(words: str, places: list[str]) -> str:
+    """Return words with the constants in their places."""
+    for place in places:
+        start = words.index("{")
+        end = words.index("}", start) + 1
+        words = words[:start] + _written(words[start:end], constant(place)) + words[end:]
+    return words
+
+
+def constant(place: str) -> Any:
+    """Return a constant by its place, as ``files.yaml:MAX_BYTES``."""
+    module, _, path = place.partition(":")
+    found: Any = importlib.import_module(f"skillplan.{module}")
+    for name in path.split("."):
+        found = getattr(found, name)
+    return found
+
+
+def _written(form: str, value: float) -> str:
+    if form == "{bytes}":
+        size, unit = next(one for one in _UNITS if value % one[0] == 0)
+        return f"{value // size:,} {unit}"
+    if form == "{power}":
+        return f"2{str(int(value).bit_length() - 1).translate(_SUPERSCRIPTS)}"
+    return f"{value:,g}" if value < 1_000_000 else f"{value:,.0f}"

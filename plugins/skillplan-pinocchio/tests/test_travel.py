@@ -1,0 +1,236 @@
+"""Travels of the arm: straight where that is free, else planned round what stands there."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cluttered_travels import cramped_travels, deepest_m
+from example_count import examples
+from skillplan.task.scene import Box
+from skillplan_pinocchio.arm_model import ArmModel
+from skillplan_pinocchio.joint_path import JointPath
+from skillplan_pinocchio.obstacles import Obstacle
+from skillplan_pinocchio.planning.arm_bodies import ArmBodies
+from skillplan_pinocchio.planning.continuous_check import ITSELF, ContinuousCheck
+from skillplan_pinocchio.planning.moving_solids import arm_solids
+from skillplan_pinocchio.planning.travel import Travel, Unfound
+from skillplan_pinocchio.planning.travel_planner import TravelPlanner
+from skillplan_pinocchio.shapes import ConvexPiece, box_corners
+
+ROOT = Path(__file__).parents[3]
+# How far anything goes between two places that the check of its own looks at [m].
+COARSE_M = 0.01
+
+
+@pytest.fixture(scope="module")
+def travels():
+    """Return travels among bodies and pillars; half of them are blocked where they are straight."""
+    return list(cramped_travels(6))
+
+
+@pytest.fixture(scope="module")
+def blocked(travels):
+    """Return those that need a planned way."""
+    found = [one for one in travels if not getattr(one.answer(), "is_straight", False)]
+    assert len(found) >= 2
+    return found
+
+
+def wall(name, size_m, centre_m, fact=None):
+    """Return a box that stands somewhere."""
+    return Obstacle(name, fact, (ConvexPiece(box_corners(Box(size_m, centre_m))),))
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return ArmModel()
+
+
+@pytest.fixture(scope="module")
+def bodies(arm):
+    return ArmBodies(arm.model, arm_solids(arm), arm.home_rad)
+
+
+class TestTravels:
+    def test_what_is_free_straight_in_joint_space_is_taken(self, travels):
+        """All joints go straight, from end to end."""
+        travel = next(one for one in travels if getattr(one.answer(), "is_straight", False))
+        path = travel.answer().path
+        assert path.nodes.tolist() == [travel.start_rad.tolist(), travel.goal_rad.tolist()]
+
+    def test_else_a_way_round_is_planned_that_touches_nothing(self, blocked):
+        """By a check that shares no code with the planner, from the same start to the same end."""
+        for travel in blocked[:1]:
+            found = travel.answer()
+            assert isinstance(found, Travel)
+            assert found.around
+            assert found.path.nodes[0].tolist() == travel.start_rad.tolist()
+            assert found.path.nodes[-1].tolist() == travel.goal_rad.tolist()
+            assert deepest_m(travel, found.path, COARSE_M) > 0
+            assert deepest_m(travel, JointPath([travel.start_rad, travel.goal_rad]), COARSE_M) < 0
+
+    def test_inner_nodes_are_what_the_evidence_prints(self, blocked):
+        """To the microradian: the path can be made again from it."""
+        inner = blocked[0].answer().path.nodes[1:-1]
+        assert inner.tolist() == inner.round(6).tolist()
+
+    def test_a_spent_budget_is_no_proof(self, blocked):
+        """Counted in postures checked."""
+        travel = blocked[0]
+        planner = travel.planner
+        poor = TravelPlanner(planner.arm, planner.sweeps, planner.obstacles, most_checks=5)
+        found = travel.answer(poor)
+        assert isinstance(found, Unfound)
+        assert not found.is_proof
+        assert found.checks >= 5
+        assert "no way round was found" in found.reason
+
+    def test_what_runs_into_something_at_an_end_is_a_proof(self, travels):
+        """However the arm gets there: hand and load are where they are."""
+        travel = travels[0]
+        planner = travel.planner
+        tip, _ = planner.arm.tip(travel.goal_rad)
+        post = wall("post", (0.02, 0.02, 0.02), tuple(tip.tolist()), "post stands")
+        walled = TravelPlanner(planner.arm, planner.sweeps, [*planner.obstacles, post])
+        there = replace(travel, there=travel.there | {"post stands"})
+        found = there.answer(walled)
+        assert isinstance(found, Unfound)
+        assert found.is_proof
+        assert found.reason.endswith("runs into post where the travel ends")
+        assert isinstance(travel.answer(walled), Travel)
+
+    @pytest.mark.release(reason="500 travels, each at thousands of places; two in every run")
+    def test_five_hundred_travels_penetrate_nothing(self):
+        """Anything is within half a millimetre of a place looked at; most of them are found."""
+        found = [(one, one.answer()) for one in cramped_travels(500)]
+        paths = [(one, answer.path) for one, answer in found if isinstance(answer, Travel)]
+        assert len(paths) >= 480
+        assert min(deepest_m(one, path) for one, path in paths) > 0
+
+
+class TestFacts:
+    @settings(max_examples=examples(12))
+    @given(data=st.data())
+    def test_a_travel_is_the_same_wherever_the_facts_asked_for_are(self, data, travels):
+        """In any state that agrees about them, by a planner that was asked nothing before."""
+        travel = data.draw(st.sampled_from(travels))
+        asked = {}
+
+        def holds(fact):
+            asked[fact] = fact in travel.there
+            return asked[fact]
+
+        first = travel.planner.travel(travel.start_rad, travel.goal_rad, travel.motion, holds)
+        facts = sorted({one.fact for one in travel.planner.obstacles if one.fact is not None})
+        others = data.draw(st.sets(st.sampled_from(facts)))
+        there = {fact for fact in others if asked.get(fact, True)}
+        there |= {fact for fact, held in asked.items() if held}
+        again = replace(travel, there=frozenset(there)).answer(travel.fresh_planner())
+        assert words_of(again) == words_of(first)
+
+    def test_bodies_that_no_way_meets_are_not_asked_for(self, travels):
+        """So that a verdict serves many states."""
+        travel = next(one for one in travels if getattr(one.answer(), "is_straight", False))
+        asked = []
+        travel.planner.travel(
+            travel.start_rad, travel.goal_rad, travel.motion, lambda fact: asked.append(fact)
+        )
+        facts = {one.fact for one in travel.planner.obstacles}
+        assert len(set(asked)) < len(facts) / 2
+
+
+def words_of(answer):
+    """Return an answer as text, paths to the bit."""
+    if isinstance(answer, Unfound):
+        return f"{answer.reason} {answer.is_proof}"
+    return f"{answer.around} {answer.path.nodes.tobytes().hex()}"
+
+
+class TestDeterminism:
+    def test_the_order_of_questions_changes_nothing(self, blocked):
+        """To the bit, for a planner each."""
+        first = [words_of(one.answer(one.fresh_planner())) for one in blocked]
+        other = [words_of(one.answer(one.fresh_planner())) for one in reversed(blocked)]
+        assert other[::-1] == first
+
+    @pytest.mark.slow(reason="another process; another order of questions in every run")
+    def test_another_process_finds_the_same_and_prints_nothing(self, travels):
+        """To the bit; the bindings' complaints at the end of a process are not seen."""
+        code = (
+            "from cluttered_travels import cramped_travels\n"
+            "from test_travel import words_of\n"
+            "print([words_of(one.answer()) for one in cramped_travels(6)])\n"
+        )
+        folders = [str(ROOT / "tests" / "support"), str(Path(__file__).parent)]
+        done = subprocess.run(
+            [sys.executable, "-c", f"import sys; sys.path[:0] = {folders}\n{code}"],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert done.stdout.strip() == str([words_of(one.answer()) for one in travels])
+        assert done.stderr == ""
+
+
+class TestContinuousCheck:
+    def test_a_foil_across_the_way_is_not_passed_between_two_postures(self, arm, bodies):
+        """A tenth of a millimetre thick."""
+        start = arm.home_rad.copy()
+        end = start + np.array([1.4, 0, 0, 0, 0, 0, 0])
+        foil = wall("foil", (1.0, 1e-4, 1.0), (0.7, 0.25, 0.5))
+        check = ContinuousCheck(bodies, [foil])
+        hits = check.hits(JointPath([start, end]))
+        assert [hit.body for hit in hits] == ["foil"]
+        assert 0 < hits[0].place < 1
+        assert hits[0].mover.startswith("link ")
+        assert check.touched(start) == check.touched(end) == ()
+
+    def test_everything_on_the_way_is_named_in_its_order(self, arm, bodies):
+        """With the fact that it is there, also beyond the first."""
+        start = arm.home_rad.copy()
+        end = start + np.array([1.6, 0, 0, 0, 0, 0, 0])
+        posts = [
+            wall(f"post {number}", (0.03, 0.03, 1.0), centre, f"stands {number}")
+            for number, centre in enumerate(
+                [(0.08, 0.29, 0.5), (0.23, 0.19, 0.5), (-0.5, 0.0, 0.5)]
+            )
+        ]
+        hits = ContinuousCheck(bodies, posts).hits(JointPath([start, end]))
+        assert [(hit.body, hit.fact) for hit in hits] == [
+            ("post 1", "stands 1"),
+            ("post 0", "stands 0"),
+        ]
+
+    def test_the_arm_does_not_pass_through_itself(self, arm, bodies):
+        """Folded until the hand's end of the forearm is in the upper arm."""
+        folded = arm.home_rad.copy()
+        folded[3], folded[5] = arm.low_rad[3], -0.0175
+        hits = ContinuousCheck(bodies, []).hits(JointPath([arm.home_rad, folded]))
+        assert {hit.body for hit in hits} <= {ITSELF}
+        unlike = bodies.overlaps(folded)
+        assert bool(hits) is unlike
+
+    @settings(max_examples=examples(100))
+    @given(seed=st.integers(0, 2**32 - 1))
+    def test_no_point_moves_farther_than_its_bound(self, seed, arm, bodies):
+        """Of any link, on any straight path of the joints."""
+        rng = np.random.default_rng(seed)
+        start, end = (rng.uniform(arm.low_rad, arm.high_rad) for _ in range(2))
+        bound_m = bodies.reach_m @ np.abs(end - start)
+        data = arm.model.createData()
+        for solid, most_m in zip(bodies.solids, bound_m.tolist(), strict=True):
+            way = rng.normal(size=3)
+            point = solid.centre + solid.radius_m * way / np.linalg.norm(way)
+            places = []
+            for share in np.linspace(0, 1, 6).tolist():
+                pin.forwardKinematics(arm.model, data, start + share * (end - start))
+                places.append(data.oMi[solid.joint].act(point))
+            away_m = np.linalg.norm(np.array(places) - places[0], axis=1)
+            assert away_m.max() <= most_m + 1e-9

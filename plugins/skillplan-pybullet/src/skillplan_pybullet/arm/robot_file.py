@@ -1,0 +1,273 @@
+"""A robot's description as the file that the simulator loads: an arm with its hand.
+
+Kinematics, masses and collision shapes are those of the description; what an arm looks like is
+taken from an installed package where there is one, and from its shapes elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from xml.etree import ElementTree
+
+import coal
+import numpy as np
+
+from skillplan.robots.arm_description import ArmDescription, LinkInertia, Transform
+from skillplan.robots.hand import Hand
+from skillplan.robots.link_shapes import Capsule, Hull, Rod
+from skillplan_pinocchio.kinematics.serial_arm import placement
+from skillplan_pybullet.arm.looks import looks_of
+from skillplan_pybullet.arm.robot_outline import Piece, body_pieces, jaw_pieces
+from skillplan_pybullet.arm.rotations import Vector, rpy_of
+
+TIP_LINK = "hand"
+"""The link of the hand, whose frame is the tip."""
+
+JAW_LINKS = ("left_jaw", "right_jaw")
+
+# What a hand weighs, of which no description says it: that of the Panda, body and one jaw [kg].
+_BODY_KG, _JAW_KG = 0.73, 0.05
+_JAW_SPEED_M_PER_S = 0.2
+_COLOUR = "0.92 0.92 0.93 1"
+_WORLD = np.eye(3)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotFile:
+    """A file, and the numbers that the simulator gives its links and joints.
+
+    Parameters
+    ----------
+    path
+        Of the URDF.
+    dynamics
+        The same without shapes, as text.
+    joints
+        Of the arm, from the base.
+    hand
+        The link of the hand, whose frame is the tip: y along the closing axis, z out of it.
+    jaws
+        The links of the two jaws, and their joints.
+    """
+
+    path: Path
+    dynamics: str
+    joints: tuple[int, ...]
+    hand: int
+    jaws: tuple[int, int]
+
+
+class _Folder:
+    """Keeps files until the program ends."""
+
+    def __init__(self) -> None:
+        self._made: TemporaryDirectory[str] | None = None
+        self.count = 0
+
+    def new(self, ending: str) -> Path:
+        """Return the path of a file that is not there yet."""
+        if self._made is None:
+            self._made = TemporaryDirectory(prefix="skillplan_robot_")
+        self.count += 1
+        return Path(self._made.name) / f"{self.count}.{ending}"
+
+
+_FOLDER = _Folder()
+
+
+@lru_cache(maxsize=32)
+def robot_file(description: ArmDescription, tip: Transform, hand: Hand) -> RobotFile:
+    """Return the file of an arm with a hand; it is there until the program ends.
+
+    Parameters
+    ----------
+    description
+        The arm.
+    tip
+        Where the ends of the jaws are on the flange.
+    hand
+        What is there.
+    """
+    path = _FOLDER.new("urdf")
+    path.write_text(_text(description, tip, hand, shaped=True), "utf-8")
+    count = len(description.joints)
+    return RobotFile(
+        path,
+        _text(description, tip, hand, shaped=False),
+        tuple(range(count)),
+        count,
+        (count + 1, count + 2),
+    )
+
+
+def _text(description: ArmDescription, tip: Transform, hand: Hand, *, shaped: bool) -> str:
+    root = ElementTree.Element("robot", name="arm")
+    looks = looks_of(description)
+    names = ["base", *(f"link_{number + 1}" for number in range(len(description.joints)))]
+    shapes: Sequence[Sequence[Piece]] = description.shapes or [()] * len(names)
+    inertias = [None, *(joint.link for joint in description.joints)]
+    for name, pieces, look, inertia in zip(names, shapes, looks, inertias, strict=True):
+        _link(root, name, inertia, pieces if shaped else (), look)
+    for number, joint in enumerate(description.joints):
+        limits = (joint.low_rad, joint.high_rad, joint.torque_nm, joint.speed_rad_per_s)
+        _joint(
+            root,
+            "revolute",
+            names[number : number + 2],
+            placement(joint.placement),
+            joint.axis,
+            limits,
+        )
+    _link(root, TIP_LINK, _hand_inertia(hand), body_pieces(hand) if shaped else (), None)
+    where = placement(description.tip) * placement(tip)
+    _joint(root, "fixed", [names[-1], TIP_LINK], where)
+    for side, name in zip((1, -1), JAW_LINKS, strict=True):
+        pieces = jaw_pieces(hand, side) if shaped else ()
+        _link(root, name, _jaw_inertia(hand, side), pieces, None)
+        limits = (0.0, hand.opening_m / 2, hand.force_n, _JAW_SPEED_M_PER_S)
+        axis = (0.0, float(side), 0.0)
+        _joint(root, "prismatic", [TIP_LINK, name], placement(Transform()), axis, limits)
+    # The simulator reads line by line, of a thousand characters at most.
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, "unicode") + "\n"
+
+
+def _hand_inertia(hand: Hand) -> LinkInertia:
+    size = (2 * hand.half_width_m, 2 * hand.half_length_m, hand.underside_m)
+    return _box_inertia(_BODY_KG, (0.0, 0.0, hand.underside_m / 2 - hand.tip_m), size)
+
+
+def _jaw_inertia(hand: Hand, side: int) -> LinkInertia:
+    height_m, thick_m = hand.jaw_m[-1][0], hand.jaw_m[-1][3]
+    centre = (0.0, side * thick_m / 2, -height_m / 2)
+    return _box_inertia(_JAW_KG, centre, (2 * hand.jaw_half_width_m, thick_m, height_m))
+
+
+def _box_inertia(
+    mass_kg: float, centre_m: tuple[float, float, float], size_m: tuple[float, float, float]
+) -> LinkInertia:
+    x, y, z = (extent**2 * mass_kg / 12 for extent in size_m)
+    return LinkInertia(mass_kg, centre_m, (y + z, x + z, x + y, 0.0, 0.0, 0.0))
+
+
+def _link(
+    root: ElementTree.Element,
+    name: str,
+    inertia: LinkInertia | None,
+    pieces: Sequence[Piece],
+    look: Path | None,
+) -> None:
+    link = ElementTree.SubElement(root, "link", name=name)
+    if inertia is not None:
+        made = ElementTree.SubElement(link, "inertial")
+        frame = placement(inertia.frame)
+        _origin(made, frame.act(np.array(inertia.centre_m)), frame.rotation)
+        ElementTree.SubElement(made, "mass", value=repr(inertia.mass_kg))
+        xx, yy, zz, xy, xz, yz = (repr(value) for value in inertia.tensor_kg_m2)
+        ElementTree.SubElement(made, "inertia", ixx=xx, iyy=yy, izz=zz, ixy=xy, ixz=xz, iyz=yz)
+    for piece in pieces:
+        _shape(ElementTree.SubElement(link, "collision"), piece)
+    if look is not None and pieces:
+        seen = ElementTree.SubElement(link, "visual")
+        geometry = ElementTree.SubElement(seen, "geometry")
+        ElementTree.SubElement(geometry, "mesh", filename=str(look))
+        return
+    for piece in pieces:
+        seen = ElementTree.SubElement(link, "visual")
+        _shape(seen, piece)
+        material = ElementTree.SubElement(seen, "material", name=f"of_{name}")
+        ElementTree.SubElement(material, "color", rgba=_COLOUR)
+
+
+def _joint(
+    root: ElementTree.Element,
+    kind: str,
+    links: Sequence[str],
+    where: Any,
+    axis: tuple[float, float, float] | None = None,
+    limits: tuple[float, float, float, float] | None = None,
+) -> None:
+    parent, child = links
+    joint = ElementTree.SubElement(root, "joint", name=f"to_{child}", type=kind)
+    ElementTree.SubElement(joint, "parent", link=parent)
+    ElementTree.SubElement(joint, "child", link=child)
+    _origin(joint, where.translation, where.rotation)
+    if axis is not None:
+        ElementTree.SubElement(joint, "axis", xyz=_numbers(axis))
+    if limits is not None:
+        low, high, effort, velocity = (repr(float(value)) for value in limits)
+        ElementTree.SubElement(
+            joint, "limit", lower=low, upper=high, effort=effort, velocity=velocity
+        )
+
+
+def _shape(parent: ElementTree.Element, piece: Piece) -> None:
+    """Add where a piece is, and what it is."""
+    if isinstance(piece, Hull):
+        _origin(parent, np.zeros(3), _WORLD)
+        geometry = ElementTree.SubElement(parent, "geometry")
+        ElementTree.SubElement(geometry, "mesh", filename=str(_mesh(piece)))
+        return
+    if isinstance(piece, Capsule | Rod):
+        start, end = np.array(piece.start_m), np.array(piece.end_m)
+        length = float(np.linalg.norm(end - start))
+        _origin(parent, (start + end) / 2, _upright(end - start))
+        geometry = ElementTree.SubElement(parent, "geometry")
+        radius = repr(piece.radius_m)
+        if isinstance(piece, Rod):
+            ElementTree.SubElement(geometry, "cylinder", radius=radius, length=repr(length))
+        elif length == 0.0:
+            ElementTree.SubElement(geometry, "sphere", radius=radius)
+        else:
+            ElementTree.SubElement(geometry, "capsule", radius=radius, length=repr(length))
+        return
+    low, high = np.array(piece.low_m), np.array(piece.high_m)
+    _origin(parent, (low + high) / 2, _WORLD)
+    geometry = ElementTree.SubElement(parent, "geometry")
+    ElementTree.SubElement(geometry, "box", size=_numbers((high - low).tolist()))
+
+
+@lru_cache(maxsize=512)
+def _mesh(hull: Hull) -> Path:
+    """Write a hull with its surface in triangles."""
+    points = coal.StdVec_Vec3s()
+    points.extend([np.array(corner) for corner in hull.corners_m])
+    found = coal.Convex.convexHull(points, True, "Qt")
+    corners = np.asarray(found.points())
+    middle = corners.mean(axis=0)
+    lines = [f"v {_numbers(corner.tolist())}" for corner in corners]
+    for number in range(found.num_polygons):
+        a, b, c = (int(found.polygons(number)[index]) for index in range(3))
+        normal = np.cross(corners[b] - corners[a], corners[c] - corners[a])
+        if float(normal @ (corners[a] - middle)) < 0:
+            b, c = c, b
+        lines.append(f"f {a + 1} {b + 1} {c + 1}")
+    path = _FOLDER.new("obj")
+    path.write_text("\n".join(lines) + "\n", "utf-8")
+    return path
+
+
+def _upright(along: Vector) -> Vector:
+    """Return a rotation that takes z along a direction."""
+    length = float(np.linalg.norm(along))
+    if length == 0.0:
+        return _WORLD
+    z = along / length
+    aside = np.cross(np.eye(3)[int(np.argmin(np.abs(z)))], z)
+    x = aside / np.linalg.norm(aside)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def _origin(parent: ElementTree.Element, position: Vector, rotation: Vector) -> None:
+    ElementTree.SubElement(
+        parent, "origin", xyz=_numbers(position.tolist()), rpy=_numbers(rpy_of(rotation))
+    )
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)

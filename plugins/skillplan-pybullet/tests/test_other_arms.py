@@ -1,0 +1,105 @@
+"""Arms beside the Panda: the same tasks by any arm that is described."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from board_situations import BOARD, OPTIMAL
+from situations import assembly
+from skillplan.checks.single_check import introduce
+from skillplan.pipeline.setup import load_problem
+from skillplan.robots.hand import Hand
+from skillplan.robots.panda import PANDA_HAND
+from skillplan.robots.ur5e import UR5E
+from skillplan.task.pose import Pose
+from skillplan.task.task import Task
+from skillplan.testing.tasks import lid_content
+from skillplan_pybullet.contact_pairs import ContactPairsDetector
+from skillplan_pybullet.engine import PybulletEngine
+
+# It looks along -x where its joints are at home.
+TURNED = Pose.upright((0.0, 0.0, 0.0), math.pi).orientation
+STRAIGHT_M = ((0.0, 0.006, 0.0, 0.01), (0.06, 0.006, 0.0, 0.01))
+OTHER = Hand(0.06, 0.14, 30.0, STRAIGHT_M, PANDA_HAND.body_m)
+LEANING = Pose.turned((0.0, 0.1, 0.2), (0.3, 0.0, 3.0))
+
+
+def by_ur5e(task: Task, **changes) -> Task:
+    """Return a task whose arm is a UR5e."""
+    (robot,) = task.scene.robots
+    other = replace(robot, **({"model": UR5E, "base_orientation": TURNED} | changes))
+    return replace(task, scene=replace(task.scene, robots=(other,)))
+
+
+def lid() -> Task:
+    """Return the task of a lid with a screw."""
+    content = lid_content()
+    part = content["parts"]["lid"] | {"start_m": [0.45, -0.15]}
+    del part["goal_on"]
+    content["parts"] = {"lid": part}
+    content["chart"] = [{"before": "lid", "after": ["screw"]}]
+    return assembly(content)
+
+
+def performed(task: Task, plan, **options):
+    engine = PybulletEngine(task, PybulletEngine.Options(**options))
+    introduce([engine, ContactPairsDetector(task)])
+    found = engine.perform([task.skill(name) for name in plan])
+    assert found.failed is None, found.failed.verdict.reason
+    for arrival in found.arrivals:
+        assert arrival.offset_m < 0.0005, arrival
+        assert arrival.tilt_rad < math.radians(1), arrival
+    return found
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        pytest.param({}, id="the Panda's hand"),
+        pytest.param({"hand": OTHER}, id="another hand"),
+        pytest.param(
+            {"base": LEANING.position, "base_orientation": LEANING.orientation},
+            id="a base that leans",
+        ),
+    ],
+)
+def test_a_ur5e_picks_a_part(changes) -> None:
+    task = by_ur5e(lid(), **changes)
+    verdict = PybulletEngine(task).check(task.skill("pick(lid)"), task.initial)
+    assert verdict.is_feasible, verdict.reason
+
+
+@pytest.mark.slow(reason="a plan of four skills; one skill in every run")
+@pytest.mark.parametrize("control", ["osc", "position"])
+def test_a_ur5e_screws_a_lid_on(control) -> None:
+    performed(
+        by_ur5e(lid()),
+        ("pick(lid)", "place(lid)", "load(screwdriver)", "fasten(screw)"),
+        control=control,
+    )
+
+
+@pytest.mark.slow(reason="15 skills; one skill in every run")
+def test_a_ur5e_builds_the_inverter_board() -> None:
+    task = by_ur5e(load_problem(BOARD).task)
+    found = performed(task, [task.skills[action].name for action in OPTIMAL])
+    forces = [
+        one.verdict.evidence["sensed"]["fastening_force_n"]
+        for one in found.skills
+        if one.skill.startswith("fasten")
+    ]
+    assert min(forces) >= 3.0
+
+
+def test_grippers_with_different_jaws_are_refused_in_words() -> None:
+    task = lid()
+    (robot,) = task.scene.robots
+    gripper = next(tool for tool in robot.tools if tool.name == "gripper")
+    tools = (*robot.tools, replace(gripper, name="tweezers", fact="tool(x)", hand=OTHER))
+    task = replace(task, scene=replace(task.scene, robots=(replace(robot, tools=tools),)))
+    refusal = PybulletEngine(task).refuses()
+    assert refusal is not None
+    assert "'gripper', 'tweezers'" in refusal

@@ -1,0 +1,84 @@
+"""Files of arrays (safetensors), read only once their header accounts for every byte.
+
+A sparse file takes no room on disk, and in memory all that it claims. So before anything is
+allocated for its arrays, they must be as long as the header says, and there must be room for them.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from skillplan.files.regular_file import RefusedFile, open_regular, read_rest
+from skillplan.files.strict_json import parse_json
+
+# The parser of safetensors takes no longer header.
+_MOST_HEADER_BYTES = 100_000_000
+_LENGTH_BYTES = 8
+# So often the arrays are in memory while they are read: as they stand in the file, and parsed.
+_COPIES = 2
+
+
+def read_safetensors(
+    path: str | os.PathLike[str],
+    most_bytes: int,
+    *,
+    room_bytes: int | None = None,
+    within: str | os.PathLike[str] | None = None,
+) -> tuple[bytes, dict[str, Any]]:
+    """Return the content of a regular file, and its header.
+
+    Parameters
+    ----------
+    path
+        The file.
+    most_bytes
+        Greatest size [B], >= 0.
+    room_bytes
+        How much memory there is [B]; None where that is unknown.
+    within
+        A folder that the file must lie in, with no link on the way to it; None for anywhere.
+
+    Raises
+    ------
+    RefusedFile
+        If it is no regular file, is too large, or there is a link below `within`.
+    OSError
+        If it cannot be read; `strerror` says why.
+    ValueError
+        If its header is none, or does not account for every byte.
+    """
+    with os.fdopen(open_regular(path, os.O_RDONLY, within=within), "rb", buffering=0) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size > most_bytes:
+            raise RefusedFile("large", path, most_bytes)
+        if size < _LENGTH_BYTES:
+            raise ValueError("it is too short to have a header")
+        length = int.from_bytes(file.read(_LENGTH_BYTES), "little")
+        if length > min(_MOST_HEADER_BYTES, size - _LENGTH_BYTES):
+            raise ValueError("its header is longer than the file, or than a header may be")
+        header = parse_json(file.read(length))
+        left = size - _LENGTH_BYTES - length
+        if left != _claimed(header):
+            raise ValueError(
+                f"its header accounts for {_claimed(header):,} bytes, not for {left:,}"
+            )
+        if room_bytes is not None and _COPIES * left > room_bytes:
+            raise RefusedFile("memory", path, room_bytes)
+        file.seek(0)
+        return read_rest(file, path, most_bytes), header
+
+
+def _claimed(header: Any) -> int:
+    """Return how many bytes the arrays of a header take."""
+    if not isinstance(header, dict):
+        raise ValueError("its header is no object")
+    ends = [0]
+    for name, said in header.items():
+        if name == "__metadata__":
+            continue
+        try:
+            ends.append(int(said["data_offsets"][1]))
+        except (KeyError, IndexError, TypeError, ValueError, OverflowError):
+            raise ValueError(f"its header does not say where the array {name!r:.60} lies") from None
+    return max(ends)
