@@ -1,7 +1,5 @@
 """Any arm that is described, mounted anywhere: the same detector, no word of the Panda."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -50,7 +48,7 @@ def robot(model: str, mount: Pose) -> Robot:
 
 
 @pytest.mark.slow(reason="plans and times the board twice; a URDF's arm in every run")
-def test_swept_proves_the_inverter_board_by_a_ur5e() -> None:
+def test_swept_proves_the_inverter_board_by_a_ur5e():
     """The parts' geometry decides, so that order and cost are those of the Panda."""
     found = [
         solve(load_problem(CONFIGS / f"{name}.yaml").task, "exact", SWEPT)
@@ -66,7 +64,7 @@ def test_swept_proves_the_inverter_board_by_a_ur5e() -> None:
     assert panda.makespan_s < ur5e.makespan_s < 2 * panda.makespan_s
 
 
-def test_swept_plans_for_an_arm_from_a_urdf(tmp_path: Path) -> None:
+def test_swept_plans_for_an_arm_from_a_urdf(tmp_path: Path):
     """One part from here to there, with a hand of its own shape and the arm turned."""
     (tmp_path / "arm.urdf").write_text(urdf(collisions={0: "", 6: CAPSULE}), "utf-8")
     task = tmp_path / "task.yaml"
@@ -91,11 +89,13 @@ step_limit: 2
 
 @pytest.mark.parametrize("model", sorted(ARMS))
 @pytest.mark.parametrize("mount", MOUNTS)
-def test_postures_lead_to_the_pose_however_the_arm_is_mounted(model: str, mount: Pose) -> None:
+def test_postures_lead_to_the_pose_however_the_arm_is_mounted(model: str, mount: Pose):
     """Within limits; jaws close alike with the hand turned by half a turn; always the same."""
     arm = ArmModel.of(robot(model, mount))
     at, rotation = arm.tip(arm.home_rad)
-    target = pin.SE3(rotation @ pin.rpy.rpyToMatrix(0.3, -0.2, 0.1), at + np.array((0.02, 0.03, -0.04)))
+    target = pin.SE3(
+        rotation @ pin.rpy.rpyToMatrix(0.3, -0.2, 0.1), at + np.array((0.02, 0.03, -0.04))
+    )
     found = list(postures(arm, target))
     assert len(found) > 4
     for joints in found:
@@ -112,7 +112,7 @@ def test_postures_lead_to_the_pose_however_the_arm_is_mounted(model: str, mount:
     assert all(np.array_equal(one, other) for one, other in zip(found, again, strict=True))
 
 
-def test_of_a_full_turn_the_angle_nearest_to_home_is_taken() -> None:
+def test_of_a_full_turn_the_angle_nearest_to_home_is_taken():
     """The wrist of a UR turns twice: a posture is not left for a full turn away."""
     turned = replace(UR5E, home_rad=(*UR5E.home_rad[:5], 6.0))
     arm = ArmModel(description=turned, hand=STANDARD_HAND)
@@ -122,7 +122,7 @@ def test_of_a_full_turn_the_angle_nearest_to_home_is_taken() -> None:
 
 
 @pytest.mark.parametrize("yaw_rad", [-2.0, 0.0, 0.7])
-def test_a_mount_that_is_turned_about_the_vertical_turns_the_postures_along(yaw_rad) -> None:
+def test_a_mount_that_is_turned_about_the_vertical_turns_the_postures_along(yaw_rad):
     """Seen from the arm nothing has changed."""
     mount = Pose.upright((0.2, -0.1, 0.05), yaw_rad)
     there = mount.apply((0.45, 0.1, 0.05))
@@ -131,7 +131,7 @@ def test_a_mount_that_is_turned_about_the_vertical_turns_the_postures_along(yaw_
     assert turned == pytest.approx(here, abs=1e-6)
 
 
-def test_what_a_ur_cannot_reach_is_said_with_its_distance() -> None:
+def test_what_a_ur_cannot_reach_is_said_with_its_distance():
     """And why."""
     arm = ArmModel(description=UR5E, hand=STANDARD_HAND)
     (found,) = postures(arm, hand_pose((1.5, 0.0, 0.2), (0.0, 0.0, 0.0, 1.0)))
@@ -142,7 +142,7 @@ def test_what_a_ur_cannot_reach_is_said_with_its_distance() -> None:
     assert down.reason.startswith("the hand cannot point straight down at (0.000, 0.000, 2.000): ")
 
 
-def test_hands_are_mounted_where_their_data_say() -> None:
+def test_hands_are_mounted_where_their_data_say():
     """The ends of the jaws, along the axis of the flange."""
     arm = ArmModel(description=UR5E, hand=replace(PANDA_HAND, tip_m=0.2))
     bare = arm.serial.model.getFrameId("flange")
@@ -155,7 +155,7 @@ def test_hands_are_mounted_where_their_data_say() -> None:
 
 
 @pytest.mark.parametrize("shape", [Capsule, Rod])
-def test_round_shapes_are_where_they_are_described(shape) -> None:
+def test_round_shapes_are_where_they_are_described(shape):
     """Corners, box and geometry agree."""
     piece = LinkPiece(1, shape((0.1, 0.2, 0.3), (0.4, 0.2, 0.7), 0.05))
     centre, half = piece.box
@@ -166,7 +166,7 @@ def test_round_shapes_are_where_they_are_described(shape) -> None:
     assert piece.geometry.radius == 0.05
 
 
-def test_the_jaws_enclose_the_mesh_that_their_maker_publishes(mesh_corners) -> None:
+def test_the_jaws_enclose_the_mesh_that_their_maker_publishes(mesh_corners):
     """To half a millimetre; so does the body of the hand."""
     # Of the mesh y is the closing axis, and z ends at the tip.
     x, y, z = mesh_corners("finger").T
@@ -176,7 +176,7 @@ def test_the_jaws_enclose_the_mesh_that_their_maker_publishes(mesh_corners) -> N
 
 
 @pytest.mark.parametrize("joint", range(1, 7))
-def test_at_home_no_link_of_a_ur_reaches_the_one_after_the_next(joint) -> None:
+def test_at_home_no_link_of_a_ur_reaches_the_one_after_the_next(joint):
     """The shapes leave room between them."""
     arm = ArmModel(description=UR5E, hand=STANDARD_HAND)
     rotations, origins = arm.frames([arm.home_rad])
@@ -188,13 +188,13 @@ def test_at_home_no_link_of_a_ur_reaches_the_one_after_the_next(joint) -> None:
         assert outside_m(hulls[other], hulls[joint]) > 0
 
 
-def outside_m(corners, points) -> float:
+def outside_m(corners, points):
     """Return how far the farthest point is outside the hull of corners [m]."""
     planes = ConvexHull(np.array(corners)).equations
     return float((np.asarray(points) @ planes[:, :3].T + planes[:, 3]).max())
 
 
-def test_a_panda_points_down_as_before() -> None:
+def test_a_panda_points_down_as_before():
     """With the posture that kept verdicts rest on: joint for joint."""
     first = next(elbows(ArmModel(), (0.5, 0.1, 0.05), 0.3))
     at, rotation = ArmModel().tip(first)
