@@ -117,7 +117,7 @@ clean:  ## all that these targets make
 
 .venv/.test: .venv/.demo
 	$(PIP) --editable '.[test]' --editable plugins/skillplan-template \
-	  --editable plugins/skillplan-ortools
+	  --editable plugins/skillplan-ortools --editable plugins/skillplan-ray
 	touch $@
 
 .venv/.check: .venv/.core

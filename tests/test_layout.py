@@ -48,6 +48,7 @@ HEAVY = (
     "gymnasium",
     "highspy",
     "ortools",
+    "ray",
 )
 
 
@@ -144,6 +145,7 @@ class TestStarting:
             "toppra",
             "ompl",
             "ortools",
+            "ray",
         }
 
 

@@ -53,6 +53,23 @@ def test_the_chart_prints_the_alternatives():
     ]
 
 
+def test_a_choice_of_several_skills_is_told_once():
+    """A pick that is only done where the place after it can be has the same choice."""
+    grasps = [{"closing_axis": "y"}, {"closing_axis": "x"}]
+    task = drawer_task(grasp=grasps)
+    closed = {
+        f"{name}, grasp top closing along {axis}": facts
+        for name, facts in CLOSED.items()
+        for axis in "xy"
+    }
+    chart = derive_chart(Feasibility(task, [closing(task, closed)]))
+    assert [one.skill for one in chart.alternatives] == ["pick(drawer)", "place(drawer)"]
+    expected = (
+        "pick(drawer) and place(drawer) leave a choice: drawer before left, or drawer before right"
+    )
+    assert expected in chart_table(chart, task, ["closing"]).notes
+
+
 def test_what_closes_both_directions_is_a_relation():
     """No choice is left; and where a stop closes one only, there is nothing to be ordered."""
     chart = chart_of(dict.fromkeys(ALONG, ("placed(left)",)))

@@ -31,7 +31,7 @@ SINGLE = re.compile(
 CHAIN = re.compile(
     r"seed|origin\.(file|screening|options\..*|set\..*)|solver"
     r"|(sequences|stages)\.\d+\.(bound_method|reason|trace.*"
-    r"|stats\.cache_hits|stats\.checks|stats\.states)"
+    r"|stats\.cache_hits|stats\.checks|stats\.states|stats\.trajectories)"
 )
 CELLS = re.compile(r"[^,\n]+")
 

@@ -9,13 +9,15 @@ from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from situations import assembly, config_content, model_of, small_assemblies
+from situations import assembly, config_content, fake_back_end, model_of, small_assemblies
 from skillplan.errors import NotASequencing
 from skillplan.judge.second_proof import least_cost_of_orders, least_cost_of_states
 from skillplan.model.replay import replay
 from skillplan.model.sequencing import SequencingProblem
+from skillplan.physics.engine import Engine
 from skillplan.solvers.search.exact import ExactSolver
 from skillplan.solvers.search.exhaustive import ExhaustiveSolver
+from skillplan.task.verdict import Verdict
 from skillplan.testing import reachable_states
 from timed_back_end import clock
 
@@ -125,6 +127,22 @@ def test_brute_force_finds_the_optimum_that_exact_search_proves(board):
     every = ExhaustiveSolver().solve(model_of(board, clock(board, 0.8, seed)))
     assert every.trace["sequences"] == 12_420
     assert found.plan.cost == pytest.approx(every.plan.cost, abs=1e-9)
+
+
+def test_where_checks_are_expensive_a_skill_is_timed_before_it_is_executed(board):
+    """What is dropped for its time is never executed; the optimum is the same."""
+    teller = clock(board, 0.8)
+
+    def executed(skill, state):
+        assert (skill.name, state.bits & teller.stands) in teller.asked
+        return Verdict.feasible(board.facts.none, board.facts.none)
+
+    engine = fake_back_end(board, executed, name="engine", base=Engine, expensive=True)
+    found = ExactSolver().solve(model_of(board, teller, engine))
+    assert found.proved
+    assert engine.asked
+    plain = ExactSolver().solve(model_of(board, clock(board, 0.8)))
+    assert found.plan.cost == pytest.approx(plain.plan.cost, abs=1e-9)
 
 
 def board_of_two_ways():

@@ -13,6 +13,7 @@ from skillplan.records.training.result import TrainingResult
 from skillplan.training.trainer import Trainer
 from skillplan.training.training_folder import TrainingFolder
 from skillplan.training.training_plan import TrainingPlan, plan_training
+from skillplan.workers.executor_choice import ExecutorChoice
 
 BOARD = Path(__file__).parents[2] / "configs" / "inverter_board.yaml"
 # What a clock decides, and files that hold nothing else.
@@ -21,8 +22,10 @@ _TIMED = ("progress.json", "result.json", "manifest.json")
 
 def a_plan(problem: Problem, options: Mapping[str, Any] | None = None, **more: Any) -> TrainingPlan:
     """Return the plan of a quick training: seven runs, in two groups."""
+    executor = more.pop("executor", ExecutorChoice())
     asked = {"runs": 7, "steps": 400, "checkpoint_steps": 200, **more}
-    return plan_training(problem, "tabular", Setup(options={"tabular": options or {}}), **asked)
+    setup = Setup(options={"tabular": options or {}}, executor=executor)
+    return plan_training(problem, "tabular", setup, **asked)
 
 
 def train(

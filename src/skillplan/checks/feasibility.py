@@ -157,8 +157,17 @@ class Feasibility:
         timed = task.metric.is_duration and bool(self.times.sources)
         self._prices = Prices(self._price, self.times.basis) if timed else None
 
-    def verdict(self, skill: Skill, state: State) -> Verdict:
+    def verdict(
+        self, skill: Skill, state: State, poll: Callable[[], None] = lambda: None
+    ) -> Verdict:
         """Return the verdict on `skill` in `state`.
+
+        Parameters
+        ----------
+        skill, state
+            What is queried.
+        poll
+            Called now and then while another process checks; what it raises ends the check.
 
         Raises
         ------
@@ -166,7 +175,7 @@ class Feasibility:
             If a back end raises, or returns something else than a verdict.
         """
         if self._workers is not None:
-            return self.verdicts([(skill, state)])[0]
+            return self.verdicts([(skill, state)], poll)[0]
         self._to_go = 1
         return _result_of(self._checking(skill, state))
 

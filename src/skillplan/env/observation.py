@@ -26,6 +26,7 @@ class Observation:
         those of Moller et al., Fig. 5. ``markov``, these and, where they do not say so, where
         the robots stand, on which costs depend. ``layout``, these and what every skill would
         cost from here, applicable or not: what distinguishes one board of a family from another.
+        Those are the task's own figures, also where a back end tells costs.
     literals
         The bits, in order.
     priced

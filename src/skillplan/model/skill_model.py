@@ -163,7 +163,7 @@ class SkillModel:
             If the solver should have stopped long ago.
         """
         self._cut_off()
-        verdict = self.feasibility.verdict(skill, state)
+        verdict = self.feasibility.verdict(skill, state, self._cut_off)
         if verdict.status is VerdictStatus.UNKNOWN:
             self._unknown += 1
         return verdict

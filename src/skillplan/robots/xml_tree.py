@@ -74,7 +74,7 @@ class _Builder:
         self.parser.StartElementHandler = self._start
         self.parser.EndElementHandler = self._end
         self.parser.StartDoctypeDeclHandler = self._doctype
-        self.open: list[Element] = []
+        self.unclosed: list[Element] = []
         self.root: Element | None = None
         self.count = 0
 
@@ -95,17 +95,17 @@ class _Builder:
         self.count += 1
         if self.count > MAX_ELEMENTS:
             raise XmlError(f"it has more than {MAX_ELEMENTS:,} elements; keep the arm alone", line)
-        if len(self.open) >= MAX_DEPTH:
+        if len(self.unclosed) >= MAX_DEPTH:
             raise XmlError(f"its elements lie more than {MAX_DEPTH} deep; keep the arm alone", line)
         made = Element(tag, attributes, line)
-        if self.open:
-            self.open[-1].children.append(made)
+        if self.unclosed:
+            self.unclosed[-1].children.append(made)
         else:
             self.root = made
-        self.open.append(made)
+        self.unclosed.append(made)
 
     def _end(self, tag: str) -> None:
-        self.open.pop()
+        self.unclosed.pop()
 
     def _doctype(self, *_: object) -> None:
         line = self.parser.CurrentLineNumber

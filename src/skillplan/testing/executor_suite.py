@@ -15,6 +15,7 @@ from contextlib import closing
 from typing import Any, ClassVar
 
 import pytest
+from pydantic import Field
 
 from skillplan.checks.feasibility import Feasibility
 from skillplan.collision.aabb import AabbDetector
@@ -22,6 +23,8 @@ from skillplan.errors import SkillplanError
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline import registry
 from skillplan.pipeline.setup import make_executor
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
 from skillplan.testing.options import assert_options_described
 from skillplan.testing.tasks import lid_task, reachable_states
@@ -178,6 +181,18 @@ class ExpensiveBoxes(AabbDetector):
     """The detector of boxes, as if a check of it were worth a process."""
 
     expensive = True
+
+    class Options(AabbDetector.Options):
+        """How expensive it is."""
+
+        check_s: float = Field(default=0.0, ge=0, description="so long a check takes at least [s]")
+
+    options: Options
+
+    def check(self, skill: Skill, state: State) -> Verdict:
+        """Decide as the detector of boxes does, after a while."""
+        time.sleep(self.options.check_s)
+        return super().check(skill, state)
 
 
 def _started(executor: Executor, function: str) -> Worker:

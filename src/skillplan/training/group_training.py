@@ -28,6 +28,7 @@ from skillplan.training.group_job import (
 )
 from skillplan.training.learned_policies import store_policies
 from skillplan.training.run_log import RunLog, writing
+from skillplan.workers.inside import shares_files
 
 STRIDE_STEPS = 100
 """After so many environment steps a run notes what it has, and may be stopped."""
@@ -43,7 +44,8 @@ class GroupTraining:
     job
         What to drive; goes on from its checkpoint where there is one.
     cache
-        Where verdicts are kept; by default as the plan has it.
+        Where verdicts are kept; by default as the plan has it, but in memory alone where files are
+        not those of whoever gave the job.
     overdue
         Returns True once the training should have stopped long ago.
 
@@ -73,7 +75,7 @@ class GroupTraining:
             checkpoint = read_checkpoint(self._path / CHECKPOINT, within=job.folder)
             progress = RunFolder(job.folder).progress(job.group)
             if cache is None:
-                cache = warm_cache() if plan.warm else VerdictCache()
+                cache = warm_cache() if plan.warm and shares_files() else VerdictCache()
             self._models = [make_model(one, plan.setup, cache, overdue) for one in plan.layouts]
             self._judge = self._models[0]
             if plan.task is not plan.layouts[0]:

@@ -24,6 +24,7 @@ from skillplan.plugins.blame import debugging, ends_program, raised_by
 from skillplan.records.training.run_folder import CHECKPOINT, group_path
 from skillplan.training.group_job import GroupJob, GroupOutcome, GroupReport
 from skillplan.training.group_training import GroupTraining
+from skillplan.training.sent_group import SentAnswer, SentGroup, put_in_place, serving_sent
 from skillplan.workers.executor import Answer, Ended, Executor, Worker, packed
 from skillplan.workers.local_processes import LocalProcesses
 
@@ -101,6 +102,11 @@ def serve(
             return _failure(job, error)
 
     return work
+
+
+def serve_sent(sent: SentGroup) -> Callable[[Order], SentAnswer[GroupAnswer]]:
+    """Return what does strides of a group where the folder of the training is not at hand."""
+    return serving_sent(sent, serve)
 
 
 def drive(
@@ -258,7 +264,11 @@ class _Elsewhere:
             self._executor.close()
 
     def _start(self, job: GroupJob, order: Order, starts: int = 1) -> None:
-        worker = self._executor.start(serve, packed(job, _WHAT), _WHAT)
+        if self._executor.shares_files:
+            worker = self._executor.start(serve, packed(job, _WHAT), _WHAT)
+        else:
+            content = packed(SentGroup.of(job), _WHAT)
+            worker = self._executor.start(serve_sent, content, _WHAT)
         self._busy[worker] = _Assignment(job, order, starts)
         worker.take(order)
 
@@ -269,6 +279,9 @@ class _Elsewhere:
             return None
         assigned = self._busy[worker]
         outcome = answer.content if isinstance(answer, Answer) else None
+        if isinstance(outcome, SentAnswer):
+            put_in_place(assigned.job.folder, outcome.changes)
+            outcome = outcome.outcome
         if isinstance(outcome, GroupReport):
             self._on_report(outcome)
             over = self._stop_s is not None or _over(outcome, assigned.job)

@@ -51,6 +51,11 @@ def writing(folder: Path, name: str) -> Iterator[None]:
         ) from None
 
 
+def events_path(folder: Path, run: int) -> Path:
+    """Return the file of a run's curves."""
+    return folder / "tensorboard" / f"run-{run:02d}" / _EVENTS
+
+
 class RunLog:
     """Notes what happens in a run.
 
@@ -86,7 +91,7 @@ class RunLog:
         self._folder = folder
         self._files: dict[str, GrowingFile] = {}
         metrics = run_path(folder, run) / METRICS
-        events = folder / "tensorboard" / f"run-{run:02d}" / _EVENTS
+        events = events_path(folder, run)
         self._run = run
         self._metrics, self._events = (
             path.relative_to(folder).as_posix() for path in (metrics, events)

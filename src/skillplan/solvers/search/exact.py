@@ -242,12 +242,13 @@ class _Search:
             if not stack or self.stop():
                 return
             here = stack.pop()
+            if not here.priced and self._prices_first:
+                self._price(here)
             if here is not label and not self._feasible(here):
                 continue
-            if not here.priced:
-                self._price(here)
-                if self._ahead(here, limit) is None:
-                    continue
+            self._price(here)
+            if self.model.asks_costs and self._ahead(here, limit) is None:
+                continue
             if self.model.is_goal(here.state):
                 self._keep(here)
                 return

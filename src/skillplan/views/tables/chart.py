@@ -50,7 +50,7 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
         for skill, facts in chart.conditional.items()
         if skill not in chosen
     ]
-    notes += [f"{one.skill} leaves a choice: {one}" for one in chart.alternatives]
+    notes += _choices(chart)
     notes += [f"{skill} could not be worked out" for skill in chart.undecided]
     if chart.cycle:
         first, *others = conflict_lines(task, chart.relations)
@@ -60,3 +60,14 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
         notes.append(f"Derived and hand-made relations contradict each other: {circle}.")
     title = f"{task.name}: precedence relation derived by {', '.join(back_ends)}"
     return Table(title, columns, rows, notes)
+
+
+def _choices(chart: DerivedChart) -> list[str]:
+    """Return between what orders have to choose; of several skills with one choice at once."""
+    skills: dict[str, list[str]] = {}
+    for one in chart.alternatives:
+        skills.setdefault(str(one), []).append(one.skill)
+    return [
+        f"{' and '.join(those)} leave{'s' * (len(those) == 1)} a choice: {choice}"
+        for choice, those in skills.items()
+    ]

@@ -1,0 +1,167 @@
+"""A worker as the head sees it: the handle of an actor, and what it has said so far."""
+
+from __future__ import annotations
+
+import pickle
+import time
+from collections import deque
+from typing import Any
+
+from skillplan.errors import SkillplanError
+from skillplan.workers.executor import Answer, Ended, News, Prepare, Worker
+from skillplan_ray.actor import BROKEN, DONE, FAILED, NEWS, READY
+from skillplan_ray.cluster import Cluster
+
+# What Ray says where not the process was lost, but its machine.
+_NODE_LOST = ("node has died", "node died", "node was terminated", "node failure")
+
+
+class RayWorker(Worker):
+    """Does one job at a time, in an actor.
+
+    Parameters
+    ----------
+    cluster
+        Where the actor is.
+    prepare, what
+        As for `Executor.start`.
+    content
+        A reference to what it starts from.
+    cpus
+        That it is to have, >= 0.
+    patience_s
+        So long it may take to be ready [s].
+    """
+
+    def __init__(
+        self,
+        cluster: Cluster,
+        prepare: Prepare,
+        content: Any,
+        what: str,
+        *,
+        cpus: float,
+        patience_s: float,
+    ) -> None:
+        super().__init__(what)
+        self._cluster = cluster
+        self._actor, self._cpus = cluster.actor(prepare, content, cpus)
+        # What it will say, one stream for each call, in order.
+        self._streams: deque[Any] = deque()
+        self._streams.append(self._actor.make_ready.options(num_returns="streaming").remote())
+        self._due_s = time.monotonic() + patience_s
+        self._started = False
+        self._lost = False
+        self._ended = False
+
+    @property
+    def number(self) -> int | None:
+        """None: it runs elsewhere."""
+        return None
+
+    @property
+    def alive(self) -> bool:
+        """Whether it can be given a job, as far as is known here."""
+        return not (self._ended or self._lost)
+
+    @property
+    def stream(self) -> Any:
+        """What to wait for; None if it has nothing to say."""
+        return self._streams[0] if self._streams and self.alive else None
+
+    @property
+    def overdue(self) -> bool:
+        """Whether it should have been ready long ago."""
+        return not self._started and self.alive and time.monotonic() > self._due_s
+
+    def take(self, job: Any) -> None:
+        """Give it a job; it must not have one."""
+        if self.alive:
+            call = self._actor.do.options(num_returns="streaming")
+            self._streams.append(call.remote(pickle.dumps(job)))
+
+    def answer(self) -> Answer | News | Ended | None:
+        """Return what became of the job, news of it, or that it broke down; None if neither yet.
+
+        Raises
+        ------
+        SkillplanError
+            If it could not make itself ready, in its own words, or its node differs from this
+            machine.
+        """
+        if self._lost or self._ended:
+            return Ended(None, self._started)
+        ray = self._cluster.ray
+        if self.overdue and not ray.wait([self.stream], timeout=0)[0]:
+            raise self.not_started()
+        try:
+            kind, content = ray.get(next(self._streams[0]))
+        except StopIteration:
+            self._streams.popleft()
+            return None
+        except ray.exceptions.RayTaskError as error:
+            self.end(gently=False)
+            raise SkillplanError(
+                f"A process for {self.what} could not be started on the cluster: "
+                f"{type(error.cause).__name__}: {error.cause}"
+            ) from None
+        except ray.exceptions.RayError as error:
+            return self._lose(error)
+        return self._meaning(kind, content)
+
+    def _meaning(self, kind: str, content: Any) -> Answer | News | Ended | None:
+        if kind == READY:
+            self._started = True
+            self._cluster.check("a node that joined later", content)
+            self._streams.popleft()
+            return None
+        if kind == FAILED:
+            error_class, words = content
+            raise error_class(words)
+        if kind == NEWS:
+            return News(pickle.loads(content))
+        self._streams.popleft()
+        if kind == BROKEN:
+            self.end(gently=False)
+            return Ended(content, self._started)
+        assert kind == DONE
+        return Answer(pickle.loads(content))
+
+    def _lose(self, error: Exception) -> Ended:
+        self._lost = True
+        words = str(error)
+        node = any(sign in words for sign in _NODE_LOST)
+        address = next(
+            (line.partition("ip:")[2].strip() for line in words.splitlines() if "ip:" in line), ""
+        )
+        cause = f"the loss of its {'machine' if node else 'process'}"
+        return Ended(None, self._started, f"{cause} on {address}" if address else cause)
+
+    def ask_to_stop(self) -> None:
+        """Have it told, beside its job."""
+        if self.alive:
+            self._actor.stop.remote()
+
+    def end(self, *, gently: bool = True) -> None:
+        """End it: once it is idle, or at once. To end it again does nothing."""
+        if self._ended:
+            return
+        self._ended = True
+        self._cluster.give_back(self._cpus)
+        if self._cluster.alive:
+            if gently and self._streams and not self._lost:
+                self._actor.__ray_terminate__.remote()
+            else:
+                self._cluster.ray.kill(self._actor, no_restart=True)
+        self._streams.clear()
+
+    def not_started(self) -> SkillplanError:
+        """Return the error to raise where it was not ready in time, or was lost before."""
+        ray = self._cluster.ray
+        free, total = (
+            float(one().get("CPU", 0.0)) for one in (ray.available_resources, ray.cluster_resources)
+        )
+        return SkillplanError(
+            f"A process for {self.what} could not be started on the cluster, of whose {total:g} "
+            f"CPUs {free:g} are free. -O ray.start_s=S waits longer, -O ray.cpus=0 shares them."
+        )

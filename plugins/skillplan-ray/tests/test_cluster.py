@@ -1,0 +1,240 @@
+"""Clusters of several nodes, all on this machine: the same answers, losses, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from skillplan.checks.feasibility import Feasibility
+from skillplan.errors import SkillplanError
+from skillplan.model.skill_model import SkillModel
+from skillplan.pipeline.setup import Setup
+from skillplan.task.verdict import Verdict
+from skillplan.testing import lid_task, reachable_states
+from skillplan.testing.executor_suite import ExpensiveBoxes
+from skillplan.workers.executor import Answer, Ended, Executor, Worker, packed
+from skillplan.workers.executor_choice import ExecutorChoice
+from skillplan_ray.fingerprint import differences, fingerprint
+
+BOARD = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"
+OPTIMUM_M = 1.8670860141568904
+PATIENCE_S = 60.0
+# In so long Ctrl-C ends all actors [s].
+ENDED_S = 2.0
+
+slow = pytest.mark.slow(reason="starts two nodes of Ray; what machines differ in is in every run")
+
+
+@pytest.fixture
+def cluster() -> Iterator[Any]:
+    """A cluster of two nodes with a CPU each; this process is not connected to it."""
+    os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+    import ray
+    from ray.cluster_utils import Cluster
+
+    ray.shutdown()
+    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    made.second = made.add_node(num_cpus=1)
+    yield made
+    ray.shutdown()
+    made.shutdown()
+
+
+def at(cluster: Any) -> Setup:
+    """Return the choice of a cluster."""
+    return Setup(executor=ExecutorChoice("ray", cluster.address))
+
+
+def executor_at(cluster: Any, slots: int = 2) -> Executor:
+    make = at(cluster).make_executor
+    assert make is not None
+    return make(slots)
+
+
+def queries() -> tuple[Any, list[Any]]:
+    """Return a task and all that can be asked of it."""
+    task = lid_task()
+    states = reachable_states(SkillModel(Feasibility(task)), 20)
+    return task, [(k, s) for s in states for k in task.skills if k.applicable(s)]
+
+
+def heard(executor: Executor, worker: Worker) -> Any:
+    """Return the next thing that a worker says."""
+    end_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end_s:
+        for ready in executor.first_ready([worker], 1.0):
+            said = ready.answer()
+            if said is not None:
+                return said
+    raise AssertionError("nothing was heard")
+
+
+def node_of(executor: Executor, worker: Worker) -> str:
+    """Return the node that a worker is on."""
+    worker.take("__import__('ray').get_runtime_context().get_node_id()")
+    answer = heard(executor, worker)
+    assert isinstance(answer, Answer)
+    return str(answer.content)
+
+
+def workers_of(executor: Executor) -> dict[str, Worker]:
+    """Return a worker on each node, which evaluates what it is given."""
+    from functools import partial
+
+    made = [executor.start(partial, packed(eval, "tests"), "tests") for _ in range(2)]
+    return {node_of(executor, one): one for one in made}
+
+
+@slow
+def test_workers_are_spread_over_nodes_and_answers_are_the_same(cluster: Any) -> None:
+    """Verdicts and all that is counted."""
+    executor = executor_at(cluster)
+    nodes = {cluster.head_node.node_id, cluster.second.node_id}
+    assert nodes == set(workers_of(executor))
+    executor.close()
+    task, asked = queries()
+
+    def outcome(setup: Setup) -> tuple[list[Verdict], int, int, int]:
+        checks = Feasibility(
+            task, [ExpensiveBoxes(task)], jobs=2, make_executor=setup.make_executor
+        )
+        verdicts = checks.verdicts(asked)
+        checks.close()
+        return verdicts, checks.checks, checks.hits, checks.executions
+
+    assert outcome(Setup()) == outcome(at(cluster))
+
+
+@slow
+def test_the_loss_of_a_node_is_told_in_words_and_costs_its_check_only(cluster: Any) -> None:
+    """SIGKILL for the node and all that runs there; the check is made once more elsewhere."""
+    executor = executor_at(cluster)
+    workers = workers_of(executor)
+    lost = workers[cluster.second.node_id]
+    lost.take("__import__('time').sleep(600)")
+    task, asked = queries()
+    options = ExpensiveBoxes.Options(check_s=0.2)
+    checks = Feasibility(
+        task, [ExpensiveBoxes(task, options)], jobs=2, make_executor=at(cluster).make_executor
+    )
+
+    def poll() -> None:
+        if cluster.second is not None and checks.queried["aabb"] > 6:
+            cluster.remove_node(cluster.second, allow_graceful=False)
+            cluster.second = None
+
+    verdicts = checks.verdicts(asked, poll)
+    assert cluster.second is None
+    ended = heard(executor, lost)
+    assert isinstance(ended, Ended)
+    assert (ended.started, ended.killed) == (True, True)
+    assert ended.how.startswith("the loss of its ")
+    assert verdicts == Feasibility(task, [ExpensiveBoxes(task)]).verdicts(asked)
+    checks.close()
+    executor.close()
+
+
+@slow
+def test_a_cluster_of_mixed_versions_is_refused_in_words(cluster: Any, tmp_path: Path) -> None:
+    """Before anything is done: what differs, and where."""
+    about = tmp_path / "skillplan-9.9.9.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: skillplan\nVersion: 9.9.9\n")
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    cluster.add_node(num_cpus=1, env_vars={"PYTHONPATH": path})
+    with pytest.raises(SkillplanError, match=r"mixed.*: skillplan 9\.9\.9 \(here 0\.2\.0\)"):
+        executor_at(cluster).start(int, packed("1", "tests"), "tests")
+
+
+def actors() -> set[int]:
+    """Return the processes of actors on this machine."""
+    found = set()
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            if path.read_bytes().startswith(b"ray::ListeningActor"):
+                found.add(int(path.parent.name))
+        except OSError:
+            continue
+    return found
+
+
+def search(cluster: Any, tmp_path: Path) -> subprocess.Popen[str]:
+    """Return a search of the board by physics that has its actors on a cluster."""
+    words = ["search-optimal", str(BOARD), "--physics", "pybullet", "--collision", "contact-pairs"]
+    words += ["--no-cache", "--no-screening", "--format", "json", "--jobs", "2"]
+    return subprocess.Popen(
+        [sys.executable, "-m", "skillplan", *words, "--executor", f"ray:{cluster.address}"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def new_actors(before: set[int]) -> set[int]:
+    """Return the actors that were not there before, as soon as there are any."""
+    end_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end_s:
+        found = actors() - before
+        if found:
+            return found
+        time.sleep(0.1)
+    raise AssertionError("there are no actors")
+
+
+@pytest.mark.release(reason="a search by physics with actors; a lost node in the whole suite")
+def test_a_search_loses_actors_and_proves_the_same(cluster: Any, tmp_path: Path) -> None:
+    """One by SIGKILL; stdout is one document all the same."""
+    pytest.importorskip("pybullet")
+    before = actors()
+    process = search(cluster, tmp_path)
+    os.kill(min(new_actors(before)), signal.SIGKILL)
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, err
+    assert json.loads(out)["cost"] == OPTIMUM_M
+
+
+@pytest.mark.release(reason="a search by physics with actors; local processes in the whole suite")
+def test_ctrl_c_ends_all_actors_at_once(cluster: Any, tmp_path: Path) -> None:
+    """Within two seconds none is left, and the search says what it has."""
+    pytest.importorskip("pybullet")
+    before = actors()
+    process = search(cluster, tmp_path)
+    new_actors(before)
+    time.sleep(3.0)
+    process.send_signal(signal.SIGINT)
+    end_s = time.monotonic() + ENDED_S
+    while actors() - before and time.monotonic() < end_s:
+        time.sleep(0.05)
+    left = actors() - before
+    out, err = process.communicate(timeout=60)
+    assert set() == left
+    assert process.returncode == 130, err
+    assert json.loads(out)["schema"] == "skillplan.result/1"
+
+
+class TestMixedMachines:
+    def test_the_same_machine_does_not_differ(self) -> None:
+        """What is compared is the same every time."""
+        found = fingerprint()
+        assert {"processor", "Python", "numpy", "skillplan", "source of skillplan"} <= set(found)
+        assert differences(found, fingerprint()) == []
+
+    def test_what_differs_is_named(self) -> None:
+        """Versions with both, what is missing there, and another source of the same version."""
+        here = {"numpy": "2.4.6", "pybullet": "3.2.7", "skillplan": "1", "source of skillplan": "a"}
+        there = {"numpy": "2.4.5", "skillplan": "1", "source of skillplan": "b"}
+        assert differences(here, there) == [
+            "numpy 2.4.5 (here 2.4.6)",
+            "pybullet is not installed (here 3.2.7)",
+            "another source of skillplan 1",
+        ]

@@ -1,0 +1,124 @@
+"""Trainings whose groups are driven where the folder is not: everything comes back to it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pytest
+
+from same_process import SameProcess, SameProcessWorker
+from skillplan.pipeline import registry
+from skillplan.training.sent_group import FileChange, put_in_place
+from skillplan.workers.executor import Answer, Ended, Prepare
+from skillplan.workers.executor_choice import ExecutorChoice
+from training_situations import event_lengths, learned_bytes, train
+
+pytestmark = pytest.mark.usefixtures("learner", "elsewhere")
+
+ELSEWHERE = ExecutorChoice("elsewhere")
+
+
+class OnAnotherMachine(SameProcess):
+    """Its workers do not share the files of this machine, and some are lost."""
+
+    name = "elsewhere"
+    shares_files = False
+    lost_after: ClassVar[list[int]] = []
+
+    def start(self, prepare: Prepare, content: bytes, what: str) -> SameProcessWorker:
+        worker = super().start(prepare, content, what)
+        if not self.lost_after:
+            return worker
+        return Lost(what, worker.work, self.lost_after.pop(0))
+
+
+class Lost(SameProcessWorker):
+    """Its machine is lost after so many answers."""
+
+    def __init__(self, what: str, work: Callable[[Any], Any], answers: int) -> None:
+        super().__init__(what, work)
+        self.answers = answers
+
+    def answer(self) -> Answer:
+        if self.answers == 0:
+            return Ended(None, started=True, cause="the loss of its machine")  # type: ignore[return-value]
+        self.answers -= 1
+        return super().answer()
+
+
+@pytest.fixture
+def elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Registered from outside."""
+    known = registry.load
+    chosen = OnAnotherMachine
+    monkeypatch.setattr(
+        registry, "load", lambda kind, name: chosen if name == chosen.name else known(kind, name)
+    )
+    monkeypatch.setattr(chosen, "lost_after", [])
+
+
+@pytest.fixture(scope="module")
+def kept(learner: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a training of this process."""
+    folder = tmp_path_factory.mktemp("kept") / "whole"
+    train(folder)
+    return folder
+
+
+def test_what_is_learned_elsewhere_is_the_same_file_by_file(kept: Path, tmp_path: Path) -> None:
+    """Policies, metrics and checkpoints; events up to the time of day."""
+    train(tmp_path / "sent", jobs=2, executor=ELSEWHERE)
+    assert learned_bytes(kept) == learned_bytes(tmp_path / "sent")
+    assert event_lengths(kept) == event_lengths(tmp_path / "sent")
+
+
+def test_a_training_that_was_stopped_goes_on_elsewhere(kept: Path, tmp_path: Path) -> None:
+    """And what was begun elsewhere goes on here: the folder is the same."""
+    train(tmp_path / "sent", executor=ELSEWHERE, stop_after=3)
+    shutil.copytree(tmp_path / "sent", tmp_path / "here")
+    train(tmp_path / "here", resume=True)
+    train(tmp_path / "sent", executor=ELSEWHERE, resume=True)
+    for folder in (tmp_path / "sent", tmp_path / "here"):
+        assert learned_bytes(kept) == learned_bytes(folder)
+        assert event_lengths(kept) == event_lengths(folder)
+
+
+# What is lost closes no files.
+lossy = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+
+
+@lossy
+@pytest.mark.parametrize("answers", [0, 1, 3])
+def test_a_training_whose_machine_is_lost_goes_on_from_its_checkpoint(
+    kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answers: int
+) -> None:
+    """On another machine, from what has come back until then."""
+    monkeypatch.setattr(OnAnotherMachine, "lost_after", [answers])
+    result = train(tmp_path / "sent", executor=ELSEWHERE)
+    assert [] == result.failed
+    assert learned_bytes(kept) == learned_bytes(tmp_path / "sent")
+    assert event_lengths(kept) == event_lengths(tmp_path / "sent")
+
+
+@lossy
+def test_a_second_loss_costs_the_runs_of_the_group(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other group has learned."""
+    monkeypatch.setattr(OnAnotherMachine, "lost_after", [1, 0])
+    result = train(tmp_path / "sent", executor=ELSEWHERE)
+    assert [0, 1, 2, 3, 4] == [one.run for one in result.failed]
+    assert "its process was ended twice, by the loss of its machine" == result.failed[0].reason
+
+
+def test_what_has_grown_is_put_at_the_end_and_what_was_replaced_in_its_place(
+    tmp_path: Path,
+) -> None:
+    """A piece that was written before is written over."""
+    (tmp_path / "log").write_bytes(b"one, tw")
+    put_in_place(tmp_path, [FileChange("log", 5, b"two"), FileChange("sub/whole", None, b"all")])
+    assert b"one, two" == (tmp_path / "log").read_bytes()
+    assert b"all" == (tmp_path / "sub" / "whole").read_bytes()
