@@ -29,6 +29,9 @@ _LEAST_EXTENT_M, _MOST_EXTENT_M = 1e-6, 10.0
 # digits, of lengths far from the origin fewer.
 _FLATNESS = 1e-5
 _DECIMALS = 9
+# A surface with more corners than this is seen from so many directions: of a ball of 0.1 m, less
+# than 0.2 mm stands out between them.
+_DIRECTIONS = 1_000
 
 _Floats = npt.NDArray[np.float64]
 _Indices = npt.NDArray[np.int64]
@@ -101,6 +104,55 @@ def read_mesh(folder: Path, name: str, scale: float) -> Polyhedron:
         If the file lies elsewhere, cannot be read, is larger than `MAX_BYTES`, or holds anything
         but a closed surface of `MAX_CORNERS` corners at most, 1e-6 m to 10 m long.
     """
+    content, suffix = _content(folder, name)
+    return _polyhedron(content, suffix, scale)
+
+
+def read_hull(folder: Path, name: str, scale: Point) -> tuple[tuple[Point, ...], str]:
+    """Return corners about a surface [m], convex or not, and the hash of its file.
+
+    Of many corners, those are left out that are not the farthest in any of `_DIRECTIONS` evenly
+    spread directions.
+
+    Parameters
+    ----------
+    folder
+        Which the file must lie in.
+    name
+        The file's name relative to `folder`; it is read by its suffix, one of `SUFFIXES`.
+    scale
+        What the lengths along x, y and z are multiplied by to be metres.
+
+    Raises
+    ------
+    MeshFileError
+        If the file lies elsewhere, cannot be read, is larger than `MAX_BYTES`, or holds no body.
+    """
+    content, suffix = _content(folder, name)
+    corners, faces = _parsed(content, suffix)
+    if not len(faces) or not np.isfinite(corners).all():
+        raise MeshFileError("It holds no surface; save it as triangles.")
+    with np.errstate(over="ignore"):
+        used = np.unique(np.round(corners[np.unique(faces)] * np.array(scale), _DECIMALS), axis=0)
+    _check_size(used.max(axis=0) - used.min(axis=0), 1.0)
+    if len(used) > _DIRECTIONS:
+        middle = used.mean(axis=0)
+        used = used[np.unique(np.argmax((used - middle) @ _even_directions().T, axis=0))]
+    found = tuple((float(x), float(y), float(z)) for x, y, z in used)
+    return found, hashlib.sha256(content).hexdigest()
+
+
+def _even_directions() -> _Floats:
+    """Return unit vectors spread evenly over the sphere (Fibonacci's lattice)."""
+    number = np.arange(_DIRECTIONS) + 0.5
+    z = 1 - 2 * number / _DIRECTIONS
+    angle = math.pi * (1 + math.sqrt(5)) * number
+    flat = np.sqrt(1 - z * z)
+    return np.column_stack([flat * np.cos(angle), flat * np.sin(angle), z])
+
+
+def _content(folder: Path, name: str) -> tuple[bytes, str]:
+    """Return what a file holds, and its suffix."""
     try:
         path = companion_in(folder, name)
         suffix = path.suffix.lower()
@@ -108,10 +160,9 @@ def read_mesh(folder: Path, name: str, scale: float) -> Polyhedron:
             raise MeshFileError(
                 f"The suffix says what kind of file it is; give one of {', '.join(SUFFIXES)}."
             )
-        content = read_companion(path, MAX_BYTES, "surface")
+        return read_companion(path, MAX_BYTES, "surface"), suffix
     except CompanionFileError as error:
         raise MeshFileError(str(error)) from None
-    return _polyhedron(content, suffix, scale)
 
 
 # Many parts may name one file.

@@ -43,17 +43,20 @@ def scene_of(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
             Robot(
                 robot.name,
                 base,
-                robot.reach_m,
+                robot.reaches_m,
                 robot.safe_height_m,
                 places,
                 tuple(_tool(config, name) for name in config.tools),
+                robot.arm,
+                robot.base_orientation,
+                robot.hand,
             ),
         ),
         stations={
             **{vocabulary.holder_place(tool): holder_of(config, tool) for tool in config.tools},
             **{feeder: feeder_of(config, feeder) for feeder in config.feeders},
         },
-        frames={"world": Pose((0.0, 0.0, 0.0)), robot.name: Pose(base)},
+        frames={"world": Pose((0.0, 0.0, 0.0)), robot.name: Pose(base, robot.base_orientation)},
     )
 
 
@@ -94,4 +97,6 @@ def _tool(config: AssemblyConfig, name: str) -> Tool:
         None if size is None else Box(point(size), (0.0, 0.0, size[2] / 2)),
         tool_kind(config, name),
         entry.opening_m,
+        entry.force_n,
+        entry.hand_on(config.robot.hand),
     )
