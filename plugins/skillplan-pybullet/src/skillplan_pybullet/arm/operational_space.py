@@ -14,12 +14,15 @@ from numpy.typing import NDArray
 
 from skillplan_pybullet.arm.dynamics import Terms
 from skillplan_pybullet.arm.kinematics import TipPose
-from skillplan_pybullet.arm.rotations import rotation_error
+from skillplan_pybullet.arm.rotations import points_down, rotation_error
 from skillplan_pybullet.arm.straight_motion import Setpoint
 
 Vector = NDArray[np.float64]
 
+# How firmly the arm is drawn to its posture; more so where the hand does not point down, since
+# joints are near their limits there [1/s2].
 _NULLSPACE_STIFFNESS_PER_S2 = 10.0
+_FIRM_STIFFNESS_PER_S2 = 400.0
 
 
 def torques(
@@ -66,8 +69,9 @@ def torques(
     inertia = np.linalg.inv(jacobian @ mass_inverse @ jacobian.T)
     wrench = inertia @ acceleration
     wrench[:3] += force_n
-    pull = _NULLSPACE_STIFFNESS_PER_S2 * (wanted.posture - angles)
-    pull -= 2 * math.sqrt(_NULLSPACE_STIFFNESS_PER_S2) * rates
+    is_down = points_down(wanted.rotation)
+    firmness = _NULLSPACE_STIFFNESS_PER_S2 if is_down else _FIRM_STIFFNESS_PER_S2
+    pull = firmness * (wanted.posture - angles) - 2 * math.sqrt(firmness) * rates
     consistent = mass_inverse @ jacobian.T @ inertia
     posture = terms.mass @ pull
     found = jacobian.T @ wrench + terms.bias + posture - jacobian.T @ (consistent.T @ posture)
