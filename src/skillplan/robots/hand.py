@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from skillplan.robots.arm_description import Transform
+from skillplan.robots.arm_description import Transform, Triple
 
 _NOWHERE = Transform()
 
@@ -33,6 +33,12 @@ class Hand:
         closing axis, and half its extent across it [m]. Convex between.
     on_flange
         Where its frame is on the flange.
+    jaw_corners_m
+        Of a jaw more exactly, if not empty: how far behind its face, along the closing axis, where
+        across it, and how high above its end.
+    body_corners_m
+        Of the body more exactly, if not empty: where along the closing axis, across it, and how
+        deep in the hand's frame.
 
     Raises
     ------
@@ -46,6 +52,8 @@ class Hand:
     jaw_m: JawProfile
     body_m: tuple[tuple[float, float, float], ...]
     on_flange: Transform = _NOWHERE
+    jaw_corners_m: tuple[Triple, ...] = ()
+    body_corners_m: tuple[Triple, ...] = ()
 
     def __post_init__(self) -> None:
         for what in ("opening_m", "tip_m", "force_n"):
@@ -64,6 +72,26 @@ class Hand:
         """
         x_m, y_m, z_m = self.on_flange.xyz_m
         return Transform((x_m, y_m, z_m + self.tip_m), self.on_flange.rpy_rad)
+
+    @property
+    def jaw(self) -> tuple[Triple, ...]:
+        """Corners of a jaw: behind its face, across the closing axis, above its end [m]."""
+        return self.jaw_corners_m or tuple(
+            (behind_m, side * half_m, height_m)
+            for height_m, half_m, begin_m, end_m in self.jaw_m
+            for behind_m in (begin_m, end_m)
+            for side in (-1, 1)
+        )
+
+    @property
+    def body(self) -> tuple[Triple, ...]:
+        """Corners of the body: along the closing axis, across it, depth in its frame [m]."""
+        return self.body_corners_m or tuple(
+            (a * length_m, b * width_m, depth_m)
+            for depth_m, length_m, width_m in self.body_m
+            for a in (-1, 1)
+            for b in (-1, 1)
+        )
 
     @property
     def underside_m(self) -> float:

@@ -15,6 +15,7 @@ from typing import Final
 
 from skillplan.robots.arm_description import ArmDescription, Joint, LinkInertia, Transform
 from skillplan.robots.hand import Hand
+from skillplan.robots.panda_hand_shapes import BODY_CORNERS_M, JAW_CORNERS_M
 from skillplan.robots.panda_shapes import SHAPES
 
 # Link lengths a [m], offsets d [m] and twists alpha [rad] of the seven joints.
@@ -151,6 +152,8 @@ PANDA_HAND: Final = Hand(
     FINGER_PROFILE_M,
     HAND_OUTLINE_M,
     Transform(rpy_rad=(0.0, 0.0, HAND_YAW_RAD)),
+    JAW_CORNERS_M,
+    BODY_CORNERS_M,
 )
 """Its hand, as it is bolted on."""
 

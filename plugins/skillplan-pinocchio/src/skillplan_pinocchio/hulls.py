@@ -92,25 +92,14 @@ def hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple[HandP
 
 
 def _body(hand: Hand) -> Array:
-    corners = [
-        _rectangle((0.0, 0.0), (2 * half_length_m, 2 * half_width_m), hand.tip_m - depth_m)
-        for depth_m, half_length_m, half_width_m in hand.body_m
-    ]
-    return np.concatenate(corners)
+    along, across, depth_m = np.array(hand.body).T
+    return np.column_stack([along, across, hand.tip_m - depth_m])
 
 
 def _finger(hand: Hand, face_m: float, side: int) -> Array:
-    corners = []
-    for height_m, half_width_m, begin_m, end_m in hand.jaw_m:
-        centre = (side * (face_m + (begin_m + end_m) / 2), 0.0)
-        corners.append(_rectangle(centre, (end_m - begin_m, 2 * half_width_m), height_m))
-    return np.concatenate(corners)
-
-
-def _rectangle(centre: tuple[float, float], size: tuple[float, float], height_m: float) -> Array:
-    (x, y), (length, width) = centre, size
-    signs = ((1, 1), (1, -1), (-1, 1), (-1, -1))
-    return np.array([(x + a * length / 2, y + b * width / 2, height_m) for a, b in signs])
+    """Return a jaw, or the other one: the same, turned by half a turn."""
+    behind, across, height_m = np.array(hand.jaw).T
+    return np.column_stack([side * (face_m + behind), side * across, height_m])
 
 
 def _corners(shape: Shape) -> Array:

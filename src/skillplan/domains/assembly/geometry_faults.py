@@ -108,10 +108,10 @@ def _out_of_reach(config: AssemblyConfig) -> Iterator[Issue]:
     def check(target: Point, lift_m: float, *path: str | int) -> Iterator[Issue]:
         for z_m in (target[2], max(robot.safe_height_m, target[2])):
             distance_m = math.dist(base, (target[0], target[1], z_m + lift_m))
-            if distance_m > robot.reach_m:
+            if distance_m > robot.reaches_m:
                 yield Issue(
                     f"out of reach: {distance_m:.3f} m from the base, where "
-                    f"{robot.reach_m:.3f} m is the most.",
+                    f"{robot.reaches_m:.3f} m is the most.",
                     path,
                 )
                 return

@@ -11,6 +11,7 @@ from skillplan.domains.assembly.layout import (
     goal_pose,
     holder_of,
     hole_pose,
+    pieces_of,
     point,
     shapes_of,
     start_pose,
@@ -42,27 +43,31 @@ def scene_of(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
             Robot(
                 robot.name,
                 base,
-                robot.reach_m,
+                robot.reaches_m,
                 robot.safe_height_m,
                 places,
                 tuple(_tool(config, name) for name in config.tools),
+                robot.arm,
+                robot.base_orientation,
+                robot.hand,
             ),
         ),
         stations={
             **{vocabulary.holder_place(tool): holder_of(config, tool) for tool in config.tools},
             **{feeder: feeder_of(config, feeder) for feeder in config.feeders},
         },
-        frames={"world": Pose((0.0, 0.0, 0.0)), robot.name: Pose(base)},
+        frames={"world": Pose((0.0, 0.0, 0.0)), robot.name: Pose(base, robot.base_orientation)},
     )
 
 
 def _part_body(config: AssemblyConfig, name: str) -> Body:
     part = config.parts[name]
     start, goal = start_pose(config, name), goal_pose(config, name)
+    pieces, shapes = pieces_of(part), shapes_of(part)
     in_hand = Pose((0.0, 0.0, 0.0))
     return Body(
         name,
-        shapes_of(part),
+        pieces,
         (
             Placement(f"at_start({name})", start, solid=part.feeder is None),
             Placement(f"held({name})", in_hand, frame=config.robot.name),
@@ -70,6 +75,7 @@ def _part_body(config: AssemblyConfig, name: str) -> Body:
         ),
         part.mass_kg,
         grasps_of_part(config, name),
+        () if pieces == shapes else shapes,
     )
 
 
@@ -91,4 +97,6 @@ def _tool(config: AssemblyConfig, name: str) -> Tool:
         None if size is None else Box(point(size), (0.0, 0.0, size[2] / 2)),
         tool_kind(config, name),
         entry.opening_m,
+        entry.force_n,
+        entry.hand_on(config.robot.hand),
     )

@@ -6,12 +6,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from skillplan.domains.assembly.arms.schema import RobotConfig, ToolConfig
 from skillplan.domains.assembly.part_schema import (
-    Extents,
     PartConfig,
     Planar,
     ScrewConfig,
-    Spatial,
 )
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located
@@ -25,26 +24,6 @@ ToolChange = Literal["swap", "separate"]
 CostKind = Literal["distance", "time"]
 
 
-class RobotConfig(Strict):
-    """The arm."""
-
-    name: Name = Field("robot", description="the agent's name")
-    base_m: Spatial = Field([0.0, 0.0, 0.0], description="base, x y z [m]")
-    home_m: Planar = Field(description="where the tip stands at the start, x y [m]")
-    reach_m: Length = Field(0.855, description="greatest distance from base to tip [m]")
-    safe_height_m: Length = Field(
-        0.15, description="height of the lowest carried point between two places [m]"
-    )
-    travel_speed_m_per_s: Annotated[float, Field(ge=1e-3, le=100)] = Field(
-        0.25, description="planar speed between skills [m/s]"
-    )
-    look_m: Planar | None = Field(
-        None,
-        description="where the tip goes to look for a part whose grasp failed, x y [m]; left out: "
-        "it stays over the part",
-    )
-
-
 class DurationsConfig(Strict):
     """What each skill takes at its place, the path to it not counted."""
 
@@ -53,27 +32,6 @@ class DurationsConfig(Strict):
     load: Duration = Field(5.0, description="attach a tool [s]")
     offload: Duration = Field(5.0, description="return a tool [s]")
     fasten: Duration = Field(8.0, description="drive a screw [s]")
-
-
-class ToolConfig(Strict):
-    """A tool of the changer."""
-
-    type: Literal["gripper", "suction", "screwdriver"] | None = Field(
-        None,
-        description="what it does; left out: screwdriver where it drives screws and holds no part, "
-        "gripper otherwise",
-    )
-    opening_m: Length | None = Field(
-        None,
-        description="greatest distance between the jaws of a gripper [m]; left out: not modelled",
-    )
-    holder_m: Planar = Field(description="where it hangs, x y [m]")
-    holder_height_m: Annotated[float, Field(ge=0, le=10)] = Field(
-        0.0, description="height of the holder [m]"
-    )
-    envelope_m: Extents | None = Field(
-        None, description="box about the tool above its tip, x y z [m]; left out: not modelled"
-    )
 
 
 class ToolChangeConfig(Strict):

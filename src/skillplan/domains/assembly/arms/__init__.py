@@ -1,0 +1,1 @@
+"""Arms and tools as a task file says them; it never moves one."""

@@ -1,0 +1,193 @@
+"""The YAML schema of the arm and of its tools."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import (
+    Field,
+    ModelWrapValidatorHandler,
+    PrivateAttr,
+    ValidationInfo,
+    computed_field,
+    model_validator,
+)
+
+from skillplan.domains.assembly.arms.urdf_file import ArmFileError, read_arm
+from skillplan.domains.assembly.part_schema import Angles, Extents, Length, Planar, Spatial
+from skillplan.domains.domain import Name, Strict
+from skillplan.files.schema_errors import Located, continued, shown
+from skillplan.robots.arm_description import ArmDescription
+from skillplan.robots.catalogue import ARMS, STANDARD_HAND
+from skillplan.robots.hand import Hand
+from skillplan.robots.panda import PANDA, PANDA_HAND
+from skillplan.task.pose import Point, Pose, Quaternion
+
+Height = Annotated[float, Field(ge=0, le=10)]
+JawRow = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=4, max_length=4)]
+JointAngle = Annotated[float, Field(ge=-20, le=20)]
+
+
+class RobotConfig(Strict):
+    """The arm."""
+
+    name: Name = Field("robot", description="the agent's name")
+    model: Annotated[str, Field(min_length=1, max_length=4096)] = Field(
+        "panda",
+        description="panda, ur5e, or a URDF file in the task file's folder, or in a folder of it",
+    )
+    base_m: Spatial = Field([0.0, 0.0, 0.0], description="base, x y z [m]")
+    base_rpy_rad: Angles = Field(
+        [0.0, 0.0, 0.0],
+        description="how the base is turned about the fixed axes x, y and z, in this order [rad]",
+    )
+    tip: Name | None = Field(
+        None,
+        description="of a URDF, the link to which the hand is fixed, its z pointing out; left out: "
+        "there is none, as of panda and ur5e",
+    )
+    home_rad: Annotated[list[JointAngle], Field(min_length=6, max_length=7)] | None = Field(
+        None,
+        description="posture with room for every joint, next to which others are preferred [rad]; "
+        "left out: that of the model, of a URDF all at 0",
+    )
+    home_m: Planar = Field(description="where the tip stands at the start, x y [m]")
+    reach_m: Length | None = Field(
+        None, description="greatest distance from base to tip [m]; left out: that of the model"
+    )
+    safe_height_m: Length = Field(
+        0.15, description="height of the lowest carried point between two places [m]"
+    )
+    travel_speed_m_per_s: Annotated[float, Field(ge=1e-3, le=100)] = Field(
+        0.25, description="planar speed between skills [m/s]"
+    )
+    look_m: Planar | None = Field(
+        None,
+        description="where the tip goes to look for a part whose grasp failed, x y [m]; left out: "
+        "it stays over the part",
+    )
+
+    _arm: ArmDescription = PrivateAttr(PANDA)
+    _hand: Hand = PrivateAttr(PANDA_HAND)
+    _sha256: str | None = PrivateAttr(None)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _find_arm(
+        cls, data: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo
+    ) -> Self:
+        """Find the model, or read it."""
+        made = handler(data)
+        if made.model in ARMS:
+            made._arm, made._hand = made._named()
+            return made
+        folder = Path((info.context or {}).get("folder", Path()))
+        try:
+            made._arm, made._sha256 = read_arm(folder, made.model, made.tip, made.home_rad)
+        except ArmFileError as error:
+            words = str(error)
+            if error.key == "model":
+                words = f"{shown(made.model)}: {continued(words)}"
+            key = error.key if getattr(made, error.key) is not None else "model"
+            raise Located(words, key) from None
+        made._hand = STANDARD_HAND
+        return made
+
+    def _named(self) -> tuple[ArmDescription, Hand]:
+        arm, hand = ARMS[self.model]
+        if self.tip is not None:
+            words = f"'tip' is of a URDF's arm; {self.model} ends at its flange. Leave it out."
+            raise Located(words, "tip")
+        if self.home_rad is None:
+            return arm, hand
+        if len(self.home_rad) != len(arm.joints):
+            words = f"{len(self.home_rad)} angles, where the arm has {len(arm.joints)} joints."
+            raise Located(words, "home_rad")
+        try:
+            return replace(arm, home_rad=tuple(self.home_rad)), hand
+        except ValueError as error:
+            raise Located(str(error), "home_rad") from None
+
+    @property
+    def arm(self) -> ArmDescription:
+        """Its joints, limits, masses and shapes."""
+        return self._arm
+
+    @property
+    def hand(self) -> Hand:
+        """What is on its flange."""
+        return self._hand
+
+    @property
+    def reaches_m(self) -> float:
+        """Greatest distance from base to tip [m]."""
+        return self._arm.works_within_m if self.reach_m is None else self.reach_m
+
+    @property
+    def base_orientation(self) -> Quaternion:
+        """How its base is turned."""
+        roll, pitch, yaw = self.base_rpy_rad
+        origin: Point = (0.0, 0.0, 0.0)
+        return Pose.turned(origin, (roll, pitch, yaw)).orientation
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def model_sha256(self) -> str | None:
+        """Hash of a URDF and its meshes, so that the task's hash is that of its arm, too."""
+        return self._sha256
+
+
+class ToolConfig(Strict):
+    """A tool of the changer."""
+
+    type: Literal["gripper", "suction", "screwdriver"] | None = Field(
+        None,
+        description="what it does; left out: screwdriver where it drives screws and holds no part, "
+        "gripper otherwise",
+    )
+    opening_m: Length | None = Field(
+        None,
+        description="greatest distance between the jaws of a gripper [m]; left out: not modelled",
+    )
+    force_n: Annotated[float, Field(gt=0, le=10_000)] | None = Field(
+        None,
+        description="what a gripper closes with, or a suction cup holds, at most [N]; left out: "
+        "what engines choose",
+    )
+    jaw_profile_m: Annotated[list[JawRow], Field(min_length=2, max_length=32)] | None = Field(
+        None,
+        description="a jaw of a gripper from its end upwards, as rows of: height above the end, "
+        "half its width, and how far behind its face it begins and ends [m]; convex between; left "
+        "out: that of the arm's hand",
+    )
+    holder_m: Planar = Field(description="where it hangs, x y [m]")
+    holder_height_m: Height = Field(0.0, description="height of the holder [m]")
+    envelope_m: Extents | None = Field(
+        None, description="box about the tool above its tip, x y z [m]; left out: not modelled"
+    )
+
+    @model_validator(mode="after")
+    def _jaws_rise(self) -> ToolConfig:
+        rows = self.jaw_profile_m or ()
+        if self.jaw_profile_m is not None and self.type not in (None, "gripper"):
+            raise Located("only a gripper has jaws. Leave it out.", "jaw_profile_m")
+        for number, (height_m, half_m, begin_m, end_m) in enumerate(rows):
+            if half_m <= 0 or end_m <= begin_m:
+                words = "a jaw has a width, and ends behind where it begins."
+                raise Located(words, "jaw_profile_m", number)
+            if number and height_m < rows[number - 1][0]:
+                raise Located("heights rise from row to row.", "jaw_profile_m", number)
+        return self
+
+    def hand_on(self, hand: Hand) -> Hand | None:
+        """Return what it looks like instead of the hand of the arm; None for that."""
+        if self.jaw_profile_m is None:
+            return None
+        jaw = tuple((row[0], row[1], row[2], row[3]) for row in self.jaw_profile_m)
+        opening_m = self.opening_m or hand.opening_m
+        force_n = self.force_n if self.force_n is not None else hand.force_n
+        assert math.isfinite(force_n)
+        return replace(hand, jaw_m=jaw, jaw_corners_m=(), opening_m=opening_m, force_n=force_n)

@@ -1,0 +1,277 @@
+"""An arm from a URDF: the chain from its base to a named link, with limits, masses and shapes.
+
+A URDF is data. Nothing in it is carried out; what would need more than the chain of revolute joints
+that an arm is here, is refused in words.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+from skillplan.robots.arm_description import (
+    ArmDescription,
+    Joint,
+    LinkInertia,
+    Transform,
+    Triple,
+)
+from skillplan.robots.link_shapes import LinkShape
+from skillplan.robots.rigid import Mass, Rigid, together
+from skillplan.robots.urdf_elements import UrdfError, named, number, numbers, pose_of
+from skillplan.robots.urdf_shapes import shapes_of
+from skillplan.robots.xml_tree import Element, XmlError, parse_xml
+
+ReadMesh = Callable[[str, Triple], tuple[Triple, ...]]
+"""Returns the corners of a mesh's convex hull [m], by its name and scale."""
+
+# A URDF says nothing of accelerations: a joint takes this long to its greatest speed [s].
+_SPEEDING_UP_S = 0.25
+_JOINTS = (6, 7)
+_MOST_LINKS = 200
+_FULL_TURN = 2 * math.pi
+_MOVING = ("revolute", "continuous")
+
+
+def read_urdf(
+    content: bytes, tip: str | None, home_rad: Sequence[float] | None, read_mesh: ReadMesh
+) -> ArmDescription:
+    """Return the arm that a URDF describes.
+
+    Parameters
+    ----------
+    content
+        Of the file.
+    tip
+        The link to which hands are fixed: z of its frame points out of it.
+    home_rad
+        A posture with room for every joint [rad]; None for all at 0, or the limit next to it.
+    read_mesh
+        Reads a mesh that it names.
+
+    Raises
+    ------
+    UrdfError
+        If it is not such an arm.
+    """
+    try:
+        root = parse_xml(content)
+    except XmlError as error:
+        raise UrdfError(str(error), line=error.line) from None
+    _refuse_xacro(root)
+    if root.tag != "robot":
+        raise UrdfError(f"its root is <{root.tag}>, where a URDF has <robot>", line=root.line)
+    return _Tree(root, read_mesh).arm(tip, home_rad)
+
+
+class _Tree:
+    """The links and joints of a file, by name."""
+
+    def __init__(self, root: Element, read_mesh: ReadMesh) -> None:
+        self.name = root.attributes.get("name") or "robot"
+        self.read_mesh = read_mesh
+        self.links = named(root, "link")
+        self.joints = named(root, "joint")
+        self.above: dict[str, Element] = {}
+        if len(self.links) > _MOST_LINKS:
+            raise UrdfError(f"it has more than {_MOST_LINKS} links; keep the arm alone")
+        for name, joint in self.joints.items():
+            self._check_joint(name, joint)
+
+    def arm(self, tip: str | None, home_rad: Sequence[float] | None) -> ArmDescription:
+        """Return the arm that ends at a link."""
+        chain = self._chain(self._tip(tip))
+        moving = [joint for joint in chain if joint.attributes["type"] in _MOVING]
+        for joint in self.joints.values():
+            if joint not in chain and joint.attributes["type"] != "fixed":
+                raise UrdfError(
+                    f"joint {joint.attributes['name']!r} moves, and is not between base and tip; "
+                    "leave it out, or make it fixed",
+                    line=joint.line,
+                )
+        if len(moving) not in _JOINTS:
+            raise UrdfError(
+                f"{len(moving)} joints move between its base and {tip!r}; an arm has 6 or 7",
+                key="tip",
+            )
+        base = chain[0].first("parent")
+        assert base is not None
+        bodies = [self._body(base.attributes["link"], Rigid())]
+        joints: list[Joint] = []
+        before = Rigid()
+        for joint in chain:
+            before = before.then(pose_of(joint))
+            if joint.attributes["type"] == "fixed":
+                continue
+            child = joint.first("child")
+            assert child is not None
+            bodies.append(self._body(child.attributes["link"], Rigid()))
+            inertia = _inertia(joint, bodies[-1][0])
+            joints.append(_joint(joint, before.transform, inertia))
+            before = Rigid()
+        return self._described(joints, before.transform, home_rad, bodies)
+
+    def _described(
+        self,
+        joints: list[Joint],
+        tip: Transform,
+        home_rad: Sequence[float] | None,
+        bodies: list[tuple[list[Mass], list[LinkShape]]],
+    ) -> ArmDescription:
+        if home_rad is None:
+            home_rad = [min(max(0.0, joint.low_rad), joint.high_rad) for joint in joints]
+        if len(home_rad) != len(joints):
+            message = f"{len(home_rad)} angles, where the arm has {len(joints)} joints"
+            raise UrdfError(message, key="home_rad")
+        shapes = tuple(tuple(found) for _, found in bodies)
+        return ArmDescription(
+            self.name, tuple(joints), tip, tuple(home_rad), shapes if any(shapes) else ()
+        )
+
+    def _check_joint(self, name: str, joint: Element) -> None:
+        kind = joint.attributes.get("type", "")
+        if joint.first("mimic") is not None:
+            raise UrdfError(
+                f"joint {name!r} mimics another; leave the hand out, as tools are part of the task",
+                line=joint.line,
+            )
+        if kind not in (*_MOVING, "fixed"):
+            raise UrdfError(
+                f"joint {name!r} is {kind or 'of no type'}; an arm's joints are revolute, "
+                "continuous or fixed",
+                line=joint.line,
+            )
+        for end in ("parent", "child"):
+            element = joint.first(end)
+            link = None if element is None else element.attributes.get("link")
+            if link not in self.links:
+                raise UrdfError(f"joint {name!r} has no {end} link that exists", line=joint.line)
+            if end == "child":
+                assert link is not None
+                if link in self.above:
+                    raise UrdfError(
+                        f"link {link!r} hangs on two joints, {name!r} and "
+                        f"{self.above[link].attributes['name']!r}: a loop, which no arm here has",
+                        line=joint.line,
+                    )
+                self.above[link] = joint
+
+    def _tip(self, tip: str | None) -> str:
+        if tip is None:
+            raise UrdfError("give 'tip', the link that hands are fixed to", key="model")
+        if tip not in self.links:
+            ends = [link for link in self.links if not self._below(link)] or list(self.links)
+            raise UrdfError(f"there is no link {tip!r}; it ends in {', '.join(ends[:6])}", "tip")
+        return tip
+
+    def _below(self, link: str) -> list[Element]:
+        return [joint for joint in self.joints.values() if _end(joint, "parent") == link]
+
+    def _chain(self, tip: str) -> list[Element]:
+        """Return the joints from the base to a link."""
+        chain: list[Element] = []
+        link = tip
+        while link in self.above:
+            joint = self.above[link]
+            if joint in chain:
+                words = f"joint {joint.attributes['name']!r} is part of a loop, which no arm has"
+                raise UrdfError(words, line=joint.line)
+            chain.append(joint)
+            link = _end(joint, "parent")
+        if not chain:
+            raise UrdfError(f"nothing leads to {tip!r}; give the link at the arm's end", key="tip")
+        return chain[::-1]
+
+    @property
+    def _fixed(self) -> list[Element]:
+        """The joints that fix links to each other."""
+        return [joint for joint in self.joints.values() if joint.attributes["type"] == "fixed"]
+
+    def _body(self, link: str, frame: Rigid) -> tuple[list[Mass], list[LinkShape]]:
+        """Return masses and shapes of a link, and of all that is fixed to it, in a frame."""
+        element = self.links[link]
+        masses = [mass.seen_from(frame) for mass in _masses(element)]
+        shapes = shapes_of(element, frame, self.read_mesh)
+        for joint in self._fixed:
+            if _end(joint, "parent") == link:
+                others = self._body(_end(joint, "child"), frame.then(pose_of(joint)))
+                masses += others[0]
+                shapes += others[1]
+        return masses, shapes
+
+
+def _refuse_xacro(root: Element) -> None:
+    macros = any(child.tag.startswith("xacro:") for child in root.children)
+    if macros or any(name == "xmlns:xacro" for name in root.attributes):
+        raise UrdfError(
+            "it is written in xacro, a language of macros; expand it first: "
+            "xacro arm.urdf.xacro > arm.urdf",
+            line=root.line,
+        )
+
+
+def _joint(joint: Element, placement: Transform, link: LinkInertia) -> Joint:
+    name = joint.attributes["name"]
+    limit = joint.first("limit")
+    if limit is None:
+        raise UrdfError(f"joint {name!r} has no <limit>; give one", line=joint.line)
+    if joint.attributes["type"] == "continuous":
+        low, high = -_FULL_TURN, _FULL_TURN
+    else:
+        low, high = number(limit, "lower", 0.0), number(limit, "upper", 0.0)
+    speed = number(limit, "velocity")
+    axis = joint.first("axis")
+    direction = (1.0, 0.0, 0.0) if axis is None else numbers(axis, "xyz", (1.0, 0.0, 0.0))
+    length = math.hypot(*direction)
+    if length < 1e-9:
+        raise UrdfError(f"joint {name!r} has an axis of length 0", line=joint.line)
+    try:
+        return Joint(
+            name,
+            placement,
+            low,
+            high,
+            speed,
+            speed / _SPEEDING_UP_S,
+            number(limit, "effort"),
+            link,
+            (direction[0] / length, direction[1] / length, direction[2] / length),
+        )
+    except ValueError as error:
+        raise UrdfError(str(error).rstrip("."), line=limit.line) from None
+
+
+def _masses(link: Element) -> list[Mass]:
+    inertial = link.first("inertial")
+    if inertial is None:
+        return []
+    mass, inertia = inertial.first("mass"), inertial.first("inertia")
+    kg = 0.0 if mass is None else number(mass, "value")
+    if kg == 0.0:
+        return []
+    if kg < 0 or inertia is None:
+        words = f"link {link.attributes['name']!r} has no mass and inertia that a body has"
+        raise UrdfError(words, line=inertial.line)
+    xx, yy, zz, xy, xz, yz = (
+        number(inertia, key, 0.0) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    )
+    own = Mass(kg, (0.0, 0.0, 0.0), ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    return [own.seen_from(pose_of(inertial))]
+
+
+def _inertia(joint: Element, masses: list[Mass]) -> LinkInertia:
+    link = _end(joint, "child")
+    if not masses:
+        raise UrdfError(f"link {link!r} has no mass; give it <inertial>", line=joint.line)
+    whole = together(masses)
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = whole.tensor
+    try:
+        return LinkInertia(whole.kg, whole.centre, (xx, yy, zz, xy, xz, yz))
+    except ValueError as error:
+        raise UrdfError(f"link {link!r}: {str(error).rstrip('.')}", line=joint.line) from None
+
+
+def _end(joint: Element, which: str) -> str:
+    element = joint.first(which)
+    assert element is not None
+    return element.attributes["link"]

@@ -1,0 +1,157 @@
+"""A URDF is data: the chain from its base to a link becomes an arm, or it is said why not."""
+
+import math
+
+import pytest
+
+from skillplan.robots.arm_description import ArmDescription
+from skillplan.robots.link_shapes import Capsule, Hull, Rod
+from skillplan.robots.panda import PANDA
+from skillplan.robots.rigid import Rigid
+from skillplan.robots.ur5e import UR5E
+from skillplan.robots.urdf import read_urdf
+from skillplan.robots.urdf_elements import UrdfError
+from skillplan.robots.xml_tree import MAX_DEPTH, MAX_ELEMENTS
+from urdf_text import joint, link, urdf, urdf_of
+
+
+def no_mesh(name, scale):
+    """Return nothing: there is no file."""
+    raise UrdfError(f"there is no {name}")
+
+
+def read(text, tip="flange", home_rad=None, mesh=no_mesh) -> ArmDescription:
+    return read_urdf(text.encode(), tip, home_rad, mesh)
+
+
+def fault(text, tip="flange", home_rad=None) -> UrdfError:
+    with pytest.raises(UrdfError) as caught:
+        read(text, tip, home_rad)
+    return caught.value
+
+
+@pytest.mark.parametrize("arm", [PANDA, UR5E], ids=lambda arm: arm.name)
+def test_a_description_that_is_written_as_a_urdf_is_read_back(arm):
+    """Places of joints, axes, limits, masses and inertias; accelerations no URDF has."""
+    back = read(urdf_of(arm), home_rad=arm.home_rad)
+    assert [one.name for one in back.joints] == [one.name for one in arm.joints]
+    for one, other in zip(back.joints, arm.joints, strict=True):
+        assert_same(one.placement, other.placement)
+        assert one.axis == other.axis
+        assert (one.low_rad, one.high_rad) == (other.low_rad, other.high_rad)
+        assert (one.speed_rad_per_s, one.torque_nm) == (other.speed_rad_per_s, other.torque_nm)
+        assert one.link.mass_kg == pytest.approx(other.link.mass_kg)
+        frame = other.link.frame
+        centre = Rigid.of(frame.xyz_m, frame.rpy_rad).apply(other.link.centre_m)
+        assert one.link.centre_m == pytest.approx(centre)
+    assert_same(back.tip, arm.tip)
+    assert back.home_rad == arm.home_rad
+
+
+def assert_same(one, other):
+    first, second = (Rigid.of(item.xyz_m, item.rpy_rad) for item in (one, other))
+    assert first.origin == pytest.approx(second.origin, abs=1e-12)
+    for row, its in zip(first.rows, second.rows, strict=True):
+        assert row == pytest.approx(its, abs=1e-12)
+
+
+def test_without_a_home_all_joints_are_at_zero():
+    """Or at the limit next to it."""
+    assert read(urdf()).home_rad == (0.0,) * 6
+    bent = urdf({3: joint(3, limits='lower="0.5" upper="2"')})
+    assert read(bent).home_rad == (0.0, 0.0, 0.5, 0.0, 0.0, 0.0)
+
+
+def test_a_continuous_joint_turns_once_either_way():
+    """It has no limits of its own."""
+    arm = read(urdf({1: joint(1, kind="continuous", limits="")}))
+    assert (arm.low_rad[0], arm.high_rad[0]) == (-2 * math.pi, 2 * math.pi)
+
+
+def test_what_is_fixed_to_a_link_is_part_of_it():
+    """Its mass, and its shape where it is."""
+    box = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
+    more = link("camera", box) + (
+        '<joint name="holder" type="fixed"><parent link="link_4"/><child link="camera"/>'
+        '<origin xyz="0.5 0 0" rpy="0 0 0"/></joint>\n'
+    )
+    arm = read(urdf(more=more))
+    carrier = arm.joints[3].link
+    assert carrier.mass_kg == 2.0
+    assert carrier.centre_m == pytest.approx((0.25, 0.0, 0.0))
+    # Two bodies of 1 kg, 0.25 m from their centre across y.
+    assert carrier.tensor_kg_m2[1] == pytest.approx(2 * (0.01 + 0.25**2))
+    hull = arm.shapes[4][1]
+    assert isinstance(hull, Hull)
+    assert {round(x, 6) for x, _, _ in hull.corners_m} == {0.45, 0.55}
+
+
+def test_shapes_are_boxes_balls_cylinders_and_meshes():
+    """Meshes are asked for by name and scale."""
+    ball = '<collision><geometry><sphere radius="0.05"/></geometry></collision>'
+    mesh = (
+        '<collision><origin xyz="0 0 1"/><geometry>'
+        '<mesh filename="a.stl" scale="2 2 2"/></geometry></collision>'
+    )
+    asked = []
+
+    def corners(name, scale):
+        asked.append((name, scale))
+        return ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+    arm = read(urdf(collisions={1: ball, 2: mesh}), mesh=corners)
+    assert arm.shapes[1] == (Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.05),)
+    assert asked == [("a.stl", (2.0, 2.0, 2.0))]
+    (hull,) = arm.shapes[2]
+    assert isinstance(hull, Hull)
+    assert hull.corners_m[0] == (0.0, 0.0, 1.0)
+    (rod,) = arm.shapes[3]
+    assert isinstance(rod, Rod)
+    assert (rod.start_m, rod.end_m) == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.2))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (urdf(head="<a/>"), "junk after document element"),
+        ("<sdf/>", "its root is <sdf>"),
+        (urdf(more=link("flange")), "two links are called 'flange'"),
+        (urdf(more="<link/>\n"), "a <link> has no name"),
+        (urdf({2: joint(2, parent="nowhere")}), "'joint_2' has no parent link"),
+        (urdf({2: joint(2, kind="spherical")}), "'joint_2' is spherical"),
+        (urdf({2: joint(2).replace("0 1 0", "0 0 0")}), "an axis of length 0"),
+        (urdf({2: joint(2).replace("0 1 0", "0 1")}), "xyz='0 1' are not three numbers"),
+        (urdf({2: joint(2).replace('"2.0"', '"fast"')}), "needs a number as 'velocity'"),
+        (urdf({2: joint(2).replace('"2.0"', '"nan"')}), "needs a number as 'velocity'"),
+        (urdf().replace('value="1.0"', 'value="-1"'), "no mass and inertia that a body has"),
+        (urdf().replace('value="1.0"', 'value="0"'), "has no mass"),
+        (urdf().replace('ixx="0.01"', 'ixx="9"'), "No body has the inertia"),
+        (urdf(collisions={1: "<collision/>"}), "has no shape"),
+        (
+            urdf(collisions={1: "<collision><geometry><plane/></geometry></collision>"}),
+            "<plane> is no shape",
+        ),
+        (urdf(more="".join(link(f"more_{n}") for n in range(200))), "more than 200 links"),
+        (urdf(more="<a>" * (MAX_DEPTH + 1) + "</a>" * (MAX_DEPTH + 1)), "deep"),
+        (urdf(more="<a/>" * MAX_ELEMENTS), "elements"),
+    ],
+)
+def test_what_is_no_arm_is_refused_with_its_line(text, words):
+    """In words, whatever it is."""
+    found = fault(text)
+    assert words in str(found)
+    assert found.key == "model"
+
+
+def test_a_joint_that_moves_beside_the_arm_is_refused():
+    """As a second arm's."""
+    more = link("other") + joint(1).replace("joint_1", "aside").replace("link_1", "other")
+    assert "'aside' moves, and is not between base and tip" in str(fault(urdf(more=more)))
+
+
+def test_entities_are_never_expanded():
+    """A file that declares any is refused before."""
+    head = '<?xml version="1.0"?>\n<!DOCTYPE robot [<!ENTITY a "aaaa">]>\n'
+    found = fault(urdf(head=head))
+    assert found.line == 2
+    assert "document type" in str(found)
