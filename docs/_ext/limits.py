@@ -87,6 +87,11 @@ ROWS: list[tuple[str, str, list[str]]] = [
     ("file of a parameter study", "{bytes}", ["sweep.study_folder:_MOST_BYTES"]),
     ("kept verdict", "{bytes}", ["checks.verdict_file:_MOST_BYTES"]),
     (
+        "kept convex pieces of a mesh",
+        "{bytes}",
+        ["collision.solids.decomposition:_MOST_BYTES"],
+    ),
+    (
         "source of a plugin, hashed for kept verdicts",
         "{bytes} a file",
         ["checks.code_origin:_MOST_BYTES"],

@@ -96,7 +96,8 @@ def test_every_plugin_of_this_repository_is_in_the_reference():
         for group, entries in groups.items():
             kind = group.removeprefix("skillplan.")
             assert f"`{group}`" in written
-            for name in set(entries) & set(registry.names(kind)):
+            known = registry.names(kind) if kind in registry.KINDS else ()
+            for name in set(entries) & set(known):
                 assert f"# `{name}`" in pages[kind], name
             for name in entries:
                 assert f"`{name}`" in written or f"kind: {name}" in written, name

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from skillplan.checks.feasibility import CheckCount, Feasibility
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
+from skillplan.files.cache_folder import cache_folder
 from skillplan.judge.referee import judge
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline import registry
@@ -325,16 +324,6 @@ def _why_infeasible(model: SkillModel, *, charted: bool) -> str:
     if blamed is not None:
         return blamed
     return f"none within {task.step_limit} skills"
-
-
-def cache_folder() -> Path:
-    """Return where verdicts are kept between runs: ``SKILLPLAN_CACHE_DIR``, or the user's cache."""
-    chosen = os.environ.get("SKILLPLAN_CACHE_DIR")
-    if chosen:
-        return Path(chosen)
-    from platformdirs import user_cache_path
-
-    return user_cache_path("skillplan")
 
 
 def warm_cache() -> DiskVerdictCache:

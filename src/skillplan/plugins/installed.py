@@ -10,11 +10,18 @@ from typing import Any
 # Kind of plugin to the group that its entry points are in.
 _KINDS = ("domain", "physics", "collision", "solver", "executor")
 GROUPS = {kind: f"skillplan.{kind}" for kind in _KINDS}
+# What takes a mesh apart into convex pieces: a function, not a class.
+_DECOMPOSITION = "decomposition"
 
 
 def registered(kind: str) -> EntryPoints:
     """Return the entry points of a kind of plugin, such as ``solver``."""
     return _by_kind()[kind]
+
+
+def decompositions() -> EntryPoints:
+    """Return the entry points of what takes meshes apart into convex pieces."""
+    return entry_points(group=f"skillplan.{_DECOMPOSITION}")
 
 
 def registered_as(plugin: type[Any]) -> EntryPoint | None:

@@ -65,25 +65,28 @@ class Placement:
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body made of boxes, cylinders and convex meshes.
+    """A rigid body made of boxes, cylinders and meshes.
 
     Parameters
     ----------
     name
         Unique in the scene.
     shapes
-        At least one, in the body's frame.
+        At least one, in the body's frame; all convex.
     placements
         Where it is, by fact.
     mass_kg
         Mass [kg], > 0, spread evenly.
     grasps
         How it may be held, the preferred first; none for what no hand holds.
+    surfaces
+        Its exact shapes, where one of them is not convex and `shapes` has pieces of it that are;
+        else empty.
 
     Raises
     ------
     ValueError
-        If it has no shape or its mass is not positive.
+        If it has no shape, one of `shapes` is not convex, or its mass is not positive.
     """
 
     name: str
@@ -91,10 +94,13 @@ class Body:
     placements: tuple[Placement, ...]
     mass_kg: float
     grasps: tuple[Grasp, ...] = ()
+    surfaces: tuple[Shape, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.shapes:
             raise ValueError(f"Body {self.name!r} needs at least one shape.")
+        if any(isinstance(shape, Mesh) and not shape.convex for shape in self.shapes):
+            raise ValueError(f"Body {self.name!r}: shapes must be convex; pieces of one are.")
         if not (math.isfinite(self.mass_kg) and self.mass_kg > 0):
             raise ValueError(f"Body {self.name!r}: mass must be > 0 kg, not {self.mass_kg}.")
 
@@ -102,6 +108,11 @@ class Body:
     def grasp(self) -> Grasp | None:
         """How it is held unless something else is said; None for what no hand holds."""
         return self.grasps[0] if self.grasps else None
+
+    @property
+    def exact_shapes(self) -> tuple[Shape, ...]:
+        """Its shapes as they are, also those that are not convex."""
+        return self.surfaces or self.shapes
 
     @property
     def boxes(self) -> tuple[Box, ...]:

@@ -1,4 +1,4 @@
-"""What bodies are made of: boxes, upright cylinders and convex meshes, in the body's frame.
+"""What bodies are made of: boxes, upright cylinders and meshes, in the body's frame.
 
 The body's frame begins at the centre of its bottom, z up.
 """
@@ -116,7 +116,7 @@ class Cylinder:
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """A convex polyhedron of a body, given by its corners.
+    """A polyhedron of a body, given by its corners.
 
     Parameters
     ----------
@@ -124,6 +124,8 @@ class Mesh:
         At least four points in the body's frame [m], not in one plane.
     faces
         Triangles of its surface, by three indices of corners each, anticlockwise from outside.
+    convex
+        Whether it is, so that its corners say all of it.
 
     Raises
     ------
@@ -134,6 +136,7 @@ class Mesh:
 
     corners: tuple[Point, ...]
     faces: tuple[tuple[int, int, int], ...]
+    convex: bool = True
 
     def __post_init__(self) -> None:
         if len(self.corners) < 4:

@@ -1,4 +1,4 @@
-"""Convex polyhedra from files."""
+"""Closed polyhedra from files."""
 
 import contextlib
 import io
@@ -135,22 +135,28 @@ def test_the_hash_is_that_of_the_file(tmp_path):
     assert one.sha256 != other.sha256
 
 
-def test_a_surface_with_a_dent_is_refused(tmp_path):
-    """With how deep it is, and what to do."""
+def test_a_surface_with_a_dent_is_told_from_a_convex_one(tmp_path):
+    """Whichever way its faces are listed, they are turned outward."""
     tip = (0.5, 0.5, 0.2)
     faces = [*WEDGE_FACES[:4], (3, 0, 6), (0, 4, 6), (4, 5, 6), (5, 3, 6)]
-    message, key = reason(tmp_path, wedge_in(tmp_path, corners=[*WEDGE, tip], faces=faces))
-    assert key == "file"
-    assert "It is not convex: a corner lies " in message
-    assert "Split it into convex pieces, one entry of 'meshes' each." in message
+    mesh = read_mesh(tmp_path, wedge_in(tmp_path, corners=[*WEDGE, tip], faces=faces), 0.01)
+    assert not mesh.convex
+    mixed = [face[::-1] if number % 2 else face for number, face in enumerate(faces)]
+    other = read_mesh(tmp_path, wedge_in(tmp_path, corners=[*WEDGE, tip], faces=mixed), 0.01)
+    turned = [
+        {(f[i], f[(i + 1) % 3]) for f in one.faces for i in range(3)} for one in (mesh, other)
+    ]
+    assert turned[0] == turned[1]
+    assert read_mesh(tmp_path, wedge_in(tmp_path), 0.01).convex
 
 
-def test_two_pieces_in_one_file_are_refused(tmp_path):
+def test_two_pieces_in_one_file_are_not_convex(tmp_path):
     """Each closed and convex, but not both together."""
     moved = [(x + 5, y, z) for x, y, z in WEDGE]
     faces = [*WEDGE_FACES, *(tuple(index + 6 for index in face) for face in WEDGE_FACES)]
-    message, _ = reason(tmp_path, wedge_in(tmp_path, corners=[*WEDGE, *moved], faces=faces))
-    assert message.startswith("It is not convex")
+    assert not read_mesh(
+        tmp_path, wedge_in(tmp_path, corners=[*WEDGE, *moved], faces=faces), 0.01
+    ).convex
 
 
 def test_what_is_flat_to_within_rounding_is_convex(tmp_path):

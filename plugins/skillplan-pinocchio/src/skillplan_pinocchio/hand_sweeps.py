@@ -13,7 +13,7 @@ from skillplan.task.scene import Robot, Scene
 from skillplan_pinocchio.hulls import HandPart, hand_parts
 from skillplan_pinocchio.motion_plan import spared
 from skillplan_pinocchio.obstacles import Obstacle
-from skillplan_pinocchio.shapes import ConvexPiece, pieces_of
+from skillplan_pinocchio.shapes import ConvexPiece, pieces_of, standing_pieces_of
 from skillplan_pinocchio.sweep import Sweep, Touch
 
 _HANDLING = (Event.GRASP, Event.RELEASE)
@@ -104,7 +104,7 @@ class HandSweeps:
         if visit.event not in _HANDLING:
             return None
         body = self.scene.body(visit.subject)
-        target = Obstacle(body.name, None, pieces_of(body, visit.pose))
+        target = Obstacle(body.name, None, standing_pieces_of(body, visit.pose))
         for part in self._hand(motion, before=visit.event is Event.GRASP):
             pieces = part.along(motion, motion.grasp_tip)
             sweep = Sweep("", part.name, pieces, _STILL, frozenset())

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from skillplan.task.scene import WORLD, Scene
-from skillplan_pinocchio.shapes import ConvexPiece, pieces_of, table
+from skillplan_pinocchio.shapes import ConvexPiece, standing_pieces_of, table
 
 TABLE: Final = "the table"
 
@@ -40,7 +40,7 @@ def obstacles_of(scene: Scene) -> tuple[Obstacle, ...]:
     return (
         Obstacle(TABLE, None, (table(),)),
         *(
-            Obstacle(body.name, placement.fact, pieces_of(body, placement.pose))
+            Obstacle(body.name, placement.fact, standing_pieces_of(body, placement.pose))
             for body in scene.bodies
             for placement in body.placements
             if placement.solid and placement.frame == WORLD

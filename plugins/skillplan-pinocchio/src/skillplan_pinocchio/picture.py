@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from skillplan.collision.hulls import Hull, HullRole, HullScene
 from skillplan.task.motion import Point
 from skillplan.task.state import State
@@ -102,12 +100,10 @@ def _touches(verdict: Verdict) -> Iterator[Point]:
 
 def _hull(name: str, role: HullRole, piece: ConvexPiece) -> Hull:
     """Return a piece with its surface in triangles, as coal has worked it out."""
-    found = piece.hull
-    corners = np.asarray(found.points())
-    faces = [found.polygons(number) for number in range(found.num_polygons)]
+    corners, faces = piece.surface
     return Hull(
         name,
         role,
-        [(float(x), float(y), float(z)) for x, y, z in corners],
-        [(int(face[0]), int(face[1]), int(face[2])) for face in faces],
+        [(float(x), float(y), float(z)) for x, y, z in corners.tolist()],
+        [(int(a), int(b), int(c)) for a, b, c in faces.tolist()],
     )

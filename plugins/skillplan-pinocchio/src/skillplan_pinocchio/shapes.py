@@ -1,4 +1,4 @@
-"""Convex pieces for coal: corners, their hull, and the smallest upright box about them."""
+"""Pieces for coal: convex ones, and surfaces that need not be; with upright boxes about them."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from skillplan.task.motion import Point
 from skillplan.task.scene import Body, Pose
-from skillplan.task.shape import Box, Cylinder, Shape
+from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 # Corners of a cylinder's circle; their distance from the axis is such that neither the corners
 # stand out nor the sides fall short by more than 0.06 % of the radius.
@@ -59,9 +60,56 @@ class ConvexPiece:
         points.extend(list(self.corners))
         return coal.Convex.convexHull(points, True, "Qt")
 
+    @property
+    def surface(self) -> tuple[Array, Indices]:
+        """Corners of its surface [m], and triangles by three indices of them each."""
+        hull = self.hull
+        faces = [hull.polygons(number) for number in range(hull.num_polygons)]
+        triangles = [(int(face[0]), int(face[1]), int(face[2])) for face in faces]
+        return np.asarray(hull.points()), np.array(triangles, dtype=np.int64)
+
     def swept(self, by: Sequence[float]) -> ConvexPiece:
         """Return what the piece sweeps along a straight line: the hull of its ends, exactly."""
         return ConvexPiece(np.concatenate([self.corners, self.corners + np.array(by)]))
+
+    def seen_from(self, frame: Pose) -> ConvexPiece:
+        """Return the piece in the frame that another's pose is given in."""
+        return ConvexPiece(placed_at(self.corners, frame))
+
+
+@dataclass(frozen=True)
+class SurfacePiece(ConvexPiece):
+    """A closed surface in the world that need not be convex: of what stands, never of what moves.
+
+    Parameters
+    ----------
+    faces
+        Its triangles by three indices of corners each, anticlockwise from outside.
+    """
+
+    faces: Indices
+
+    @cached_property
+    def hull(self) -> Any:
+        """The triangles themselves, in a tree of boxes, for coal."""
+        points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        points.extend(list(self.corners))
+        for a, b, c in self.faces.tolist():
+            triangles.append(coal.Triangle(a, b, c))
+        found = coal.BVHModelOBBRSS()
+        found.beginModel(len(triangles), len(points))
+        found.addSubModel(points, triangles)
+        found.endModel()
+        return found
+
+    @property
+    def surface(self) -> tuple[Array, Indices]:
+        """Corners of its surface [m], and triangles by three indices of them each."""
+        return self.corners, self.faces
+
+    def seen_from(self, frame: Pose) -> SurfacePiece:
+        """Return the piece in the frame that another's pose is given in."""
+        return SurfacePiece(placed_at(self.corners, frame), self.faces)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +153,18 @@ def may_touch(one: ConvexPiece, other: ConvexPiece, tolerance_m: float) -> bool:
 
 
 def pieces_of(body: Body, pose: Pose) -> tuple[ConvexPiece, ...]:
-    """Return the pieces of a body at a pose."""
+    """Return the convex pieces of a body at a pose, which moves."""
     return tuple(ConvexPiece(placed_at(corners_of(shape), pose)) for shape in body.shapes)
+
+
+def standing_pieces_of(body: Body, pose: Pose) -> tuple[ConvexPiece, ...]:
+    """Return the exact shapes of a body at a pose, where it stands."""
+    return tuple(
+        SurfacePiece(placed_at(corners_of(shape), pose), np.array(shape.faces, dtype=np.int64))
+        if isinstance(shape, Mesh) and not shape.convex
+        else ConvexPiece(placed_at(corners_of(shape), pose))
+        for shape in body.exact_shapes
+    )
 
 
 def placed_at(corners: Array, pose: Pose) -> Array:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from skillplan_pinocchio.obstacles import Obstacle
-from skillplan_pinocchio.shapes import ConvexPiece
+from skillplan_pinocchio.shapes import ConvexPiece, SurfacePiece
 
 Planar = tuple[float, float]
 Polygon = tuple[Planar, ...]
@@ -14,6 +16,8 @@ Polygon = tuple[Planar, ...]
 # A contact of less area supports nothing [m^2].
 _LEAST_AREA_M2 = 1e-10
 _ROUNDING_M = 1e-9
+# A face that falls by more than so much of a length is not level [-].
+_LEVEL = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,23 +98,19 @@ def supports_of(
     tolerance_m
         Gap or overlap that still counts as contact [m], >= 0.
     """
-    floor_m = min(piece.low[2] for piece in pieces)
-    feet = [
-        face
-        for piece in pieces
-        if piece.low[2] - floor_m <= tolerance_m
-        and len(face := _face(piece, piece.low[2], tolerance_m)) > 2
-    ]
+    feet = [level for piece in pieces for level in _levels(piece, -1, tolerance_m)]
+    heights_m = [height_m for height_m, _ in feet]
     contacts = []
-    for obstacle in obstacles:
+    for obstacle in obstacles if feet else ():
         if obstacle.body == body:
             continue
         polygons = tuple(
             common
             for piece in obstacle.pieces
-            if abs(piece.high[2] - floor_m) <= tolerance_m
-            for foot in feet
-            if (common := intersection(foot, _face(piece, piece.high[2], tolerance_m)))
+            for top_m, top in _levels(piece, 1, tolerance_m, heights_m)
+            for foot_m, foot in feet
+            if abs(top_m - foot_m) <= tolerance_m
+            if (common := intersection(foot, top))
         )
         if polygons:
             contacts.append(Contact(obstacle.body, obstacle.fact, polygons))
@@ -156,6 +156,31 @@ def intersection(one: Polygon, other: Polygon) -> Polygon:
     return tuple(left) if len(left) > 2 and _area_m2(left) > _LEAST_AREA_M2 else ()
 
 
+def _levels(
+    piece: ConvexPiece, side: int, tolerance_m: float, near: Sequence[float] = ()
+) -> Iterator[tuple[float, Polygon]]:
+    """Yield the level faces of a piece with their heights: 1 for those above, -1 for beneath.
+
+    Of a convex piece the highest or the lowest; of a surface all its triangles that are level.
+    Only those near one of some heights, if such are given.
+    """
+    if not isinstance(piece, SurfacePiece):
+        height_m = piece.high[2] if side > 0 else piece.low[2]
+        if near and all(abs(height_m - one) > tolerance_m for one in near):
+            return
+        face = _face(piece, height_m, tolerance_m)
+        if len(face) > 2:
+            yield height_m, face
+        return
+    corners = piece.corners[piece.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    steep = np.linalg.norm(normals[:, :2], axis=1) > _LEVEL * np.abs(normals[:, 2])
+    for number in np.flatnonzero(~steep & (normals[:, 2] * side > 0)):
+        triangle = corners[number].tolist()
+        height_m = sum(corner[2] for corner in triangle) / 3
+        yield height_m, planar_hull((x, y) for x, y, _ in triangle)
+
+
 def _face(piece: ConvexPiece, height_m: float, tolerance_m: float) -> Polygon:
     return planar_hull(
         (float(x), float(y))
@@ -167,8 +192,7 @@ def _face(piece: ConvexPiece, height_m: float, tolerance_m: float) -> Polygon:
 def _centre(pieces: Iterable[ConvexPiece]) -> Planar:
     total = x = y = 0.0
     for piece in pieces:
-        volume = float(piece.hull.computeVolume())
-        middle = piece.hull.computeCOM()
+        volume, middle = float(piece.hull.computeVolume()), piece.hull.computeCOM()
         total += volume
         x += volume * float(middle[0])
         y += volume * float(middle[1])

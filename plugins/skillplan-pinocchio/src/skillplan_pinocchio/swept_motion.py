@@ -15,7 +15,7 @@ from skillplan_pinocchio.hand_sweeps import HandSweeps
 from skillplan_pinocchio.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner, spared
 from skillplan_pinocchio.obstacles import Obstacle
-from skillplan_pinocchio.shapes import ConvexPiece, pieces_of, placed_at
+from skillplan_pinocchio.shapes import ConvexPiece, standing_pieces_of
 from skillplan_pinocchio.support import Supports, supports_of
 from skillplan_pinocchio.sweep import Sweep, Touch
 
@@ -188,7 +188,7 @@ class SweptMotionBuilder:
     def _supports(self, motion: LinearMotion) -> Supports:
         visit = motion.visit
         body = self.scene.body(visit.subject)
-        pieces = pieces_of(body, visit.pose)
+        pieces = standing_pieces_of(body, visit.pose)
         obstacles = self.planner.obstacles
         if visit.event is Event.DRIVE and not same_direction(visit.along, DOWN):
             # What a screw is pressed on is beneath it along its axis.
@@ -201,7 +201,7 @@ class SweptMotionBuilder:
 
 
 def _seen_from(frame: Pose, pieces: Iterable[ConvexPiece]) -> tuple[ConvexPiece, ...]:
-    return tuple(ConvexPiece(placed_at(piece.corners, frame)) for piece in pieces)
+    return tuple(piece.seen_from(frame) for piece in pieces)
 
 
 def _link_collisions(

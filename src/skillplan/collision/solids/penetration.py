@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from skillplan.collision.solids.concave import deepest_within
 from skillplan.collision.solids.polyhedron import Floats, Polyhedron
 
 # How precisely the deepest point of an edge is sought, by halving the rest of its length.
@@ -14,20 +15,24 @@ _PAIRS = 1_000_000
 
 
 def depth_m(one: Polyhedron, other: Polyhedron) -> float:
-    """Return how deep an edge of one convex surface is in the other [m]; 0 where none is.
+    """Return how deep an edge of one surface is in the other [m]; 0 where none is.
 
     Two polyhedra that have a volume in common have an edge of one in the other; how deep is its
-    distance to the nearest face's plane.
+    distance to the nearest face. In what is not convex that is found to 0.05 mm.
     """
     return max(_deepest(one, other), _deepest(other, one))
 
 
 def _deepest(edges_of: Polyhedron, within: Polyhedron) -> float:
-    normals, offsets = within.planes
     edges = edges_of.edges
     low, high = within.corners.min(axis=0), within.corners.max(axis=0)
     near = (edges.min(axis=1) < high) & (edges.max(axis=1) > low)
     edges = edges[near.all(axis=1)]
+    if not len(edges):
+        return 0.0
+    if not within.convex:
+        return deepest_within(within, edges)
+    normals, offsets = within.planes
     deepest = 0.0
     chunk = max(1, _PAIRS // len(normals))
     for first in range(0, len(edges), chunk):

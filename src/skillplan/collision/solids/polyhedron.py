@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skillplan.task.pose import Pose
-from skillplan.task.shape import Box, Cylinder, Shape
+from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -41,11 +41,14 @@ class Polyhedron:
         Three indices of corners each, anticlockwise from outside, shape (faces, 3).
     flat
         Of every face, whether it stands for a plane and not for a part of a curve.
+    convex
+        Whether it is.
     """
 
     corners: Floats
     faces: Indices
     flat: npt.NDArray[np.bool_]
+    convex: bool = True
 
     @cached_property
     def triangles(self) -> Floats:
@@ -118,7 +121,7 @@ class Polyhedron:
         shift *= np.minimum(1.0, 4 * by_m / np.maximum(length, by_m))
         moved = self.corners.copy()
         moved[:, :2] += shift
-        return Polyhedron(moved, self.faces, self.flat)
+        return Polyhedron(moved, self.faces, self.flat, self.convex)
 
 
 def polyhedron_of(shape: Shape, pose: Pose) -> Polyhedron:
@@ -132,7 +135,8 @@ def polyhedron_of(shape: Shape, pose: Pose) -> Polyhedron:
     else:
         corners, faces = np.array(shape.corners, dtype=float), np.array(shape.faces)
         flat = np.ones(len(faces), dtype=bool)
-    return Polyhedron(corners @ rotation.T + np.array(pose.position), faces, flat)
+    convex = not isinstance(shape, Mesh) or shape.convex
+    return Polyhedron(corners @ rotation.T + np.array(pose.position), faces, flat, convex)
 
 
 def _prism(cylinder: Cylinder, up: Floats) -> tuple[Floats, Indices, npt.NDArray[np.bool_]]:

@@ -13,7 +13,7 @@ from skillplan.collision.boxes import WorldBox
 from skillplan.collision.solids.polygons import Polygon, covered
 from skillplan.collision.solids.prism import Prism, prism_of
 from skillplan.task.grasp import AXES
-from skillplan.task.pose import Pose
+from skillplan.task.pose import Point, Pose, plus
 from skillplan.task.shape import Shape
 
 if TYPE_CHECKING:
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 TOUCH_M = 2e-4
 """Gap and overlap that still count as touching [m]."""
+
+_PRECISION_M = 1e-4
 
 
 class Piece:
@@ -58,6 +60,8 @@ class Piece:
         if self.prism is None or lower.prism is None:
             from skillplan.collision.solids.falling import height_above
 
+            if not (self.surface.convex and lower.surface.convex):
+                return height_above(self.surface, lower.surface, at_least_m)
             # What is convex is above or beneath as a whole.
             height_m = height_above(self.surface, lower.surface)
             return height_m if height_m >= at_least_m else math.inf
@@ -157,6 +161,38 @@ class Solid:
         """Return the height of its highest surface at a point of its plan [m]; None beside it."""
         tops_m = [top_m for one in self.pieces if (top_m := one.top_m(x_m, y_m)) is not None]
         return max(tops_m, default=None)
+
+    def way_out_m(self, other: Solid) -> float:
+        """Return how far it would have to move to be out of another [m]; 0 if they are apart.
+
+        Exact for upright boxes and cylinders; of others the least along the axes of the world, to
+        0.1 mm.
+        """
+        depth_m = self.depth_m(other)
+        upright = all(piece.prism is not None for piece in (*self.pieces, *other.pieces))
+        if upright or depth_m <= TOUCH_M:
+            return depth_m
+        least_m = math.inf
+        for axis, direction in enumerate(AXES.values()):
+            ahead_m = other.box.high[axis] - self.box.low[axis]
+            back_m = self.box.high[axis] - other.box.low[axis]
+            for sign, apart_m in ((1.0, ahead_m), (-1.0, back_m)):
+                x, y, z = (sign * value for value in direction)
+                least_m = min(least_m, self._out_m(other, (x, y, z), min(apart_m, least_m)))
+        return max(depth_m, least_m)
+
+    def _out_m(self, other: Solid, direction: Point, most_m: float) -> float:
+        """Return how far it moves along a direction until it is out, `most_m` at most [m]."""
+        moved_m = 0.0
+        while moved_m < most_m:
+            by = plus((0.0, 0.0, 0.0), direction, moved_m)
+            depth_m = Solid(self.shapes, self.pose.moved(by)).depth_m(other)
+            if depth_m <= TOUCH_M:
+                # What is so deep counts as out.
+                return moved_m + depth_m
+            # It comes out by no more than it moves.
+            moved_m += max(depth_m - TOUCH_M, _PRECISION_M)
+        return most_m
 
     def contact_m2(self, lower: Solid) -> float:
         """Return the area by which it stands on another, seen from above [m2]."""

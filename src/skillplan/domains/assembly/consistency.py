@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from itertools import chain, islice
 
+from skillplan.domains.assembly.concave_parts import piece_issues
 from skillplan.domains.assembly.geometry_faults import geometry_issues, shape_issues
 from skillplan.domains.assembly.gripping import grasp_issues
 from skillplan.domains.assembly.handling.insertion import insertion_issues
@@ -26,6 +27,7 @@ def issues(config: AssemblyConfig) -> list[Issue]:
                 _references(config),
                 _names(config),
                 shape_issues(config),
+                piece_issues(config),
                 _cycles(config),
                 _lists(config),
                 _step_limit(config),

@@ -31,8 +31,32 @@ def shapes_of(part: PartConfig) -> tuple[Shape, ...]:
         height_m = part.cylinder.height_m
         return (Cylinder(part.cylinder.diameter_m, height_m, (0.0, 0.0, height_m / 2)),)
     if part.meshes is not None:
-        return tuple(Mesh(mesh.corners, mesh.faces) for mesh in part.meshes)
+        return tuple(Mesh(mesh.corners, mesh.faces, mesh.convex) for mesh in part.meshes)
     return tuple(Box(point(box.size_m), point(box.centre_m)) for box in part.boxes or ())
+
+
+def pieces_of(part: PartConfig) -> tuple[Shape, ...]:
+    """Return convex shapes that a part is made of: of a mesh that is not convex, its pieces.
+
+    Raises
+    ------
+    NoPieces
+        If there is such a mesh and nothing is installed that takes it apart.
+    """
+    if all(mesh.convex for mesh in part.meshes or ()):
+        return shapes_of(part)
+    # Takes numpy, which most boards do without.
+    from skillplan.collision.solids.decomposition import decomposition_of
+
+    return tuple(
+        piece
+        for shape in shapes_of(part)
+        for piece in (
+            (shape,)
+            if not isinstance(shape, Mesh) or shape.convex
+            else decomposition_of(shape).pieces
+        )
+    )
 
 
 def boxes_of(part: PartConfig) -> tuple[Box, ...]:

@@ -1,4 +1,4 @@
-"""Convex polyhedra from OBJ, STL and PLY files."""
+"""Closed polyhedra from OBJ, STL and PLY files."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import hashlib
 import io
 import math
 import warnings
-from collections import Counter
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -39,7 +38,7 @@ _Indices = npt.NDArray[np.int64]
 
 
 class MeshFileError(Exception):
-    """A file holds no convex polyhedron that a part can be made of.
+    """A file holds no polyhedron that a part can be made of.
 
     Parameters
     ----------
@@ -68,12 +67,15 @@ class Polyhedron:
         Extents of the box [m].
     sha256
         Hash of the file's content, in hexadecimal.
+    convex
+        Whether it is.
     """
 
     corners: tuple[Point, ...]
     faces: tuple[tuple[int, int, int], ...]
     size: Point
     sha256: str
+    convex: bool
 
     def about(self, centre: Point) -> tuple[Point, ...]:
         """Return the corners when the box lies about `centre` [m], to a nanometre."""
@@ -85,7 +87,7 @@ class Polyhedron:
 
 
 def read_mesh(folder: Path, name: str, scale: float) -> Polyhedron:
-    """Return the convex polyhedron that a file holds.
+    """Return the polyhedron that a file holds.
 
     Parameters
     ----------
@@ -100,7 +102,7 @@ def read_mesh(folder: Path, name: str, scale: float) -> Polyhedron:
     ------
     MeshFileError
         If the file lies elsewhere, cannot be read, is larger than `MAX_BYTES`, or holds anything
-        but one closed convex surface of `MAX_CORNERS` corners at most, 1e-6 m to 10 m long.
+        but a closed surface of `MAX_CORNERS` corners at most, 1e-6 m to 10 m long.
     """
     content, suffix = _content(folder, name)
     return _polyhedron(content, suffix, scale)
@@ -182,12 +184,14 @@ def _polyhedron(content: bytes, suffix: str, scale: float) -> Polyhedron:
         raise MeshFileError(
             f"It has {len(corners):,} corners, where {MAX_CORNERS:,} are the most; simplify it."
         )
-    faces = _outward(corners, faces, float(size.max()))
+    faces = _outward(corners, faces)
+    _check_volume(corners, faces, float(size.max()))
     return Polyhedron(
         tuple((float(x), float(y), float(z)) for x, y, z in corners),
         tuple((int(a), int(b), int(c)) for a, b, c in faces),
         (float(size[0]), float(size[1]), float(size[2])),
         hashlib.sha256(content).hexdigest(),
+        _is_convex(corners, faces, float(size.max())),
     )
 
 
@@ -243,38 +247,67 @@ def _merged(corners: _Floats, faces: _Indices) -> tuple[_Floats, _Indices]:
     return unique[used], compact.reshape(-1, 3)
 
 
-def _outward(corners: _Floats, faces: _Indices, longest_m: float) -> _Indices:
-    """Return the faces turned outward of a closed convex surface."""
-    edges = Counter(
-        (min(a, b), max(a, b))
-        for face in faces.tolist()
-        for a, b in zip(face, [*face[1:], face[0]], strict=True)
-    )
-    if any(count != 2 for count in edges.values()):
+def _outward(corners: _Floats, faces: _Indices) -> _Indices:
+    """Return the faces of closed surfaces, turned outward."""
+    neighbours: dict[tuple[int, int], list[int]] = {}
+    for index, face in enumerate(faces.tolist()):
+        for a, b in zip(face, [*face[1:], face[0]], strict=True):
+            neighbours.setdefault((min(a, b), max(a, b)), []).append(index)
+    if any(len(owners) != 2 for owners in neighbours.values()):
         raise MeshFileError(
             "It is not closed: an edge does not lie between two faces. Close its holes, and leave "
             "out what lies inside."
         )
+    faces = faces.copy()
+    done = np.zeros(len(faces), dtype=bool)
+    for first in range(len(faces)):
+        if done[first]:
+            continue
+        # All that hangs together is turned like the first.
+        members, waiting = [first], [first]
+        done[first] = True
+        while waiting:
+            own = waiting.pop()
+            for a, b in _sides(faces[own]):
+                pair = neighbours[min(a, b), max(a, b)]
+                other = pair[0] if pair[1] == own else pair[1]
+                if (a, b) in _sides(faces[other]):
+                    if done[other]:
+                        raise MeshFileError(
+                            "It has no outside: its faces cannot all be turned outward. Repair it."
+                        )
+                    faces[other] = faces[other][::-1]
+                if not done[other]:
+                    done[other] = True
+                    members.append(other)
+                    waiting.append(other)
+        if _volume_m3(corners, faces[members]) < 0:
+            faces[members] = faces[members][:, ::-1]
+    return faces
+
+
+def _sides(face: _Indices) -> list[tuple[int, int]]:
+    a, b, c = face.tolist()
+    return [(a, b), (b, c), (c, a)]
+
+
+def _volume_m3(corners: _Floats, faces: _Indices) -> float:
+    a, b, c = (corners[faces[:, i]] for i in range(3))
+    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6
+
+
+def _check_volume(corners: _Floats, faces: _Indices, longest_m: float) -> None:
+    volume_m3 = _volume_m3(corners, faces)
+    if not (math.isfinite(volume_m3) and volume_m3 > 1e-6 * longest_m * _LEAST_EXTENT_M**2):
+        raise MeshFileError("It encloses no volume; give it a thickness.")
+
+
+def _is_convex(corners: _Floats, faces: _Indices, longest_m: float) -> bool:
     a, b, c = (corners[faces[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
     lengths = np.linalg.norm(normals, axis=1)
-    sound = lengths > 1e-12 * longest_m**2
-    normals[sound] /= lengths[sound, None]
     tolerance_m = max(_FLATNESS * longest_m, 1e-8)
-    flip = np.zeros(len(faces), dtype=bool)
-    for i in np.flatnonzero(sound):
-        beyond = (corners - a[i]) @ normals[i]
-        if -beyond.min() < beyond.max():
-            flip[i], beyond = True, -beyond
-        if beyond.max() > tolerance_m:
-            raise MeshFileError(
-                f"It is not convex: a corner lies {beyond.max():.2g} m outside the plane of a "
-                "face. Split it into convex pieces, one entry of 'meshes' each."
-            )
-    faces = faces.copy()
-    faces[flip] = faces[flip][:, ::-1]
-    a, b, c = (corners[faces[:, i]] for i in range(3))
-    volume_m3 = float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6
-    if not (math.isfinite(volume_m3) and volume_m3 > 1e-6 * longest_m * _LEAST_EXTENT_M**2):
-        raise MeshFileError("It encloses no volume; give it a thickness.")
-    return faces
+    return all(
+        float(((corners - a[i]) @ normals[i]).max()) <= tolerance_m * lengths[i]
+        for i in np.flatnonzero(lengths > 1e-12 * longest_m**2)
+    )

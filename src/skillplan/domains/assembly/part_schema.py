@@ -70,7 +70,7 @@ class CylinderConfig(Strict):
 
 
 class MeshConfig(Strict):
-    """A convex polyhedron from a file; what is not convex takes several of them."""
+    """A polyhedron from a file; of one that is not convex, the pieces that move are convex."""
 
     file: Annotated[str, Field(min_length=1, max_length=4096)] = Field(
         description="an OBJ, STL or PLY file in the task file's folder, or in a folder of it"
@@ -88,6 +88,7 @@ class MeshConfig(Strict):
     _corners: tuple[Point, ...] = PrivateAttr(())
     _faces: tuple[tuple[int, int, int], ...] = PrivateAttr(())
     _sha256: str = PrivateAttr("")
+    _convex: bool = PrivateAttr(True)
 
     @model_validator(mode="wrap")
     @classmethod
@@ -106,7 +107,7 @@ class MeshConfig(Strict):
             raise Located(f"{shown(made.file)}: {continued(str(error))}", error.key) from None
         centre = made.centre_m or [0.0, 0.0, read.size[2] / 2]
         made._corners = read.about((centre[0], centre[1], centre[2]))
-        made._faces, made._sha256 = read.faces, read.sha256
+        made._faces, made._sha256, made._convex = read.faces, read.sha256, read.convex
         return made
 
     @property
@@ -118,6 +119,11 @@ class MeshConfig(Strict):
     def faces(self) -> tuple[tuple[int, int, int], ...]:
         """Its triangles, by three indices of corners each, seen from outside anticlockwise."""
         return self._faces
+
+    @property
+    def convex(self) -> bool:
+        """Whether it is convex."""
+        return self._convex
 
     @computed_field  # type: ignore[prop-decorator]
     @property
@@ -141,7 +147,7 @@ class PartConfig(Strict):
         None, description="an upright cylinder; instead of size_m"
     )
     meshes: Annotated[list[MeshConfig], Field(min_length=1, max_length=16)] | None = Field(
-        None, description="convex polyhedra from files; instead of size_m"
+        None, description="polyhedra from files, convex or not; instead of size_m"
     )
     grasp: Grasps = Field(
         default_factory=GraspConfig,

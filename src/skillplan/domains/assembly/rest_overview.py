@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from skillplan.domains.assembly.concave_parts import piece_lines
 from skillplan.domains.assembly.resting import Rest, rests_at_goal, rests_at_start
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.domain import Overview
@@ -17,7 +18,9 @@ def rest_overview(config: AssemblyConfig) -> Overview:
         before = f"in {part.feeder}" if part.feeder is not None else f"on {_words(start)}"
         lines.append(f"rests      {name} on {_words(goal)}; at the start {before}")
         entries.append({"part": name, "start": _document(start), "goal": _document(goal)})
-    return Overview({"rests": entries}, tuple(lines))
+    more, pieces = piece_lines(config)
+    document = {"rests": entries, **({"pieces": pieces} if pieces else {})}
+    return Overview(document, (*lines, *more))
 
 
 def _words(rests: list[Rest]) -> str:

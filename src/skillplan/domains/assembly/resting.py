@@ -128,7 +128,8 @@ def _overlaps(config: AssemblyConfig, layout: _Layout) -> Iterator[tuple[Issue, 
     for one, other in combinations(layout.solids, 2):
         depth_m = layout.solids[other].depth_m(layout.solids[one])
         if depth_m > TOUCH_M:
-            message = f"{other!r} and {one!r} overlap by {_mm(depth_m)} {layout.when}. Move one."
+            way_m = layout.solids[other].way_out_m(layout.solids[one])
+            message = f"{other!r} and {one!r} overlap by {_mm(way_m)} {layout.when}. Move one."
             given = layout.place(config.parts[other]) is not None
             key = f"{layout.key}_m" if given else f"{layout.key}_on"
             yield Issue(message, ("parts", other, key)), {one, other}

@@ -11,6 +11,7 @@ from skillplan.domains.assembly.layout import (
     goal_pose,
     holder_of,
     hole_pose,
+    pieces_of,
     point,
     shapes_of,
     start_pose,
@@ -62,10 +63,11 @@ def scene_of(config: AssemblyConfig, places: Mapping[str, Point]) -> Scene:
 def _part_body(config: AssemblyConfig, name: str) -> Body:
     part = config.parts[name]
     start, goal = start_pose(config, name), goal_pose(config, name)
+    pieces, shapes = pieces_of(part), shapes_of(part)
     in_hand = Pose((0.0, 0.0, 0.0))
     return Body(
         name,
-        shapes_of(part),
+        pieces,
         (
             Placement(f"at_start({name})", start, solid=part.feeder is None),
             Placement(f"held({name})", in_hand, frame=config.robot.name),
@@ -73,6 +75,7 @@ def _part_body(config: AssemblyConfig, name: str) -> Body:
         ),
         part.mass_kg,
         grasps_of_part(config, name),
+        () if pieces == shapes else shapes,
     )
 
 

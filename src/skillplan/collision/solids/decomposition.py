@@ -1,0 +1,196 @@
+"""Convex pieces of meshes that are not convex: made by a plugin, measured and kept here."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skillplan.collision.solids.concave import depths
+from skillplan.collision.solids.polyhedron import Floats, polyhedron_of
+from skillplan.errors import PluginError
+from skillplan.files.atomic_file import write_whole
+from skillplan.files.cache_folder import cache_folder
+from skillplan.files.regular_file import read_bytes
+from skillplan.files.strict_json import parse_json
+from skillplan.plugins.installed import decompositions
+from skillplan.task.pose import Pose
+from skillplan.task.shape import Mesh
+
+_LOG = logging.getLogger(__name__)
+_STILL = Pose((0.0, 0.0, 0.0))
+_DECIMALS = 9
+_MOST_BYTES = 64 * 1024 * 1024
+# Points at which pieces and mesh are compared, on the surface of either.
+_SAMPLES = 3_000
+
+
+class NoPieces(PluginError):
+    """Nothing takes a mesh apart, or what is installed for it fails."""
+
+
+@dataclass(frozen=True)
+class Decomposition:
+    """A mesh in convex pieces.
+
+    Parameters
+    ----------
+    pieces
+        At least one.
+    outside_m
+        How far they stand out of the mesh [m], measured at points of their surfaces.
+    missing_m
+        How far the mesh stands out of them [m], measured at points of its surface.
+    """
+
+    pieces: tuple[Mesh, ...]
+    outside_m: float
+    missing_m: float
+
+    @property
+    def error_m(self) -> float:
+        """How far apart the surfaces of the mesh and of the pieces are [m]."""
+        return max(self.outside_m, self.missing_m)
+
+
+@lru_cache(maxsize=64)
+def decomposition_of(mesh: Mesh) -> Decomposition:
+    """Return the convex pieces of a mesh, from the user's cache or freshly made.
+
+    A plugin makes them: a function under an entry point of the group ``skillplan.decomposition``
+    that is given corners [m] and faces as arrays and returns corners and faces of every piece.
+
+    Raises
+    ------
+    NoPieces
+        If no plugin does, or it raises or returns what are no pieces.
+    """
+    entry = next(iter(sorted(decompositions(), key=lambda one: one.name)), None)
+    if entry is None:
+        raise NoPieces(
+            "it is not convex, and nothing here takes it apart. Install skillplan-pinocchio, or "
+            "split it into convex pieces, one entry of 'meshes' each"
+        )
+    path = cache_folder() / "pieces" / f"{_key(mesh, entry)}.json"
+    kept = _kept(path)
+    if kept is not None:
+        return kept
+    try:
+        made = _measured(mesh, _made(mesh, entry))
+    except Exception as error:
+        # A plugin raises whatever it likes.
+        raise NoPieces(f"{entry.name} could not take it apart: {error!r}") from error
+    # What cannot be kept is made again.
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, json.dumps(_document(made)))
+    return made
+
+
+def _key(mesh: Mesh, entry: EntryPoint) -> str:
+    """Return a hash of everything that could change the pieces."""
+    distribution = "" if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"
+    version = getattr(_loaded(entry), "version", "")
+    parts = [entry.value, distribution, version, repr(mesh.corners), repr(mesh.faces), _SAMPLES]
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+
+
+def _loaded(entry: EntryPoint) -> Any:
+    try:
+        return entry.load()
+    except Exception as error:
+        raise NoPieces(
+            f"it is not convex, and {entry.name}, which would take it apart, cannot be loaded: "
+            f"{error}. Install its distribution again"
+        ) from error
+
+
+def _made(mesh: Mesh, entry: EntryPoint) -> tuple[Mesh, ...]:
+    corners, faces = np.array(mesh.corners, dtype=float), np.array(mesh.faces, dtype=np.int64)
+    found: Iterable[tuple[Any, Any]] = _loaded(entry)(corners, faces)
+    pieces = tuple(_piece(np.asarray(own, dtype=float), np.asarray(of)) for own, of in found)
+    if not pieces:
+        raise ValueError("it returned no piece")
+    return pieces
+
+
+def _piece(corners: Floats, faces: Any) -> Mesh:
+    a, b, c = (corners[faces[:, i]] for i in range(3))
+    if float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) < 0:
+        faces = faces[:, ::-1]
+    rounded = np.round(corners, _DECIMALS) + 0.0
+    return Mesh(
+        tuple((float(x), float(y), float(z)) for x, y, z in rounded),
+        tuple((int(i), int(j), int(k)) for i, j, k in faces),
+    )
+
+
+def _measured(mesh: Mesh, pieces: tuple[Mesh, ...]) -> Decomposition:
+    whole = polyhedron_of(mesh, _STILL)
+    parts = [polyhedron_of(piece, _STILL) for piece in pieces]
+    outer = np.concatenate([_samples(part.triangles, _SAMPLES // len(parts)) for part in parts])
+    own = _samples(whole.triangles, _SAMPLES)
+    reached = np.full(len(own), -np.inf)
+    for part in parts:
+        normals, offsets = part.planes
+        reached = np.maximum(reached, (offsets - own @ normals.T).min(axis=1))
+    outside_m = max(0.0, -float(depths(whole, outer).min()))
+    return Decomposition(pieces, round(outside_m, 7), round(max(0.0, -float(reached.min())), 7))
+
+
+def _samples(triangles: Floats, count: int) -> Floats:
+    """Return points on triangles, evenly spread: corners, and a number of them in between."""
+    a, b, c = (triangles[:, i] for i in range(3))
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    steps = np.cumsum(areas) / max(areas.sum(), 1e-30)
+    # Halton's sequence in the bases 2 and 3: the same points whenever it is asked.
+    numbers = np.arange(1, count + 1)
+    which = np.minimum(np.searchsorted(steps, (numbers - 0.5) / count), len(triangles) - 1)
+    u, v = _halton(numbers, 2), _halton(numbers, 3)
+    over = u + v > 1
+    u, v = np.where(over, 1 - u, u)[:, None], np.where(over, 1 - v, v)[:, None]
+    inner = a[which] + u * (b - a)[which] + v * (c - a)[which]
+    return np.concatenate([triangles.reshape(-1, 3)[:count], inner])
+
+
+def _halton(numbers: Any, base: int) -> Floats:
+    found, share, rest = np.zeros(len(numbers)), 1.0, numbers.copy()
+    while rest.any():
+        share /= base
+        found += share * (rest % base)
+        rest //= base
+    return found
+
+
+def _document(made: Decomposition) -> dict[str, Any]:
+    pieces = [{"corners": piece.corners, "faces": piece.faces} for piece in made.pieces]
+    return {"pieces": pieces, "outside_m": made.outside_m, "missing_m": made.missing_m}
+
+
+def _kept(path: Path) -> Decomposition | None:
+    """Return what a file holds; None where there is none, or none that is exactly as written."""
+    try:
+        document = parse_json(read_bytes(path, _MOST_BYTES))
+        pieces = tuple(
+            Mesh(
+                tuple((float(x), float(y), float(z)) for x, y, z in piece["corners"]),
+                tuple((int(a), int(b), int(c)) for a, b, c in piece["faces"]),
+            )
+            for piece in document["pieces"]
+        )
+        outside_m, missing_m = float(document["outside_m"]), float(document["missing_m"])
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        _LOG.warning("Pieces in %s are made again: %s", path, error)
+        return None
+    return Decomposition(pieces, outside_m, missing_m) if pieces else None
