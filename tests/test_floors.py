@@ -37,7 +37,7 @@ OPENS = {
     "cli/writing.py": "the null device, once stdout or stderr is gone",
     "cli/standard_streams.py": "the null device, where a standard stream is closed",
     "skillplan_pybullet/simulator/quiet_output.py": "the null device, for what pybullet prints",
-    "skillplan_pybullet/simulator/world.py": "meshes for pybullet, in a folder of its own",
+    "skillplan_pybullet/simulator/body_shapes.py": "meshes for pybullet, in a folder of its own",
     "skillplan_pybullet/arm/robot_file.py": "the arm for pybullet, in a folder of its own",
     "skillplan_pybullet/execution/skill_runner.py": "opens the jaws of a hand",
 }

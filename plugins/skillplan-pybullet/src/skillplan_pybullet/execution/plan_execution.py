@@ -133,7 +133,7 @@ class _PlanExecution:
         for index, body in enumerate(self.task.scene.bodies):
             placement = body.placement(state)
             if placement is not None and placement.solid:
-                self.world.add(body, placement.pose, index)
+                self.world.add(body, placement.pose, index, stands=True)
                 self.workcell.fastenings.fasten(self.world, [(body.name, placement)])
         runner = SkillRunner(
             self.world,

@@ -67,6 +67,7 @@ class SkillRunner(ControlledRobot):
         handled = {planned.motion.visit.subject for planned in motions}
         for subject in sorted(handled):
             self.bring_out(subject, state)
+        self.world.stand(handled)
         self.watch(handled)
 
     def bring_out(self, subject: str, state: State) -> None:

@@ -94,7 +94,7 @@ class SupportTrials:
         if key not in self._known:
             with World(self.friction) as world:
                 for other in beneath.bodies:
-                    world.add(other.body, other.placement.pose)
+                    world.add(other.body, other.placement.pose, stands=other is not one)
                 self.fastenings.fasten(
                     world, ((other.body.name, other.placement) for other in beneath.bodies)
                 )

@@ -38,7 +38,7 @@ class Located:
     @property
     def is_boxy(self) -> bool:
         """Whether the boxes about it say what it stands on, and what stands on it."""
-        return self.placement.pose.is_upright
+        return self.placement.pose.is_upright and not self.body.surfaces
 
 
 @dataclass(frozen=True, slots=True)

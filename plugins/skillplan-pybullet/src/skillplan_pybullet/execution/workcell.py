@@ -189,9 +189,11 @@ class Workcell:
         """
         scene, world = self.task.scene, arm.world
         plain = [one.motion for one in planned]
+        handled = {motion.visit.subject for motion in plain}
         colours = {body.name: index for index, body in enumerate(scene.bodies)}
         for one in around.bodies:
-            world.add(one.body, one.placement.pose, colours[one.body.name])
+            stands = one.body.name not in handled
+            world.add(one.body, one.placement.pose, colours[one.body.name], stands=stands)
         self.fastenings.fasten(world, ((one.body.name, one.placement) for one in around.bodies))
         first = plain[0]
         runner = SkillRunner(world, arm, scene, self.settings, first.tool)
@@ -270,7 +272,12 @@ class Workcell:
             skill.name,
             *basis,
             tuple(log.phases),
-            {name: np.array(log.forces.get(name, [])).reshape(-1, 3) for name in known},
+            # What nothing can move does not say what it weighs.
+            {
+                name: np.array(log.forces.get(name, [])).reshape(-1, 3)
+                for name in known
+                if name not in world.fixed
+            },
             {name: world.mass_kg(name) * GRAVITY_M_PER_S2 for name in known},
             {pair: np.array(values) for pair, values in sorted(log.pairs.items())},
             {name: np.array(values) for name, values in log.moved.items() if name in known},

@@ -7,10 +7,7 @@ micrometres afterwards, and only a fresh one gives the same digits in any order,
 from __future__ import annotations
 
 from collections.abc import Iterable
-from contextlib import nullcontext
 from dataclasses import replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from types import TracebackType
 
 import numpy as np
@@ -18,8 +15,9 @@ import pybullet
 from numpy.typing import NDArray
 
 from skillplan.task.scene import Body, Pose
-from skillplan.task.shape import Box, Cylinder, Mesh, Shape
+from skillplan_pybullet.simulator.body_shapes import make_body
 from skillplan_pybullet.simulator.mass_properties import MassProperties, mass_properties
+from skillplan_pybullet.simulator.pair_filter import PairFilter
 from skillplan_pybullet.simulator.quiet_output import quiet_output
 
 STEPS_PER_S = 240
@@ -75,9 +73,10 @@ class World:
         self.names: dict[int, str] = {}
         self._properties: dict[str, MassProperties] = {}
         self._masses: dict[str, float] = {}
-        # Pairs that pass through each other for the time being, and links that nothing touches.
-        self._parted: set[frozenset[str]] = set()
-        self._withdrawn: dict[str, frozenset[int]] = {}
+        # Bodies that are not convex, their colours, and whether nothing can move them now.
+        self._hollow: dict[str, tuple[Body, int, bool]] = {}
+        # Constraints between bodies that are fixed to each other.
+        self._fastened: dict[tuple[str, str], int] = {}
         with quiet_output():
             self.client = pybullet.connect(pybullet.DIRECT)
             pybullet.setTimeStep(STEP_S, physicsClientId=self.client)
@@ -100,6 +99,7 @@ class World:
                 physicsClientId=self.client,
             )
         pybullet.changeDynamics(table, -1, lateralFriction=friction, physicsClientId=self.client)
+        self._filter = PairFilter(self.client, self.numbers)
         self.name(table, TABLE)
 
     def __enter__(self) -> World:
@@ -124,21 +124,41 @@ class World:
         pybullet.stepSimulation(physicsClientId=self.client)
         self.steps += 1
 
-    def add(self, body: Body, pose: Pose, colour: int = 0) -> int:
-        """Put a body at a pose, its origin at the centre of its bottom."""
+    def add(self, body: Body, pose: Pose, colour: int = 0, *, stands: bool = False) -> int:
+        """Put a body at a pose, its origin at the centre of its bottom.
+
+        Parameters
+        ----------
+        body, pose
+            What, and where.
+        colour
+            Number of its colour.
+        stands
+            Whether it is not to be moved. Where it is not convex, its shape is exact then, and it
+            is as if it were screwed down; what moves is made of convex pieces.
+        """
         properties = mass_properties(body).at_least(LEAST_INERTIA_KG_M2)
-        number = self._create(
-            body.shapes, body.mass_kg, properties, _PALETTE[colour % len(_PALETTE)]
+        is_fixed = stands and bool(body.surfaces)
+        number = make_body(
+            self.client,
+            body.exact_shapes if is_fixed else body.shapes,
+            body.exact_shapes,
+            mass_kg=0.0 if is_fixed else body.mass_kg,
+            centre=properties.centre,
+            colour=_PALETTE[colour % len(_PALETTE)],
         )
         self._properties[body.name], self._masses[body.name] = properties, body.mass_kg
+        self._hollow.pop(body.name, None)
+        if body.surfaces:
+            self._hollow[body.name] = (body, colour, is_fixed)
         self.name(number, body.name)
-        for name, links in self._withdrawn.items():
-            self._tell(name, sorted(links), body.name)
+        self._filter.added(body.name)
         self.put(body.name, pose)
+        inertia = {} if is_fixed else {"localInertiaDiagonal": properties.inertia_kg_m2.tolist()}
         pybullet.changeDynamics(
             number,
             -1,
-            localInertiaDiagonal=properties.inertia_kg_m2.tolist(),
+            **inertia,
             lateralFriction=self.friction,
             spinningFriction=0.001,
             rollingFriction=0.0,
@@ -148,6 +168,32 @@ class World:
             physicsClientId=self.client,
         )
         return number
+
+    @property
+    def fixed(self) -> frozenset[str]:
+        """Bodies that nothing can move for the time being."""
+        return frozenset(name for name, (_, _, fixed) in self._hollow.items() if fixed)
+
+    def stand(self, moving: Iterable[str]) -> None:
+        """Have all bodies stand but some, which are to be moved; see `add`."""
+        free = set(moving)
+        for name, (body, colour, is_fixed) in list(self._hollow.items()):
+            if is_fixed == (name in free):
+                self._remake(body, colour, stands=not is_fixed)
+
+    def _remake(self, body: Body, colour: int, *, stands: bool) -> None:
+        """Make a body anew where it is, and what is fastened to it."""
+        pose, name = self.pose(body.name), body.name
+        fastened = [pair for pair in self._fastened if name in pair]
+        for pair in fastened:
+            self.release(self._fastened.pop(pair))
+        number = self.numbers.pop(name)
+        del self.names[number]
+        with quiet_output():
+            pybullet.removeBody(number, physicsClientId=self.client)
+        self.add(body, pose, colour, stands=stands)
+        for one, other in fastened:
+            self.fasten(one, other)
 
     def put(self, name: str, pose: Pose) -> None:
         """Move a body to a pose, at rest."""
@@ -215,27 +261,15 @@ class World:
 
     def part(self, one: str, others: Iterable[str]) -> None:
         """Let a body pass through others."""
-        for other in others:
-            self._parted.add(frozenset((one, other)))
-            self._tell(one, self._links(one), other)
+        self._filter.part(one, others)
 
     def join(self, one: str, others: Iterable[str]) -> None:
         """Let a body touch others again."""
-        for other in others:
-            self._parted.discard(frozenset((one, other)))
-            self._tell(one, self._links(one), other)
+        self._filter.join(one, others)
 
     def withdraw(self, name: str, links: Iterable[int]) -> None:
-        """Let these links of a body touch nothing, what is added later included.
-
-        Its other links, and those that were withdrawn before, touch what they may. That of a
-        body without joints is -1.
-        """
-        before, now = self._withdrawn.get(name, frozenset()), frozenset(links)
-        self._withdrawn[name] = now
-        for other in self.numbers:
-            if other != name:
-                self._tell(name, sorted(before ^ now), other)
+        """Let links of a body touch nothing; see :meth:`PairFilter.withdraw`."""
+        self._filter.withdraw(name, links)
 
     def hold(self, name: str) -> int:
         """Fix a body where it is; return the constraint, to be given to `release`."""
@@ -273,7 +307,7 @@ class World:
         """Fix a body to another as it is; the two pass through each other from now on."""
         self.part(name, [other])
         if other == TABLE:
-            self.hold(name)
+            self._fastened[name, other] = self.hold(name)
             return
         number, bearing = self.numbers[name], self.numbers[other]
         here, there = (
@@ -281,18 +315,20 @@ class World:
             for one in (number, bearing)
         )
         offset, turn = pybullet.multiplyTransforms(*pybullet.invertTransform(*there), *here)
-        pybullet.createConstraint(
-            bearing,
-            -1,
-            number,
-            -1,
-            pybullet.JOINT_FIXED,
-            (0, 0, 0),
-            offset,
-            (0, 0, 0),
-            turn,
-            (0, 0, 0, 1),
-            physicsClientId=self.client,
+        self._fastened[name, other] = int(
+            pybullet.createConstraint(
+                bearing,
+                -1,
+                number,
+                -1,
+                pybullet.JOINT_FIXED,
+                (0, 0, 0),
+                offset,
+                (0, 0, 0),
+                turn,
+                (0, 0, 0, 1),
+                physicsClientId=self.client,
+            )
         )
 
     def release(self, constraint: int) -> None:
@@ -310,78 +346,3 @@ class World:
         rotation = self.rotation(pose.orientation)
         centre = np.array(pose.position) + rotation @ self._properties[name].centre
         return centre.tolist(), pose.orientation
-
-    def _links(self, name: str) -> range:
-        """Return the numbers of a body's links, from -1 for its base."""
-        return range(-1, pybullet.getNumJoints(self.numbers[name], physicsClientId=self.client))
-
-    def _tell(self, one: str, links: Iterable[int], other: str) -> None:
-        """Set in the simulator which links of a body may touch another."""
-        parted = frozenset((one, other)) in self._parted
-        hidden = self._withdrawn.get(one, frozenset())
-        others_hidden = self._withdrawn.get(other, frozenset())
-        for link in links:
-            for other_link in self._links(other):
-                may = not parted and link not in hidden and other_link not in others_hidden
-                pybullet.setCollisionFilterPair(
-                    self.numbers[one],
-                    self.numbers[other],
-                    link,
-                    other_link,
-                    int(may),
-                    physicsClientId=self.client,
-                )
-
-    def _create(
-        self,
-        shapes: tuple[Shape, ...],
-        mass_kg: float,
-        properties: MassProperties,
-        colour: tuple[float, float, float, float],
-    ) -> int:
-        # The simulator takes meshes in files only.
-        has_mesh = any(isinstance(shape, Mesh) for shape in shapes)
-        with TemporaryDirectory() if has_mesh else nullcontext("") as folder:
-            shared = {
-                "shapeTypes": [_TYPES[type(shape)] for shape in shapes],
-                "halfExtents": [[extent / 2 for extent in shape.box.size] for shape in shapes],
-                "radii": [getattr(shape, "diameter_m", 1.0) / 2 for shape in shapes],
-                "lengths": [shape.box.size[2] for shape in shapes],
-                "fileNames": [
-                    _written(shape, Path(folder) / f"{index}.obj")
-                    for index, shape in enumerate(shapes)
-                ],
-                "physicsClientId": self.client,
-            }
-            places = [_centre(shape) - properties.centre for shape in shapes]
-            positions = [place.tolist() for place in places]
-            with quiet_output():
-                collision = pybullet.createCollisionShapeArray(
-                    collisionFramePositions=positions, **shared
-                )
-                visual = pybullet.createVisualShapeArray(
-                    visualFramePositions=positions, rgbaColors=[colour] * len(shapes), **shared
-                )
-                return int(
-                    pybullet.createMultiBody(
-                        mass_kg, collision, visual, physicsClientId=self.client
-                    )
-                )
-
-
-_TYPES = {Box: pybullet.GEOM_BOX, Cylinder: pybullet.GEOM_CYLINDER, Mesh: pybullet.GEOM_MESH}
-
-
-def _centre(shape: Shape) -> NDArray[np.float64]:
-    """Return the origin of a shape's own geometry; corners of a mesh are the body's already."""
-    return np.zeros(3) if isinstance(shape, Mesh) else np.array(shape.centre)
-
-
-def _written(shape: Shape, path: Path) -> str:
-    """Write a mesh to a file and return its name; "" for others."""
-    if not isinstance(shape, Mesh):
-        return ""
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in shape.corners]
-    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in shape.faces]
-    path.write_text("\n".join(lines) + "\n", "utf-8")
-    return str(path)
