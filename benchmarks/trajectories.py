@@ -20,7 +20,6 @@ from skillplan.physics.linear_motions import linear_motions
 from skillplan.records.result import Result
 from skillplan.task.task import Task
 from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.arm_motion import transfer_path
 from skillplan_pinocchio.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import MotionPlanner
 from skillplan_pinocchio.obstacles import obstacles_of
@@ -55,7 +54,7 @@ def paths_of(task: Task, result: Result) -> list[tuple[JointPath, int]]:
         skill = task.skill(step.skill)
         for motion in linear_motions(task, skill, state, options.drop_height_m):
             down = planner.plan(motion).elbows[0].strokes.down[0]
-            found += [(transfer_path(planner.arm, here, down.nodes[0]), 1), (down, 2)]
+            found += [(JointPath([here, down.nodes[0]]), 1), (down, 2)]
             here = down.nodes[0]
         state = skill.prediction.apply(state)
     return found
@@ -101,7 +100,9 @@ def main() -> None:
     task = load_problem(BOARD).task
     result = solve(task, "exact", SWEPT)
     assert result.makespan_s is not None
-    limits = JointLimits.of(task.scene.robots[0].model).scaled(SweptDetector.Options().speed_fraction)
+    limits = JointLimits.of(task.scene.robots[0].model).scaled(
+        SweptDetector.Options().speed_fraction
+    )
     paths = paths_of(task, result)
     ways: dict[str, Timing] = {
         "trapezoid": lambda path: trapezoid_s(path, limits),

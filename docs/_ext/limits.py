@@ -31,6 +31,16 @@ ROWS: list[tuple[str, str, list[str]]] = [
         ],
     ),
     (
+        "arm (URDF)",
+        "{bytes}, {} elements, {} levels, {} links",
+        [
+            "domains.assembly.arms.urdf_file:MAX_BYTES",
+            "robots.xml_tree:MAX_ELEMENTS",
+            "robots.xml_tree:MAX_DEPTH",
+            "robots.urdf:_MOST_LINKS",
+        ],
+    ),
+    (
         "trajectory (DXF, CSV, G-code)",
         "{bytes}, {} m, {} control points of a spline",
         [

@@ -113,10 +113,10 @@ class TestGrasps:
         problem = loaded(tmp_path, WIDE)
         assert problem.hints == (
             f"{problem.source}:10:12: parts.tray.grasp: 0.120 m wide along x, where jaws of "
-            "'gripper' close; those of a Panda, which engines simulate, open 0.080 m. Give grasp: "
+            "'gripper' close; those that engines simulate open 0.080 m. Give grasp: "
             "{closing_axis: y} or {type: suction}.",
             f"{problem.source}:15:13: parts.plate.size_m: 0.100 m wide along y, where jaws of "
-            "'gripper' close; those of a Panda, which engines simulate, open 0.080 m. Give grasp: "
+            "'gripper' close; those that engines simulate open 0.080 m. Give grasp: "
             "{type: suction}.",
         )
         assert preview(problem).warnings == problem.hints

@@ -13,6 +13,7 @@ from skillplan.pipeline.run import make_feasibility, solve
 from skillplan.pipeline.setup import Setup
 from skillplan.task.grasp import AXES
 from skillplan.task.scene import Cylinder, Grasp, GraspKind
+from skillplan.task.verdict import VerdictStatus
 from skillplan.testing import DetectorSuite, lid_task, reachable_states
 from skillplan_pinocchio.swept import SweptDetector
 
@@ -270,16 +271,45 @@ class TestSupport:
 
 
 class TestTravel:
-    @pytest.mark.parametrize(("place", "hits"), [("base.start", True), ("top.start", False)])
-    def test_what_is_taller_than_the_safe_height_is_hit_on_the_travel(self, place, hits):
-        """Depending on where the arm comes from: that is one of the facts."""
+    def tower(self, **options):
+        """Return the verdict on a travel past a tower, and on the same from the other side."""
         content = shelf()
         content["parts"]["tower"] = block([0.45, -0.12], [0.6, 0.3], [0.03, 0.03, 0.25])
-        verdict = verdict_of(content, "place(base)", "held(base)", "at_start(tower)", place=place)
-        assert verdict.is_infeasible is hits
-        assert f"at({place})" in verdict.facts
-        if hits:
-            assert verdict.reason == "base runs into tower on the travel"
+        facts = ("held(base)", "at_start(tower)")
+        return [
+            verdict_of(content, "place(base)", *facts, place=place, **options)
+            for place in ("base.start", "top.start")
+        ]
+
+    def test_what_is_taller_than_the_safe_height_is_gone_round(self):
+        """With the path as evidence; where the arm comes from is one of the facts."""
+        round_it, straight = self.tower()
+        assert round_it.is_feasible
+        assert straight.is_feasible
+        assert straight.evidence == {}
+        (travel,) = round_it.evidence["travels"]
+        assert travel["around"] == ["tower"]
+        assert travel["to"] == "base"
+        assert len(travel["nodes_rad"]) > 2
+        assert {"at(base.start)", "at_start(tower)"} <= set(round_it.facts)
+        assert "at(top.start)" in straight.facts
+
+    def test_a_way_that_is_not_found_within_the_budget_is_unknown(self):
+        """Never infeasible."""
+        verdict, _ = self.tower(travel_checks=3)
+        assert verdict.status is VerdictStatus.UNKNOWN
+        assert verdict.reason.startswith("base runs into tower on the straight travel, and no way")
+        assert verdict.evidence["bodies"] == ["tower"]
+        assert "at_start(tower)" in verdict.facts
+
+    def test_what_stands_where_a_travel_ends_is_a_proof(self):
+        """Hand and load are there however the arm gets to it."""
+        content = shelf()
+        content["parts"]["tower"] = block([0.5, -0.05], [0.6, 0.3], [0.03, 0.03, 0.25])
+        facts = ("held(base)", "at_start(tower)")
+        verdict = verdict_of(content, "place(base)", *facts)
+        assert verdict.is_infeasible
+        assert "runs into tower" in verdict.reason
 
     def test_where_nothing_is_tall_it_does_not_matter_where_the_arm_comes_from(self):
         """One verdict serves all places, so that few checks are made."""
@@ -312,6 +342,15 @@ class TestLinks:
         assert self.screened([0.04, 0.6, 0.55], check_arm=False).is_feasible
 
 
+@pytest.fixture(scope="module")
+def tall_shelf():
+    """Return a shelf with towers that are moved, too."""
+    content = shelf()
+    content["parts"]["tower"] = block([0.45, -0.12], [0.6, 0.15], [0.03, 0.03, 0.25])
+    content["parts"]["pole"] = block([0.5, 0.12], [0.6, -0.15], [0.03, 0.03, 0.3])
+    return assembly(content)
+
+
 class TestReuse:
     @settings(max_examples=examples(60))
     @given(data=st.data())
@@ -324,6 +363,18 @@ class TestReuse:
         other = data.draw(situations_of(board, skill, like=verdict))
         assert verdict.applies_in(other)
         assert SweptDetector(board).check(skill, other).grounded(other, "swept") == verdict
+
+    @settings(max_examples=examples(25))
+    @given(data=st.data())
+    def test_so_does_one_on_travels_among_what_is_tall(self, data, tall_shelf):
+        """Planned round what stands there, in any state that agrees on the bodies that it met."""
+        skill = data.draw(st.sampled_from(tall_shelf.skills))
+        state = data.draw(situations_of(tall_shelf, skill))
+        verdict = SweptDetector(tall_shelf).check(skill, state).grounded(state, "swept")
+        assert verdict.applies_in(state)
+        other = data.draw(situations_of(tall_shelf, skill, like=verdict))
+        assert verdict.applies_in(other)
+        assert SweptDetector(tall_shelf).check(skill, other).grounded(other, "swept") == verdict
 
     def test_a_part_that_stands_elsewhere_is_not_asked_about(self, board):
         """Picking rests on the tool alone where nothing is near."""

@@ -15,8 +15,8 @@ from hypothesis.extra import numpy as arrays
 from example_count import examples
 from skillplan.robots.panda import PANDA
 from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.arm_motion import descent_paths, transfer_path
-from skillplan_pinocchio.inverse_kinematics import Unreachable, elbows
+from skillplan_pinocchio.arm_motion import descent_paths
+from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.joint_path import JointPath
 from skillplan_pinocchio.trajectory import JointLimits, fastest_trajectory
 
@@ -199,24 +199,3 @@ class TestWaysOfTheArm:
             position, rotation = self.arm.tip(path.at(float(place)))
             assert position == pytest.approx((0.5, 0.1, 0.16 - 0.15 * place), abs=5e-5)
             assert rotation[2, 2] == pytest.approx(-1, abs=1e-6)
-
-    def test_a_travel_keeps_its_height_and_a_straight_line(self):
-        """While hand and elbow turn as they must."""
-        start = next(iter(elbows(self.arm, (0.35, -0.15, 0.2), 0.0)))
-        end = next(iter(elbows(self.arm, (0.6, 0.2, 0.2), math.pi / 2)))
-        path = transfer_path(self.arm, start, end)
-        for place in np.linspace(0, 1, 41):
-            position, rotation = self.arm.tip(path.at(float(place)))
-            expected = (0.35 + 0.25 * place, -0.15 + 0.35 * place, 0.2)
-            assert position == pytest.approx(expected, abs=5e-4)
-            assert rotation[2, 2] == pytest.approx(-1, abs=1e-4)
-
-    def test_a_travel_across_the_base_goes_round_it(self):
-        """The straight line is out of reach; the joints go to their ends all the same."""
-        start = next(iter(elbows(self.arm, (0.05, -0.4, 0.2), 0.0)))
-        end = next(iter(elbows(self.arm, (0.05, 0.4, 0.2), 0.0)))
-        path = transfer_path(self.arm, start, end)
-        assert path.nodes[0] == pytest.approx(start)
-        assert path.nodes[-1] == pytest.approx(end)
-        steps = np.diff(path.nodes, axis=0)
-        assert steps == pytest.approx(np.tile(steps[0], (len(steps), 1)))

@@ -222,6 +222,31 @@ def test_ctrl_c_ends_all_actors_at_once(cluster: Any, tmp_path: Path) -> None:
     assert json.loads(out)["schema"] == "skillplan.result/1"
 
 
+def learned(folder: Path) -> dict[str, bytes]:
+    """Return what is learned and noted, by path; progress and events hold times of day."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.name.endswith((".safetensors", "metrics.jsonl")) or path.name == "policy.json"
+    }
+
+
+@pytest.mark.release(reason="trains twice; that files come back is in every run")
+def test_what_is_learned_on_a_cluster_is_the_same(cluster: Any, tmp_path: Path) -> None:
+    """Weights and metrics, file by file."""
+    pytest.importorskip("skillplan_torch")
+    words = ["train", str(BOARD), "--solver", "dqn", "--runs", "6", "--steps", "400", "--no-cache"]
+    words += ["--jobs", "2", "--format", "json"]
+    for name, more in (("here", []), ("there", ["--executor", f"ray:{cluster.address}"])):
+        out = ["--out", str(tmp_path / name)]
+        call = [sys.executable, "-m", "skillplan", *words, *more, *out]
+        done = subprocess.run(call, capture_output=True, text=True, timeout=300)
+        assert done.returncode in (0, 1), done.stderr
+        assert len(json.loads(done.stdout)["runs"]) == 6
+    assert len(learned(tmp_path / "here")) >= 12
+    assert learned(tmp_path / "here") == learned(tmp_path / "there")
+
+
 class TestMixedMachines:
     def test_the_same_machine_does_not_differ(self) -> None:
         """What is compared is the same every time."""

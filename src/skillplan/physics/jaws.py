@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from skillplan.physics.linear_motions import visited_grasp
+from skillplan.robots.catalogue import STANDARD_HAND
 from skillplan.robots.hand import Hand
-from skillplan.robots.panda import PANDA_HAND
 from skillplan.task.motion import Event, Visit
 from skillplan.task.scene import Grasp, GraspKind, Robot, Scene, Tool
 from skillplan.task.skill import Skill
@@ -15,7 +15,7 @@ from skillplan.task.task import Task
 _ROUNDING_M = 1e-6
 
 
-def widest_m(tool: Tool | None, hand: Hand = PANDA_HAND) -> float:
+def widest_m(tool: Tool | None, hand: Hand = STANDARD_HAND) -> float:
     """Return how far the jaws of a tool open at most [m].
 
     Parameters
@@ -33,7 +33,7 @@ def widest_m(tool: Tool | None, hand: Hand = PANDA_HAND) -> float:
 
 
 def jaw_opening_m(
-    grasp: Grasp, clearance_m: float, tool: Tool | None, hand: Hand = PANDA_HAND
+    grasp: Grasp, clearance_m: float, tool: Tool | None, hand: Hand = STANDARD_HAND
 ) -> float:
     """Return how far open jaws are about a part [m]; closed for one that is lifted by suction.
 

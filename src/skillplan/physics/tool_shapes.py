@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from skillplan.robots.catalogue import STANDARD_HAND
 from skillplan.robots.hand import Hand
-from skillplan.robots.panda import PANDA_HAND
 from skillplan.task.scene import Tool, ToolKind
 from skillplan.task.shape import Cylinder, Shape
 
@@ -21,7 +21,7 @@ _PAD_HEIGHT_M: Final = 0.006
 _SHANK_DIAMETER_M: Final = 0.036
 
 
-def tool_shapes(tool: Tool, hand: Hand = PANDA_HAND) -> tuple[Shape, ...]:
+def tool_shapes(tool: Tool, hand: Hand = STANDARD_HAND) -> tuple[Shape, ...]:
     """Return the shapes of a tool from its tip, z up; none for the hand itself, a gripper.
 
     Parameters

@@ -18,3 +18,6 @@ ARMS: Final[dict[str, tuple[ArmDescription, Hand]]] = {
     "ur5e": (UR5E, STANDARD_HAND),
 }
 """Arm and hand by the name of the arm."""
+
+DEFAULT_ARM: Final = "panda"
+"""The arm of a task that names none."""

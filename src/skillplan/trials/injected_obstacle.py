@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from skillplan.physics.linear_motions import LinearMotion, visited_grasp
-from skillplan.robots.panda import FINGER_PROFILE_M, HAND_UNDERSIDE_M, TIP_M
+from skillplan.robots.catalogue import STANDARD_HAND
 from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Body, Grasp, GraspKind
 from skillplan.task.task import Task
@@ -98,7 +98,7 @@ def blocks_close_by(task: Task, motion: LinearMotion) -> Iterator[Block]:
                 continue
             reach_m = _reach_m(body, grasp, axis, side)
             if jaws:
-                reach_m = max(reach_m, max(one[1] for one in FINGER_PROFILE_M))
+                reach_m = max(reach_m, max(row[1] for row in STANDARD_HAND.jaw_m))
             clear_m = side * (reach_m + _CLEAR_OF_PART_M + _BLOCK_M / 2)
             words = f"{1000 * _CLEAR_OF_PART_M:.0f} mm clear of the part"
             # Beside a suction cup low blocks only: its surroundings are not known here.
@@ -148,7 +148,7 @@ def _beside_jaws(motion: LinearMotion, grasp: Grasp) -> Iterator[Block]:
             top_m = motion.tip[2] + depth_m
             yield Block(kind, words, x_m, y_m, yaw_rad, (_BLOCK_M, _BLOCK_M), top_m, mass_kg)
         # The palm is rounded: well within its outline, and deeper than a finger's.
-        top_m = motion.tip[2] + TIP_M - HAND_UNDERSIDE_M + 0.008
+        top_m = motion.tip[2] + STANDARD_HAND.tip_m - STANDARD_HAND.underside_m + 0.008
         along_m = grasp.width_m / 2 + _BEHIND_JAW_M
         x_m, y_m = _offset(motion.tip, yaw_rad, along_m, side * 0.018)
         words = f"{_towards(yaw_rad, across=side)} of {name}, 8 mm into the palm's way"

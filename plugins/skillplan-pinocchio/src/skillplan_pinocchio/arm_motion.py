@@ -1,8 +1,7 @@
-"""Paths of the joints: to a target and back, and from above one target to above another."""
+"""Paths of the joints to a target and back."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,8 +27,6 @@ from skillplan_pinocchio.joint_path import JointPath
 _INTERVALS = 8
 # Where it follows a direction of insertion, through more: it stays within 0.1 mm of the line.
 _FINE_INTERVALS = 16
-# A hand that points down has this z of its axis, at most.
-_DOWNWARDS = -1 + 1e-9
 
 
 @dataclass(frozen=True)
@@ -179,47 +176,8 @@ def descent_paths(
         yield reached if isinstance(reached, Unreachable) else JointPath(nodes[::-1])
 
 
-def transfer_path(arm: ArmModel, start: Vector, end: Vector) -> JointPath:
-    """Return the path of a transfer motion, the tip in a straight line, the hand pointing down.
-
-    Where the hand is turned on the way, or the straight line leads out of reach, as close to the
-    base, all joints go straight to their ends instead.
-
-    Parameters
-    ----------
-    arm
-        The arm.
-    start, end
-        Joint angles [rad], shape (joints,).
-    """
-    shares = [number / _INTERVALS for number in range(_INTERVALS + 1)]
-    straight = [start + share * (end - start) for share in shares]
-    begin, at_start = arm.tip(start)
-    finish, at_end = arm.tip(end)
-    if max(at_start[2, 2], at_end[2, 2]) > _DOWNWARDS:
-        return JointPath(straight)
-    yaws = _unwound([closing_yaw_rad(arm.tip(joints)[1]) for joints in straight])
-    nodes = [start]
-    for share, joints in zip(shares[1:-1], straight[1:-1], strict=True):
-        position = _between(begin, finish, share)
-        yaw = yaws[0] + share * (yaws[-1] - yaws[0])
-        found = solve(arm, pose_down(position, yaw), joints)
-        if isinstance(found, Unreachable):
-            return JointPath(straight)
-        nodes.append(found)
-    return JointPath([*nodes, end])
-
-
 def _between(one: Vector | Point, other: Vector | Point, share: float) -> Point:
     x, y, z = (
         float(a + share * (b - a)) for a, b in zip(np.asarray(one), np.asarray(other), strict=True)
     )
     return (x, y, z)
-
-
-def _unwound(angles_rad: list[float]) -> list[float]:
-    """Return angles with whole turns added, so that none is more than half a turn from the last."""
-    found = angles_rad[:1]
-    for angle in angles_rad[1:]:
-        found.append(found[-1] + (angle - found[-1] + math.pi) % (2 * math.pi) - math.pi)
-    return found

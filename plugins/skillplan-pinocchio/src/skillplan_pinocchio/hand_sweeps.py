@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 from itertools import pairwise
 
+import numpy as np
+
 from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.linear_motions import LinearMotion, tool_after, visited_grasp
+from skillplan.physics.linear_motions import LinearMotion, grasp_of, tool_after, visited_grasp
 from skillplan.task.motion import Event, Point
-from skillplan.task.pose import plus
-from skillplan.task.scene import Robot, Scene
+from skillplan.task.pose import Pose, plus
+from skillplan.task.scene import WORLD, Robot, Scene, Tool
 from skillplan_pinocchio.hulls import HandPart, hand_parts
 from skillplan_pinocchio.motion_plan import spared
 from skillplan_pinocchio.obstacles import Obstacle
@@ -38,21 +41,23 @@ class HandSweeps:
         self.robot = robot
         self.clearance_m = clearance_m
 
-    def transfer(self, motion: LinearMotion, start: Point) -> Iterator[Sweep]:
-        """Yield the sweeps from above one target to above the next.
-
-        Parameters
-        ----------
-        motion
-            The one that follows.
-        start
-            Where the tip comes from [m]; it is taken at the height at which the motion begins.
-        """
-        above = motion.above
-        by = (above[0] - start[0], above[1] - start[1], 0.0)
-        yield from self._swept(
-            "the travel", motion, (start[0], start[1], above[2]), by, after=False
-        )
+    @cached_property
+    def width_m(self) -> float:
+        """How far hand, tool or load reaches from the axis of a hand that points down [m]."""
+        tools: tuple[Tool | None, ...] = self.robot.tools or (None,)
+        widest_m = [
+            float(np.linalg.norm(corners[:, :2], axis=1).max())
+            for tool in tools
+            for part in hand_parts(self.robot, tool, self.robot.hand_of(tool).opening_m)
+            for corners in part.corners
+        ]
+        for body in self.scene.bodies:
+            if any(placement.frame != WORLD for placement in body.placements):
+                corners = np.concatenate([piece.corners for piece in pieces_of(body, Pose(_STILL))])
+                for grasp in body.grasps or (grasp_of(body),):
+                    away = np.linalg.norm(corners - np.array(grasp.tip), axis=1)
+                    widest_m.append(float(away.max()))
+        return max(widest_m, default=0.0)
 
     def held(
         self, motion: LinearMotion, begin: Point

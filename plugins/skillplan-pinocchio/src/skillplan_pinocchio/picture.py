@@ -21,7 +21,6 @@ def hull_scene(
     planner: MotionPlanner,
     state: State,
     verdict: Verdict,
-    start: Point | None = None,
 ) -> HullScene:
     """Return what a skill sweeps with hand and load, and the bodies that stand there.
 
@@ -37,8 +36,6 @@ def hull_scene(
         Which of them are there.
     verdict
         The detector's on the skill in that state: it says what is met, and where.
-    start
-        Where the tip comes from [m]; None where transfer motions meet nothing.
 
     Raises
     ------
@@ -46,7 +43,7 @@ def hull_scene(
         If nothing is swept.
     """
     met = set(verdict.evidence.get("bodies", ()))
-    hulls = [*_moving(motions, sweeps, start), *_links(motions, planner.arm, verdict)]
+    hulls = [*_moving(motions, sweeps), *_links(motions, planner.arm, verdict)]
     if not hulls:
         raise ValueError("nothing is swept")
     moved = {hull.name for hull in hulls}
@@ -58,15 +55,10 @@ def hull_scene(
     return HullScene(hulls, list(_touches(verdict)))
 
 
-def _moving(
-    motions: Sequence[ArmMotion], sweeps: HandSweeps, start: Point | None
-) -> Iterator[Hull]:
+def _moving(motions: Sequence[ArmMotion], sweeps: HandSweeps) -> Iterator[Hull]:
     for one in motions:
         stretches = [*sweeps.approach(one.motion), *sweeps.retreat(one.motion)]
         found = [sweep for stretch in stretches for sweep in stretch]
-        if start is not None:
-            found += sweeps.transfer(one.motion, start)
-            start = one.motion.ends_at
         for sweep in found:
             for piece in sweep.pieces:
                 yield _hull(sweep.mover, HullRole.MOVING, piece.swept(sweep.by))

@@ -10,7 +10,6 @@ from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Robot
 from skillplan.task.task import Task
 from skillplan_pinocchio.arm_model import Vector
-from skillplan_pinocchio.arm_motion import transfer_path
 from skillplan_pinocchio.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
 from skillplan_pinocchio.trajectory import JointLimits, fastest_trajectory
@@ -111,10 +110,13 @@ class SkillTimes:
         return self._paths_s[key]
 
     def transfer(self, start: Vector, end: Vector) -> JointPath:
-        """Return the path of the transfer motion between two postures above targets."""
+        """Return the straight travel in joint space between two postures above targets.
+
+        Also where something stands in it: how long a skill takes depends on places, not on that.
+        """
         key = (start.tobytes(), end.tobytes())
         if key not in self._transfers:
-            self._transfers[key] = transfer_path(self.planner.arm, start, end)
+            self._transfers[key] = JointPath([start, end])
         return self._transfers[key]
 
     def stand(self, fact: str, position: Point) -> Stand:
@@ -130,6 +132,30 @@ class SkillTimes:
         if fact not in self._stands:
             self._stands[fact] = self._found(fact, position)
         return self._stands[fact]
+
+    def all_stands(self) -> dict[str, Vector]:
+        """Return how the arm stands at every place where it can [rad], by fact."""
+        height_m = self.robot.safe_height_m
+        found = {
+            fact: self.stand(fact, (place[0], place[1], height_m)).joints_rad
+            for fact, place in self.robot.places.items()
+        }
+        return {fact: posture for fact, posture in found.items() if posture is not None}
+
+    def all_begins(self) -> list[Vector]:
+        """Return how the arm stands where the motions of all skills begin [rad]."""
+        return [
+            elbow.strokes.begin
+            for skill in self.task.skills
+            if skill.motion is not None and skill.motion.robot == self.robot.name
+            for motion in linear_motions(
+                self.task,
+                skill,
+                skill.motion.routes[0].when | skill.precondition.requires,
+                self.drop_height_m,
+            )
+            for elbow in self.planner.plan(motion).elbows[:1]
+        ]
 
     def _found(self, fact: str, position: Point) -> Stand:
         motion = self._last.get(fact)

@@ -24,15 +24,17 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.arm_model import ArmModel
+from skillplan_pinocchio.arm_model import ArmModel, Vector
 from skillplan_pinocchio.hand_sweeps import HandSweeps
-from skillplan_pinocchio.joint_path import JointPath
 from skillplan_pinocchio.least_times import LeastTimes
 from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
 from skillplan_pinocchio.obstacles import obstacles_of
 from skillplan_pinocchio.picture import hull_scene
+from skillplan_pinocchio.planning.travel_heights import TravelHeights
+from skillplan_pinocchio.planning.travel_planner import MOST_CHECKS, TravelPlanner
 from skillplan_pinocchio.skill_times import SkillTimes
-from skillplan_pinocchio.swept_motion import Collision, SweptMotion, SweptMotionBuilder, Transfers
+from skillplan_pinocchio.skill_travels import SafeTravels, SkillTravels
+from skillplan_pinocchio.swept_motion import Collision, SweptMotion, SweptMotionBuilder
 from skillplan_pinocchio.trajectory import JointLimits
 from skillplan_pinocchio.verdict_in_state import VerdictInState
 
@@ -85,6 +87,13 @@ class SweptDetector(Detector):
             le=1,
             description="share of the joints' speed and acceleration limits that is used [-]",
         )
+        travel_checks: int = Field(
+            default=MOST_CHECKS,
+            ge=1,
+            le=1_000_000,
+            description="postures that are checked for a way round what stands in a straight "
+            "travel, before the verdict is unknown [-]",
+        )
         grasp_s: float = Field(
             default=0.5, ge=0, le=600, description="time to take hold of a part [s]"
         )
@@ -125,7 +134,9 @@ class SweptDetector(Detector):
         key = (skill.name, present)
         if key not in self._swept_motions:
             self._swept_motions[key] = self._swept_motion(skill, state)
-        return VerdictInState(state, present, absent).on(self._swept_motions[key])
+        return VerdictInState(state, present, absent, lambda: self._stand(state)).on(
+            self._swept_motions[key]
+        )
 
     def duration_s(self, skill: Skill, state: State) -> float | None:
         """Return how long the arm takes within its limits; see :meth:`BackEnd.duration_s`.
@@ -152,12 +163,8 @@ class SweptDetector(Detector):
         if words is not None:
             raise ValueError(words)
         verdict = self.check(skill, state)
-        sweeps = HandSweeps(self.task.scene, self._robot, self.options.clearance_m)
         planned = self._plan(skill, state)
-        start = None
-        if self._transfer_matters:
-            start = self._times.stand(*self._robot.place(state)).above
-        return hull_scene(planned, sweeps, self._planner, state, verdict, start)
+        return hull_scene(planned, self._sweeps, self._planner, state, verdict)
 
     @cached_property
     def _robot(self) -> Robot:
@@ -178,7 +185,8 @@ class SweptDetector(Detector):
         return SweptMotionBuilder(
             self.task.scene,
             self._planner,
-            HandSweeps(self.task.scene, self._robot, self.options.clearance_m),
+            self._sweeps,
+            lambda motions: SkillTravels(motions, self._safe_travels, self._travel_planner),
             check_support=self.options.check_support,
         )
 
@@ -195,10 +203,33 @@ class SweptDetector(Detector):
         return LeastTimes(self.task, self._robot, self._times, self._plan)
 
     @cached_property
-    def _transfer_matters(self) -> bool:
-        """Whether anything is tall enough to be met at the height of a transfer motion."""
-        height_m = self._robot.safe_height_m + self.options.tolerance_m
-        return any(obstacle.top_m > height_m for obstacle in self._planner.obstacles)
+    def _sweeps(self) -> HandSweeps:
+        return HandSweeps(self.task.scene, self._robot, self.options.clearance_m)
+
+    @cached_property
+    def _travel_planner(self) -> TravelPlanner:
+        return TravelPlanner(
+            self._planner.arm,
+            self._sweeps,
+            self._planner.obstacles,
+            most_checks=self.options.travel_checks,
+            check_arm=self.options.check_arm,
+        )
+
+    @cached_property
+    def _safe_travels(self) -> SafeTravels:
+        return SafeTravels(
+            TravelHeights(self._planner.arm, self._sweeps.width_m),
+            self._robot.safe_height_m + self.options.tolerance_m,
+            max(obstacle.top_m for obstacle in self._planner.obstacles),
+            self._times.all_stands,
+            self._times.all_begins,
+        )
+
+    def _stand(self, state: State) -> tuple[str, Vector | None]:
+        """Return the fact that says where the arm stands, and its joint angles there [rad]."""
+        fact, position = self._robot.place(state)
+        return fact, self._times.stand(fact, position).joints_rad
 
     def _circumstances(self, skill: Skill, state: State) -> tuple[int, int]:
         """Return the facts that decide how the arm moves and what it holds, as bits.
@@ -220,8 +251,6 @@ class SweptDetector(Detector):
                 for route in skill.motion.routes
                 if state.bits & route.when.bits == route.when.bits
             )
-        if self._transfer_matters:
-            present |= facts.bit(robot.place(state)[0])
         return present, absent
 
     def _plan(self, skill: Skill, state: State) -> tuple[ArmMotion, ...]:
@@ -233,17 +262,4 @@ class SweptDetector(Detector):
         words = too_wide(self.task.scene, self._robot, skill)
         if words is not None:
             return SweptMotion((Collision(None, words, {}),), ())
-        planned = self._plan(skill, state)
-        if not self._transfer_matters:
-            return self._builder.build(planned)
-        stand = self._times.stand(*self._robot.place(state))
-        here = stand.joints_rad
-        paths: list[JointPath | None] = []
-        for one in planned:
-            strokes = one.elbows[0].strokes if one.elbows else None
-            there = None if strokes is None else strokes.begin
-            paths.append(
-                None if here is None or there is None else self._times.transfer(here, there)
-            )
-            here = None if strokes is None else strokes.end
-        return self._builder.build(planned, Transfers(stand.above, tuple(paths)))
+        return self._builder.build(self._plan(skill, state))

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from skillplan.physics.linear_motions import LinearMotion
-from skillplan.task.motion import Event, Point
+from skillplan.task.motion import Event
 from skillplan.task.pose import DOWN, Pose, same_direction
 from skillplan.task.scene import Scene
 from skillplan_pinocchio.arm_clearance import LinkTouch
 from skillplan_pinocchio.hand_sweeps import HandSweeps
-from skillplan_pinocchio.joint_path import JointPath
-from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner, spared
+from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
 from skillplan_pinocchio.obstacles import Obstacle
 from skillplan_pinocchio.shapes import ConvexPiece, standing_pieces_of
+from skillplan_pinocchio.skill_travels import SkillTravels
 from skillplan_pinocchio.support import Supports, supports_of
 from skillplan_pinocchio.sweep import Sweep, Touch
 
@@ -46,10 +46,13 @@ class ElbowChoice:
     Parameters
     ----------
     paths
-        By position of the elbow, the preferred first: what its links collision, in order.
+        By position of the elbow, the preferred first: what its links run into, in order.
+    motion
+        Number of the motion that they are of.
     """
 
     paths: tuple[tuple[Collision, ...], ...]
+    motion: int
 
 
 @dataclass(frozen=True)
@@ -62,26 +65,13 @@ class SweptMotion:
         In order of the motion.
     supports
         Of the bodies that are left behind.
+    travels
+        To where the motions begin; None where a motion cannot be made at all.
     """
 
     events: tuple[Collision | ElbowChoice, ...]
     supports: tuple[Supports, ...]
-
-
-@dataclass(frozen=True)
-class Transfers:
-    """The transfer motions, at safe height to above the target of each linear motion.
-
-    Parameters
-    ----------
-    start
-        Where the tip comes from [m].
-    paths
-        Of the joints, by motion; None where the arm cannot stand at an end.
-    """
-
-    start: Point
-    paths: tuple[JointPath | None, ...]
+    travels: SkillTravels | None = None
 
 
 class SweptMotionBuilder:
@@ -95,6 +85,8 @@ class SweptMotionBuilder:
         Finds the paths of the joints.
     sweeps
         Of what the arm holds.
+    travels
+        Returns the travels to where motions begin.
     check_support
         Whether what is left behind has to be supported.
     """
@@ -104,29 +96,26 @@ class SweptMotionBuilder:
         scene: Scene,
         planner: MotionPlanner,
         sweeps: HandSweeps,
+        travels: Callable[[Sequence[ArmMotion]], SkillTravels],
         *,
         check_support: bool,
     ) -> None:
         self.scene = scene
         self.planner = planner
         self.sweeps = sweeps
+        self.travels = travels
         self.check_support = check_support
 
-    def build(
-        self, motions: Iterable[ArmMotion], transfers: Transfers | None = None
-    ) -> SweptMotion:
+    def build(self, motions: Sequence[ArmMotion]) -> SweptMotion:
         """Return the swept motion of a skill.
 
         Parameters
         ----------
         motions
             As the arm makes them.
-        transfers
-            The transfer motions; None where nothing is tall enough to be met on them.
         """
         events: list[Collision | ElbowChoice] = []
-        supports = []
-        here = None if transfers is None else transfers.start
+        supports: list[Supports] = []
         for index, planned in enumerate(motions):
             motion = planned.motion
             if planned.unreachable is not None:
@@ -135,20 +124,16 @@ class SweptMotionBuilder:
                     "missed_by_m": planned.unreachable.distance_m,
                 }
                 events.append(Collision(None, planned.unreachable.reason, evidence))
-                break
-            if transfers is not None and here is not None:
-                events += self._collisions(self.sweeps.transfer(motion, here))
-                events += self._transfer_links(motion, transfers.paths[index])
-                here = motion.ends_at
+                return SweptMotion(tuple(events), tuple(supports))
             events += self._clash(motion)
             for stretch in self.sweeps.approach(motion):
                 events += self._collisions(stretch)
-            events += self._links(planned)
+            events += self._links(planned, index)
             for stretch in self.sweeps.retreat(motion):
                 events += self._collisions(stretch)
             if self.check_support and motion.visit.event in (Event.RELEASE, Event.DRIVE):
                 supports.append(self._supports(motion))
-        return SweptMotion(tuple(events), tuple(supports))
+        return SweptMotion(tuple(events), tuple(supports), self.travels(motions))
 
     def _collisions(self, sweeps: Iterable[Sweep]) -> list[Collision]:
         """Return every collision that some state would cause, in the order of the motion."""
@@ -171,19 +156,10 @@ class SweptMotionBuilder:
             target = Obstacle(motion.visit.subject, None, ())
             yield _collision(target, mover, "the approach", touch)
 
-    def _links(self, planned: ArmMotion) -> Iterator[ElbowChoice]:
+    def _links(self, planned: ArmMotion, number: int) -> Iterator[ElbowChoice]:
         paths = tuple(_link_collisions(elbow.meets, "the approach") for elbow in planned.elbows)
         if all(paths):
-            yield ElbowChoice(paths)
-
-    def _transfer_links(
-        self, motion: LinearMotion, path: JointPath | None
-    ) -> Iterator[ElbowChoice]:
-        if path is None:
-            return
-        collisions = _link_collisions(self.planner.met(path, spared(motion)), "the travel")
-        if collisions:
-            yield ElbowChoice((collisions,))
+            yield ElbowChoice(paths, number)
 
     def _supports(self, motion: LinearMotion) -> Supports:
         visit = motion.visit

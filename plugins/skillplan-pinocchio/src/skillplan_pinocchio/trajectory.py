@@ -127,7 +127,8 @@ class Trajectory:
 def fastest_trajectory(path: JointPath, limits: JointLimits) -> Trajectory:
     """Return the fastest run along a path within limits.
 
-    Where a path is so uneven that toppra finds nothing on it, the run stops at its middle node.
+    A straight path needs no toppra: its fastest run has a closed form. Where a path is so uneven
+    that toppra finds nothing on it, the run stops at its middle node.
 
     Parameters
     ----------
@@ -145,6 +146,8 @@ def fastest_trajectory(path: JointPath, limits: JointLimits) -> Trajectory:
     if float(path.steepest.max()) <= 1e-9:
         return Trajectory(path, np.zeros(1), np.zeros(1), np.zeros(1))
     speed, gain = np.array(limits.speed_rad_per_s), np.array(limits.acceleration_rad_per_s2)
+    if len(path.nodes) == 2:
+        return _straight(path, speed, gain)
     knots = len(path.nodes) - 1
     for intervals in _GRIDS:
         per_knot = max(math.ceil(intervals / knots), _FEWEST)
@@ -156,6 +159,25 @@ def fastest_trajectory(path: JointPath, limits: JointLimits) -> Trajectory:
     rates = rates / max(excess, 1.0)
     steps_s = 2 * np.diff(places) / (rates[1:] + rates[:-1])
     return Trajectory(path, places, rates, np.concatenate([np.zeros(1), np.cumsum(steps_s)]))
+
+
+def _straight(path: JointPath, speed: Array, gain: Array) -> Trajectory:
+    """Return the fastest run along a straight path: all joints gain speed, keep it, and lose it."""
+    turns = np.maximum(path.steepest, 1e-12)
+    fastest, hardest = float((speed / turns).min()), float((gain / turns).min())
+    if fastest**2 >= hardest:
+        top = math.sqrt(hardest)
+        places, rates = np.array([0.0, 0.5, 1.0]), np.array([0.0, top, 0.0])
+        times_s = np.array([0.0, 1.0, 2.0]) / top
+        return Trajectory(path, places, rates, times_s)
+    ramp, ramp_s = fastest**2 / (2 * hardest), fastest / hardest
+    until_s = ramp_s + (1 - 2 * ramp) / fastest
+    return Trajectory(
+        path,
+        np.array([0.0, ramp, 1 - ramp, 1.0]),
+        np.array([0.0, fastest, fastest, 0.0]),
+        np.array([0.0, ramp_s, until_s, until_s + ramp_s]),
+    )
 
 
 def _run(

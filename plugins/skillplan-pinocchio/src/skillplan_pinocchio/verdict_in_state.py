@@ -6,8 +6,13 @@ absent, and that, too, is part of what the verdict rests on.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from skillplan.task.state import State
-from skillplan.task.verdict import Verdict
+from skillplan.task.verdict import Verdict, VerdictStatus
+from skillplan_pinocchio.arm_model import Vector
+from skillplan_pinocchio.planning.travel import Travel, Unfound
+from skillplan_pinocchio.skill_travels import SkillTravels
 from skillplan_pinocchio.support import Supports
 from skillplan_pinocchio.swept_motion import Collision, ElbowChoice, SweptMotion
 
@@ -21,12 +26,23 @@ class VerdictInState:
         Where the skill starts.
     present, absent
         Facts that the verdict rests on from the beginning, as bits.
+    stand
+        The fact that says where the arm stands, and how: joint angles [rad], or None where it
+        cannot stand there.
     """
 
-    def __init__(self, state: State, present: int, absent: int) -> None:
+    def __init__(
+        self,
+        state: State,
+        present: int,
+        absent: int,
+        stand: Callable[[], tuple[str, Vector | None]],
+    ) -> None:
         self.state = state
         self.present = present
         self.absent = absent
+        self.stand = stand
+        self._elbows: dict[int, int] = {}
 
     def on(self, motion: SweptMotion) -> Verdict:
         """Return the verdict on a swept motion."""
@@ -38,7 +54,41 @@ class VerdictInState:
             verdict = self._unsupported(supports)
             if verdict is not None:
                 return verdict
-        return Verdict.feasible(*self._rests)
+        return self._travelled(motion.travels)
+
+    def _travelled(self, travels: SkillTravels | None) -> Verdict:
+        """Return the verdict on travels, the last and dearest of all that is looked at."""
+        if travels is None:
+            return Verdict.feasible(*self._rests)
+        found = travels.found(*self.stand(), self._elbows, self._holds)
+        last = found[-1].travel if found else None
+        if isinstance(last, Unfound):
+            hit = last.hit
+            evidence = {
+                "moving": hit.mover,
+                "bodies": [hit.body],
+                "during": "the travel",
+                "position_m": list(hit.position),
+                "fraction": hit.place,
+                "checks": last.checks,
+            }
+            status = VerdictStatus.INFEASIBLE if last.is_proof else VerdictStatus.UNKNOWN
+            present, absent = self._rests
+            return Verdict(status, last.reason, "", present, absent, evidence)
+        planned = [
+            {
+                "to": one.visit.subject,
+                "event": one.visit.event.value,
+                "around": list(one.travel.around),
+                "nodes_rad": [
+                    [round(float(angle), 6) + 0.0 for angle in node]
+                    for node in one.travel.path.nodes
+                ],
+            }
+            for one in found
+            if isinstance(one.travel, Travel) and not one.travel.is_straight
+        ]
+        return Verdict.feasible(*self._rests, {"travels": planned} if planned else None)
 
     @property
     def _rests(self) -> tuple[State, State]:
@@ -50,9 +100,10 @@ class VerdictInState:
         if isinstance(event, Collision):
             return event if self._holds(event.fact) else None
         blocking: Collision | None = None
-        for path in event.paths:
+        for number, path in enumerate(event.paths):
             collision = next((collision for collision in path if self._holds(collision.fact)), None)
             if collision is None:
+                self._elbows[event.motion] = number
                 return None
             blocking = blocking or collision
         return blocking

@@ -13,7 +13,6 @@ from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
 from skillplan.physics.linear_motions import jaws_about
-from skillplan.robots.panda import OPENING_M
 from skillplan.task.motion import Point
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Grasp, GraspKind
@@ -32,7 +31,9 @@ def _wide_grasps(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield the parts that are wider along their closing axis than the jaws of an engine open."""
     for name, part in config.parts.items():
         grasps = grasps_of_part(config, name)
-        if any(_fits(grasp) for grasp in grasps):
+        tool = config.tools[part.tool]
+        opening_m = (tool.hand_on(config.robot.hand) or config.robot.hand).opening_m
+        if any(_fits(grasp, opening_m) for grasp in grasps):
             continue
         grasp = grasps[0]
         axis = grasp.closing_axis or direction_name(grasp.closing)
@@ -41,19 +42,18 @@ def _wide_grasps(config: AssemblyConfig) -> Iterator[Issue]:
         if given is not None and grasp.from_above and axis in ("x", "y"):
             # The other axis, at the same depth, helps where the part is narrow enough.
             other = "yx"["xy".index(axis)]
-            if jaws_about(boxes_of(part), other, given.depth_m).width_m <= OPENING_M:
+            if jaws_about(boxes_of(part), other, given.depth_m).width_m <= opening_m:
                 turned = f"{{closing_axis: {other}}} or "
         message = (
-            f"{grasp.width_m:.3f} m wide along {axis}, where jaws of {part.tool!r} close; those of "
-            f"a Panda, which engines simulate, open {OPENING_M:.3f} m. Give grasp: "
-            f"{turned}{{type: suction}}."
+            f"{grasp.width_m:.3f} m wide along {axis}, where jaws of {part.tool!r} close; those "
+            f"that engines simulate open {opening_m:.3f} m. Give grasp: {turned}{{type: suction}}."
         )
         own = given is None or given.model_fields_set & {"approach", "closing_axis"}
         yield Issue(message, ("parts", name, "grasp" if own else part.shape_key))
 
 
-def _fits(grasp: Grasp) -> bool:
-    return grasp.kind is GraspKind.SUCTION or grasp.width_m <= OPENING_M + _ROUNDING_M
+def _fits(grasp: Grasp, opening_m: float) -> bool:
+    return grasp.kind is GraspKind.SUCTION or grasp.width_m <= opening_m + _ROUNDING_M
 
 
 def _blocked_feeders(config: AssemblyConfig) -> Iterator[Issue]:

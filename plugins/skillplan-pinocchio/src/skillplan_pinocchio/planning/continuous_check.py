@@ -114,17 +114,16 @@ class ContinuousCheck:
         margin_m
             > 0.
         """
-        if self.bodies.overlaps(joints_rad):
-            return False
         if margin_m != self._margin_m:
             for request in self._nearness.collisionRequests:
                 request.security_margin = margin_m
             self._margin_m = margin_m
         self.activate(range(len(self._pairs)))
         model, geometry = self.bodies.model, self._geometry
-        return not pin.computeCollisions(
+        touched = pin.computeCollisions(
             model, self._data, geometry, self._nearness, joints_rad, True
         )
+        return not touched and not self.bodies.overlaps(joints_rad)
 
     def clearance_m(self, joints_rad: Vector) -> float:
         """Return the distance to what stands nearest at some joint angles [m], inf if nothing."""

@@ -9,9 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from skillplan.physics.linear_motions import LinearMotion
+from skillplan.task.scene import Robot, Scene
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.hand_sweeps import HandSweeps
-from skillplan_pinocchio.obstacles import Obstacle
+from skillplan_pinocchio.obstacles import Obstacle, obstacles_of
 from skillplan_pinocchio.planning.arm_bodies import ArmBodies
 from skillplan_pinocchio.planning.connection import JointSpace
 from skillplan_pinocchio.planning.moving_solids import (
@@ -57,6 +58,22 @@ class TravelPlanner:
         space = joint_space(arm.model, arm.low_rad, arm.high_rad)
         self._search = TravelSearch(obstacles, space, most_checks)
 
+    @classmethod
+    def of(cls, scene: Scene, robot: Robot, clearance_m: float = 0.004) -> TravelPlanner:
+        """Return the planner of a scene's robot, for whoever tracks the paths that it finds.
+
+        Parameters
+        ----------
+        scene
+            The task's scene.
+        robot
+            One of its robots.
+        clearance_m
+            How far open jaws are from the part on either side [m], >= 0.
+        """
+        sweeps = HandSweeps(scene, robot, clearance_m)
+        return cls(ArmModel.of(robot), sweeps, obstacles_of(scene))
+
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
         """All that there may be in any state."""
@@ -77,7 +94,13 @@ class TravelPlanner:
             What follows; what it carries and the tool that it uses travel along.
         holds
             Says of a fact whether it holds. It is asked only for those that the answer rests on:
-            in every state that agrees about them, the travel is the same.
+            in every state that agrees about them, the travel is the same. Of a state,
+            ``state.__contains__`` does.
+
+        Returns
+        -------
+        Travel
+            With the path that `swept` checked, the same for whoever asks; or why none was found.
         """
         ends = (np.asarray(start_rad, dtype=float), np.asarray(goal_rad, dtype=float))
         spares = frozenset() if motion.carries is None else frozenset({motion.carries})

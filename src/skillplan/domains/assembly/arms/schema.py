@@ -21,9 +21,8 @@ from skillplan.domains.assembly.part_schema import Angles, Extents, Length, Plan
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located, continued, shown
 from skillplan.robots.arm_description import ArmDescription
-from skillplan.robots.catalogue import ARMS, STANDARD_HAND
+from skillplan.robots.catalogue import ARMS, DEFAULT_ARM, STANDARD_HAND
 from skillplan.robots.hand import Hand
-from skillplan.robots.panda import PANDA, PANDA_HAND
 from skillplan.task.pose import Point, Pose, Quaternion
 
 Height = Annotated[float, Field(ge=0, le=10)]
@@ -36,7 +35,7 @@ class RobotConfig(Strict):
 
     name: Name = Field("robot", description="the agent's name")
     model: Annotated[str, Field(min_length=1, max_length=4096)] = Field(
-        "panda",
+        DEFAULT_ARM,
         description="panda, ur5e, or a URDF file in the task file's folder, or in a folder of it",
     )
     base_m: Spatial = Field([0.0, 0.0, 0.0], description="base, x y z [m]")
@@ -70,8 +69,8 @@ class RobotConfig(Strict):
         "it stays over the part",
     )
 
-    _arm: ArmDescription = PrivateAttr(PANDA)
-    _hand: Hand = PrivateAttr(PANDA_HAND)
+    _arm: ArmDescription = PrivateAttr(ARMS[DEFAULT_ARM][0])
+    _hand: Hand = PrivateAttr(ARMS[DEFAULT_ARM][1])
     _sha256: str | None = PrivateAttr(None)
 
     @model_validator(mode="wrap")

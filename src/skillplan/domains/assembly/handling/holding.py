@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from skillplan.domains.assembly.handling.schema import GraspConfig, unit_of
 from skillplan.domains.assembly.handling.surface import surface_m
 from skillplan.physics.linear_motions import jaws_about
-from skillplan.robots.panda import FINGER_PROFILE_M
+from skillplan.robots.catalogue import STANDARD_HAND
 from skillplan.task.grasp import AXES, Grasp, GraspKind
 from skillplan.task.pose import DOWN, Point, cross, dot, plus, same_direction, unit
 from skillplan.task.shape import Shape
@@ -16,7 +16,7 @@ from skillplan.task.shape import Shape
 # Of what is between the jaws so much is held, and never more than so much [m].
 _DEPTH_FRACTION = 0.5
 _MOST_DEPTH_M = 0.012
-_FINGER_HALF_WIDTH_M = FINGER_PROFILE_M[0][1]
+_FINGER_HALF_WIDTH_M = STANDARD_HAND.jaw_half_width_m
 # Directions whose cosine is no more than this are at right angles; what is left is taken away.
 _RIGHT_ANGLE = 0.01
 
