@@ -45,7 +45,7 @@ def test_task_files(complete: Any) -> None:
     known = [f"configs/{path.name}" for path in files]
     assert {"configs/inverter_board.yaml", "configs/ESC12.sop"} < set(known)
     assert ["mine.yaml", *known] == complete("skillplan check ")
-    assert ["configs/motor_drive.yaml"] == complete("skillplan search-optimal configs/m")
+    assert ["configs/motor_drive.yaml"] == complete("skillplan search-optimal configs/mo")
 
 
 @pytest.mark.parametrize(
