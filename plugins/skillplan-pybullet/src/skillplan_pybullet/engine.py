@@ -42,7 +42,7 @@ class PybulletEngine(Engine, Performer):
     """
 
     name = "pybullet"
-    version = "6"
+    version = "7"
     expected_s = 0.6
     expensive = True
     contact_detectors = ("contact-pairs", "contact-force")

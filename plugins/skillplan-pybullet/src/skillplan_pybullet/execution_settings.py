@@ -33,7 +33,10 @@ class ExecutionSettings(back_end.Options):
         default=1.5, ge=0.05, le=10.0, description="highest acceleration of the tip [m/s2]"
     )
     grip_force_n: float = Field(
-        default=5.0, ge=0.5, le=70.0, description="force with which jaws close [N]"
+        default=5.0,
+        ge=0.5,
+        le=70.0,
+        description="force with which jaws close, where the gripper names none [N]",
     )
     clearance_m: float = Field(
         default=0.004,

@@ -34,6 +34,7 @@ def torques(
     *,
     stiffness_per_s2: float,
     force_n: Vector,
+    moment_nm: Vector,
     limit_nm: Vector,
 ) -> Vector:
     """Return joint torques [N m], shape (joints,), within the joints' limits.
@@ -53,6 +54,8 @@ def torques(
         Stiffness by unit of mass; damping is critical.
     force_n
         Force that the tip exerts besides [N], shape (3,).
+    moment_nm
+        Moment about the tip likewise [N m], shape (3,).
     limit_nm
         Greatest torques of the joints [N m], shape (joints,).
     """
@@ -69,6 +72,7 @@ def torques(
     inertia = np.linalg.inv(jacobian @ mass_inverse @ jacobian.T)
     wrench = inertia @ acceleration
     wrench[:3] += force_n
+    wrench[3:] += moment_nm
     is_down = points_down(wanted.rotation)
     firmness = _NULLSPACE_STIFFNESS_PER_S2 if is_down else _FIRM_STIFFNESS_PER_S2
     pull = firmness * (wanted.posture - angles) - 2 * math.sqrt(firmness) * rates

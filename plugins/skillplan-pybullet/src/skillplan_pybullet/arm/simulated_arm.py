@@ -13,6 +13,7 @@ from skillplan_pybullet.arm.hand_shapes import hand_of
 from skillplan_pybullet.arm.kinematics import TipPose, kinematics_of, unreachable
 from skillplan_pybullet.arm.operational_space import torques
 from skillplan_pybullet.arm.robot_file import RobotFile, robot_file
+from skillplan_pybullet.arm.rotations import points_down
 from skillplan_pybullet.arm.straight_motion import Setpoint
 from skillplan_pybullet.execution_settings import ExecutionSettings
 from skillplan_pybullet.simulator.quiet_output import quiet_output
@@ -88,6 +89,8 @@ class SimulatedArm:
         )
         # What the hand lifts beside itself [kg], and the force that it presses with [N].
         self.payload_kg = 0.0
+        # The bodies that this is the mass of.
+        self.bears: tuple[str, ...] = ()
         self.press_n: Vector = np.zeros(3)
         self.wanted: Setpoint | None = None
         self._joints = self.kinematics.home_rad
@@ -173,10 +176,10 @@ class SimulatedArm:
         self._jaw_target_m = self.jaw_width_m() / 2
         self._jaw_wanted_m, self._jaw_force_n = opening_m / 2, _OPENING_FORCE_N
 
-    def close(self) -> None:
-        """Begin to close the jaws until they grip."""
+    def close(self, force_n: float) -> None:
+        """Begin to close the jaws until they grip with a force."""
         self._jaw_target_m = self.jaw_width_m() / 2
-        self._jaw_wanted_m, self._jaw_force_n = 0.0, self.settings.grip_force_n
+        self._jaw_wanted_m, self._jaw_force_n = 0.0, force_n
 
     def actuate(self) -> None:
         """Set motors for the step to come."""
@@ -192,7 +195,7 @@ class SimulatedArm:
         arm = len(self.file.joints)
         angles = np.array([state[0] for state in states])
         rates = np.array([state[1] for state in states])
-        lift_n = np.array([0.0, 0.0, self.payload_kg * GRAVITY_M_PER_S2])
+        lift_n, moment_nm = self._lift()
         found = torques(
             self.dynamics.terms(angles, rates),
             angles[:arm],
@@ -201,6 +204,7 @@ class SimulatedArm:
             self.wanted,
             stiffness_per_s2=self.settings.stiffness_per_s2,
             force_n=lift_n + self.press_n,
+            moment_nm=moment_nm,
             limit_nm=self.limit_nm,
         )
         pybullet.setJointMotorControlArray(
@@ -210,6 +214,22 @@ class SimulatedArm:
             forces=found.tolist(),
             physicsClientId=client,
         )
+
+    def _lift(self) -> tuple[Vector, Vector]:
+        """Return the force [N] and the moment about the tip [N m] that bear the payload.
+
+        Beneath a hand that points down, the moment counts for nothing.
+        """
+        assert self.wanted is not None
+        lift_n = np.array([0.0, 0.0, self.payload_kg * GRAVITY_M_PER_S2])
+        moment_nm = np.zeros(3)
+        if points_down(self.wanted.rotation):
+            return lift_n, moment_nm
+        tip = self.tip().position
+        for name in self.bears:
+            weight_n = np.array([0.0, 0.0, self.world.mass_kg(name) * GRAVITY_M_PER_S2])
+            moment_nm += np.cross(self.world.centre(name) - tip, weight_n)
+        return lift_n, moment_nm
 
     def show_hand(self, visible: bool) -> None:
         """Take the hand and its fingers out of collision and sight, or put them back."""

@@ -98,6 +98,8 @@ class ControlledRobot:
         self.carried = name
         carried_kg = 0.0 if name is None else self.world.mass_kg(name)
         self.arm.payload_kg = self.tools.load_kg + carried_kg
+        tool = [self.tools.tool.name] if self.tools.tool and self.tools.load_kg else []
+        self.arm.bears = (*tool, *([] if name is None else [name]))
 
     def bind(self, name: str) -> int:
         """Fix a body to the robot, which it passes through from now on; return the constraint."""

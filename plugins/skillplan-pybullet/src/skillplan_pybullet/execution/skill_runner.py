@@ -104,7 +104,7 @@ class SkillRunner(ControlledRobot):
             self.bind(subject)
             return
         helping = self.arm.grip(subject)
-        self.arm.close()
+        self.arm.close(self._grip_force_n)
         self.wait(self._jaws_s + _GRIP_S)
         self.world.release(helping)
 
@@ -228,6 +228,13 @@ class SkillRunner(ControlledRobot):
         """Return how far from a part the rim of a cup stops [m]."""
         return _CUP_GAP_M if self._held(motion).kind is GraspKind.SUCTION else 0.0
 
+    @property
+    def _grip_force_n(self) -> float:
+        """With what force the jaws close: the tool's, where the task says it [N]."""
+        tool = self.tools.tool
+        given_n = None if tool is None else tool.force_n
+        return self.settings.grip_force_n if given_n is None else given_n
+
     def _opening_for(self, motion: LinearMotion) -> float:
         return jaw_opening_m(
             self._held(motion), self.settings.clearance_m, self.tools.tool, self.arm.hand
@@ -239,7 +246,7 @@ class SkillRunner(ControlledRobot):
             self.log.cups[subject] = self.bind(subject)
             self.wait(_SUCTION_S)
         else:
-            self.arm.close()
+            self.arm.close(self._grip_force_n)
             self.wait(self._jaws_s + _GRIP_S)
         if subject in self._kept:
             self.world.release(self._kept.pop(subject))

@@ -216,6 +216,13 @@ class World:
         x, y, z, w = (value / norm for value in orientation)
         return Pose((float(origin[0]), float(origin[1]), float(origin[2])), (x, y, z, w))
 
+    def centre(self, name: str) -> NDArray[np.float64]:
+        """Return where the centre of mass of a body is [m], shape (3,)."""
+        position, _ = pybullet.getBasePositionAndOrientation(
+            self.numbers[name], physicsClientId=self.client
+        )
+        return np.array(position)
+
     def is_sane(self) -> bool:
         """Whether every body is at a finite place and none races off."""
         for name in self._properties:
