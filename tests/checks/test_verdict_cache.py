@@ -361,7 +361,7 @@ def test_processes_killed_at_any_instant_leave_a_sound_cache(tmp_path):
             writer.kill()
             writer.communicate()
     paths = [path for path in files_in(tmp_path) if not path.name.startswith(".")]
-    assert len(paths) > 20
+    assert len(paths) > 4
     for path in paths:
         record = read_record(path)
         engine = ExpensiveEngine(TASK, ExpensiveEngine.Options(**record.options))

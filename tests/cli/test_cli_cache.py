@@ -362,7 +362,7 @@ class TestOtherCommands:
         [
             ("search-optimal", "TASK"),
             pytest.param(
-                ("chart", "TASK"),
+                ("chart", "TASK", "--no-screening"),
                 marks=pytest.mark.slow(reason="five processes; two other commands in every run"),
             ),
             pytest.param(
@@ -459,6 +459,7 @@ class TestElsewhere:
         assert "Back end 'slow' contradicts itself about pick(switch_1): " in outcome.err
         assert "placed(pcb)" in outcome.err.rpartition("should have named")[2]
 
+    @pytest.mark.slow(reason="processes of their own; other contradictions in every run")
     def test_what_contradicts_itself_is_dropped(
         self, cli: Any, slow: Path, bare: str, monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -474,6 +475,7 @@ class TestElsewhere:
         assert second.document["tried"] > 10
         assert kept - 1 == second.document["kept"]
 
+    @pytest.mark.slow(reason="processes of their own; other contradictions in every run")
     def test_a_search_asks_expensive_back_ends_again_only_when_told(
         self, cli: Any, slow: Path, bare: str, monkeypatch: pytest.MonkeyPatch
     ) -> None:

@@ -173,7 +173,7 @@ def test_every_leaf_of_a_board_is_checked_or_listed(run: Path) -> None:
 @pytest.mark.parametrize(
     "share",
     [
-        pytest.param(3, marks=pytest.mark.slow(reason="70 verifications of a chain")),
+        pytest.param(3, marks=pytest.mark.release(reason="70 verifications of a chain")),
         pytest.param(1, marks=pytest.mark.release(reason="200 verifications of a chain")),
     ],
 )
@@ -183,7 +183,7 @@ def test_every_leaf_of_a_chain_is_checked_or_listed(chain: Path, share: int) -> 
     assert set() == {path for path in found if not CHAIN.fullmatch(path)}
 
 
-@pytest.mark.slow(reason="15 verifications of a fleet, a second each")
+@pytest.mark.release(reason="15 verifications of a fleet, a second each")
 def test_every_leaf_of_a_fleet_is_checked_or_listed(cli: Any, tmp_path: Path) -> None:
     """Schedule, robots and bounds included."""
     folder = tmp_path / "fleet"

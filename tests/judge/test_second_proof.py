@@ -140,6 +140,7 @@ class TestStates:
 
 @settings(max_examples=examples(100))
 @given(small_assemblies())
+@pytest.mark.slow(reason="many boards; single proofs in every run")
 def test_both_agree_with_exact_search(content):
     """On small boards, also those without a plan."""
     task = assembly(content)

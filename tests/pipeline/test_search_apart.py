@@ -154,6 +154,7 @@ def test_one_that_swallows_every_error_is_ended_too(stubborn: Callable[[str], st
     assert ("unsolved", "time limit") == (result.status, result.reason.partition(":")[0])
 
 
+@pytest.mark.slow(reason="fills memory; limits of time in every run")
 def test_memory_is_measured_from_outside(stubborn: Callable[[str], str]) -> None:
     """What it allocates in one go, without ever looking, ends it; its incumbent counts."""
     skills, cost = best_of(lid_task())

@@ -260,7 +260,7 @@ def searched(folder, n, limit_mib, time_limit_s):
             marks=pytest.mark.slow(reason="2 s; every run has a memory limit in a process"),
         ),
         pytest.param(
-            380, 600, 25, marks=pytest.mark.slow(reason="380 nodes for 25 s; 40 in every run")
+            380, 600, 25, marks=pytest.mark.release(reason="380 nodes for 25 s; 40 in every run")
         ),
     ],
 )

@@ -75,6 +75,7 @@ def test_what_is_learned_elsewhere_is_the_same_file_by_file(kept: Path, tmp_path
     assert event_lengths(kept) == event_lengths(tmp_path / "sent")
 
 
+@pytest.mark.slow(reason="two trainings; one that is lost goes on in every run")
 def test_a_training_that_was_stopped_goes_on_elsewhere(kept: Path, tmp_path: Path) -> None:
     """And what was begun elsewhere goes on here: the folder is the same."""
     train(tmp_path / "sent", executor=ELSEWHERE, stop_after=3)

@@ -42,6 +42,7 @@ def task(tmp_path_factory):
     return task
 
 
+@pytest.mark.slow(reason="takes a mesh apart; its pieces move in every run")
 def test_coacd_takes_a_channel_apart_and_says_how_well():
     """The same pieces whenever it is asked, with an error far below what its walls are thick."""
     from skillplan_pinocchio.convex_pieces import convex_pieces

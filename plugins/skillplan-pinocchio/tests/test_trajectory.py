@@ -35,6 +35,7 @@ GRID = 0.02
 
 
 @given(NODES, LIMITS)
+@pytest.mark.slow(reason="many paths; a known path keeps its limits in every run")
 def test_limits_are_never_exceeded(nodes, limits):
     """Neither speed nor acceleration of any joint, at 1,000 samples."""
     trajectory = fastest_trajectory(JointPath(nodes), limits)
@@ -60,6 +61,7 @@ def test_it_is_no_slower_than_a_trapezoid_of_the_parameter(nodes, limits):
 
 @settings(max_examples=examples(50))
 @given(NODES, LIMITS, FACTORS)
+@pytest.mark.slow(reason="many paths; a known path keeps its limits in every run")
 def test_faster_limits_are_not_slower(nodes, limits, factor):
     """Whichever of them is tightened, but for the grid."""
     path = JointPath(nodes)
@@ -74,6 +76,7 @@ def test_faster_limits_are_not_slower(nodes, limits, factor):
 
 
 @given(NODES, LIMITS)
+@pytest.mark.slow(reason="many paths; a known path keeps its limits in every run")
 def test_there_takes_as_long_as_back(nodes, limits):
     """The same path the other way round, but for the grid and for where a run has to stop."""
     there_s, back_s = (
@@ -84,6 +87,7 @@ def test_there_takes_as_long_as_back(nodes, limits):
 
 @settings(max_examples=examples(100))
 @given(NODES)
+@pytest.mark.slow(reason="many paths; a known path keeps its limits in every run")
 def test_it_goes_from_rest_to_rest_through_all_nodes(nodes):
     """It is on the path at all times, in its order, and its speed fits its places."""
     path = JointPath(nodes)
@@ -154,6 +158,7 @@ def test_a_single_joint_takes_the_time_of_a_trapezoid():
     assert best_s <= taken_s * (1 + 1e-9) <= best_s * 1.01
 
 
+@pytest.mark.slow(reason="many paths; a known path keeps its limits in every run")
 def test_every_process_finds_the_same_times_to_the_bit(tmp_path):
     """And says nothing, and loads nothing that draws: toppra would, and fail without a screen."""
     words = (

@@ -154,6 +154,7 @@ def words_of(answer):
 
 
 class TestDeterminism:
+    @pytest.mark.slow(reason="plans twice; one order in every run")
     def test_the_order_of_questions_changes_nothing(self, blocked):
         """To the bit, for a planner each."""
         first = [words_of(one.answer(one.fresh_planner())) for one in blocked]

@@ -7,11 +7,11 @@ import pytest
 from skillplan.testing import DetectorSuite
 
 
-@pytest.mark.slow(reason="the conformance suite of detectors on simulated executions")
+@pytest.mark.release(reason="the conformance suite of detectors on simulated executions")
 class TestContactPairs(DetectorSuite):
     detector = "contact-pairs"
 
 
-@pytest.mark.release(reason="a minute; contact pairs in the whole suite")
+@pytest.mark.release(reason="a minute of simulated executions")
 class TestContactForce(DetectorSuite):
     detector = "contact-force"

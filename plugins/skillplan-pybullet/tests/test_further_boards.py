@@ -18,7 +18,7 @@ PHYSICS = Setup(physics="pybullet", collision=("contact-pairs",))
     [
         pytest.param(
             "battery_module",
-            marks=pytest.mark.slow(
+            marks=pytest.mark.release(
                 reason="half a minute of executions; by swept hulls in every run"
             ),
         ),
@@ -34,7 +34,7 @@ def test_physics_proves_the_optimum_of_the_chart(name: str) -> None:
     assert [s.action for s in simulated.steps] == [s.action for s in drawn.steps]
 
 
-@pytest.mark.slow(reason="executions of a board with uncertain grasps")
+@pytest.mark.release(reason="executions of a board with uncertain grasps")
 def test_physics_gives_the_expected_cost_of_the_chart() -> None:
     """By the outcome in which the grasp holds; no proof is audited where checks are expensive."""
     task = load_problem(CONFIGS / "inverter_grasps.yaml").task

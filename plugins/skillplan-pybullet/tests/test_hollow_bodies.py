@@ -141,6 +141,7 @@ def boxed_task() -> Task:
     return replace(task, scene=replace(task.scene, bodies=bodies), skills=skills)
 
 
+@pytest.mark.slow(reason="executes; a drawer is pushed in in every run")
 def test_a_chip_is_put_into_a_case_and_the_case_holds_it() -> None:
     task = boxed_task()
     engine, detector = PybulletEngine(task), ContactPairsDetector(task)

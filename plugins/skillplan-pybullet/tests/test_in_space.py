@@ -114,6 +114,7 @@ class TestAPartThatIsTurned:
         for verdict in verdicts(task, "pick(bar)", task.initial):
             assert verdict.is_feasible, verdict.reason
 
+    @pytest.mark.slow(reason="executes; an insertion and a screw in every run")
     def test_it_stands_where_the_hand_has_turned_it(self) -> None:
         task = bar()
         for verdict in verdicts(task, "place(bar)", after(task, "pick(bar)")):
@@ -202,6 +203,7 @@ class TestInsertionFromTheSide:
         assert engine.evidence["sensed"]["insertion_force_n"] < 5.0
         assert "placed(housing)" in engine.facts
 
+    @pytest.mark.slow(reason="executes; an insertion and a screw in every run")
     def test_a_drawer_that_misses_the_opening_is_stopped(self) -> None:
         goal = Pose((0.55, 0.11, FLOOR_M))
         task = drawer(goal=goal)
@@ -261,6 +263,7 @@ class TestHorizontalScrews:
         assert arrivals["screw"].offset_m < 0.0005
         assert arrivals["screw"].tilt_rad < math.radians(1)
 
+    @pytest.mark.slow(reason="executes; an insertion and a screw in every run")
     def test_a_light_block_yields(self) -> None:
         task = bracket(0.2)
         for verdict in verdicts(task, "fasten(screw)", after(task, *self.STATE)):

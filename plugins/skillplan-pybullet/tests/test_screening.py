@@ -109,6 +109,7 @@ def test_the_board_keeps_its_proved_optimum() -> None:
 ASKED = ["--physics", "pybullet", "--collision", "contact-pairs", "--no-cache"]
 
 
+@pytest.mark.slow(reason="executes a chart; a search is screened in every run")
 def test_a_chart_is_derived_by_geometry_first_and_a_sample_executed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

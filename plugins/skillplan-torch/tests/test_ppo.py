@@ -95,7 +95,7 @@ class TestLearning:
     @pytest.mark.parametrize(
         "runs",
         [
-            pytest.param(1, marks=pytest.mark.slow(reason="a run to the optimum of the board")),
+            pytest.param(1, marks=pytest.mark.release(reason="runs to the optimum of the board")),
             pytest.param(10, marks=pytest.mark.release(reason="ten runs to the optimum")),
         ],
     )

@@ -34,6 +34,8 @@ def command(
     from skillplan.checks.verdict_sample import SampleSize, draw_sample
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import showing_checks
+    from skillplan.cli.writing import tell
+    from skillplan.errors import exit_code
     from skillplan.pipeline.run import make_feasibility
     from skillplan.pipeline.search.screening import executed_sample
     from skillplan.records.chart import chart_document
@@ -54,5 +56,6 @@ def command(
             sample = executed_sample(feasibility.back_ends, draw_sample(feasibility, SampleSize()))
     names = [back_end.name for back_end in feasibility.back_ends]
     emit(style, chart_document(chart, loaded, names), [chart_table(chart, loaded, names)])
-    sample.raise_overruled()
-    return 0
+    if sample.overruled:
+        tell(f"skillplan: error: {sample.overruled}")
+    return exit_code(back_end_failed=bool(sample.overruled))

@@ -15,7 +15,7 @@ from skillplan.checks.feasibility import Feasibility
 from skillplan.checks.single_check import IntroducedBackEnds, check
 from skillplan.checks.verdict_sample import VerdictSample
 from skillplan.checks.ways import asked_by_name
-from skillplan.errors import BackEndError, SearchStopped
+from skillplan.errors import SearchStopped
 from skillplan.model.skill_model import ModelStats, SkillModel
 from skillplan.solvers.search.exact import ExactSolver
 from skillplan.solvers.stop import Stop
@@ -99,17 +99,6 @@ class Screened:
     refused: int
     executed: int
     overruled: str = ""
-
-    def raise_overruled(self) -> None:
-        """Say that geometry and physics contradict each other, if they do.
-
-        Raises
-        ------
-        BackEndError
-            If they do.
-        """
-        if self.overruled:
-            raise BackEndError(f"{self.overruled[0].upper()}{self.overruled[1:]}.")
 
     def document(self) -> dict[str, int]:
         """Return the figures for the trace of a search."""
