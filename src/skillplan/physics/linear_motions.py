@@ -266,9 +266,11 @@ def _linear_motion(
     drop_m = _drop_m(visit, drop_height_m)
     tip = _tip(task, visit, grasp)
     body = None if grasp is None else task.scene.body(visit.subject)
-    # Of an upright body, its origin is where it begins.
-    upright = body is None or visit.pose.is_upright
-    low_m = visit.position[2] if body is None or upright else -body.reach_m(visit.pose, DOWN)
+    if body is None or visit.pose.is_upright:
+        # Of an upright body, its origin is where it begins.
+        low_m = visit.position[2]
+    else:
+        low_m = -body.reach_m(visit.pose, DOWN)
     if same_direction(points, DOWN):
         yaw_rad = _closing_yaw_rad(visit, grasp, closing)
     else:

@@ -74,7 +74,6 @@ class ArmModel:
         self.model = self.serial.model
         self.pieces = link_pieces(description)
         self._data = self.model.createData()
-        self._tip = self.model.getFrameId("tip")
 
     @classmethod
     def of(cls, robot: Robot) -> ArmModel:
@@ -107,32 +106,12 @@ class ArmModel:
 
         The tip's z points out of the hand, its y along the closing axis of the jaws.
         """
-        pin.framesForwardKinematics(self.model, self._data, joints_rad)
-        placement = self._data.oMf[self._tip]
+        placement = self.serial.tip(joints_rad)
         return placement.translation.copy(), placement.rotation.copy()
 
     def error(self, joints_rad: Vector, target: Any) -> tuple[Vector, Vector]:
-        """Return how far the tip is from a pose, and the Jacobian, both in the tip's frame.
-
-        Parameters
-        ----------
-        joints_rad
-            Shape (joints,).
-        target
-            From `pose_down`.
-
-        Returns
-        -------
-        twist
-            Displacement [m] and rotation vector [rad] that are left to go, shape (6,).
-        jacobian
-            Shape (6, joints).
-        """
-        pin.computeJointJacobians(self.model, self._data, joints_rad)
-        pin.updateFramePlacement(self.model, self._data, self._tip)
-        jacobian = pin.getFrameJacobian(self.model, self._data, self._tip, pin.LOCAL)
-        left = pin.log6(self._data.oMf[self._tip].actInv(target))
-        return left.vector, jacobian
+        """Return how far the tip is from a pose, and the Jacobian; see :meth:`SerialArm.error`."""
+        return self.serial.error(joints_rad, target)
 
     @cached_property
     def boxes(self) -> tuple[NDArray[np.intp], Vector, Vector]:

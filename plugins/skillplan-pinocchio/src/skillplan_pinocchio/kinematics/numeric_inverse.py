@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skillplan_pinocchio.kinematics.serial_arm import SerialArm, Vector
 
@@ -112,9 +113,7 @@ class NumericInverse:
             if joints is not None:
                 return joints
             nearest = _size(twist)
-        away = self._features - wanted
-        order = np.argsort(np.einsum("ij,ij->i", away, away), kind="stable")
-        for index in order[:_STARTS]:
+        for index in self._nearest_first(wanted)[:_STARTS]:
             joints, twist = self._descend(self._starts[index], target)
             if joints is not None:
                 return joints
@@ -138,10 +137,8 @@ class NumericInverse:
         list of Vector
             As from `solve`; empty where none were found.
         """
-        away = self._features - _feature(target)
-        order = np.argsort(np.einsum("ij,ij->i", away, away), kind="stable")
         found: list[Vector] = []
-        for index in order[:tries]:
+        for index in self._nearest_first(_feature(target))[:tries]:
             joints, _ = self._descend(self._starts[index], target)
             if joints is None or any(np.abs(joints - one).max() < _SAME_RAD for one in found):
                 continue
@@ -149,6 +146,11 @@ class NumericInverse:
             if len(found) == most:
                 break
         return found
+
+    def _nearest_first(self, wanted: Vector) -> NDArray[np.intp]:
+        """Return the numbers of the starts, those first whose tips are nearest to a pose."""
+        away = self._features - wanted
+        return np.argsort(np.einsum("ij,ij->i", away, away), kind="stable")
 
     def solve_from(self, start: Vector, target: Any) -> Vector | None:
         """Return the joint angles that one start leads to, or None where it leads to none.
