@@ -20,12 +20,12 @@ from skillplan.physics.linear_motions import linear_motions
 from skillplan.records.result import Result
 from skillplan.task.task import Task
 from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.joint_path import JointPath
+from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import MotionPlanner
 from skillplan_pinocchio.obstacles import obstacles_of
-from skillplan_pinocchio.skill_times import SkillTimes
 from skillplan_pinocchio.swept import SweptDetector
-from skillplan_pinocchio.trajectory import JointLimits, fastest_trajectory
+from skillplan_pinocchio.timing.skill_times import SkillTimes
+from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
 
 BOARD = "configs/inverter_board.yaml"
 SWEPT = Setup(collision=("swept",))

@@ -26,7 +26,7 @@ from skillplan.task.pose import Pose
 from skillplan.task.scene import Body, Box, GraspKind, Scene, ToolKind
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.hand_sweeps import HandSweeps
-from skillplan_pinocchio.joint_path import JointPath
+from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.obstacles import Obstacle, obstacles_of
 from skillplan_pinocchio.planning.travel import Travel, Unfound
 from skillplan_pinocchio.planning.travel_planner import TravelPlanner

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from example_count import examples
 from skillplan.robots.panda import PANDA
-from skillplan_pinocchio.joint_path import JointPath
-from skillplan_pinocchio.least_times import least_between_s
+from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.swept import SweptDetector
-from skillplan_pinocchio.trajectory import JointLimits, fastest_trajectory
+from skillplan_pinocchio.timing.least_times import least_between_s
+from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
 
 LIMITS = JointLimits.of(PANDA).scaled(0.5)
 POSTURES = st.lists(
@@ -104,7 +104,7 @@ def test_a_bound_computes_no_trajectory(board, monkeypatch):
     def boom(*question):
         raise AssertionError("a trajectory was computed")
 
-    monkeypatch.setattr("skillplan_pinocchio.skill_times.fastest_trajectory", boom)
+    monkeypatch.setattr("skillplan_pinocchio.timing.skill_times.fastest_trajectory", boom)
     detector = SweptDetector(board)
     for skill in board.skills:
         assert detector.least_duration_s(skill, board.initial.bits, 0) > 0

@@ -15,7 +15,7 @@ from cluttered_travels import cramped_travels, deepest_m
 from example_count import examples
 from skillplan.task.scene import Box
 from skillplan_pinocchio.arm_model import ArmModel
-from skillplan_pinocchio.joint_path import JointPath
+from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.obstacles import Obstacle
 from skillplan_pinocchio.planning.arm_bodies import ArmBodies
 from skillplan_pinocchio.planning.continuous_check import ITSELF, ContinuousCheck

@@ -9,7 +9,7 @@ import coal
 import numpy as np
 
 from skillplan_pinocchio.arm_model import ArmModel, Vector
-from skillplan_pinocchio.joint_path import JointPath
+from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.link_pieces import LinkPiece
 from skillplan_pinocchio.obstacles import Obstacle
 from skillplan_pinocchio.shapes import ConvexPiece, geometry_nearness

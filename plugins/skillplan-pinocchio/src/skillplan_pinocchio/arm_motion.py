@@ -21,7 +21,7 @@ from skillplan_pinocchio.arm_model import (
     pose_down,
 )
 from skillplan_pinocchio.inverse_kinematics import Unreachable, elbows, postures, solve
-from skillplan_pinocchio.joint_path import JointPath
+from skillplan_pinocchio.kinematics.joint_path import JointPath
 
 # A path is a spline through so many intervals.
 _INTERVALS = 8

@@ -12,7 +12,7 @@ from skillplan_pinocchio.arm_clearance import LinkSweep, LinkTouch
 from skillplan_pinocchio.arm_model import ArmModel, Vector
 from skillplan_pinocchio.arm_motion import Strokes, descent_paths, strokes, there_and_back
 from skillplan_pinocchio.inverse_kinematics import Unreachable
-from skillplan_pinocchio.joint_path import JointPath
+from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.obstacles import Obstacle
 
 

@@ -26,16 +26,16 @@ from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 from skillplan_pinocchio.arm_model import ArmModel, Vector
 from skillplan_pinocchio.hand_sweeps import HandSweeps
-from skillplan_pinocchio.least_times import LeastTimes
 from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
 from skillplan_pinocchio.obstacles import obstacles_of
 from skillplan_pinocchio.picture import hull_scene
 from skillplan_pinocchio.planning.travel_heights import TravelHeights
 from skillplan_pinocchio.planning.travel_planner import MOST_CHECKS, TravelPlanner
-from skillplan_pinocchio.skill_times import SkillTimes
 from skillplan_pinocchio.skill_travels import SafeTravels, SkillTravels
 from skillplan_pinocchio.swept_motion import Collision, SweptMotion, SweptMotionBuilder
-from skillplan_pinocchio.trajectory import JointLimits
+from skillplan_pinocchio.timing.least_times import LeastTimes
+from skillplan_pinocchio.timing.skill_times import SkillTimes
+from skillplan_pinocchio.timing.trajectory import JointLimits
 from skillplan_pinocchio.verdict_in_state import VerdictInState
 
 

@@ -1,1 +1,1 @@
-"""Where any serial arm is, and which joint angles bring it somewhere."""
+"""Where any serial arm is, which joint angles bring it somewhere, and paths of its joints."""

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from skillplan.task.motion import Point
-from skillplan_pinocchio.joint_path import JointPath
+from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.obstacles import Obstacle
 from skillplan_pinocchio.planning.arm_bodies import ArmBodies
 from skillplan_pinocchio.planning.moving_solids import Vector

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from skillplan_pinocchio.joint_path import JointPath
+from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.connection import JointSpace
 from skillplan_pinocchio.planning.moving_solids import Vector
 

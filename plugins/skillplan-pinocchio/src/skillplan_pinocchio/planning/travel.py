@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from skillplan_pinocchio.joint_path import JointPath
+from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.obstacles import Obstacle
 from skillplan_pinocchio.planning.arm_bodies import ArmBodies
 from skillplan_pinocchio.planning.connection import JointSpace, connection

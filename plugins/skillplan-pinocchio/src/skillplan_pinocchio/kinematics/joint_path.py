@@ -100,11 +100,6 @@ class JointPath:
         inner = rise + step / 6 * ((1 - 3 * (1 - share) ** 2) * before + (3 * share**2 - 1) * after)
         return np.asarray(np.maximum(found, np.where(turns, np.abs(inner), 0.0)))
 
-    @property
-    def sharpest(self) -> Array:
-        """Greatest size of the second derivative of every joint, shape (joints,)."""
-        return np.asarray(np.abs(self._bends).max(axis=0))
-
 
 @lru_cache(maxsize=64)
 def _solver(intervals: int) -> Array:

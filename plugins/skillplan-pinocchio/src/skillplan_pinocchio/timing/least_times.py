@@ -22,8 +22,8 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan_pinocchio.arm_model import Vector
 from skillplan_pinocchio.motion_plan import ArmMotion
-from skillplan_pinocchio.skill_times import SkillTimes
-from skillplan_pinocchio.trajectory import JointLimits
+from skillplan_pinocchio.timing.skill_times import SkillTimes
+from skillplan_pinocchio.timing.trajectory import JointLimits
 
 # Times are rounded to a nanosecond, and neither sum is exact.
 _SLACK_S = 2e-9

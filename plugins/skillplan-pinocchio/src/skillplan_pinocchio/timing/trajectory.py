@@ -23,7 +23,7 @@ from typing import Any, Final
 import numpy as np
 
 from skillplan.robots.arm_description import ArmDescription
-from skillplan_pinocchio.joint_path import Array, JointPath
+from skillplan_pinocchio.kinematics.joint_path import Array, JointPath
 
 # A grid has about so many intervals, and so many between two nodes at least. Finer ones are taken
 # until a run exceeds the limits by no more than this factor.

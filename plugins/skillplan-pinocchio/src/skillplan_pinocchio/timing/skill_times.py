@@ -10,9 +10,9 @@ from skillplan.task.motion import Event, Point
 from skillplan.task.scene import Robot
 from skillplan.task.task import Task
 from skillplan_pinocchio.arm_model import Vector
-from skillplan_pinocchio.joint_path import JointPath
+from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
-from skillplan_pinocchio.trajectory import JointLimits, fastest_trajectory
+from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
 
 
 @dataclass(frozen=True)
