@@ -6,7 +6,6 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
-from matplotlib.patheffects import withStroke
 
 from skillplan.views.figures.figure_style import Heading, axes_in, in_house_style, sheet
 from skillplan.views.pictures.drawing import COLOURS, PIXELS_PER_IN, Disc, Drawing, Label, Look
@@ -38,7 +37,9 @@ def picture_figure(drawing: Drawing, heading: Heading) -> Figure:
 
 
 def _write(axes: Axes, label: Label, order: int) -> None:
-    written = axes.text(
+    # A rim about the letters would make them outlines: they stay text on a patch of paper.
+    patch = {"facecolor": COLOURS["paper"], "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
+    axes.text(
         *label.at,
         label.text,
         ha=_ANCHORS[label.anchor],
@@ -47,9 +48,8 @@ def _write(axes: Axes, label: Label, order: int) -> None:
         color=COLOURS[label.role],
         weight="bold" if label.bold else "normal",
         zorder=order,
+        bbox=patch if label.halo else None,
     )
-    if label.halo:
-        written.set_path_effects([withStroke(linewidth=2.5, foreground=COLOURS["paper"])])
 
 
 def _style(look: Look) -> dict[str, object]:

@@ -25,6 +25,7 @@ from skillplan.views.report.plan_sections import (
     plan_section,
     precedence_section,
     refusals_section,
+    refused_section,
 )
 from skillplan.views.report.playback_section import playback_section
 from skillplan.views.report.summary import chip, lead, summary_section
@@ -122,6 +123,8 @@ class ChainInput:
         As of `PlanInput`.
     listings
         Tables of the domain.
+    refused
+        What cannot be done, what was found, and why.
     images
         Figures as markup.
     bars
@@ -134,6 +137,7 @@ class ChainInput:
     description: str = ""
     plugins: Plugins = ()
     listings: Sequence[Listing] = ()
+    refused: Sequence[tuple[str, str, str]] = ()
     images: Sequence[Markup] = ()
     bars: Sequence[PlanBar] = ()
     playback: Mapping[str, Any] | None = None
@@ -171,6 +175,7 @@ def chain_chapter(given: ChainInput, name: str) -> Chapter:
         made = [table(listing.title, listing.columns, listing.rows)]
         made += [note(words) for words in listing.notes]
         sections.append(Section(f"listing-{index + 1}", listing.title, join(made)))
+    sections.append(refused_section(given.refused))
     sections.append(summary_section(document, given.description, given.plugins))
     title = str(document.get("task", {}).get("name"))
     return Chapter(name, title, lead(document), sections)

@@ -147,6 +147,11 @@ def refusals_section(
             rows.append((choice.component, "needs one or another", f"{choice.skill}: {words}"))
     if document.get("status") not in ("optimal", "solved"):
         rows.append((task.name, str(document.get("status")), document.get("reason") or "-"))
+    return refused_section(rows)
+
+
+def refused_section(rows: Sequence[tuple[object, object, object]]) -> Section:
+    """Return what cannot be done: of each what it is, what was found, and why."""
     if not rows:
         made = note("Nothing of this task was found to be out of reach or refused.")
     else:

@@ -44,10 +44,24 @@ def bench_input(problem: Problem, document: Mapping[str, Any], playing: bool) ->
     return ChainInput(
         document,
         listings=account.listings,
+        refused=_refused(known, document),
         bars=_bars(known),
         playback=playback,
         missing=missing,
     )
+
+
+def _refused(known: Mapping[str, Any], document: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Return the supports that the machine cannot hold, and why the whole is no better."""
+    rows = [
+        (f"support {goal['sequence']} from {goal['goal']}", "out of reach", goal["pkm"]["reason"])
+        for goal in known.get("goals") or ()
+        if goal.get("pkm", {}).get("status") == "infeasible"
+    ]
+    if document.get("status") not in ("optimal", "solved"):
+        name = str(document.get("task", {}).get("name"))
+        rows.append((name, str(document.get("status")), str(document.get("reason") or "-")))
+    return rows
 
 
 def _bars(known: Mapping[str, Any]) -> list[PlanBar]:
