@@ -43,8 +43,8 @@ def handed(name: str, setup: Setup = BY_CHART, *, derived: bool = False) -> Hand
 
 
 def generated(parts: int, seed: int) -> Task:
-    """Return a board made at random, of two tools and half of all pairs in order."""
-    content = yaml.safe_load(BoardGenerator(parts, 0.3, 2, seed, "").text())
+    """Return a board made at random, with six tenths of all pairs in order."""
+    content = yaml.safe_load(BoardGenerator(parts, 0.6, 1, seed, "").text())
     return ground(AssemblyConfig.model_validate(content), "")
 
 
