@@ -17,8 +17,8 @@ from skillplan.errors import OptionError
 from skillplan.files.json_file import read_document
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.strict_json import parse_json
-from skillplan.pipeline.geometric_chart import geometric_chart
-from skillplan.pipeline.performing import Performed, perform_plan
+from skillplan.pipeline.presentation.geometric_chart import geometric_chart
+from skillplan.pipeline.presentation.performing import Performed, perform_plan
 from skillplan.pipeline.run import warm_cache
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solve_problem import solve_problem

@@ -287,7 +287,7 @@ def _deriver(problem: Problem, part: str | None, back_ends: BackEnds) -> Any:
 
     Detectors that the command line names are asked in any case.
     """
-    from skillplan.pipeline.geometric_chart import geometric_chart
+    from skillplan.pipeline.presentation.geometric_chart import geometric_chart
     from skillplan.pipeline.run import warm_cache
 
     names = split_names(back_ends.collision or "")

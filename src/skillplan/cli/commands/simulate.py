@@ -194,7 +194,7 @@ class _Notes:
 def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartReading) -> _Read:
     """Return task, setup and plan; of engines the one chosen, or the file's, or else pybullet."""
     from skillplan.errors import OptionError
-    from skillplan.pipeline.performing import ANY_DETECTOR, contact_detectors
+    from skillplan.pipeline.presentation.performing import ANY_DETECTOR, contact_detectors
     from skillplan.records.stored.result_folder import is_result
 
     stored = is_result(path)
@@ -237,7 +237,7 @@ def _engine(read: _Read) -> str:
     """Return the name of the engine chosen, or the file's, or else pybullet."""
     from skillplan.errors import OptionError
     from skillplan.pipeline import registry
-    from skillplan.pipeline.performing import ENGINE
+    from skillplan.pipeline.presentation.performing import ENGINE
 
     if read.setup.physics is not None or read.task.physics is not None:
         return read.setup.physics_choice(read.task).name
