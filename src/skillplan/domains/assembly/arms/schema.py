@@ -16,7 +16,6 @@ from pydantic import (
     model_validator,
 )
 
-from skillplan.domains.assembly.arms.urdf_file import ArmFileError, read_arm
 from skillplan.domains.assembly.part_schema import Angles, Extents, Length, Planar, Spatial
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located, continued, shown
@@ -90,6 +89,9 @@ class RobotConfig(Strict):
         if made.model in ARMS:
             made._arm, made._hand = made._named()
             return made
+        # Only a file needs what reads XML.
+        from skillplan.domains.assembly.arms.urdf_file import ArmFileError, read_arm
+
         folder = Path((info.context or {}).get("folder", Path()))
         try:
             made._arm, made._sha256 = read_arm(folder, made.model, made.tip, made.home_rad)
