@@ -8,7 +8,8 @@ import typer
 
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.limits import memory_limit_option, time_limit_option
-from skillplan.cli.options.shared import BACK_ENDS, OUTPUT, TASK, Style
+from skillplan.cli.options.panels import BACK_ENDS, OUTPUT, TASK
+from skillplan.cli.options.single import Style
 
 
 def command(
