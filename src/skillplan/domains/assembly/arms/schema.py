@@ -16,7 +16,14 @@ from pydantic import (
     model_validator,
 )
 
-from skillplan.domains.assembly.part_schema import Angles, Extents, Length, Planar, Spatial
+from skillplan.domains.assembly.handling.ranges import (
+    Angles,
+    Extents,
+    Height,
+    Length,
+    Planar,
+    Spatial,
+)
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located, continued, shown
 from skillplan.robots.arm_description import ArmDescription
@@ -30,7 +37,6 @@ from skillplan.robots.catalogue import (
 from skillplan.robots.hand import Hand
 from skillplan.task.pose import Point, Pose, Quaternion
 
-Height = Annotated[float, Field(ge=0, le=10)]
 JawRow = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=4, max_length=4)]
 JointAngle = Annotated[float, Field(ge=-20, le=20)]
 
