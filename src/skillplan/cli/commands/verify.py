@@ -64,7 +64,7 @@ def command(
             "--with",
             metavar="REFEREE",
             help="Have the claims about all plans checked by a planner of others, too: "
-            "fast-downward, which sees nothing but PDDL. It comes with skillplan[planner].",
+            "fast-downward, which sees nothing but PDDL. It comes with the extra planner.",
             rich_help_panel=BACK_ENDS,
         ),
     ] = None,
