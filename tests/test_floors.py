@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from sources import parsed
+
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "skillplan"
 PLUGINS = ROOT / "plugins"
@@ -63,7 +65,7 @@ def place(path: Path) -> str:
 def nodes(path: Path) -> list[ast.AST]:
     """Return all that a module holds of calls and imports; read once."""
     kinds = (ast.Call, ast.Import, ast.ImportFrom)
-    tree = ast.walk(ast.parse(path.read_text("utf-8")))
+    tree = ast.walk(parsed(path))
     return [node for node in tree if isinstance(node, kinds)]
 
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skillplan.cli.options.completion import plugin_names, task_files
-from skillplan.cli.options.shared import OUTPUT, TASK, BackEnds, Checking, PartReading
+from skillplan.cli.options.panels import OUTPUT, TASK
+from skillplan.cli.options.shared import BackEnds, Checking, PartReading
 from skillplan.cli.result_input import RESULT_HELP, load
 
 if TYPE_CHECKING:  # --help pays for no imports

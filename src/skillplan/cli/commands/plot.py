@@ -13,17 +13,10 @@ import typer
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.fit import given, refuse_given
 from skillplan.cli.options.limits import TimeLimit
-from skillplan.cli.options.shared import (
-    OUTPUT,
-    SOLVER,
-    BackEnds,
-    PartReading,
-    Seed,
-    parse_options,
-    solver_option,
-    split_names,
-)
-from skillplan.cli.options.values import count_option, one_of
+from skillplan.cli.options.panels import OUTPUT, SOLVER
+from skillplan.cli.options.shared import BackEnds, PartReading
+from skillplan.cli.options.single import Seed, solver_option
+from skillplan.cli.options.values import count_option, one_of, parse_options, split_names
 from skillplan.cli.result_input import RESULT_HELP, load
 from skillplan.cli.writing import tell, write_out
 from skillplan.errors import OptionError, name_hint

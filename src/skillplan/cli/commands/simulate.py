@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from skillplan.cli.options.completion import plugin_names, plugin_options, task_files
-from skillplan.cli.options.shared import BACK_ENDS, OUTPUT, TASK, BackEnds, PartReading, Style
+from skillplan.cli.options.panels import BACK_ENDS, OUTPUT, TASK
+from skillplan.cli.options.shared import BackEnds, PartReading
+from skillplan.cli.options.single import Style
 from skillplan.cli.options.values import positive_number
 from skillplan.cli.result_input import RESULT_HELP, load
 

@@ -8,7 +8,8 @@ import typer
 
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.limits import memory_limit_option, time_limit_option
-from skillplan.cli.options.shared import BACK_ENDS, OUTPUT, TASK, Style
+from skillplan.cli.options.panels import BACK_ENDS, OUTPUT, TASK
+from skillplan.cli.options.single import Style
 
 
 def command(
@@ -63,7 +64,7 @@ def command(
             "--with",
             metavar="REFEREE",
             help="Have the claims about all plans checked by a planner of others, too: "
-            "fast-downward, which sees nothing but PDDL. It comes with skillplan[planner].",
+            "fast-downward, which sees nothing but PDDL. It comes with the extra planner.",
             rich_help_panel=BACK_ENDS,
         ),
     ] = None,
