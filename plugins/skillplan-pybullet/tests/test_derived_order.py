@@ -138,7 +138,7 @@ class TestTheSensorStack:
 
 
 @pytest.mark.slow(reason="derives an order without a part; that of the board in every run")
-@pytest.mark.parametrize("back_end", ["swept", "physics"])
+@pytest.mark.parametrize("back_end", RELEASED_BY_PHYSICS)
 class TestAPartTakenAway:
     def test_its_relations_go_with_it_and_the_rest_stays(self, tmp_path, back_end):
         content = config_content("inverter_board")
