@@ -65,6 +65,12 @@ ROWS: list[tuple[str, str, list[str]]] = [
         "{bytes}, {} levels",
         ["files.json_file:_MOST_BYTES", "files.strict_json:MAX_DEPTH"],
     ),
+    ("document that `report` is given", "{bytes}", ["cli.report_inputs:_MOST_BYTES"]),
+    (
+        "mesh of what a link looks like, in a report",
+        "{bytes}",
+        ["views.playback.meshes:_MOST_BYTES"],
+    ),
     ("table beside a result", "{bytes}", ["pipeline.record_check:_MOST_BYTES"]),
     (
         "manifest of a training",

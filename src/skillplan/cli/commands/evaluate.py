@@ -11,13 +11,8 @@ import typer
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.fit import refuse_given
 from skillplan.cli.options.limits import TimeLimit
-from skillplan.cli.options.shared import (
-    BackEnds,
-    Checking,
-    PartReading,
-    Seed,
-    Style,
-)
+from skillplan.cli.options.shared import BackEnds, Checking, PartReading
+from skillplan.cli.options.single import Seed, Style
 from skillplan.cli.result_input import RESULT_HELP, load
 from skillplan.cli.training_runs.evaluation import RollOuts, Wanted, evaluate_run_folders
 
