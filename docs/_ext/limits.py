@@ -41,6 +41,16 @@ ROWS: list[tuple[str, str, list[str]]] = [
         ],
     ),
     (
+        "plan (CSV, JSON, PDDL, behaviour tree)",
+        "{bytes}, {} skills, {} elements, {} levels",
+        [
+            "exporters.plan_files:MAX_BYTES",
+            "exporters.plan_files:MOST_SKILLS",
+            "robots.xml_tree:MAX_ELEMENTS",
+            "robots.xml_tree:MAX_DEPTH",
+        ],
+    ),
+    (
         "trajectory (DXF, CSV, G-code)",
         "{bytes}, {} m, {} control points of a spline",
         [
