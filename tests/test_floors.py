@@ -33,6 +33,7 @@ OPENS = {
     "workers/resident_memory.py": "the process file system of Linux",
     "workers/local_processes.py": "the null device, for what libraries print",
     "domains/domain.py": "the starter that lies in the package of a domain",
+    "views/report/player_files.py": "the style sheet and the player that lie in its package",
     "plugins/installed.py": "what pip wrote of a distribution",
     "pipeline/warm_up.py": "a board of its own, in a folder of its own",
     "views/figures/hulls_figure.py": "a picture that it drew itself, in memory",

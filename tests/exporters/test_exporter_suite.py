@@ -15,3 +15,7 @@ class TestStructuredText(ExporterSuite):
 
 class TestPddl(ExporterSuite):
     exporter = "pddl"
+
+
+class TestBehaviourTree(ExporterSuite):
+    exporter = "btcpp"

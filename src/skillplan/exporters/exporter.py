@@ -67,5 +67,6 @@ def refused_chance(handover: Handover) -> str | None:
         return None
     return (
         f"what becomes of {handover.chance} is left to chance, and this format knows one outcome "
-        "only. Take the chance out, as by --set parts.NAME.grasp_failure=0"
+        "only. Take the chance out, as by --set parts.NAME.grasp_failure=0, or "
+        "export to btcpp, which tries again"
     )

@@ -47,6 +47,12 @@ def is_editable(distribution: Distribution) -> bool:
         return False
 
 
+def distribution_versions() -> tuple[tuple[str, str], ...]:
+    """Return the names of distributions that provide plugins, and their versions."""
+    found = {entry.dist for kind in GROUPS for entry in registered(kind) if entry.dist is not None}
+    return tuple(sorted({(one.name, one.version) for one in found}))
+
+
 def refresh() -> None:
     """Read anew, so that what was installed since the first time is found."""
     _by_kind.cache_clear()

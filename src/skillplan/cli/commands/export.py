@@ -62,8 +62,8 @@ def command(
         typer.Option(
             "--sequence",
             metavar="0,1,4,...",
-            help="The plan of TASK: action numbers or skill names, separated by commas. RESULT "
-            "holds its own.",
+            help="The plan of TASK: action numbers or skill names, separated by commas, or @ and "
+            "a file with a plan. RESULT holds its own.",
             rich_help_panel=TASK,
         ),
     ] = None,
@@ -128,6 +128,7 @@ def _read(
     """Return the task, its setup, the plan if there is one, and whether it is one of a family."""
     from skillplan.errors import OptionError
     from skillplan.pipeline import registry
+    from skillplan.pipeline.plan_input import given_plan
     from skillplan.records.stored.result_folder import is_result, run_folder
 
     registry.load("exporter", to)
@@ -147,7 +148,7 @@ def _read(
     problem = reading.problem(path, back_ends)
     task = problem.part(reading.part)
     setup = back_ends.setup(task, (to,), executor=checking.executor)
-    given = None if sequence is None else task.parse_sequence(sequence)
+    given = None if sequence is None else given_plan(sequence, task, setup)
     return task, setup, given, problem.domain.has_family(problem.config)
 
 

@@ -44,17 +44,17 @@ class PlanningTask:
     @cached_property
     def variants(self) -> tuple[Variant, ...]:
         """The actions there are."""
-        return tuple(
-            one
-            for skill in self.task.skills
-            if skill.name not in self.order.impossible
-            for one in variants(self.model, skill)
-        )
+        return tuple(one for one in self._possible if one.skill.name not in self.order.impossible)
+
+    @cached_property
+    def _possible(self) -> tuple[Variant, ...]:
+        """The actions there would be if no skill were infeasible everywhere."""
+        return tuple(one for skill in self.task.skills for one in variants(self.model, skill))
 
     @cached_property
     def actions(self) -> Identifiers:
         """Identifiers of the actions, by skill and what tells its variants apart."""
-        return Identifiers(map(_name, self.variants), self.vocabulary.taken)
+        return Identifiers(map(_name, self._possible), self.vocabulary.taken)
 
     @cached_property
     def scale(self) -> Scale:
@@ -133,7 +133,7 @@ class PlanningTask:
     def skill_of(self, action: str) -> str | None:
         """Return the name of the skill of an action; None of an unknown one."""
         key = self.actions.name_of(action)
-        found = (one.skill.name for one in self.variants if _name(one) == key)
+        found = (one.skill.name for one in self._possible if _name(one) == key)
         return None if key is None else next(found)
 
     @cached_property
