@@ -8,7 +8,9 @@ import typer
 
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.limits import TimeLimit
-from skillplan.cli.options.shared import BACK_ENDS, OUTPUT, BackEnds, PartReading, Seed
+from skillplan.cli.options.panels import BACK_ENDS, OUTPUT
+from skillplan.cli.options.shared import BackEnds, PartReading
+from skillplan.cli.options.single import Seed
 from skillplan.cli.result_input import RESULT_HELP
 
 

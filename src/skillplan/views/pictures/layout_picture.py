@@ -246,10 +246,10 @@ class _Layout:
         names |= {", ".join(sorted(together)): place for place, together in shared.items()}
         if self._shows(self.robot.base[:2]):
             names[self.robot.name] = self.robot.base
-        for name, place in names.items():
+        for name, where in names.items():
             near = self._half_px(name) / PIXELS_PER_IN
             distances = [near + extra for extra in (0.06, 0.12, 0.2, 0.32)]
-            at = self.placer.place(self._inches(place), name, 8.25, distances)
+            at = self.placer.place(self._inches(where), name, 8.25, distances)
             x, y = at[0] * PIXELS_PER_IN, self.height_px - at[1] * PIXELS_PER_IN
             yield Label((x, y), name, "muted", 11, halo=True)
 

@@ -72,8 +72,8 @@ def _bars(known: Mapping[str, Any]) -> list[PlanBar]:
         for agent in phase["agents"]:
             label = f"{swing['action']} to {swing['end']}" if swing else phase["step"]
             begin_s, end_s = phase["start_s"], phase["end_s"]
-            times = f"{begin_s:.2f} s to {end_s:.2f} s"
-            title = f"sequence {phase['sequence']}, {phase['step']}: {label}, {times}"
+            words = f"{begin_s:.2f} s to {end_s:.2f} s"
+            title = f"sequence {phase['sequence']}, {phase['step']}: {label}, {words}"
             bars.append(PlanBar(_AGENTS[agent], label, phase["step"], begin_s, end_s, title))
     if not bars and known.get("schedule"):
         step_s = known["parallel_s"] / max(1, len(known["schedule"]))
