@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +14,8 @@ from skillplan_pinocchio.arm_motion import Strokes, descent_paths, strokes, ther
 from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.obstacles import Obstacle
+from skillplan_pinocchio.planning.continuous_check import Hit
+from skillplan_pinocchio.planning.self_check import Held, SelfCheck
 
 
 @dataclass(frozen=True)
@@ -27,10 +29,14 @@ class Elbow:
     meets
         What its links run into wherever that is there, in order of the motion; fractions are those
         of all paths of `strokes.distinct` together, which count alike.
+    itself
+        How the arm, or what it holds, runs into the arm or its base; None where it does not. Its
+        place is such a fraction.
     """
 
     strokes: Strokes
     meets: tuple[tuple[Obstacle, LinkTouch], ...]
+    itself: Hit | None = None
 
     def at(self, fraction: float) -> Vector:
         """Return the joint angles after a fraction of all paths [rad]."""
@@ -41,7 +47,7 @@ class Elbow:
     @property
     def blocked(self) -> bool:
         """Whether it runs into what is always there."""
-        return any(obstacle.fact is None for obstacle, _ in self.meets)
+        return self.itself is not None or any(obstacle.fact is None for obstacle, _ in self.meets)
 
 
 @dataclass(frozen=True)
@@ -98,6 +104,9 @@ class MotionPlanner:
         How many equally spaced intervals of a path the links are checked at, >= 1.
     check_arm
         Whether the links are checked.
+    held
+        Returns what is at the end of the arm before a motion acts, and after that: in the world,
+        as it is where the motion begins, and where it ends.
     """
 
     def __init__(
@@ -108,24 +117,30 @@ class MotionPlanner:
         tolerance_m: float,
         samples: int,
         check_arm: bool,
+        held: Callable[[LinearMotion], tuple[Held, Held]] | None = None,
     ) -> None:
         self.arm = arm
         self.obstacles = tuple(obstacles)
         self.tolerance_m = tolerance_m
         self.samples = samples
         self.check_arm = check_arm
+        self.held = held
+        self._itself = SelfCheck(arm)
         self._known: dict[tuple[Any, ...], DescentPaths] = {}
 
     def plan(self, motion: LinearMotion) -> ArmMotion:
         """Return how the arm makes a motion."""
         spares = spared(motion)
+        ends = (motion.carries, motion.tool and motion.tool.name, motion.leaves_with)
+        event = motion.visit.event
         if motion.is_vertical:
-            paths = self.descents(motion.tip, motion.above, motion.closing_yaw_rad, spares)
+            where: tuple[Any, ...] = (motion.tip, motion.above, motion.closing_yaw_rad)
         else:
-            key = (motion.approach, motion.retreat, motion.orientation, spares)
-            if key not in self._known:
-                self._known[key] = self._best(strokes(self.arm, motion), spares)
-            paths = self._known[key]
+            where = (motion.approach, motion.retreat, motion.orientation)
+        key = (*where, spares, *ends, event)
+        if key not in self._known:
+            self._known[key] = self._best(strokes(self.arm, motion), spares, motion)
+        paths = self._known[key]
         return ArmMotion(motion, paths.elbows, paths.unreachable)
 
     def descents(
@@ -148,7 +163,7 @@ class MotionPlanner:
                 path if isinstance(path, Unreachable) else there_and_back(path)
                 for path in descent_paths(self.arm, tip, above, closing_yaw)
             )
-            self._known[key] = self._best(found, spares)
+            self._known[key] = self._best(found, spares, None)
         return self._known[key]
 
     def met(
@@ -174,15 +189,20 @@ class MotionPlanner:
         ]
         return tuple(sorted(found, key=lambda pair: pair[1].touch.fraction))
 
-    def _best(self, found: Iterable[Strokes | Unreachable], spares: frozenset[str]) -> DescentPaths:
+    def _best(
+        self,
+        found: Iterable[Strokes | Unreachable],
+        spares: frozenset[str],
+        motion: LinearMotion | None,
+    ) -> DescentPaths:
         elbows: list[Elbow] = []
         failures: list[Unreachable] = []
         for one in found:
             if isinstance(one, Unreachable):
                 failures.append(one)
                 continue
-            elbow = Elbow(one, self._met(one, spares))
-            if not elbow.meets:
+            elbow = Elbow(one, self._met(one, spares), self._hit_itself(one, motion))
+            if not elbow.meets and elbow.itself is None:
                 return DescentPaths((elbow,))
             elbows.append(elbow)
         if not elbows:
@@ -206,6 +226,26 @@ class MotionPlanner:
                     (obstacle.body, obstacle.fact), (obstacle, replace(found, touch=touch))
                 )
         return tuple(first.values())
+
+    def _hit_itself(self, one: Strokes, motion: LinearMotion | None) -> Hit | None:
+        """Return how the arm first runs into itself, with what it holds there."""
+        if not self.check_arm:
+            return None
+        before: Held = ()
+        after: Held = ()
+        if motion is not None and self.held is not None:
+            before, after = self.held(motion)
+        count = len(one.distinct)
+        for number, path in enumerate(one.distinct):
+            hits = [self._itself.of_links(path)]
+            if number < len(one.down):
+                hits.append(self._itself.of_held(path, before, one.begin))
+            if one.mirrored or number >= len(one.down):
+                hits.append(self._itself.of_held(path, after, one.end))
+            hit = min((hit for hit in hits if hit), key=lambda hit: hit.place, default=None)
+            if hit is not None:
+                return replace(hit, place=round((number + hit.place) / count, 6))
+        return None
 
 
 def spared(motion: LinearMotion) -> frozenset[str]:

@@ -178,6 +178,7 @@ class SweptDetector(Detector):
             tolerance_m=self.options.tolerance_m,
             samples=self.options.samples,
             check_arm=self.options.check_arm,
+            held=self._sweeps.ends,
         )
 
     @cached_property
