@@ -1,5 +1,5 @@
 // Where bodies are at a time: frames with straight lines and slerp between them.
-import { int16Of } from "./decode";
+import { indicesOf, int16Of } from "./decode";
 import type { Playback, Pose } from "./playback";
 
 const ORIENTATION_STEPS = 32767;
@@ -56,11 +56,22 @@ export function frameAt(
 export class Motion {
   private readonly positions: Int16Array;
   private readonly orientations: Int16Array;
+  /** Of tracks that keep only the frames that matter: their frames, and where their rows begin. */
+  private readonly sparse: { start: number; keys: Uint16Array | Uint32Array }[] = [];
   private readonly hidden = new Map<number, (readonly [number, number])[]>();
 
   constructor(private readonly playback: Playback) {
     this.positions = int16Of(playback.tracks.positions);
     this.orientations = int16Of(playback.tracks.orientations);
+    const { keys, key_counts, wide_keys } = playback.tracks;
+    if (keys !== undefined && key_counts !== undefined) {
+      const all = indicesOf(keys, wide_keys ?? false);
+      let start = 0;
+      for (const count of key_counts) {
+        this.sparse.push({ start, keys: all.subarray(start, start + count) });
+        start += count;
+      }
+    }
     for (const [track, first, last] of playback.tracks.hidden) {
       const spans = this.hidden.get(track) ?? [];
       spans.push([first, last]);
@@ -73,6 +84,8 @@ export class Motion {
     const { frames, frames_per_s, duration_s } = this.playback;
     const [frame, share] = frameAt(time_s, frames, frames_per_s, duration_s);
     if (this.isHidden(track, frame)) return null;
+    const own = this.sparse[track];
+    if (own !== undefined) return this.between(track, own, frame + share);
     // What vanishes at the next frame stays where it was until then.
     const next = share > 0 && !this.isHidden(track, frame + 1) ? frame + 1 : frame;
     const q = slerp(this.quaternion(track, frame), this.quaternion(track, next), share);
@@ -83,19 +96,54 @@ export class Motion {
     return [x, y, z, ...q];
   }
 
+  /** The pose between the two kept frames about a moment. */
+  private between(
+    track: number,
+    own: { start: number; keys: Uint16Array | Uint32Array },
+    at: number,
+  ): Pose {
+    let low = 0;
+    let high = own.keys.length - 1;
+    while (low < high) {
+      const middle = Math.ceil((low + high) / 2);
+      if ((own.keys[middle] ?? 0) <= at) low = middle;
+      else high = middle - 1;
+    }
+    const first = own.keys[low] ?? 0;
+    const second = own.keys[low + 1];
+    // What vanishes at the next kept frame stays where it was until then.
+    const goesOn = second !== undefined && !this.isHidden(track, second);
+    const next = goesOn ? low + 1 : low;
+    const share = goesOn ? (at - first) / (second - first) : 0;
+    const q = slerp(this.turn(own.start + low), this.turn(own.start + next), share);
+    const [x, y, z] = [0, 1, 2].map((axis) => {
+      const from = this.place(own.start + low, axis);
+      return from + (this.place(own.start + next, axis) - from) * share;
+    }) as [number, number, number];
+    return [x, y, z, ...q];
+  }
+
   private isHidden(track: number, frame: number): boolean {
     const spans = this.hidden.get(track);
     return spans?.some(([first, last]) => first <= frame && frame <= last) ?? false;
   }
 
   private coordinate(track: number, frame: number, axis: number): number {
-    const { count, position_scale_m, position_offset_m } = this.playback.tracks;
-    const steps = this.positions[(frame * count + track) * 3 + axis] ?? 0;
+    return this.place(frame * this.playback.tracks.count + track, axis);
+  }
+
+  private place(row: number, axis: number): number {
+    const { position_scale_m, position_offset_m } = this.playback.tracks;
+    const steps = this.positions[row * 3 + axis] ?? 0;
     return (position_offset_m[axis] ?? 0) + position_scale_m * steps;
   }
 
   private quaternion(track: number, frame: number): Quaternion {
-    const at = (frame * this.playback.tracks.count + track) * 4;
+    return this.turn(frame * this.playback.tracks.count + track);
+  }
+
+  private turn(row: number): Quaternion {
+    const at = row * 4;
     const value = (index: number) => (this.orientations[at + index] ?? 0) / ORIENTATION_STEPS;
     return unit(value(0), value(1), value(2), value(3));
   }

@@ -54,6 +54,10 @@ export interface Tracks {
   readonly position_offset_m: Vector;
   readonly positions: string;
   readonly orientations: string;
+  /** Of each track the frames that its rows are of; every frame has a row where it is left out. */
+  readonly keys?: string;
+  readonly wide_keys?: boolean;
+  readonly key_counts?: readonly number[];
   /** Track, first and last frame between which the body is not there. */
   readonly hidden: readonly (readonly [number, number, number])[];
 }
@@ -99,6 +103,8 @@ export interface Playback {
   readonly contacts: readonly Contact[];
   readonly paths: readonly Path[];
   readonly arms: readonly Arm[];
+  /** Where the motion is from, in a line. */
+  readonly note?: string;
   readonly view: { readonly target_m: Vector; readonly eye_m: Vector } | null;
 }
 

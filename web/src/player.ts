@@ -139,8 +139,9 @@ export class Player implements PlayerInterface {
   }
 
   private describeScale(view: HTMLElement, grid_m: number): void {
-    const words = grid_m < 1 ? "Grid 10 cm, bold 1 m" : "Grid 1 m, bold 10 m";
-    view.append(make("p", { class: "player-scale", "aria-hidden": "true" }, words));
+    const scale = grid_m < 1 ? "Grid 10 cm, bold 1 m" : "Grid 1 m, bold 10 m";
+    const words = [this.playback.note, scale].filter((text) => text).join(" · ");
+    view.append(make("p", { class: "player-scale" }, words));
     this.canvas.setAttribute(
       "aria-label",
       `3-D picture of ${this.playback.title}. Arrow keys orbit, plus and minus zoom.`,
