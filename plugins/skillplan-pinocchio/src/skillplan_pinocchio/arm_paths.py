@@ -91,7 +91,7 @@ class SkillPaths:
     begin_rad
         Where they begin [rad], shape (joints,).
     motions
-        In turn; after a travel that was not found there is none.
+        In turn; after a travel that was not found within the budget there is none.
     present, absent
         The facts that they rest on, by their truth. How the arm moves besides depends on the tool,
         on the skill's route, and on `begin_rad`.
@@ -105,8 +105,8 @@ class SkillPaths:
     @property
     def unfound(self) -> Unfound | None:
         """Why there is no path, or None."""
-        last = self.motions[-1].travel
-        return last if isinstance(last, Unfound) else None
+        travels = (one.travel for one in self.motions)
+        return next((one for one in travels if isinstance(one, Unfound)), None)
 
 
 class ArmPaths:
@@ -238,7 +238,7 @@ class ArmPaths:
             if is_checked:
                 travel = self.travel_planner.travel(here, strokes.begin, one.motion, holds)
             found.append(MotionPaths(one.motion, travel, is_checked, strokes))
-            if isinstance(travel, Unfound):
+            if isinstance(travel, Unfound) and not travel.is_proof:
                 break
             here = strokes.end
         return found

@@ -42,7 +42,7 @@ class PybulletEngine(Engine, Performer):
     """
 
     name = "pybullet"
-    version = "7"
+    version = "8"
     expected_s = 0.6
     expensive = True
     contact_detectors = ("contact-pairs", "contact-force")
