@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
+from functools import cache
 from typing import Annotated, Any
 
 import typer
@@ -75,10 +76,7 @@ class LazyGroup(CommandGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Import a command, or return None where there is none of the name."""
-        if cmd_name not in COMMANDS:
-            return None
-        name = MODULES.get(cmd_name, cmd_name.replace("-", "_"))
-        return of_module(cmd_name, importlib.import_module(f"skillplan.cli.commands.{name}"))
+        return _command(cmd_name) if cmd_name in COMMANDS else None
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print the help; the commands are shown by their lines, and none is imported."""
@@ -114,6 +112,13 @@ class LazyGroup(CommandGroup):
             return super().invoke(ctx)
         except KeyboardInterrupt:
             raise typer.Abort from None
+
+
+@cache
+def _command(name: str) -> Any:
+    """Return a command, built once a process: its parameters and what reads them take time."""
+    module = MODULES.get(name, name.replace("-", "_"))
+    return of_module(name, importlib.import_module(f"skillplan.cli.commands.{module}"))
 
 
 def _print_version(wanted: bool) -> None:

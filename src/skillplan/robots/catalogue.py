@@ -21,3 +21,6 @@ ARMS: Final[dict[str, tuple[ArmDescription, Hand]]] = {
 
 DEFAULT_ARM: Final = "panda"
 """The arm of a task that names none."""
+
+DEFAULT_MODEL, DEFAULT_HAND = ARMS[DEFAULT_ARM]
+"""What it is, and what is on its flange."""

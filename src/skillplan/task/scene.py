@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from skillplan.robots.arm_description import ArmDescription, Transform
+from skillplan.robots.catalogue import DEFAULT_HAND, DEFAULT_MODEL
 from skillplan.robots.hand import Hand
-from skillplan.robots.panda import PANDA, PANDA_HAND
 from skillplan.task.grasp import Grasp, GraspKind
 from skillplan.task.pose import Point, Pose, Quaternion, dot
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
@@ -218,9 +218,9 @@ class Robot:
     safe_height_m: float
     places: Mapping[str, Point]
     tools: tuple[Tool, ...] = ()
-    model: ArmDescription = PANDA
+    model: ArmDescription = DEFAULT_MODEL
     base_orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
-    hand: Hand = PANDA_HAND
+    hand: Hand = DEFAULT_HAND
 
     def __post_init__(self) -> None:
         for name in ("reach_m", "safe_height_m"):

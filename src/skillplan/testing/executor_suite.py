@@ -1,16 +1,13 @@
 """What every executor owes those who have jobs to do.
 
-Each worker is given the name of a function of `_FUNCTIONS` and calls it on what its jobs hold.
+Each worker is given the name of a function of `executor_jobs` and calls it on what its jobs hold.
 """
 
 from __future__ import annotations
 
 import os
 import platform
-import signal
-import threading
 import time
-from collections.abc import Callable
 from contextlib import closing
 from typing import Any, ClassVar
 
@@ -26,12 +23,11 @@ from skillplan.pipeline.setup import make_executor
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
+from skillplan.testing.executor_jobs import here, prepare
 from skillplan.testing.options import assert_options_described
 from skillplan.testing.tasks import lid_task, reachable_states
 from skillplan.workers.executor import Answer, Ended, Executor, News, Worker, packed
 from skillplan.workers.executor_choice import ExecutorChoice
-from skillplan.workers.inside import tell, when_asked_to_stop
-from skillplan.workers.local_processes import LocalProcesses
 
 _WHAT = "tests"
 _PATIENCE_S = 60.0
@@ -69,7 +65,7 @@ class ExecutorSuite:
             first, second = (_done(executor, worker, job) for job in ("one", b"\0" * 3_000_000))
             assert first[0] == "one"
             assert len(second[0]) == 3_000_000
-            assert first[1] == second[1] != _here()
+            assert first[1] == second[1] != here()
             assert worker.number in (None, first[1][1])
             assert worker.alive
 
@@ -218,11 +214,6 @@ def _heard(executor: Executor, worker: Worker) -> Answer | News | Ended:
     raise AssertionError(f"nothing was heard for {_PATIENCE_S:g} s")
 
 
-def _here() -> tuple[str, int]:
-    """Return machine and number of this process."""
-    return platform.node(), os.getpid()
-
-
 def _gone(place: tuple[str, int]) -> bool:
     """Whether a process is gone; one of another machine cannot be seen from here."""
     machine, number = place
@@ -236,56 +227,3 @@ def _gone(place: tuple[str, int]) -> bool:
             return True
         time.sleep(0.05)
     return False
-
-
-def prepare(function: str) -> Callable[[Any], Any]:
-    """Return the function of a name; called by a worker."""
-    return _FUNCTIONS[function]
-
-
-def _echo(job: Any) -> tuple[Any, tuple[str, int]]:
-    return job, _here()
-
-
-def _count(job: int) -> int:
-    for number in range(job):
-        tell(number)
-    return job
-
-
-def _wait(job: float) -> str:
-    asked = threading.Event()
-    when_asked_to_stop(asked.set)
-    tell("listening")
-    end_s = time.monotonic() + job
-    while not asked.is_set() and time.monotonic() < end_s:
-        time.sleep(0.01)
-    when_asked_to_stop(None)
-    return "asked to stop" if asked.is_set() else "heard nothing"
-
-
-def _busy(job: float) -> None:
-    tell(_here())
-    end_s = time.monotonic() + job
-    while time.monotonic() < end_s:
-        sum(range(10_000))
-
-
-def _kill(job: int) -> None:
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
-def _refusal(job: None) -> str:
-    return LocalProcesses(1).refusal
-
-
-_FUNCTIONS: dict[str, Callable[[Any], Any]] = {
-    "echo": _echo,
-    "sleep": time.sleep,
-    "count": _count,
-    "wait": _wait,
-    "busy": _busy,
-    "exit": os._exit,
-    "kill": _kill,
-    "refusal": _refusal,
-}

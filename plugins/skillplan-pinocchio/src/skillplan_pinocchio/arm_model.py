@@ -16,8 +16,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from skillplan.robots.arm_description import ArmDescription
+from skillplan.robots.catalogue import DEFAULT_HAND, DEFAULT_MODEL
 from skillplan.robots.hand import Hand
-from skillplan.robots.panda import PANDA, PANDA_HAND
 from skillplan.task.pose import Point, Pose, Quaternion
 from skillplan.task.scene import Robot
 from skillplan_pinocchio.kinematics.numeric_inverse import NumericInverse
@@ -59,9 +59,9 @@ class ArmModel:
     def __init__(
         self,
         base: Point = (0.0, 0.0, 0.0),
-        description: ArmDescription = PANDA,
+        description: ArmDescription = DEFAULT_MODEL,
         orientation: Quaternion = (0.0, 0.0, 0.0, 1.0),
-        hand: Hand = PANDA_HAND,
+        hand: Hand = DEFAULT_HAND,
     ) -> None:
         self.description = description
         self.mount = Pose(base, orientation)

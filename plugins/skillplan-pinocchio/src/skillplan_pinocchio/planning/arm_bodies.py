@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
+from skillplan_pinocchio.planning.arm_frames import ArmFrames
 from skillplan_pinocchio.planning.moving_solids import MovingSolid, Vector
+
+Numbers = NDArray[np.intp]
 
 # What is nearer than this at home are shapes that are larger than links [m].
 _HOME_GAP_M: Final = 0.001
@@ -30,6 +35,10 @@ class ArmBodies:
     ----------
     model, solids
         As given.
+    frames
+        Of the joints.
+    still
+        How many solids stand still.
     reach_m
         How far from the axis of each joint any point of each solid can be, wherever the joints are
         [m]; 0 for joints that do not move it. Shape (solids, joints). A path whose joints turn by
@@ -46,7 +55,10 @@ class ArmBodies:
     def __init__(self, model: Any, solids: Sequence[MovingSolid], home_rad: Vector) -> None:
         self.model = model
         self.solids = tuple(solids)
-        self.reach_m = np.array([_reach_m(model, solid) for solid in solids]).reshape(-1, model.nv)
+        self.frames = ArmFrames(model)
+        self.still = sum(solid.joint == 0 for solid in solids)
+        self.reach_m = np.array([_reach_m(self.frames, solid) for solid in solids])
+        self.reach_m = self.reach_m.reshape(-1, model.nv)
         candidates = [
             (a, b)
             for b, outer in enumerate(self.solids)
@@ -54,13 +66,11 @@ class ArmBodies:
             if outer.joint - inner.joint >= 2
         ]
         self.pairs = _apart(self, candidates, home_rad)
-        self._data = model.createData()
-        self._geometry = self.geometry(self.pairs)
-        self._nearness = self._geometry.createData()
         joints = np.arange(1, model.nv + 1)
         self.pair_reach_m = np.array(
             [self.reach_m[b] * (joints > self.solids[a].joint) for a, b in self.pairs]
         ).reshape(-1, model.nv)
+        self.spheres = SolidSpheres(self.solids)
 
     def geometry(self, pairs: Sequence[tuple[int, int]] = ()) -> Any:
         """Return a new `pinocchio.GeometryModel` of the solids, numbered as they are.
@@ -79,30 +89,73 @@ class ArmBodies:
             geometry.addCollisionPair(pin.CollisionPair(*pair))
         return geometry
 
-    def gaps_m(self, joints_rad: Vector) -> list[float]:
-        """Return the distances between `pairs` [m], below 0 how deep they overlap.
+
+class SolidSpheres:
+    """Spheres about solids: one about each, and the balls that each lies within.
+
+    Parameters
+    ----------
+    solids
+        The solids.
+
+    Attributes
+    ----------
+    joints, centres_m, radii_m
+        Of the spheres, shapes (solids,), (solids, 3) and (solids,); centres in the frames of the
+        joints.
+    ball_joints, ball_centres_m, ball_radii_m
+        The same of all balls.
+    """
+
+    def __init__(self, solids: Sequence[MovingSolid]) -> None:
+        self.joints: Numbers = np.array([solid.joint for solid in solids], dtype=np.intp)
+        self.centres_m = np.array([solid.centre for solid in solids]).reshape(-1, 3)
+        self.radii_m = np.array([solid.radius_m for solid in solids])
+        counts = [len(solid.balls[0]) for solid in solids]
+        firsts = np.cumsum([0, *counts])
+        self._balls = np.split(np.arange(firsts[-1]), firsts[1:-1])
+        self.ball_joints: Numbers = np.repeat(self.joints, counts)
+        self.ball_centres_m = np.concatenate(
+            [np.zeros((0, 3)), *(solid.balls[0] for solid in solids)]
+        )
+        self.ball_radii_m = np.repeat([solid.balls[1] for solid in solids], counts)
+
+    def balls_of(self, solids: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+        """Return the balls of solids.
 
         Parameters
         ----------
-        joints_rad
-            Shape (joints,).
+        solids
+            Numbers of some, at least one.
+
+        Returns
+        -------
+        tuple
+            Numbers of balls, those of each solid in turn; of which of `solids` each is; and where
+            those of each begin.
         """
-        pin.computeDistances(self.model, self._data, self._geometry, self._nearness, joints_rad)
-        return [found.min_distance for found in self._nearness.distanceResults]
+        rows = [self._balls[solid] for solid in solids.tolist()]
+        counts = [len(row) for row in rows]
+        owners = np.repeat(np.arange(len(rows)), counts)
+        return np.concatenate(rows), owners, np.cumsum([0, *counts[:-1]])
 
-    def overlaps(self, joints_rad: Vector) -> bool:
-        """Whether two solids of `pairs` overlap at some joint angles [rad], shape (joints,)."""
-        return bool(
-            pin.computeCollisions(
-                self.model, self._data, self._geometry, self._nearness, joints_rad, True
-            )
-        )
+    def ball_pairs(self, pairs: Sequence[tuple[int, int]]) -> tuple[Numbers, Numbers, Numbers]:
+        """Return every ball of one solid with every ball of another.
 
-    def centres(self, joints_rad: Vector) -> Vector:
-        """Return the centres of the spheres about the solids [m], shape (solids, 3)."""
-        pin.forwardKinematics(self.model, self._data, joints_rad)
-        placements = self._data.oMi
-        return np.array([placements[one.joint].act(one.centre) for one in self.solids])
+        Parameters
+        ----------
+        pairs
+            Of solids, at least one.
+
+        Returns
+        -------
+        tuple
+            Numbers of the ones and of the others; and where those of each pair begin.
+        """
+        ones = [np.repeat(self._balls[a], len(self._balls[b])) for a, b in pairs]
+        others = [np.tile(self._balls[b], len(self._balls[a])) for a, b in pairs]
+        firsts = np.cumsum([0, *(len(row) for row in ones[:-1])])
+        return np.concatenate(ones), np.concatenate(others), firsts
 
 
 def _apart(
@@ -116,15 +169,24 @@ def _apart(
     return tuple(pair for pair, gap_m in zip(pairs, gaps_m, strict=True) if gap_m >= _HOME_GAP_M)
 
 
-def _reach_m(model: Any, solid: MovingSolid) -> Vector:
+def _reach_m(frames: ArmFrames, solid: MovingSolid) -> Vector:
     """Return how far from the axis of each joint any point of a solid can be [m].
 
-    No farther than from the origin of the joint's frame, by the triangle inequality along the
-    chain of joints in between.
+    From the axis to the next joint's origin, and from there on by the triangle inequality along
+    the chain of joints in between.
     """
-    found = np.zeros(model.nv)
-    away_m = float(np.linalg.norm(solid.centre)) + solid.radius_m
+    centres, radius_m = solid.balls
+    found = np.zeros(len(frames.axes))
+    if not solid.joint:
+        return found
+    # From the axis of its own joint, and from the origin of that joint's frame.
+    squares = (centres**2).sum(axis=1)
+    from_axis = squares - (centres @ frames.axes[solid.joint - 1]) ** 2
+    from_axis_m = math.sqrt(max(float(from_axis.max()), 0.0)) + radius_m
+    away_m = math.sqrt(float(squares.max())) + radius_m
     for joint in range(solid.joint, 0, -1):
-        found[joint - 1] = away_m
-        away_m += float(np.linalg.norm(model.jointPlacements[joint].translation))
+        found[joint - 1] = from_axis_m
+        beside_m, offset_m = frames.spans_m[joint - 1]
+        from_axis_m = away_m + beside_m
+        away_m += offset_m
     return found

@@ -1,15 +1,16 @@
 """What an arm runs into along a path of its joints, checked continuously.
 
-Conservative advancement: at a posture the smallest distance to everything is computed, and the
-next one is so near that no point of the arm moves by more than that until there, whatever the
-joints do in between; see :class:`ArmBodies`. Nothing is missed between postures.
+Conservative advancement, two solids at a time: from a posture at which their distance is computed,
+they touch nowhere as far as no point moves by more than that, on either side, whatever the joints
+do in between; see :class:`ArmBodies`. What is left is halved. Nothing is missed between postures.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +20,7 @@ from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.obstacles import Obstacle
 from skillplan_pinocchio.planning.arm_bodies import ArmBodies
 from skillplan_pinocchio.planning.moving_solids import Vector
+from skillplan_pinocchio.planning.outlook import NearPair, Outlook
 
 LEAST_CLEARANCE_M: Final = 2e-4
 """What is nearer than this counts as touched [m]: so much is gone at least in a step."""
@@ -26,8 +28,8 @@ ITSELF: Final = "the arm itself"
 
 # Distances that coal computes are right to less than this [m].
 _ROUNDING_M: Final = 1e-5
-# At so many equal steps of a path it is looked at what is near it at all.
-_OUTLOOKS: Final = 12
+# The first place where something is touched is told to what moves anything by so much [m].
+_SHARPNESS_M: Final = 1e-3
 
 
 @dataclass(frozen=True)
@@ -72,186 +74,169 @@ class ContinuousCheck:
     def __init__(self, bodies: ArmBodies, obstacles: Sequence[Obstacle]) -> None:
         self.bodies = bodies
         self.obstacles = tuple(obstacles)
-        self._data = bodies.model.createData()
-        pieces = [(number, piece) for number, one in enumerate(obstacles) for piece in one.pieces]
-        self._low = np.array([piece.low for _, piece in pieces]).reshape(-1, 3)
-        self._high = np.array([piece.high for _, piece in pieces]).reshape(-1, 3)
-        self._geometry = bodies.geometry()
-        solids = len(bodies.solids)
-        for index, (_, piece) in enumerate(pieces):
-            self._geometry.addGeometryObject(
-                pin.GeometryObject(f"piece {index}", 0, pin.SE3.Identity(), piece.hull)
-            )
-        # The base of the arm stands where it is put.
-        still = sum(solid.joint == 0 for solid in bodies.solids)
-        self._moving = range(still, solids)
-        chosen = np.zeros((self._geometry.ngeoms, self._geometry.ngeoms), dtype=bool)
-        chosen[still:solids, solids:] = True
-        # By solid, then by piece.
-        self._geometry.setCollisionPairs(chosen)
-        self._pairs = [(solid, number) for solid in self._moving for number, _ in pieces]
-        self._nearness = self._geometry.createData()
-        self._margin_m = 0.0
-        self._active: Sequence[int] = range(len(self._pairs))
+        found = [(number, piece) for number, one in enumerate(obstacles) for piece in one.pieces]
+        self.pieces = tuple(piece for _, piece in found)
+        self.owners = tuple(number for number, _ in found)
+        low = np.array([piece.low for piece in self.pieces]).reshape(-1, 3)
+        high = np.array([piece.high for piece in self.pieces]).reshape(-1, 3)
+        self.boxes = (low, high)
 
     def hits(self, path: JointPath) -> tuple[Hit, ...]:
         """Return everything that is touched on a path, in its order; each where it is first."""
         return _Run(self, path).hits()
 
+    def hits_and_ends(
+        self, path: JointPath
+    ) -> tuple[tuple[Hit, ...], tuple[Hit, ...], tuple[Hit, ...]]:
+        """Return what is touched where a path begins, all along it, and where it ends."""
+        run = _Run(self, path)
+        return run.touched(0.0), run.hits(), run.touched(1.0)
+
     def touched(self, joints_rad: Vector) -> tuple[Hit, ...]:
         """Return everything that is touched at some joint angles [rad], shape (joints,)."""
         return self.hits(JointPath([joints_rad, joints_rad]))
 
-    def is_free(self, joints_rad: Vector, margin_m: float) -> bool:
-        """Whether nothing that stands is nearer than a margin, and the arm is clear of itself.
-
-        It is quick, and as good as coal's margins are: paths are checked by `hits` in the end.
-
-        Parameters
-        ----------
-        joints_rad
-            Shape (joints,).
-        margin_m
-            > 0.
-        """
-        if margin_m != self._margin_m:
-            for request in self._nearness.collisionRequests:
-                request.security_margin = margin_m
-            self._margin_m = margin_m
-        self.activate(range(len(self._pairs)))
-        model, geometry = self.bodies.model, self._geometry
-        touched = pin.computeCollisions(
-            model, self._data, geometry, self._nearness, joints_rad, True
-        )
-        return not touched and not self.bodies.overlaps(joints_rad)
-
-    def clearance_m(self, joints_rad: Vector) -> float:
-        """Return the distance to what stands nearest at some joint angles [m], inf if nothing."""
-        self.activate(range(len(self._pairs)))
-        return self.nearest(joints_rad)[1]
-
-    def near(self, path: JointPath, moves_m: Vector) -> list[int]:
-        """Return the pairs of what moves and what stands that may come near on a path, by number.
-
-        By spheres about what moves and boxes about what stands, at places from each of which no
-        point moves farther than to midway between two of them.
-
-        Parameters
-        ----------
-        path
-            Of the joints.
-        moves_m
-            How far a point of each solid moves at most from start to end [m], shape (solids,).
-        """
-        # What does not move is looked at once.
-        count = _OUTLOOKS if float(moves_m.max(initial=0.0)) > 0 else 1
-        radii_m = np.array([solid.radius_m for solid in self.bodies.solids])
-        reached_m = moves_m / (2 * count) + radii_m + LEAST_CLEARANCE_M + _ROUNDING_M
-        found = np.zeros((len(radii_m), len(self._low)), dtype=bool)
-        for number in range(count):
-            centres = self.bodies.centres(path.at((number + 0.5) / count))[:, np.newaxis]
-            away = np.maximum(np.maximum(self._low - centres, centres - self._high), 0.0)
-            found |= (away**2).sum(axis=2) < (reached_m**2)[:, np.newaxis]
-        return np.flatnonzero(found[self._moving.start :].ravel()).tolist()
-
-    def activate(self, pairs: Sequence[int]) -> None:
-        """Look at some pairs only, by number."""
-        if pairs != self._active:
-            self._nearness.deactivateAllCollisionPairs()
-            for pair in pairs:
-                self._nearness.activateCollisionPair(pair)
-            self._active = pairs
-
-    def nearest(self, joints_rad: Vector) -> tuple[int, float]:
-        """Return the nearest of the active pairs and its distance [m]; inf where there is none."""
-        if not len(self._active):
-            return -1, np.inf
-        model, nearness = self.bodies.model, self._nearness
-        pair = pin.computeDistances(model, self._data, self._geometry, nearness, joints_rad)
-        return pair, nearness.distanceResults[pair].min_distance - _ROUNDING_M
-
-    def hit(self, pair: int, place: float) -> Hit:
-        """Return that a pair is touched, after `nearest`."""
-        result = self._nearness.distanceResults[pair]
-        middle = (result.getNearestPoint1() + result.getNearestPoint2()) / 2
-        x, y, z = (round(float(value), 6) for value in middle)
-        solid, number = self._pairs[pair]
-        one, obstacle = self.bodies.solids[solid], self.obstacles[number]
-        where = round(place, 6)
-        return Hit(obstacle.body, obstacle.fact, one.name, one.of_arm, where, (x, y, z))
-
-    def others(self, pairs: Sequence[int], pair: int) -> list[int]:
-        """Return the pairs that are not with the obstacle of one."""
-        return [one for one in pairs if self._pairs[one][1] != self._pairs[pair][1]]
+    def is_clear(self, path: JointPath) -> bool:
+        """Whether nothing is touched on a path."""
+        return _Run(self, path).is_clear()
 
 
 class _Run:
-    """One way along a path; what was touched once is no longer looked at."""
+    """One way along a path.
+
+    Parameters
+    ----------
+    check
+        What moves, and what stands.
+    path
+        Of the joints.
+    """
 
     def __init__(self, check: ContinuousCheck, path: JointPath) -> None:
         self._check, self._path = check, path
-        self._slopes = path.steepest_by_interval
-        moves_m = self._slopes @ check.bodies.reach_m.T
-        self._pairs = check.near(path, moves_m.max(axis=0))
-        self._fastest_m = moves_m.max(axis=1, initial=0.0).tolist()
-        self._own_m = (self._slopes @ check.bodies.pair_reach_m.T).tolist()
-        self._own = list(range(len(check.bodies.pairs)))
+        least_m = LEAST_CLEARANCE_M + _ROUNDING_M
+        outlook = Outlook(check.bodies, path, check.boxes, least_m)
+        self._places = outlook.places
+        self._intervals = len(path.nodes) - 1
+        self._cubics = [tuple(one) for one in np.swapaxes(path.cubics, 0, 1)]
+        self._standing, self._own = outlook.standing, outlook.own
+        bodies = check.bodies
+        self._model, self._data = bodies.model, bodies.model.createData()
+        self._geometry = bodies.geometry([(pair.other, pair.solid) for pair in self._own])
+        numbers: dict[int, int] = {}
+        for pair in self._standing:
+            if pair.other not in numbers:
+                piece = pin.GeometryObject(
+                    f"piece {pair.other}", 0, pin.SE3.Identity(), check.pieces[pair.other].hull
+                )
+                numbers[pair.other] = self._geometry.addGeometryObject(piece)
+            self._geometry.addCollisionPair(pin.CollisionPair(pair.solid, numbers[pair.other]))
+        self._nearness = self._geometry.createData()
 
     def hits(self) -> tuple[Hit, ...]:
-        """Return what is touched."""
-        # What stands and the arm itself have steps of their own, as long as each allows.
-        found = [*self._followed(self._standing), *self._followed(self._itself)]
+        """Return what is touched, in the order of the path."""
+        return self._hits(self._first_touch)
+
+    def touched(self, end: float) -> tuple[Hit, ...]:
+        """Return what is touched at one end of the path, 0 or 1."""
+
+        def touch(index: int, pair: NearPair, until: float) -> float | None:
+            # Where spheres are apart there is nothing to be touched.
+            first, last = pair.stretches_m[0][0], pair.stretches_m[-1][1]
+            near = first <= 0 if end == 0 else last >= pair.lengths_m[-1]
+            return end if near and self._distance_m(index, end) < LEAST_CLEARANCE_M else None
+
+        return self._hits(touch)
+
+    def _hits(self, first_touch: Callable[[int, NearPair, float], float | None]) -> tuple[Hit, ...]:
+        check = self._check
+        firsts: dict[int, tuple[float, int]] = {}
+        for index, pair in enumerate(self._standing, len(self._own)):
+            owner = check.owners[pair.other]
+            until = firsts[owner][0] if owner in firsts else 1.0
+            place = first_touch(index, pair, until)
+            if place is not None:
+                firsts[owner] = (place, index)
+        found = [
+            self._hit(check.obstacles[owner], *first) for owner, first in sorted(firsts.items())
+        ]
+        for index, pair in enumerate(self._own):
+            place = first_touch(index, pair, 1.0)
+            if place is not None:
+                found.append(self._own_hit(pair.solid, place))
         return tuple(sorted(found, key=lambda hit: hit.place))
 
-    def _followed(self, step: Callable[[float, int], tuple[list[Hit], float]]) -> Iterator[Hit]:
-        """Yield what a step finds from the path's start to its end, both included."""
-        intervals = len(self._slopes)
-        place = 0.0
-        for number in range(intervals):
-            end = (number + 1) / intervals
-            while place < end:
-                found, length = step(place, number)
-                yield from found
-                # What is left of an interval by rounding is no step.
-                place = end if place + length >= end - 1e-12 else place + length
-        yield from step(1.0, intervals - 1)[0]
+    def is_clear(self) -> bool:
+        """Whether nothing is touched."""
+        pairs = list(enumerate([*self._own, *self._standing]))
+        # What comes nearest is likeliest to be touched.
+        pairs.sort(key=lambda numbered: numbered[1].gap_m)
+        return all(self._first_touch(index, pair, 1.0) is None for index, pair in pairs)
 
-    def _standing(self, place: float, interval: int) -> tuple[list[Hit], float]:
-        """Return what is touched at a place, and how far no point reaches anything else."""
-        if not self._pairs:
-            return [], 1.0
-        joints_rad = self._path.at(place)
-        self._check.activate(self._pairs)
-        pair, distance_m = self._check.nearest(joints_rad)
-        found = []
-        while distance_m < LEAST_CLEARANCE_M:
-            found.append(self._check.hit(pair, place))
-            self._pairs = self._check.others(self._pairs, pair)
-            self._check.activate(self._pairs)
-            pair, distance_m = self._check.nearest(joints_rad)
-        fastest_m = self._fastest_m[interval]
-        return found, distance_m / fastest_m if fastest_m > 0 else 1.0
+    def _first_touch(self, index: int, pair: NearPair, until: float) -> float | None:
+        """Return the first place where two solids touch, of those up to a place."""
+        end_m = self._length_m(pair, until)
+        left = [(begin, min(end, end_m)) for begin, end in reversed(pair.stretches_m)]
+        found = None
+        while left:
+            begin, end = left.pop()
+            if begin > end:
+                continue
+            middle = (begin + end) / 2
+            place = self._place(pair, middle)
+            distance_m = self._distance_m(index, place)
+            if distance_m < LEAST_CLEARANCE_M:
+                found = place
+                left = [(begin, middle)] if middle - begin > _SHARPNESS_M else []
+            else:
+                left += [(middle + distance_m, end), (begin, middle - distance_m)]
+        return found
 
-    def _itself(self, place: float, interval: int) -> tuple[list[Hit], float]:
-        """Return what touches itself at a place, and how far no more of it does."""
-        if not self._own:
-            return [], 1.0
-        bodies, joints_rad = self._check.bodies, self._path.at(place)
-        gaps_m = bodies.gaps_m(joints_rad)
-        found, length = [], 1.0
-        for number in tuple(self._own):
-            gap_m = gaps_m[number] - _ROUNDING_M
-            move_m = self._own_m[interval][number]
-            if gap_m < LEAST_CLEARANCE_M:
-                self._own.remove(number)
-                found.append(self._own_hit(number, joints_rad, place))
-            elif move_m * length > gap_m:
-                length = gap_m / move_m
-        return found, length
+    def _place(self, pair: NearPair, length_m: float) -> float:
+        """Return where a point of a solid may have moved by a length."""
+        lengths, places = pair.lengths_m, self._places
+        number = min(bisect_right(lengths, length_m), len(lengths) - 1)
+        before_m, after_m = lengths[number - 1], lengths[number]
+        share = (length_m - before_m) / (after_m - before_m) if after_m > before_m else 0.0
+        return places[number - 1] + min(share, 1.0) * (places[number] - places[number - 1])
 
-    def _own_hit(self, number: int, joints_rad: Vector, place: float) -> Hit:
-        bodies = self._check.bodies
-        outer = bodies.pairs[number][1]
-        x, y, z = (round(float(value), 6) for value in bodies.centres(joints_rad)[outer])
-        one = bodies.solids[outer]
+    def _length_m(self, pair: NearPair, place: float) -> float:
+        lengths, places = pair.lengths_m, self._places
+        number = min(bisect_right(places, place), len(places) - 1)
+        share = (place - places[number - 1]) / (places[number] - places[number - 1])
+        return lengths[number - 1] + share * (lengths[number] - lengths[number - 1])
+
+    def _distance_m(self, index: int, place: float) -> float:
+        """Return the distance of a pair, by number, somewhere on the path."""
+        return float(self._nearest(index, place).min_distance) - _ROUNDING_M
+
+    def _nearest(self, index: int, place: float) -> Any:
+        nearness = self._nearness
+        pin.updateGeometryPlacements(
+            self._model, self._data, self._geometry, nearness, self._joints_rad(place)
+        )
+        return pin.computeDistance(self._geometry, nearness, index)
+
+    def _joints_rad(self, place: float) -> Vector:
+        share = place * self._intervals
+        number = min(int(share), self._intervals - 1)
+        none, once, twice, thrice = self._cubics[number]
+        share -= number
+        if self._intervals == 1:
+            return np.asarray(none + share * once)
+        return np.asarray(none + share * (once + share * (twice + share * thrice)))
+
+    def _hit(self, obstacle: Obstacle, place: float, index: int) -> Hit:
+        result = self._nearest(index, place)
+        middle = (result.getNearestPoint1() + result.getNearestPoint2()) / 2
+        x, y, z = (round(float(value), 6) for value in middle)
+        one = self._check.bodies.solids[self._standing[index - len(self._own)].solid]
+        where = round(place, 6)
+        return Hit(obstacle.body, obstacle.fact, one.name, one.of_arm, where, (x, y, z))
+
+    def _own_hit(self, solid: int, place: float) -> Hit:
+        one = self._check.bodies.solids[solid]
+        rotations, origins = self._check.bodies.frames.at(self._path.at(place)[np.newaxis])
+        centre = rotations[0, one.joint] @ one.centre + origins[0, one.joint]
+        x, y, z = (round(float(value), 6) for value in centre)
         return Hit(ITSELF, None, one.name, one.of_arm, round(place, 6), (x, y, z))

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
-import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.link_pieces import LinkPiece
+from skillplan_pinocchio.shapes import ConvexPiece
 
 Vector = NDArray[np.float64]
+
+# Boxes are not cut thinner than twice this [m], nor into more parts along an edge.
+_LEAST_HALF_M: Final = 0.02
+_MOST_BALLS: Final = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +38,9 @@ class MovingSolid:
         Of a sphere about the solid, in the frame of the joint [m], shape (3,).
     radius_m
         Of that sphere, > 0.
+    balls
+        Smaller spheres that it lies within: their centres, in the frame of the joint [m], shape
+        (balls, 3), and their common radius [m].
     of_arm
         Whether it is a link of the arm; else it is at the arm's end.
     """
@@ -44,6 +51,7 @@ class MovingSolid:
     frame: Any
     centre: Vector
     radius_m: float
+    balls: tuple[Vector, float]
     of_arm: bool = False
 
 
@@ -55,6 +63,7 @@ def arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
     for piece in (*(LinkPiece(0, shape) for shape in base), *arm.pieces):
         centre, half = piece.box
         placed = turned if piece.link == 0 else pin.SE3.Identity()
+        centres, radius_m = _balls(centre, half)
         name = f"link {piece.link} of the arm" if piece.link else "the base of the arm"
         found.append(
             MovingSolid(
@@ -64,27 +73,38 @@ def arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
                 placed * piece.frame,
                 placed.act(centre),
                 float(np.linalg.norm(half)),
+                (centres @ placed.rotation.T + placed.translation, radius_m),
                 of_arm=True,
             )
         )
     return tuple(found)
 
 
-def convex_solid(name: str, joint: int, corners: Vector) -> MovingSolid:
-    """Return the convex hull of corners, fixed to a joint.
+def held_solid(name: str, joint: int, piece: ConvexPiece, back: Any) -> MovingSolid:
+    """Return a piece that is in the hand.
 
     Parameters
     ----------
     name
         In words.
     joint
-        Counted from 1.
-    corners
-        In the frame of the joint [m], shape (corners, 3).
+        Number of the last joint, counted from 1.
+    piece
+        Where it is in the world at some posture.
+    back
+        Of the world in the frame of the joint at that posture, as `pinocchio.SE3`.
     """
-    points = coal.StdVec_Vec3s()
-    points.extend(list(corners))
-    centre = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    corners = piece.corners @ back.rotation.T + back.translation
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    centre = (low + high) / 2
     radius_m = float(np.linalg.norm(corners - centre, axis=1).max())
-    hull = coal.Convex.convexHull(points, True, "Qt")
-    return MovingSolid(name, joint, hull, pin.SE3.Identity(), centre, radius_m)
+    balls = _balls(centre, (high - low) / 2)
+    return MovingSolid(name, joint, piece.hull, back, centre, radius_m, balls)
+
+
+def _balls(centre: Vector, half: Vector) -> tuple[Vector, float]:
+    """Return centres and radius of spheres that a box lies within, one for each near-cube of it."""
+    counts = np.clip(np.round(half / max(float(half.min()), _LEAST_HALF_M)), 1, _MOST_BALLS)
+    steps = [(2 * np.arange(count) + 1) / count - 1 for count in counts.astype(int).tolist()]
+    shares = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
+    return centre + shares * half, float(np.linalg.norm(half / counts))

@@ -19,6 +19,7 @@ from skillplan_pinocchio.planning.arm_bodies import ArmBodies
 from skillplan_pinocchio.planning.connection import JointSpace, connection
 from skillplan_pinocchio.planning.continuous_check import ContinuousCheck, Hit
 from skillplan_pinocchio.planning.moving_solids import Vector
+from skillplan_pinocchio.planning.posture_check import PostureCheck
 from skillplan_pinocchio.planning.shortening import rounded, shortened
 
 Holds = Callable[[str], bool]
@@ -174,8 +175,8 @@ class TravelSearch:
         standing = [one for one in self.obstacles if one.body not in spares]
         check = ContinuousCheck(bodies, standing)
         straight = JointPath(list(ends_rad))
-        start, end = (check.touched(posture) for posture in ends_rad)
-        return _Known(bodies, check, (start, end), straight, check.hits(straight))
+        start, hits, end = check.hits_and_ends(straight)
+        return _Known(bodies, check, (start, end), straight, hits)
 
     def _planned(
         self, known: _Known, met: frozenset[int]
@@ -193,11 +194,7 @@ class TravelSearch:
         some = [self.obstacles[number] for number in sorted(world)]
         check = ContinuousCheck(known.bodies, [one for one in some if one.body in standing])
         ends = (known.straight.nodes[0], known.straight.nodes[-1])
-        margin_m = min(_MARGIN_M, *(check.clearance_m(end) / 2 for end in ends))
-
-        def is_free(joints_rad: Vector) -> bool:
-            return check.is_free(joints_rad, margin_m)
-
+        is_free = PostureCheck(known.bodies, check.obstacles, ends, _MARGIN_M).is_free
         spent = 0
         for attempt in range(_ATTEMPTS):
             left = self.most_checks - spent
@@ -208,7 +205,7 @@ class TravelSearch:
             way = shortened(self.space, is_free, nodes)
             for intervals in _INTERVALS:
                 path = rounded(self.space, way, intervals)
-                if self._is_within(path) and not check.hits(path):
+                if self._is_within(path) and check.is_clear(path):
                     return path
             if spent >= self.most_checks:
                 break

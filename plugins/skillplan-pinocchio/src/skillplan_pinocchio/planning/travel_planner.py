@@ -19,7 +19,7 @@ from skillplan_pinocchio.planning.moving_solids import (
     MovingSolid,
     Vector,
     arm_solids,
-    convex_solid,
+    held_solid,
 )
 from skillplan_pinocchio.planning.travel import Holds, Travel, TravelSearch, Unfound
 
@@ -115,9 +115,7 @@ class TravelPlanner:
         back = data.oMi[last].inverse()
         solids: list[MovingSolid] = [*self._links]
         for name, pieces in self.sweeps.held(motion, motion.above):
-            for piece in pieces:
-                corners = piece.corners @ back.rotation.T + back.translation
-                solids.append(convex_solid(name, last, corners))
+            solids += [held_solid(name, last, piece, back) for piece in pieces]
         return ArmBodies(model, solids, self.arm.home_rad)
 
 

@@ -21,7 +21,13 @@ from skillplan.domains.assembly.part_schema import Angles, Extents, Length, Plan
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located, continued, shown
 from skillplan.robots.arm_description import ArmDescription
-from skillplan.robots.catalogue import ARMS, DEFAULT_ARM, STANDARD_HAND
+from skillplan.robots.catalogue import (
+    ARMS,
+    DEFAULT_ARM,
+    DEFAULT_HAND,
+    DEFAULT_MODEL,
+    STANDARD_HAND,
+)
 from skillplan.robots.hand import Hand
 from skillplan.task.pose import Point, Pose, Quaternion
 
@@ -69,8 +75,9 @@ class RobotConfig(Strict):
         "it stays over the part",
     )
 
-    _arm: ArmDescription = PrivateAttr(ARMS[DEFAULT_ARM][0])
-    _hand: Hand = PrivateAttr(ARMS[DEFAULT_ARM][1])
+    # By functions: pydantic would copy a default to its depths, in every file that is read.
+    _arm: ArmDescription = PrivateAttr(default_factory=lambda: DEFAULT_MODEL)
+    _hand: Hand = PrivateAttr(default_factory=lambda: DEFAULT_HAND)
     _sha256: str | None = PrivateAttr(None)
 
     @model_validator(mode="wrap")

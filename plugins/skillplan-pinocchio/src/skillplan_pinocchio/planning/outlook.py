@@ -1,0 +1,198 @@
+"""Where on a path of its joints an arm may come near something, from spheres and boxes alone.
+
+At places along the path the distances between spheres about what moves and boxes about what stands
+are known from below, for all of them at once. Between two places no point goes farther than the
+joints turn times its reach: where the distances at both are more than that in sum, nothing is
+touched between. What is left are stretches for which distances have to be computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from skillplan_pinocchio.kinematics.joint_path import JointPath
+from skillplan_pinocchio.planning.arm_bodies import ArmBodies, Numbers
+from skillplan_pinocchio.planning.moving_solids import Vector
+
+# No point moves farther between two places than this, if there are not too many places.
+_CELL_M: Final = 0.08
+_MOST_CELLS: Final = 64
+# Of so many places one is looked at first.
+_STRIDE: Final = 4
+# Stretches that are so near to each other are one [m].
+_JOINED_M: Final = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class NearPair:
+    """Two solids that may touch on a path, and where.
+
+    Parameters
+    ----------
+    solid
+        Number of the one that moves; of two that move, the one farther from the base.
+    other
+        Number of the piece that stands, or of the other solid.
+    lengths_m
+        How far a point of the one may have moved, seen from the other, up to each place, shape
+        (places,).
+    stretches_m
+        Where they may touch, in order, by such lengths.
+    gap_m
+        They are no nearer than this anywhere, >= 0.
+    """
+
+    solid: int
+    other: int
+    lengths_m: list[float]
+    stretches_m: tuple[tuple[float, float], ...]
+    gap_m: float
+
+
+class Outlook:
+    """What may be touched on a path.
+
+    Parameters
+    ----------
+    bodies
+        What moves.
+    path
+        Of their joints.
+    boxes
+        Lower and upper corners of the boxes about what stands [m], each of shape (pieces, 3).
+    least_m
+        What is nearer than this counts as touched [m], > 0.
+
+    Attributes
+    ----------
+    places
+        Parameters of the path, rising from 0 to 1: lengths of pairs are known there.
+    standing, own
+        Pairs that may touch: with what stands, and of solids of the arm.
+    """
+
+    def __init__(
+        self, bodies: ArmBodies, path: JointPath, boxes: tuple[Vector, Vector], least_m: float
+    ) -> None:
+        slopes = path.steepest_by_interval
+        intervals = len(slopes)
+        rates_m, own_rates_m = slopes @ bodies.reach_m.T, slopes @ bodies.pair_reach_m.T
+        way_m = float(rates_m.max(axis=1, initial=0.0).sum()) / intervals
+        cells = max(min(way_m / _CELL_M, _MOST_CELLS), 1)
+        each = int(np.ceil(cells / intervals))
+        places = np.linspace(0.0, 1.0, intervals * each + 1)
+        self.places: list[float] = places.tolist()
+        self._bodies = bodies
+        self._boxes = boxes
+        self._least_m = least_m
+        self._rotations, self._origins = bodies.frames.at(path.along(places))
+        self.standing = self._with_what_stands(_lengths_m(rates_m, each))
+        self.own = self._with_itself(_lengths_m(own_rates_m, each))
+
+    def _with_what_stands(self, lengths_m: Vector) -> list[NearPair]:
+        bodies, (low, high) = self._bodies, self._boxes
+        if not len(low):
+            return []
+        spheres, count = bodies.spheres, len(self.places)
+        some = np.unique(np.r_[0 : count : min(_STRIDE, count - 1), count - 1])
+        centres = self._placed(spheres.joints, spheres.centres_m, some)
+        gaps_m = _to_boxes_m(centres[:, :, np.newaxis], low, high)
+        gaps_m -= spheres.radii_m[:, np.newaxis] + self._least_m
+        moved_m = np.diff(lengths_m[some], axis=0)[:, :, np.newaxis]
+        near = (_sums_m(gaps_m) <= moved_m).any(axis=0)
+        # The base of the arm stands where it is put.
+        near[: bodies.still] = False
+        solids, pieces = np.nonzero(near)
+        if not len(solids):
+            return []
+        rows, owners, firsts = spheres.balls_of(solids)
+        balls = self._placed(spheres.ball_joints, spheres.ball_centres_m)[:, rows]
+        gaps_m = _to_boxes_m(balls, low[pieces[owners]], high[pieces[owners]])
+        gaps_m -= spheres.ball_radii_m[rows] + self._least_m
+        gaps_m = np.minimum.reduceat(gaps_m, firsts, axis=1)
+        chosen = list(zip(pieces.tolist(), solids.tolist(), strict=True))
+        return _near_pairs(chosen, gaps_m, lengths_m[:, solids])
+
+    def _with_itself(self, lengths_m: Vector) -> list[NearPair]:
+        bodies, spheres = self._bodies, self._bodies.spheres
+        if not bodies.pairs:
+            return []
+        pairs = np.array(bodies.pairs)
+        centres = self._placed(spheres.joints, spheres.centres_m)
+        gaps_m = _apart_m(centres[:, pairs[:, 0]], centres[:, pairs[:, 1]])
+        gaps_m -= spheres.radii_m[pairs].sum(axis=1) + self._least_m
+        near = np.flatnonzero((_sums_m(gaps_m) <= np.diff(lengths_m, axis=0)).any(axis=0))
+        if not len(near):
+            return []
+        chosen = [bodies.pairs[number] for number in near.tolist()]
+        ones, others, firsts = spheres.ball_pairs(chosen)
+        balls = self._placed(spheres.ball_joints, spheres.ball_centres_m)
+        gaps_m = _apart_m(balls[:, ones], balls[:, others])
+        gaps_m -= spheres.ball_radii_m[ones] + spheres.ball_radii_m[others] + self._least_m
+        gaps_m = np.minimum.reduceat(gaps_m, firsts, axis=1)
+        return _near_pairs(chosen, gaps_m, lengths_m[:, near])
+
+    def _placed(self, joints: Numbers, points_m: Vector, places: Numbers | None = None) -> Vector:
+        """Return where points fixed to joints are at places, shape (places, points, 3)."""
+        rotations, origins = self._rotations, self._origins
+        if places is not None:
+            rotations, origins = rotations[places], origins[places]
+        turned = (rotations[:, joints] @ points_m[:, :, np.newaxis])[..., 0]
+        return np.asarray(turned + origins[:, joints])
+
+
+def _lengths_m(rates_m: Vector, each: int) -> Vector:
+    """Return how far points move up to each place, from rates by interval of so many cells each."""
+    steps = np.repeat(rates_m, each, axis=0) / (len(rates_m) * each)
+    return np.concatenate([np.zeros((1, rates_m.shape[1])), np.cumsum(steps, axis=0)])
+
+
+def _to_boxes_m(points: Vector, low: Vector, high: Vector) -> Vector:
+    squares: Vector = np.zeros(1)
+    for axis in range(3):
+        at = points[..., axis]
+        away = np.maximum(low[..., axis] - at, at - high[..., axis])
+        squares = squares + np.maximum(away, 0.0) ** 2
+    return np.asarray(np.sqrt(squares))
+
+
+def _apart_m(ones: Vector, others: Vector) -> Vector:
+    apart = ones - others
+    return np.asarray(np.sqrt(apart[..., 0] ** 2 + apart[..., 1] ** 2 + apart[..., 2] ** 2))
+
+
+def _sums_m(gaps_m: Vector) -> Vector:
+    """Return how much there is between every two neighbouring places; none where spheres touch."""
+    open_m = np.maximum(gaps_m, 0.0)
+    return np.asarray(open_m[:-1] + open_m[1:])
+
+
+def _near_pairs(
+    pairs: Sequence[tuple[int, int]], gaps_m: Vector, lengths_m: Vector
+) -> list[NearPair]:
+    found = []
+    uncovered = _sums_m(gaps_m) <= np.diff(lengths_m, axis=0)
+    open_m = np.maximum(gaps_m, 0.0)
+    begins, ends = lengths_m[:-1] + open_m[:-1], lengths_m[1:] - open_m[1:]
+    for column in np.flatnonzero(uncovered.any(axis=0)).tolist():
+        stretches: list[tuple[float, float]] = []
+        for cell in np.flatnonzero(uncovered[:, column]).tolist():
+            begin, end = float(begins[cell, column]), float(ends[cell, column])
+            if stretches and begin <= stretches[-1][1] + _JOINED_M:
+                begin, end = stretches[-1][0], max(end, stretches[-1][1])
+                stretches.pop()
+            stretches.append((begin, end))
+        found.append(
+            NearPair(
+                pairs[column][1],
+                pairs[column][0],
+                lengths_m[:, column].tolist(),
+                tuple(stretches),
+                float(open_m[:, column].min()),
+            )
+        )
+    return found
