@@ -35,6 +35,7 @@ def paths_of(task: Task, result: Result) -> list[tuple[JointPath, int]]:
     paths = SweptDetector(task).paths
     state = task.initial
     _, here = paths.stand(state)
+    assert here is not None
     found = []
     for step in result.steps:
         skill = task.skill(step.skill)

@@ -33,7 +33,10 @@ class ExecutionSettings(back_end.Options):
         description="highest speed of the tip to a target and back [m/s]",
     )
     acceleration_m_per_s2: float = Field(
-        default=1.5, ge=0.05, le=10.0, description="highest acceleration of the tip then [m/s2]"
+        default=1.5,
+        ge=0.05,
+        le=10.0,
+        description="highest acceleration of the tip then, and of a part in the jaws [m/s2]",
     )
     speed_fraction: float = Field(
         default=0.5,

@@ -24,7 +24,8 @@ def trace_file(
 ) -> Iterator[Callable[[Sample], None]]:
     """Yield what writes a row of the trace; what was there is replaced in the end.
 
-    Columns are ``time_s``, ``skill``, ``phase`` (what the robot is at in it), tip and target [m], joint angles [rad], the opening of the
+    Columns are ``time_s``, ``skill``, ``phase`` (what the robot is at in it), tip and target [m],
+    joint angles [rad], the opening of the
     jaws [m], the contact force between bodies that are not expected to touch [N], and of every
     body its position [m] and orientation; empty where a body is nowhere.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -15,6 +16,10 @@ Vector = NDArray[np.float64]
 
 # A way is looked at in so many pieces at least, and in so many between two nodes.
 _PIECES, _PIECES_PER_NODE = 32, 4
+# Accelerations of the tip are looked at in so many steps.
+_SAMPLES = 100
+# Of what is held, from the tip, along the axes of the hand [m].
+_HELD_M = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]])
 
 
 class JointRun(Protocol):
@@ -26,6 +31,50 @@ class JointRun(Protocol):
 
     def at(self, time_s: float) -> tuple[Vector, Vector, Vector]:
         """Return angles [rad], speeds [rad/s] and accelerations [rad/s2], each (joints,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class SlowedRun:
+    """A run that takes longer, by one factor all along.
+
+    Parameters
+    ----------
+    run
+        The faster one.
+    factor
+        How many times as long it takes, >= 1.
+    """
+
+    run: JointRun
+    factor: float
+
+    @classmethod
+    def within(
+        cls, run: JointRun, kinematics: ArmKinematics, acceleration_m_per_s2: float
+    ) -> JointRun:
+        """Return a run, slowed where what is held would exceed an acceleration [m/s2], > 0.
+
+        Looked at are the tip and points about it, so that how fast the hand is turned counts.
+        """
+        step_s = run.duration_s / _SAMPLES
+        if step_s <= 0:
+            return run
+        joints = [run.at(number * step_s)[0] for number in range(_SAMPLES + 1)]
+        tips = [kinematics.tip(one) for one in joints]
+        points = np.array([(tip.position + _HELD_M @ tip.rotation.T) for tip in tips])
+        gains = np.linalg.norm(np.diff(points, n=2, axis=0), axis=2) / step_s**2
+        excess = math.sqrt(float(gains.max()) / acceleration_m_per_s2)
+        return run if excess <= 1.0 else cls(run, excess)
+
+    @property
+    def duration_s(self) -> float:
+        """From rest to rest [s]."""
+        return self.factor * self.run.duration_s
+
+    def at(self, time_s: float) -> tuple[Vector, Vector, Vector]:
+        """Return angles [rad], speeds [rad/s] and accelerations [rad/s2], each (joints,)."""
+        joints, speeds, gains = self.run.at(time_s / self.factor)
+        return joints, speeds / self.factor, gains / self.factor**2
 
 
 @dataclass(frozen=True, slots=True)

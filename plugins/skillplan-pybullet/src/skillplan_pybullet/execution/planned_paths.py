@@ -10,6 +10,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from skillplan.physics.linear_motions import LinearMotion, visited_grasp
+from skillplan.task.grasp import GraspKind
+from skillplan.task.motion import Event
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -18,12 +21,15 @@ from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.travel import Travel, Unfound
 from skillplan_pinocchio.skill_travels import TravelTo
-from skillplan_pinocchio.timing.trajectory import JointLimits, Trajectory, fastest_trajectory
-from skillplan_pybullet.arm.joint_motion import JointMotion
+from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
+from skillplan_pybullet.arm.joint_motion import JointMotion, JointRun, SlowedRun
 from skillplan_pybullet.arm.kinematics import UnreachableError, Vector, kinematics_of
 from skillplan_pybullet.arm.planned_motion import ArmMotion
 from skillplan_pybullet.arm.rotations import points_down
 from skillplan_pybullet.execution_settings import ExecutionSettings
+
+# Of the acceleration of what jaws hold, where it is turned in space: it creeps in them.
+_TURNED_SHARE = 1 / 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +87,8 @@ class PlannedPaths:
         )
         limits = JointLimits.of(task.scene.robots[0].model)
         self.limits = limits.scaled(settings.speed_fraction)
-        self._runs: dict[bytes, Trajectory] = {}
+        self.gripped_m_per_s2 = settings.acceleration_m_per_s2
+        self._runs: dict[tuple[bytes, bool], JointRun] = {}
 
     def stand(self, state: State) -> Vector:
         """Return how the arm stands at a state's place [rad], shape (joints,).
@@ -143,13 +150,24 @@ class PlannedPaths:
             rotation,
             strokes.down,
             strokes.up,
-            JointMotion(self.kinematics, travel.path.nodes, self._run(travel.path)),
+            JointMotion(
+                self.kinematics, travel.path.nodes, self._run(travel.path, one.motion, turns=turns)
+            ),
             one.is_checked or turns,
             travel.around,
         )
 
-    def _run(self, path: JointPath) -> Trajectory:
-        key = path.nodes.tobytes()
+    def _run(self, path: JointPath, motion: LinearMotion, *, turns: bool) -> JointRun:
+        """Return the fastest run along a path, slowed where a part might slip in the jaws."""
+        is_gripped = motion.visit.event is Event.RELEASE and (
+            visited_grasp(self.task.scene.body(motion.visit.subject), motion.visit).kind
+            is GraspKind.JAWS
+        )
+        key = path.nodes.tobytes(), is_gripped
         if key not in self._runs:
-            self._runs[key] = fastest_trajectory(path, self.limits)
+            run: JointRun = fastest_trajectory(path, self.limits)
+            if is_gripped:
+                share = _TURNED_SHARE if turns else 1.0
+                run = SlowedRun.within(run, self.kinematics, share * self.gripped_m_per_s2)
+            self._runs[key] = run
         return self._runs[key]
