@@ -17,7 +17,7 @@ repeatable = settings(
     database=None,
     suppress_health_check=[HealthCheck.too_slow],
 )
-settings.register_profile("fast", repeatable, max_examples=20)
+settings.register_profile("fast", repeatable, max_examples=10)
 settings.register_profile("whole", repeatable, max_examples=40)
 settings.register_profile("thorough", repeatable, max_examples=100)
 settings.load_profile("fast")

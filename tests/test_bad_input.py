@@ -514,10 +514,18 @@ EXPENSIVE = {
 @pytest.mark.parametrize(
     "names",
     [
-        sorted(set(PATHOLOGICAL) - EXPENSIVE),
+        pytest.param(
+            sorted(set(PATHOLOGICAL) - EXPENSIVE),
+            marks=pytest.mark.slow(
+                reason="a process of its own with all of them; the corpus, with its bomb of "
+                "aliases, in every run"
+            ),
+        ),
         pytest.param(
             sorted(EXPENSIVE),
-            marks=pytest.mark.release(reason="21 of them, a second each; the others in every run"),
+            marks=pytest.mark.release(
+                reason="21 of them, a second each; the others in the whole suite"
+            ),
         ),
     ],
     ids=["quick", "expensive"],

@@ -69,6 +69,14 @@ def schema_of(kind: str) -> Any:
     return json.loads((FOLDER / f"{kind}.schema.json").read_text("utf-8"))
 
 
+@cache
+def validator_of(kind: str) -> Any:
+    """Return what holds a file against the schema of a kind, which is checked itself, once."""
+    schema = schema_of(kind)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
 ASSEMBLIES = [path for path in CONFIGS if content_of(path)["kind"] == "assembly"]
 every_config = pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 every_kind = pytest.mark.parametrize("kind", sorted(VERIFIED))
@@ -77,8 +85,18 @@ every_kind = pytest.mark.parametrize("kind", sorted(VERIFIED))
 def configs_expecting(key: str) -> pytest.MarkDecorator:
     """Return the parametrization over the assemblies whose expect block has `key`."""
     having = [path for path in ASSEMBLIES if key in (content_of(path).get("expect") or {})]
-    params = [pytest.param(path, marks=unless_installed(path), id=path.stem) for path in having]
+    params = [
+        pytest.param(path, marks=[unless_installed(path), *large(path)], id=path.stem)
+        for path in having
+    ]
     return pytest.mark.parametrize("path", params)
+
+
+def large(path: Path) -> list[pytest.MarkDecorator]:
+    """Return the mark of what takes a second and more to plan."""
+    if path.stem not in ("drawer_module", "gear_unit", "mini_pc"):
+        return []
+    return [pytest.mark.slow(reason="a large product of space; boards in every run")]
 
 
 def unless_installed(path: Path) -> pytest.MarkDecorator:
@@ -227,9 +245,7 @@ class TestEveryConfig:
     @every_config
     def test_it_validates_against_the_shipped_schema(self, path: Path) -> None:
         """What an editor says of it agrees with what loading says."""
-        schema = schema_of(content_of(path)["kind"])
-        jsonschema.Draft202012Validator.check_schema(schema)
-        jsonschema.Draft202012Validator(schema).validate(content_of(path))
+        validator_of(content_of(path)["kind"]).validate(content_of(path))
 
     @every_kind
     def test_the_shipped_schema_is_the_printed_one(

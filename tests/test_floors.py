@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from sources import parsed
+
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "skillplan"
 PLUGINS = ROOT / "plugins"
@@ -31,6 +33,7 @@ OPENS = {
     "workers/resident_memory.py": "the process file system of Linux",
     "workers/local_processes.py": "the null device, for what libraries print",
     "domains/domain.py": "the starter that lies in the package of a domain",
+    "views/report/player_files.py": "the style sheet and the player that lie in its package",
     "plugins/installed.py": "what pip wrote of a distribution",
     "pipeline/warm_up.py": "a board of its own, in a folder of its own",
     "views/figures/hulls_figure.py": "a picture that it drew itself, in memory",
@@ -41,6 +44,7 @@ OPENS = {
     "skillplan_pybullet/arm/robot_file.py": "the arm for pybullet, in a folder of its own",
     "skillplan_pybullet/execution/skill_runner.py": "opens the jaws of a hand",
     "training/sent_group.py": "a folder of its own for what a training elsewhere keeps",
+    "judge/fast_downward.py": "a folder of its own for a planner",
     "skillplan_ray/fingerprint.py": "the process file system, and the sources of packages",
 }
 
@@ -62,7 +66,7 @@ def place(path: Path) -> str:
 def nodes(path: Path) -> list[ast.AST]:
     """Return all that a module holds of calls and imports; read once."""
     kinds = (ast.Call, ast.Import, ast.ImportFrom)
-    tree = ast.walk(ast.parse(path.read_text("utf-8")))
+    tree = ast.walk(parsed(path))
     return [node for node in tree if isinstance(node, kinds)]
 
 

@@ -10,7 +10,6 @@ import sys
 import tomllib
 from collections import Counter
 from collections.abc import Iterator
-from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ import pytest
 
 import skillplan
 from skillplan import errors
+from sources import parsed
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "skillplan"
@@ -177,11 +177,6 @@ class TestFiles:
             text = path.read_bytes().decode("utf-8", "replace")
             assert own not in text, name
             assert home.search(text) is None, name
-
-
-@cache
-def parsed(path: Path) -> ast.Module:
-    return ast.parse(path.read_text("utf-8"))
 
 
 def lines_of_functions(path: Path) -> Iterator[tuple[str, int]]:

@@ -41,6 +41,16 @@ ROWS: list[tuple[str, str, list[str]]] = [
         ],
     ),
     (
+        "plan (CSV, JSON, PDDL, behaviour tree)",
+        "{bytes}, {} skills, {} elements, {} levels",
+        [
+            "exporters.plan_files:MAX_BYTES",
+            "exporters.plan_files:MOST_SKILLS",
+            "robots.xml_tree:MAX_ELEMENTS",
+            "robots.xml_tree:MAX_DEPTH",
+        ],
+    ),
+    (
         "trajectory (DXF, CSV, G-code)",
         "{bytes}, {} m, {} control points of a spline",
         [
@@ -64,6 +74,12 @@ ROWS: list[tuple[str, str, list[str]]] = [
         "result and other documents in JSON",
         "{bytes}, {} levels",
         ["files.json_file:_MOST_BYTES", "files.strict_json:MAX_DEPTH"],
+    ),
+    ("document that `report` is given", "{bytes}", ["cli.report_inputs:_MOST_BYTES"]),
+    (
+        "mesh of what a link looks like, in a report",
+        "{bytes}",
+        ["views.playback.meshes:_MOST_BYTES"],
     ),
     ("table beside a result", "{bytes}", ["pipeline.record_check:_MOST_BYTES"]),
     (

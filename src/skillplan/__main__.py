@@ -13,8 +13,8 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 def main() -> None:
     """Run the command line; a signal ends it with exit code 130 from the first instant on."""
-    # Importing makes thousands of objects and no garbage.
-    gc.set_threshold(50_000, *gc.get_threshold()[1:])
+    # Importing makes a hundred thousand objects and no garbage.
+    gc.set_threshold(200_000, *gc.get_threshold()[1:])
     # What is to be ignored, as by a shell's job in the background, stays so.
     heard = [one for one in SIGNALS if signal.getsignal(one) is not signal.SIG_IGN]
     try:

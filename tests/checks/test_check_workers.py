@@ -2,7 +2,6 @@
 
 import gc
 import os
-import pickle
 import random
 import signal
 import subprocess
@@ -26,10 +25,11 @@ from expensive_back_ends import (
     TalkingEngine,
     checks_in,
 )
+from processes_in_any_order import AnyOrder
 from situations import fake_back_end, small_tasks
-from skillplan.checks import check_workers
-from skillplan.checks.check_workers import CheckWorkers
 from skillplan.checks.feasibility import CheckCount, Feasibility
+from skillplan.checks.parallel import check_workers
+from skillplan.checks.parallel.check_workers import CheckWorkers
 from skillplan.checks.verdict_cache import DiskVerdictCache
 from skillplan.collision.detector import Detector
 from skillplan.errors import BackEndError, SkillplanError
@@ -37,7 +37,6 @@ from skillplan.model.enumeration import enumerate_feasibility
 from skillplan.model.skill_model import SkillModel
 from skillplan.task.verdict import Verdict
 from skillplan.testing import lid_task, reachable_states
-from skillplan.workers.executor import Answer, Executor
 
 TASK = lid_task()
 PATIENCE_S = 30
@@ -79,40 +78,6 @@ def outcome(task, questions, jobs, folder, seed=0):
     feasibility.close()
     counts = (feasibility.checks, feasibility.hits, feasibility.executions, feasibility.reached)
     return verdicts, counts, dict(feasibility.queried), kept_in(folder)
-
-
-class FakeProcess:
-    """A process that works in this one."""
-
-    def __init__(self, prepare, content, what):
-        self._work = prepare(pickle.loads(content))
-        self._said = None
-        self.alive = True
-
-    def take(self, job):
-        self._said = self._work(job)
-
-    def answer(self):
-        return Answer(self._said)
-
-    def end(self, *, gently=True):
-        self.alive = False
-
-
-class AnyOrder(Executor):
-    """Fake processes; whoever waits hears of the answers in any order."""
-
-    rng = random.Random(0)
-
-    def start(self, prepare, content, what):
-        return FakeProcess(prepare, content, what)
-
-    def first_ready(self, workers, patience_s=0.0):
-        workers = list(workers)
-        return self.rng.sample(workers, self.rng.randint(1, len(workers)))
-
-    def close(self):
-        """Nothing is to be ended."""
 
 
 @pytest.mark.slow(reason="starts processes twice; the order of questions is in every run")

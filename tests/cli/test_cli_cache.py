@@ -367,7 +367,7 @@ class TestOtherCommands:
             ),
             pytest.param(
                 ("compare", "TASK", "--solvers", "exact,exhaustive"),
-                marks=pytest.mark.slow(reason="ten processes; three other commands in every run"),
+                marks=pytest.mark.release(reason="ten processes; others in the whole suite"),
             ),
             ("evaluate", "TASK", "--sequence", "0,1,2,3"),
         ],

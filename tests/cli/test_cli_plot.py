@@ -184,7 +184,7 @@ def test_what_cannot_be_drawn_is_told(
     assert [] == list(Path().iterdir())
 
 
-@pytest.mark.parametrize("figure", ["policy", "placement", "gantt", "fleet"])
+@pytest.mark.parametrize("figure", ["policy", "placement", "fleet"])
 def test_a_bench_figure_of_an_assembly_is_refused(
     cli: Any, walk: str, board: str, figure: str
 ) -> None:
@@ -214,6 +214,44 @@ def test_a_chain_without_a_plan_is_not_drawn(cli: Any, walk: str) -> None:
     assert (1, "") == (outcome.code, outcome.out)
     assert "polygonal: unsolved: goals: nothing that" in outcome.err
     assert [] == list(Path().iterdir())
+
+
+@pytest.mark.parametrize("figure", ["layout", "precedence", "exploded"])
+def test_a_figure_of_an_arm_is_refused_of_a_bench(cli: Any, walk: str, figure: str) -> None:
+    """A bench has no parts and no arm."""
+    outcome = cli("plot", walk, figure, "--part", "base-1")
+    assert 2 == outcome.code
+    assert "it shows parts and an arm" in outcome.err or "no parts that are put" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("figure", "written"),
+    [
+        ("layout", {"pcb", "8, 10", "50 mm"}),
+        ("gantt", {"panda, gripper", "panda, tool change", "time [s]"}),
+        ("precedence", {"pcb", "brace", "screw_2"}),
+        ("exploded", {"transformer", "8"}),
+    ],
+)
+def test_a_board_is_drawn(
+    cli: Any, board: str, tmp_path: Path, figure: str, written: set[str]
+) -> None:
+    """Text stays text, so that what a figure says can be read."""
+    path = tmp_path / "f.svg"
+    outcome = cli("plot", board, figure, "--out", str(path))
+    assert (0, f"{path}\n") == (outcome.code, outcome.out)
+    assert written <= texts(path)
+
+
+def test_a_precedence_relation_is_written_for_graphviz(
+    cli: Any, board: str, tmp_path: Path
+) -> None:
+    """Only of that figure: others are pictures."""
+    path = tmp_path / "f.dot"
+    assert 0 == cli("plot", board, "precedence", "--out", str(path)).code
+    assert '"transformer" -> "brace"' in path.read_text()
+    assert '"pcb" -> "screw_1"' not in path.read_text(), "it follows from other pairs"
+    assert "end it in .png or .svg" in cli("plot", board, "layout", "--out", str(path)).err
 
 
 def test_help_lists_all_figures_and_loads_none() -> None:

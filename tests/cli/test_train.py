@@ -122,6 +122,10 @@ class TestOutput:
 
 
 class TestInterruption:
+    @pytest.mark.slow(
+        reason="trains in a process, and goes on; in every run a training stops between strides, "
+        "and a search hears Ctrl-C"
+    )
     def test_ctrl_c_keeps_what_there_is_and_says_how_to_go_on(
         self, cli: Any, kept: Path, environment: dict[str, str], tmp_path: Path
     ) -> None:
@@ -174,7 +178,7 @@ class TestInterruption:
             ),
             pytest.param(20, 20_000, marks=pytest.mark.release(reason="20 kills")),
             pytest.param(
-                3, 3_000, marks=pytest.mark.slow(reason="three kills; Ctrl-C in every run")
+                3, 3_000, marks=pytest.mark.release(reason="three kills; one in the whole suite")
             ),
         ],
     )

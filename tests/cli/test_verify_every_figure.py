@@ -163,7 +163,7 @@ def test_a_stage_with_a_skill_that_there_is_not_fails(cli: Any, chain: Path) -> 
     assert "NOT VALID: goals: plan" in outcome.out
 
 
-@pytest.mark.slow(reason="225 verifications; test_a_changed_figure_is_noticed is the cheap one")
+@pytest.mark.release(reason="225 verifications; test_a_changed_figure_is_noticed in every run")
 def test_every_leaf_of_a_board_is_checked_or_listed(run: Path) -> None:
     """One at a time."""
     found = unnoticed(run, "result.json", leaves(document_of(run)))
@@ -201,6 +201,7 @@ def solved_policy(solved: Any, tmp_path_factory: pytest.TempPathFactory) -> Path
     return Path(solved(folder, BOARD, "--solver", "value-iteration"))
 
 
+@pytest.mark.slow(reason="a dozen verifications; a changed choice of a policy in every run")
 def test_a_changed_leaf_of_policies_is_noticed(solved_policy: Path, tmp_path: Path) -> None:
     """Headers, and a sample of the choices."""
     folder = Path(shutil.copytree(solved_policy, tmp_path / "run"))

@@ -89,6 +89,7 @@ def test_every_plugin_of_this_repository_is_in_the_reference():
         "collision": built("back_ends.md"),
         "domain": built("back_ends.md"),
         "executor": built("executors.md"),
+        "exporter": built("exporters.md"),
     }
     written = "".join(page.read_text("utf-8") for page in DOCS.rglob("*.md"))
     for path in [ROOT / "pyproject.toml", *(ROOT / "plugins").glob("*/pyproject.toml")]:
@@ -227,21 +228,23 @@ def test_the_documents_of_trainings_have_those_keys(tmp_path, monkeypatch):
     """Manifest, result and policies of a training validate, and what ``evaluate`` makes of it."""
     pytest.importorskip("torch")
     monkeypatch.chdir(tmp_path)
-    train = f"train {ROOT / BOARD} --solver dqn --runs 2 --steps 3000 --out board"
+    train = f"train {ROOT / BOARD} --solver dqn --runs 1 --steps 3000 --out board"
     run(["skillplan", *train.split()])
     validate(json.loads(run(["skillplan", "evaluate", "board", "--format", "json"])))
     for path in ("manifest.json", "result.json", "runs/00/policy.json", "runs/00/last.json"):
         validate(json.loads(Path("board", path).read_text("utf-8")))
 
 
-@pytest.mark.slow(reason="a simulation and detectors on trial")
+@pytest.mark.release(
+    reason="a simulation and detectors on trial; documents of trainings in the whole suite"
+)
 def test_the_documents_of_simulations_have_those_keys(monkeypatch):
     """A simulated plan, and detectors on trial, validate."""
     pytest.importorskip("pybullet")
     monkeypatch.chdir(ROOT)
     for command in (
-        f"simulate {BOARD} --sequence 0,1,2,3",
-        f"compare {BOARD} --detectors aabb,contact-pairs --physics pybullet --staged 3",
+        f"simulate {BOARD} --sequence 0,1",
+        f"compare {BOARD} --detectors aabb,contact-pairs --physics pybullet --staged 1",
     ):
         validate(json.loads(run(["skillplan", *command.split(), "--format", "json"])))
 

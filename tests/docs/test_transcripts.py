@@ -29,7 +29,12 @@ LONG_PAGES = {
     "docs/tutorials/swarmitfix.md",
 }
 # Of those with fences that take long, half a minute each.
-LONGEST_PAGES = {"docs/howto/compare.md", "docs/tutorials/physics.md"}
+LONGEST_PAGES = {
+    "docs/howto/cache.md",
+    "docs/howto/compare.md",
+    "docs/tutorials/physics.md",
+    "docs/tutorials/training.md",
+}
 
 
 def named(page):

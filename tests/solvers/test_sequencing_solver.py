@@ -72,10 +72,19 @@ def make_solver(name, stop=None):
         *((config, "aabb") for config in ASSEMBLIES if config not in LARGEST),
         *(
             pytest.param(
-                config, detector, marks=pytest.mark.slow(reason="the largest; others in every run")
+                config,
+                "precedence",
+                marks=pytest.mark.slow(reason="the largest; others in every run"),
             )
             for config in LARGEST
-            for detector in ("precedence", "aabb")
+        ),
+        *(
+            pytest.param(
+                config,
+                "aabb",
+                marks=pytest.mark.release(reason="the largest by boxes; others in every run"),
+            )
+            for config in LARGEST
         ),
     ],
 )
@@ -197,11 +206,10 @@ def test_the_dynamic_program_proves_what_is_published(name):
     [
         "ESC47",
         "ft53.4",
-        "ft70.1",
         "p43.1",
         *(
             pytest.param(name, marks=pytest.mark.release(reason="up to a minute, alone on it"))
-            for name in ("prob.42", "rbg253a", "ft53.1")
+            for name in ("prob.42", "rbg253a", "ft53.1", "ft70.1")
         ),
     ],
 )

@@ -1,18 +1,18 @@
-"""How many examples a property test draws: a tenth in every run, more in the whole suite."""
+"""How many examples a property test draws: a twentieth in every run, more in the whole suite."""
 
 from hypothesis import settings
 
 
-def examples(count: int, fewest: int = 6) -> int:
+def examples(count: int, fewest: int = 4) -> int:
     """Return how many examples to draw under the profile in force (see the root's conftest).
 
     Parameters
     ----------
     count
-        Those of the profile `thorough` [-]; `whole` draws two fifths, any other a tenth of them.
+        Those of the profile `thorough` [-]; `whole` draws two fifths, others a twentieth of them.
     fewest
         But not fewer than this many, if `count` is not below it [-].
     """
     shares = {"thorough": 1.0, "whole": 0.4}
-    share = shares.get(settings.get_current_profile_name(), 0.1)
+    share = shares.get(settings.get_current_profile_name(), 0.05)
     return max(min(count, fewest), int(count * share))

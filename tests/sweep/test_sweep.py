@@ -543,9 +543,7 @@ class TestKilling:
                     reason="a study killed and done again; a training cut short in every run"
                 ),
             ),
-            pytest.param(
-                6, marks=pytest.mark.slow(reason="6 kills; a training cut short in every run")
-            ),
+            pytest.param(6, marks=pytest.mark.release(reason="6 kills; one in the whole suite")),
         ],
     )
     def test_killed_at_any_instant_and_resumed_it_equals_an_uninterrupted_study(

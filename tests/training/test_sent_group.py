@@ -92,7 +92,14 @@ lossy = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarn
 
 
 @lossy
-@pytest.mark.parametrize("answers", [0, 1, 3])
+@pytest.mark.parametrize(
+    "answers",
+    [
+        pytest.param(0, marks=pytest.mark.slow(reason="trains twice; lost later in every run")),
+        1,
+        pytest.param(3, marks=pytest.mark.slow(reason="trains twice; lost earlier in every run")),
+    ],
+)
 def test_a_training_whose_machine_is_lost_goes_on_from_its_checkpoint(
     kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answers: int
 ) -> None:

@@ -46,7 +46,7 @@ class TestCpSatSolver(SolverSuite):
         pytest.param(
             "motor_drive",
             ("aabb",),
-            marks=pytest.mark.slow(reason="smaller boards in every run"),
+            marks=pytest.mark.release(reason="smaller boards in every run"),
         ),
         pytest.param(
             "relay_rail",

@@ -221,7 +221,7 @@ def test_it_agrees_with_simulated_execution_on_a_sample_of_pairs(board, swept):
     assert not any(executed.allows(*pair) for pair in chance.sample(barred, 2))
 
 
-@pytest.mark.slow(reason="every pair executed; a sample of them in every run")
+@pytest.mark.release(reason="every pair executed; a sample of them in the whole suite")
 @pytest.mark.parametrize("product", ["inverter_board", "sensor_stack"])
 def test_it_agrees_with_simulated_execution_on_every_pair(product, product_task):
     """Every reachable set with every part and screw that it lacks, executed in pybullet."""

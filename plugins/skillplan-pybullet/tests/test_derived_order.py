@@ -112,13 +112,13 @@ def board(back_end: str) -> Answer:
 
 class TestThePapersBoard:
     @pytest.mark.slow(reason="derives the whole relation; CI does so by a command")
-    @pytest.mark.parametrize("back_end", SLOW_BY_PHYSICS)
+    @pytest.mark.parametrize("back_end", RELEASED_BY_PHYSICS)
     def test_the_derived_relation_is_the_hand_made_chart(self, back_end):
         found = board(back_end)
         assert_settled(found)
         assert_equals_the_chart_of(load_problem(BOARD).task, found)
 
-    @pytest.mark.parametrize("back_end", SLOW_BY_PHYSICS)
+    @pytest.mark.parametrize("back_end", RELEASED_BY_PHYSICS)
     def test_the_optimum_needs_no_chart(self, back_end):
         optimum = board(back_end).optimum
         assert optimum.cost == pytest.approx(1.86709, abs=5e-6)
@@ -128,7 +128,7 @@ class TestThePapersBoard:
 
 class TestTheSensorStack:
     @pytest.mark.slow(reason="derives a second order; that of the board in every run")
-    @pytest.mark.parametrize("back_end", ["swept", "physics"])
+    @pytest.mark.parametrize("back_end", RELEASED_BY_PHYSICS)
     def test_a_product_of_another_order_has_another_relation(self, back_end):
         task = load_problem(BOARD.parent / "sensor_stack.yaml").task
         found = answer(task, back_end)
@@ -138,7 +138,7 @@ class TestTheSensorStack:
 
 
 @pytest.mark.slow(reason="derives an order without a part; that of the board in every run")
-@pytest.mark.parametrize("back_end", ["swept", "physics"])
+@pytest.mark.parametrize("back_end", RELEASED_BY_PHYSICS)
 class TestAPartTakenAway:
     def test_its_relations_go_with_it_and_the_rest_stays(self, tmp_path, back_end):
         content = config_content("inverter_board")

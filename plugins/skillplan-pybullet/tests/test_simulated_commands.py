@@ -29,7 +29,7 @@ def call(capfd, tmp_path, monkeypatch):
     return run
 
 
-@pytest.mark.slow(reason="by the engine in every run, by the command in .ci/run")
+@pytest.mark.release(reason="by the engine in every run, by the command in .ci/run")
 def test_the_whole_plan_arrives_within_half_a_millimetre(call, tmp_path) -> None:
     """In one continuous world: every part in its place, every screw pressed; with a trace."""
     trace = tmp_path / "trace.csv"

@@ -114,7 +114,7 @@ def test_workers_are_spread_over_nodes_and_answers_are_the_same(cluster: Any) ->
     assert outcome(Setup()) == outcome(at(cluster))
 
 
-@slow
+@pytest.mark.release(reason="kills a node; that of a process is told in every run")
 def test_the_loss_of_a_node_is_told_in_words_and_costs_its_check_only(cluster: Any) -> None:
     """SIGKILL for the node and all that runs there; the check is made once more elsewhere."""
     executor = executor_at(cluster)

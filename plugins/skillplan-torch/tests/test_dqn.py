@@ -202,7 +202,12 @@ class TestLearning:
     @pytest.mark.parametrize(
         ("options", "share", "success"),
         [
-            ({"mask": "none", "observation": "paper"}, 0.9, 0.80),
+            pytest.param(
+                {"mask": "none", "observation": "paper"},
+                0.9,
+                0.80,
+                marks=pytest.mark.release(reason="with a mask in the whole suite"),
+            ),
             ({"mask": "applicable", "observation": "markov"}, 1.0, 0.99),
         ],
     )

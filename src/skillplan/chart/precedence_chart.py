@@ -52,6 +52,8 @@ class DerivedChart:
     alternatives
         Of conditional skills between what orders have to choose, as far as it is a matter of
         order.
+    demands
+        Every relation of every skill, also those that the skill of another component has already.
     """
 
     relations: tuple[Relation, ...]
@@ -62,6 +64,7 @@ class DerivedChart:
     conditional: Mapping[str, tuple[str, ...]]
     undecided: tuple[str, ...] = ()
     alternatives: tuple[Alternatives, ...] = ()
+    demands: tuple[Relation, ...] = ()
 
     @property
     def cycle(self) -> tuple[str, ...]:
@@ -136,6 +139,7 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
         conditional,
         tuple(undecided),
         tuple(choice for choice in choices if choice is not None),
+        tuple(relation for query in queries for relation in query.found),
     )
 
 

@@ -9,9 +9,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from skillplan.checks.deciding import Link, deciding
 from skillplan.checks.execution_times import ExecutionTimes
+from skillplan.checks.parallel.foresight import Foresight, Likely
+from skillplan.checks.parallel.query_batch import QueryBatch
 from skillplan.checks.precondition import PRECONDITION, inapplicable
-from skillplan.checks.query_batch import QueryBatch
 from skillplan.checks.reuse_sample import ReuseSample
 from skillplan.checks.single_check import (
     Checked,
@@ -28,11 +30,11 @@ from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan.task.verdict import Verdict, VerdictStatus
+from skillplan.task.verdict import Verdict
 from skillplan.workers.executor import MakeExecutor
 
 if TYPE_CHECKING:
-    from skillplan.checks.check_workers import CheckWorkers
+    from skillplan.checks.parallel.check_workers import CheckWorkers
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +107,8 @@ class Feasibility:
         Of skills that have several.
     times
         How long skills take, as back ends tell.
+    foresight
+        What other processes checked ahead; None where all is checked in this one.
 
     Raises
     ------
@@ -144,21 +148,25 @@ class Feasibility:
         apart = expensive and (jobs > 1 or make_executor is not None)
         if apart:
             # Here and not above: whoever needs no processes must not pay for importing this.
-            from skillplan.checks.check_workers import CheckWorkers
+            from skillplan.checks.parallel.check_workers import CheckWorkers
 
             executor = None if make_executor is None else make_executor(jobs)
             self._workers = CheckWorkers(task, self.back_ends, jobs, executor)
-        # Each with whether it is worth counting, and whether it is queried in another process.
         self._chain = tuple(
-            (index, back_end, back_end.expensive or not expensive, back_end.expensive and apart)
-            for index, back_end in enumerate(self.back_ends)
+            Link(index, one, one.expensive or not expensive, one.expensive and apart)
+            for index, one in enumerate(self.back_ends)
         )
+        self.foresight = Foresight(self._chain, self.cache, self.ways) if apart else None
         self.times = ExecutionTimes(task, self.back_ends, self.ways)
         timed = task.metric.is_duration and bool(self.times.sources)
         self._prices = Prices(self._price, self.times.basis) if timed else None
 
     def verdict(
-        self, skill: Skill, state: State, poll: Callable[[], None] = lambda: None
+        self,
+        skill: Skill,
+        state: State,
+        poll: Callable[[], None] = lambda: None,
+        likely: Likely | None = None,
     ) -> Verdict:
         """Return the verdict on `skill` in `state`.
 
@@ -168,6 +176,9 @@ class Feasibility:
             What is queried.
         poll
             Called now and then while another process checks; what it raises ends the check.
+        likely
+            Begins to yield what is likely to be queried next. Processes that have nothing to do
+            meanwhile check that ahead.
 
         Raises
         ------
@@ -175,6 +186,8 @@ class Feasibility:
             If a back end raises, or returns something else than a verdict.
         """
         if self._workers is not None:
+            if self.foresight is not None and likely is not None:
+                self.foresight.expect(skill, likely)
             return self.verdicts([(skill, state)], poll)[0]
         self._to_go = 1
         return _result_of(self._checking(skill, state))
@@ -212,7 +225,7 @@ class Feasibility:
                 verdicts.append(_result_of(self._checking(skill, state)))
             return verdicts
         batch = QueryBatch(self._checking, queries, self.ways.lane)
-        self._workers.hold(batch.lanes, poll)
+        self._workers.hold(batch.lanes, poll, self.foresight)
         return batch.verdicts()
 
     def stages(self, skill: Skill, state: State) -> list[Verdict]:
@@ -268,56 +281,20 @@ class Feasibility:
         if not skill.applicable(state):
             self._to_go -= 1
             return inapplicable(self.task, skill, state)
-        tally = _Tally()
+        tally = _Tally(self)
         if skill.ways:
-            deciding = partial(self._deciding, tally)
-            verdict = yield from choosing(self.ways, deciding, skill, state, self._prices)
+            decide = partial(deciding, self._chain, tally)
+            verdict = yield from choosing(self.ways, decide, skill, state, self._prices)
         else:
-            verdict = yield from self._deciding(tally, skill, state)
+            verdict = yield from deciding(self._chain, tally, skill, state)
         self.checks += tally.worked
         self.hits += not tally.worked
         self.executions += tally.executed
         self.reached += tally.reached
         self._to_go -= 1
         if tally.executed:
-            self._report()
+            self.report()
         return verdict
-
-    def _deciding(
-        self, tally: _Tally, skill: Skill, state: State
-    ) -> Generator[CheckRequest, Checked, Verdict]:
-        """Decide about a skill with one motion, noting what that took."""
-        facts = self.task.facts
-        condition = skill.condition(state)
-        present, absent = condition.requires.bits, condition.forbids.bits
-        unknown: Verdict | None = None
-        goes_on = False
-        for index, back_end, counts, apart in self._chain:
-            tally.reached = tally.reached or counts
-            verdict = self.cache.find(back_end, skill, state)
-            if verdict is None:
-                tally.worked = True
-                if counts and not tally.executed:
-                    tally.executed = True
-                    self._report()
-                self.queried[back_end.name] += 1
-                if apart:
-                    checked = yield CheckRequest(index, skill, state, goes_on)
-                    goes_on = True
-                else:
-                    checked = check(back_end, skill, state)
-                verdict = checked.verdict
-                self.cache.keep(back_end, skill, checked, state)
-            else:
-                self.reused.note(index, skill, state, verdict)
-            if verdict.status is VerdictStatus.INFEASIBLE:
-                return verdict
-            if verdict.status is VerdictStatus.UNKNOWN:
-                unknown = unknown or verdict
-            if verdict.present is not None and verdict.absent is not None:
-                present |= verdict.present.bits
-                absent |= verdict.absent.bits
-        return unknown or Verdict.feasible(facts.state(present), facts.state(absent))
 
     def _query(self, back_end: BackEnd, skill: Skill, state: State) -> Verdict:
         known = self.cache.find(back_end, skill, state)
@@ -328,7 +305,8 @@ class Feasibility:
         self.cache.keep(back_end, skill, checked, state)
         return checked.verdict
 
-    def _report(self) -> None:
+    def report(self) -> None:
+        """Say to whoever waits how far the checks have come."""
         if self._on_check is not None:
             self._on_check(CheckCount(self.checks, self.hits, self._to_go))
 
@@ -336,10 +314,36 @@ class Feasibility:
 class _Tally:
     """What it took to decide about a skill, by all ways of it that were looked at."""
 
-    __slots__ = ("executed", "reached", "worked")
+    __slots__ = ("_of", "executed", "reached", "worked")
 
-    def __init__(self) -> None:
+    def __init__(self, of: Feasibility) -> None:
+        self._of = of
         self.worked = self.executed = self.reached = False
+
+    def known(self, link: Link, skill: Skill, state: State) -> Verdict | None:
+        """Return what is kept of a back end that holds in a state, and note its use."""
+        self.reached = self.reached or link.counts
+        verdict = self._of.cache.find(link.back_end, skill, state)
+        if verdict is not None:
+            self._of.reused.note(link.number, skill, state, verdict)
+        return verdict
+
+    def begin(self, link: Link) -> None:
+        """Count a query of a back end."""
+        self.worked = True
+        if link.counts and not self.executed:
+            self.executed = True
+            self._of.report()
+        self._of.queried[link.back_end.name] += 1
+
+    def foretold(self, link: Link, skill: Skill, state: State) -> Checked | None:
+        """Return what was said when this was checked ahead, or None."""
+        foresight = self._of.foresight
+        return None if foresight is None else foresight.take(link, skill, state)
+
+    def keep(self, link: Link, skill: Skill, state: State, checked: Checked) -> None:
+        """Keep what was said."""
+        self._of.cache.keep(link.back_end, skill, checked, state)
 
 
 def _result_of(checking: Generator[CheckRequest, Checked, Verdict]) -> Verdict:

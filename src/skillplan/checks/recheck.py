@@ -8,8 +8,8 @@ from contextlib import closing, suppress
 from dataclasses import dataclass
 
 from skillplan.checks.audit import contradiction, contradicts
-from skillplan.checks.check_workers import CheckWorkers
 from skillplan.checks.feasibility import Feasibility
+from skillplan.checks.parallel.check_workers import CheckWorkers
 from skillplan.checks.single_check import Checked, CheckRequest, check
 from skillplan.checks.verdict_folder import KeptVerdict
 from skillplan.checks.ways import asked_by_name

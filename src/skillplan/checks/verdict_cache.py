@@ -9,7 +9,6 @@ again.
 from __future__ import annotations
 
 import json
-import logging
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
@@ -23,8 +22,6 @@ from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import Facts, State
 from skillplan.task.verdict import Verdict, VerdictStatus
-
-_LOG = logging.getLogger(__name__)
 
 # Class of the back end, its options and basis, the task as an object, and the skill.
 _ShelfKey = tuple[type[BackEnd], str, str, int, str]
@@ -220,7 +217,9 @@ class DiskVerdictCache(VerdictCache):
                 shelf.seen.add(record.write(shelf.folder))
             except OSError as error:
                 self._writable = False
-                _LOG.warning(
+                import logging
+
+                logging.getLogger(__name__).warning(
                     "skillplan: verdicts cannot be kept in %s: %s", self.folder, error.strerror
                 )
 

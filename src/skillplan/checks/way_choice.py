@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 
+from skillplan.checks.deciding import Checking
 from skillplan.checks.single_check import Checked, CheckRequest
 from skillplan.checks.way_verdict import WayAccount
 from skillplan.checks.ways import Pairing, Variant, Ways
@@ -15,8 +16,6 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict, VerdictStatus
 
-# Yields what is to be checked and is sent what was said; returns the verdict.
-Checking = Generator[CheckRequest, Checked, Verdict]
 Deciding = Callable[[Skill, State], Checking]
 
 

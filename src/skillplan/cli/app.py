@@ -30,6 +30,8 @@ PANELS = {
         "verify": "Check the claims of a result independently of what made it.",
         "simulate": "Execute a whole plan in one simulated world; film it.",
         "plot": "Draw a figure of a solved task as PNG or SVG.",
+        "export": "Hand a task or a plan on to other tools: PDDL, behaviour trees, PLCs, ROS.",
+        "report": "Write one HTML page on plans, with a playback in 3-D.",
     },
     "Understand": {
         "explain": "Say why a skill is feasible or not in a state.",

@@ -14,7 +14,7 @@ from typer.main import get_command
 
 from skillplan.cli import rich_help
 from skillplan.cli.options.grouped import grouped
-from skillplan.cli.options.shared import OUTPUT
+from skillplan.cli.options.panels import OUTPUT
 from skillplan.cli.writing import guarded_stdout
 from skillplan.errors import nearest
 
@@ -43,6 +43,7 @@ class Command(TyperCommand):
         self._lists = lists
         for parameter in self.params:
             untyped(parameter)
+            absent_unread(parameter)
 
     def get_help_option(self, ctx: Any) -> Any:
         """Return the option, in the panel of output."""
@@ -162,6 +163,19 @@ def untyped(parameter: Any) -> None:
         parameter.metavar = ""
         # Without a default Typer would load pydantic to see that there is no value.
         parameter.default = bool(parameter.default)
+
+
+def absent_unread(parameter: Any) -> None:
+    """Have an option that is not given stay None: Typer would let pydantic make what reads it."""
+    process = parameter.process_value
+
+    def process_value(ctx: Any, value: Any) -> Any:
+        single = parameter.nargs == 1 and not parameter.multiple
+        if value is None and single and not parameter.required and parameter.callback is None:
+            return None
+        return process(ctx, value)
+
+    parameter.process_value = process_value
 
 
 def _print_help(ctx: Any, parameter: Any, wanted: bool) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 
 from skillplan.cli.counting import counting
-from skillplan.cli.options.shared import BackEnds, Reading, split_names
+from skillplan.cli.options.shared import BackEnds, Reading
+from skillplan.cli.options.values import split_names
 from skillplan.cli.output import emit
 from skillplan.errors import OptionError, exit_code
 from skillplan.records.execution.detectors import detectors_document

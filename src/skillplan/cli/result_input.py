@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skillplan.cli.options.shared import BackEnds, PartReading, parse_options, split_names
+from skillplan.cli.options.shared import BackEnds, PartReading
+from skillplan.cli.options.values import parse_options, split_names
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.pipeline.restoration import LoadedResult

@@ -251,6 +251,10 @@ class Domain(ABC):
         """
         raise OptionError(f"Tasks of kind {self.kind!r} have no families of layouts.")
 
+    def has_family(self, config: Any) -> bool:
+        """Return whether a file describes a family of layouts, of which its task is one."""
+        return False
+
     def errata(self, config: Any) -> Listing | None:
         """Return what the published source prints wrongly, by this file's geometry.
 

@@ -50,6 +50,40 @@ def output_path(option: str, out: str, suffixes: Collection[str], what: str) -> 
     return path
 
 
+def output_folder(option: str, out: str) -> Path:
+    """Return a folder that several files go into, having seen that they can; makes nothing.
+
+    Parameters
+    ----------
+    option
+        The option that names it, such as ``--out``.
+    out
+        The folder as the user named it.
+
+    Raises
+    ------
+    OptionError
+        If there is something of the name but an empty folder, or the folder above is missing or
+        closed to writing.
+    """
+    path = Path(out)
+    try:
+        if path.is_dir():
+            if any(path.iterdir()):
+                raise OptionError(f"{option} {out}: is not empty. Name a new folder.")
+        elif path.exists() or path.is_symlink():
+            raise OptionError(f"{option} {out}: is a file. Name a new folder.")
+        elif not path.parent.is_dir():
+            raise OptionError(f"{option} {out}: there is no folder {path.parent}. Make it first.")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise OptionError(f"{option} {out}: cannot be used: {reason}.") from None
+    there = path if path.is_dir() else path.parent
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise OptionError(f"{option} {out}: the folder {there} cannot be written to.")
+    return path
+
+
 @contextmanager
 def refusing(option: str, path: Path) -> Iterator[None]:
     """Turn a failure to write into one clear message.

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from skillplan.checks.feasibility import Feasibility
+from skillplan.checks.parallel.foresight import Likely
 from skillplan.errors import SearchStopped
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -152,8 +153,17 @@ class SkillModel:
             if bits & requires == requires and not bits & forbids and skill.has_case(bits)
         ]
 
-    def verdict(self, state: State, skill: Skill) -> Verdict:
+    def verdict(self, state: State, skill: Skill, likely: Likely | None = None) -> Verdict:
         """Return the verdict on `skill` in `state`, querying back ends for what is not known.
+
+        Parameters
+        ----------
+        state, skill
+            What is queried.
+        likely
+            Begins to yield what is likely to be queried next, states and skills, the most likely
+            first: where several processes check, idle ones check that ahead. Neither verdicts nor
+            counts depend on it.
 
         Raises
         ------
@@ -163,10 +173,18 @@ class SkillModel:
             If the solver should have stopped long ago.
         """
         self._cut_off()
-        verdict = self.feasibility.verdict(skill, state, self._cut_off)
+        verdict = self.feasibility.verdict(skill, state, self._cut_off, likely)
         if verdict.status is VerdictStatus.UNKNOWN:
             self._unknown += 1
         return verdict
+
+    def expected(self, state: State, skill: Skill) -> bool | None:
+        """Return whether a skill is feasible as far as that was checked, ahead or not; else None.
+
+        Always None where all checks are made in one process.
+        """
+        foresight = self.feasibility.foresight
+        return None if foresight is None else foresight.expected(skill, state)
 
     def verdicts(self, queries: Sequence[tuple[Skill, State]], /) -> list[Verdict]:
         """Return the verdicts on several skills in states, in order; raises as `verdict`."""

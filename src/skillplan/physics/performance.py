@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, ClassVar
 
 from skillplan.task.motion import Point
@@ -155,6 +156,14 @@ class Performer(ABC):
     """
 
     contact_detectors: ClassVar[tuple[str, ...]] = ()
+
+    def looks(self) -> Sequence[Path | None]:
+        """Return meshes of an arm's base and links in their frames, as Wavefront files.
+
+        None for a link that has none, and nothing at all where nobody has any: then what links
+        collide with is what they look like.
+        """
+        return ()
 
     @abstractmethod
     def picture(self, skill: Skill, state: State) -> Image:

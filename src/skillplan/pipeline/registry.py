@@ -29,6 +29,7 @@ KINDS = {
     "collision": "skillplan.collision.detector:Detector",
     "solver": "skillplan.solvers.solver:Solver",
     "executor": "skillplan.workers.executor:Executor",
+    "exporter": "skillplan.exporters.exporter:Exporter",
 }
 
 # Words that users try, to the plugin that they mean where no name is near.
@@ -46,6 +47,16 @@ _MEANT = {
     "physics": {"bullet": "pybullet", "none": "kinematic"},
     "collision": {"chart": "precedence", "boxes": "aabb"},
     "executor": {"processes": "local", "multiprocessing": "local", "cluster": "ray"},
+    "exporter": {
+        "behaviortree": "btcpp",
+        "behaviour-tree": "btcpp",
+        "groot": "btcpp",
+        "plc": "st",
+        "iec61131": "st",
+        "ros": "ros2",
+        "mcap": "ros2",
+        "excel": "csv",
+    },
 }
 
 

@@ -8,7 +8,7 @@ from importlib.metadata import Distribution, EntryPoint, EntryPoints, entry_poin
 from typing import Any
 
 # Kind of plugin to the group that its entry points are in.
-_KINDS = ("domain", "physics", "collision", "solver", "executor")
+_KINDS = ("domain", "physics", "collision", "solver", "executor", "exporter")
 GROUPS = {kind: f"skillplan.{kind}" for kind in _KINDS}
 # What takes a mesh apart into convex pieces: a function, not a class.
 _DECOMPOSITION = "decomposition"
@@ -45,6 +45,12 @@ def is_editable(distribution: Distribution) -> bool:
         return bool(stated.get("dir_info", {}).get("editable"))
     except (ValueError, AttributeError):
         return False
+
+
+def distribution_versions() -> tuple[tuple[str, str], ...]:
+    """Return the names of distributions that provide plugins, and their versions."""
+    found = {entry.dist for kind in GROUPS for entry in registered(kind) if entry.dist is not None}
+    return tuple(sorted({(one.name, one.version) for one in found}))
 
 
 def refresh() -> None:

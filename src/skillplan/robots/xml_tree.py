@@ -51,13 +51,15 @@ class Element:
         return next(self.all(tag), None)
 
 
-def parse_xml(content: bytes) -> Element:
+def parse_xml(content: bytes, remedy: str = "keep the arm alone") -> Element:
     """Return the root of a file.
 
     Parameters
     ----------
     content
         Of the file.
+    remedy
+        What to do where it is too large.
 
     Raises
     ------
@@ -65,11 +67,12 @@ def parse_xml(content: bytes) -> Element:
         If it is not XML, declares a document type, or has more elements, or more within each other,
         than `MAX_ELEMENTS` and `MAX_DEPTH`.
     """
-    return _Builder().parse(content)
+    return _Builder(remedy).parse(content)
 
 
 class _Builder:
-    def __init__(self) -> None:
+    def __init__(self, remedy: str) -> None:
+        self.remedy = remedy
         self.parser = expat.ParserCreate()
         self.parser.StartElementHandler = self._start
         self.parser.EndElementHandler = self._end
@@ -94,9 +97,9 @@ class _Builder:
         line = self.parser.CurrentLineNumber
         self.count += 1
         if self.count > MAX_ELEMENTS:
-            raise XmlError(f"it has more than {MAX_ELEMENTS:,} elements; keep the arm alone", line)
+            raise XmlError(f"it has more than {MAX_ELEMENTS:,} elements; {self.remedy}", line)
         if len(self.unclosed) >= MAX_DEPTH:
-            raise XmlError(f"its elements lie more than {MAX_DEPTH} deep; keep the arm alone", line)
+            raise XmlError(f"its elements lie more than {MAX_DEPTH} deep; {self.remedy}", line)
         made = Element(tag, attributes, line)
         if self.unclosed:
             self.unclosed[-1].children.append(made)

@@ -21,7 +21,10 @@ _HOMES = {
     "DomainSuite": "domain_suite",
     "EngineSuite": "back_end_suites",
     "ExecutorSuite": "executor_suite",
+    "ExporterSuite": "exporter_suite",
     "SolverSuite": "solver_suite",
+    "chance_task": "tasks",
+    "hostile_task": "tasks",
     "lid_content": "tasks",
     "lid_task": "tasks",
     "reachable_states": "tasks",
@@ -32,15 +35,26 @@ if TYPE_CHECKING:
     from skillplan.testing.back_end_suites import DetectorSuite, EngineSuite
     from skillplan.testing.domain_suite import DomainSuite
     from skillplan.testing.executor_suite import ExecutorSuite
+    from skillplan.testing.exporter_suite import ExporterSuite
     from skillplan.testing.solver_suite import SolverSuite
-    from skillplan.testing.tasks import lid_content, lid_task, reachable_states, shut_box_task
+    from skillplan.testing.tasks import (
+        chance_task,
+        hostile_task,
+        lid_content,
+        lid_task,
+        reachable_states,
+        shut_box_task,
+    )
 
 __all__ = [
     "DetectorSuite",
     "DomainSuite",
     "EngineSuite",
     "ExecutorSuite",
+    "ExporterSuite",
     "SolverSuite",
+    "chance_task",
+    "hostile_task",
     "lid_content",
     "lid_task",
     "reachable_states",

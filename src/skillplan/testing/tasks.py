@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from skillplan.domains.assembly.grounding import ground
@@ -26,6 +27,28 @@ def shut_box_task() -> Task:
     ]
     content["collision"] = {"precedence": {}, "aabb": {}}
     return ground(AssemblyConfig.model_validate(content), "")
+
+
+def chance_task() -> Task:
+    """Return the lid task with a fuse that slips from the jaws now and then."""
+    content = lid_content()
+    content["parts"]["fuse"]["grasp_failure"] = 0.25
+    return ground(AssemblyConfig.model_validate(content), "")
+
+
+def hostile_task() -> Task:
+    """Return the lid task with names that are no identifiers anywhere, and end whatever they can.
+
+    Only tasks from code have such names: those of files are letters, digits and hyphens.
+    """
+    task = lid_task()
+    names = ["pick(a-b)", "pick(A_B)", "$'N", "END_IF; -- (*", "*) ) ]]> </root>", "=1+1\n,'\""]
+    names += ["pick(a b)", "\x1b[31m", "\u202e", "define", "&lt;&amp;"]
+    skills = [
+        replace(skill, name=names[i] if i < len(names) else f"{names[0]} {i}")
+        for i, skill in enumerate(task.skills)
+    ]
+    return task.replace(name="END_FUNCTION_BLOCK *) \n=<&'\"", skills=tuple(skills))
 
 
 def reachable_states(model: SkillModel, most: int = 5_000) -> list[State]:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 from collections.abc import Sequence
+from contextlib import suppress
 
 
 class FedProgram:
@@ -62,3 +65,46 @@ def output_of(words: Sequence[str]) -> str | None:
     except (OSError, ValueError, subprocess.SubprocessError):
         return None
     return done.stdout
+
+
+def exit_code_of(
+    words: Sequence[str], folder: str | os.PathLike[str], limit_s: float
+) -> int | None:
+    """Return the exit code of a program; what it prints is lost.
+
+    Parameters
+    ----------
+    words
+        The program and its arguments.
+    folder
+        Where it runs.
+    limit_s
+        When it is killed, with all that it started [s].
+
+    Returns
+    -------
+    int | None
+        None where it was killed.
+
+    Raises
+    ------
+    OSError
+        If it cannot be started.
+    """
+    process = subprocess.Popen(
+        list(words),
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        return process.wait(limit_s)
+    except subprocess.TimeoutExpired:
+        return None
+    finally:
+        with suppress(ProcessLookupError, PermissionError):
+            # Of a session of its own, so that what it started goes, too.
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()

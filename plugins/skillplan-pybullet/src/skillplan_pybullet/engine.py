@@ -6,6 +6,7 @@ import math
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.metadata import version
+from pathlib import Path
 
 from pydantic import Field
 
@@ -19,6 +20,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
+from skillplan_pybullet.arm.looks import looks_of
 from skillplan_pybullet.execution.footage import footage, picture
 from skillplan_pybullet.execution.plan_execution import Observers, Rules, execute_plan
 from skillplan_pybullet.execution.workcell import Workcell
@@ -161,6 +163,10 @@ class PybulletEngine(Engine, Performer):
         if skill.motion is None:
             return Verdict.feasible(self.task.facts.none, self.task.facts.none)
         return postcondition_verdict(skill, self.record(skill, state), self.tolerances)
+
+    def looks(self) -> Sequence[Path | None]:
+        """Return the meshes of an installed package, if it has the arm; see :class:`Performer`."""
+        return looks_of(self.task.scene.robots[0].model)
 
     def picture(self, skill: Skill, state: State) -> Image:
         """Return the moment of failure, or the end; see :class:`Performer`."""

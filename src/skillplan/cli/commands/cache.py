@@ -7,18 +7,9 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.options.shared import (
-    OUTPUT,
-    BackEnds,
-    Checking,
-    ExecutorName,
-    Jobs,
-    MaybeTaskFile,
-    PartReading,
-    Seed,
-    Style,
-    TaskFile,
-)
+from skillplan.cli.options.panels import OUTPUT
+from skillplan.cli.options.shared import BackEnds, Checking, PartReading
+from skillplan.cli.options.single import ExecutorName, Jobs, MaybeTaskFile, Seed, Style, TaskFile
 from skillplan.cli.options.values import count_option
 from skillplan.cli.writing import tell
 

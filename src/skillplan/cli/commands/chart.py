@@ -4,14 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from skillplan.cli.options.shared import (
-    BackEnds,
-    Checking,
-    NoScreening,
-    PartReading,
-    Style,
-    TaskFile,
-)
+from skillplan.cli.options.shared import BackEnds, Checking, PartReading
+from skillplan.cli.options.single import NoScreening, Style, TaskFile
 
 
 def command(

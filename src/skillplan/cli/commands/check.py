@@ -6,7 +6,9 @@ from typing import Annotated
 
 import typer
 
-from skillplan.cli.options.shared import OUTPUT, BackEnds, Caching, Reading, Style, TaskFile
+from skillplan.cli.options.panels import OUTPUT
+from skillplan.cli.options.shared import BackEnds, Caching, Reading
+from skillplan.cli.options.single import Style, TaskFile
 
 
 def command(

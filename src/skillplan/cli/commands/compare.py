@@ -9,20 +9,18 @@ import typer
 
 from skillplan.cli.options.completion import plugin_lists
 from skillplan.cli.options.limits import Limits
-from skillplan.cli.options.shared import (
-    BACK_ENDS,
+from skillplan.cli.options.panels import BACK_ENDS
+from skillplan.cli.options.shared import BackEnds, Reading
+from skillplan.cli.options.single import (
     Audit,
-    BackEnds,
     ExecutorName,
     Jobs,
     NoScreening,
-    Reading,
     Seed,
     Style,
     TaskFile,
-    split_names,
 )
-from skillplan.cli.options.values import count_option
+from skillplan.cli.options.values import count_option, split_names
 
 COMPARED = "Compared"
 

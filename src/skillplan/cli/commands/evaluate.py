@@ -11,13 +11,8 @@ import typer
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.fit import refuse_given
 from skillplan.cli.options.limits import TimeLimit
-from skillplan.cli.options.shared import (
-    BackEnds,
-    Checking,
-    PartReading,
-    Seed,
-    Style,
-)
+from skillplan.cli.options.shared import BackEnds, Checking, PartReading
+from skillplan.cli.options.single import Seed, Style
 from skillplan.cli.result_input import RESULT_HELP, load
 from skillplan.cli.training_runs.evaluation import RollOuts, Wanted, evaluate_run_folders
 
@@ -55,7 +50,8 @@ class Replayed:
         typer.Option(
             "--sequence",
             metavar="0,1,4,...",
-            help="Action numbers or skill names, separated by commas.",
+            help="Action numbers or skill names, separated by commas; or @ and a file with a plan: "
+            "CSV, JSON, a plan of a PDDL planner, a behaviour tree.",
             rich_help_panel=OF_TASK,
         ),
     ] = None
@@ -79,7 +75,7 @@ class Replayed:
         ),
     ] = None
 
-    def on(self, task: Task) -> tuple[Task, Sequence[Skill] | Policy]:
+    def on(self, task: Task, setup: Setup) -> tuple[Task, Sequence[Skill] | Policy]:
         """Return the task from where it is started, and the sequence or the policy.
 
         Raises
@@ -88,6 +84,7 @@ class Replayed:
             If not just one of them is given, or something does not fit the task.
         """
         from skillplan.errors import OptionError
+        from skillplan.pipeline.plan_input import given_plan
         from skillplan.records.stored.policy_file import read_policy, start_state
         from skillplan.records.stored.result_folder import policies_path
 
@@ -104,7 +101,7 @@ class Replayed:
             except OptionError as error:
                 raise OptionError(f"--from {self.start}: {error}") from None
             task = task.replace(initial=initial, sha256=task.sha256)
-        return task, task.parse_sequence(self.sequence or "") if stored is None else stored
+        return task, given_plan(self.sequence or "", task, setup) if stored is None else stored
 
 
 def command(
@@ -169,7 +166,7 @@ def command(
     refuse_given(ctx, _RECORDED, "is for a result or a folder of runs, not for a task file")
     task = reading.task(inputs[0], back_ends)
     setup = back_ends.setup(task, (DEFAULT_SOLVER,), executor=checking.executor)
-    task, skills_or_policy = replayed.on(task)
+    task, skills_or_policy = replayed.on(task, setup)
     return _evaluate(task, setup, skills_or_policy, checking, time_limit_s, style)
 
 

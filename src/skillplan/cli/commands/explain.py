@@ -7,15 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skillplan.cli.options.completion import skills
-from skillplan.cli.options.shared import (
-    OUTPUT,
-    TASK,
-    BackEnds,
-    Caching,
-    PartReading,
-    Style,
-    TaskFile,
-)
+from skillplan.cli.options.panels import OUTPUT, TASK
+from skillplan.cli.options.shared import BackEnds, Caching, PartReading
+from skillplan.cli.options.single import Style, TaskFile
 from skillplan.cli.options.values import count_option
 from skillplan.cli.result_input import RESULT_HELP, load
 from skillplan.errors import OptionError

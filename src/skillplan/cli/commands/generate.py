@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 
 from skillplan import __version__
-from skillplan.cli.options.shared import OUTPUT, TASK, Seed
+from skillplan.cli.options.panels import OUTPUT, TASK
+from skillplan.cli.options.single import Seed
 from skillplan.cli.options.values import count_option, fraction
 
 HELP = """Write task files at random, of a kind: for studies of scale.

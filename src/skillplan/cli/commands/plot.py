@@ -13,17 +13,10 @@ import typer
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.fit import given, refuse_given
 from skillplan.cli.options.limits import TimeLimit
-from skillplan.cli.options.shared import (
-    OUTPUT,
-    SOLVER,
-    BackEnds,
-    PartReading,
-    Seed,
-    parse_options,
-    solver_option,
-    split_names,
-)
-from skillplan.cli.options.values import count_option, one_of
+from skillplan.cli.options.panels import OUTPUT, SOLVER
+from skillplan.cli.options.shared import BackEnds, PartReading
+from skillplan.cli.options.single import Seed, solver_option
+from skillplan.cli.options.values import count_option, one_of, parse_options, split_names
 from skillplan.cli.result_input import RESULT_HELP, load
 from skillplan.cli.writing import tell, write_out
 from skillplan.errors import OptionError, name_hint
@@ -139,8 +132,9 @@ def command(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="Where to, .png or .svg; default: TASK-FIGURE.png in the current folder, after "
-            "the task's name, or FIGURE.png and FIGURE.svg in RUN. What was there is replaced.",
+            help="Where to, .png or .svg, of precedence also .dot; default: TASK-FIGURE.png in the "
+            "current folder, after the task's name, or FIGURE.png and FIGURE.svg in RUN. "
+            "What was there is replaced.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
@@ -242,11 +236,12 @@ def _plot(
     from skillplan.cli.waiting import stoppable
     from skillplan.pipeline.registry import load, make_options
     from skillplan.records.result import Status
-    from skillplan.views.figures.figure_file import checked_path, save_figure
+    from skillplan.views.figures.figure_file import DOT, checked_path, save_content, save_figure
     from skillplan.views.figures.figure_request import FigureRequest, Outcome
 
     figure = wanted.figure
-    path = checked_path(f"{problem.name}-{figure}.png" if wanted.out is None else wanted.out)
+    more = (DOT,) if hasattr(module, "dot") else ()
+    path = checked_path(f"{problem.name}-{figure}.png" if wanted.out is None else wanted.out, more)
     name = module.SOLVER if wanted.solver is None else wanted.solver
     given = parse_options(back_ends.options, name).get(name, {})
     request = FigureRequest(
@@ -259,6 +254,7 @@ def _plot(
         tuple(wanted.states),
         wanted.seeds,
         make_options("solver", name, load("solver", name), given).model_dump(),
+        _deriver(problem, part, back_ends),
     )
     outcomes = []
     with stoppable(wanted.time_limit_s, label=f"{name} for {figure}") as stop:
@@ -271,9 +267,27 @@ def _plot(
                     _say_why(problem.name, answer)
                     return exit_code([answer])
             outcomes.append(Outcome(run, answer))
-    save_figure(module.draw(request, outcomes), path, wanted.dpi)
+    if path.suffix.lower() == DOT:
+        save_content(module.dot(request), path)
+    else:
+        save_figure(module.draw(request, outcomes), path, wanted.dpi)
     write_out(f"{path}\n")
     return 0
+
+
+def _deriver(problem: Problem, part: str | None, back_ends: BackEnds) -> Any:
+    """Return what derives a precedence relation; None where there is a hand-made one to show.
+
+    Detectors that the command line names are asked in any case.
+    """
+    from skillplan.pipeline.presentation.geometric_chart import geometric_chart
+    from skillplan.pipeline.run import warm_cache
+
+    names = split_names(back_ends.collision or "")
+    task = None if problem.is_chain and part is None else problem.part(part)
+    if task is None or not task.scene.bodies or (task.chart and not names):
+        return None
+    return lambda one: geometric_chart(one, back_ends.setup(one), warm_cache())
 
 
 def _answer(

@@ -7,19 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from skillplan.cli.options.limits import LIMITS, Limits
-from skillplan.cli.options.shared import (
-    OUTPUT,
-    SOLVER,
-    Audit,
-    BackEnds,
-    Checking,
-    NoScreening,
-    PartReading,
-    Seed,
-    Style,
-    TaskFile,
-    solver_option,
-)
+from skillplan.cli.options.panels import OUTPUT, SOLVER
+from skillplan.cli.options.shared import BackEnds, Checking, PartReading
+from skillplan.cli.options.single import Audit, NoScreening, Seed, Style, TaskFile, solver_option
 from skillplan.cli.options.values import fraction
 
 if TYPE_CHECKING:  # --help pays for no imports

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
 from skillplan.cli.options.completion import plugin_names, plugin_options, task_files
-from skillplan.cli.options.shared import BACK_ENDS, OUTPUT, TASK, BackEnds, PartReading, Style
+from skillplan.cli.options.panels import BACK_ENDS, OUTPUT, TASK
+from skillplan.cli.options.shared import BackEnds, PartReading
+from skillplan.cli.options.single import Style
 from skillplan.cli.options.values import positive_number
 from skillplan.cli.result_input import RESULT_HELP, load
 
@@ -19,10 +21,6 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.pipeline.setup import Setup
     from skillplan.task.skill import Skill
     from skillplan.task.task import Task
-
-ENGINE = "pybullet"
-# A detector that always serves, and that is not queried.
-_ANY = "aabb"
 
 
 def command(
@@ -198,6 +196,7 @@ class _Notes:
 def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartReading) -> _Read:
     """Return task, setup and plan; of engines the one chosen, or the file's, or else pybullet."""
     from skillplan.errors import OptionError
+    from skillplan.pipeline.presentation.performing import ANY_DETECTOR, contact_detectors
     from skillplan.records.stored.result_folder import is_result
 
     stored = is_result(path)
@@ -220,9 +219,9 @@ def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartRea
 
     # Of the detectors that the file chooses only those need to be installed that read contacts,
     # and which these are the engine says.
-    first = read(replace(back_ends, collision=_ANY, options=[]), warn=False)
+    first = read(replace(back_ends, collision=ANY_DETECTOR, options=[]), warn=False)
     engine = _engine(first)
-    collision = ",".join(_contact_detectors(engine, first.detectors)) or _ANY
+    collision = ",".join(contact_detectors(engine, first.detectors)) or ANY_DETECTOR
     return read(replace(back_ends, physics=engine, collision=collision), warn=True)
 
 
@@ -236,19 +235,11 @@ class _Read(NamedTuple):
     detectors: list[str]
 
 
-def _contact_detectors(engine: str, chosen: Collection[str]) -> list[str]:
-    """Return the detectors that rule on contacts: of those chosen, or else the engine's first."""
-    from skillplan.pipeline import registry
-
-    known = getattr(registry.load("physics", engine), "contact_detectors", ())
-    able = [name for name in known if name in registry.names("collision")]
-    return [name for name in able if name in chosen] or able[:1]
-
-
 def _engine(read: _Read) -> str:
     """Return the name of the engine chosen, or the file's, or else pybullet."""
     from skillplan.errors import OptionError
     from skillplan.pipeline import registry
+    from skillplan.pipeline.presentation.performing import ENGINE
 
     if read.setup.physics is not None or read.task.physics is not None:
         return read.setup.physics_choice(read.task).name

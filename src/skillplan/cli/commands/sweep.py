@@ -10,20 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from skillplan.cli.options.shared import (
-    BACK_ENDS,
-    OUTPUT,
-    SOLVER,
-    BackEnds,
-    ExecutorName,
-    PartReading,
-    Seed,
-    Style,
-    TaskFile,
-    solver_option,
-    split_names,
-)
-from skillplan.cli.options.values import count_option, one_of
+from skillplan.cli.options.panels import BACK_ENDS, OUTPUT, SOLVER
+from skillplan.cli.options.shared import BackEnds, PartReading
+from skillplan.cli.options.single import ExecutorName, Seed, Style, TaskFile, solver_option
+from skillplan.cli.options.values import count_option, one_of, split_names
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.records.sweep.result import SweepResult

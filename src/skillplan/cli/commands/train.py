@@ -10,14 +10,11 @@ from typing import Annotated
 import typer
 
 from skillplan.cli.options.limits import time_limit_option
-from skillplan.cli.options.shared import (
-    OUTPUT,
-    SOLVER,
-    BackEnds,
-    Caching,
+from skillplan.cli.options.panels import OUTPUT, SOLVER
+from skillplan.cli.options.shared import BackEnds, Caching, PartReading
+from skillplan.cli.options.single import (
     ExecutorName,
     NoScreening,
-    PartReading,
     Seed,
     Style,
     TaskFile,

@@ -8,7 +8,8 @@ import typer
 
 from skillplan.cli.options.completion import task_files
 from skillplan.cli.options.limits import memory_limit_option, time_limit_option
-from skillplan.cli.options.shared import BACK_ENDS, OUTPUT, TASK, Style
+from skillplan.cli.options.panels import BACK_ENDS, OUTPUT, TASK
+from skillplan.cli.options.single import Style
 
 
 def command(
@@ -57,6 +58,16 @@ def command(
         int | None,
         memory_limit_option("Prove nothing a second time that takes more memory in all than this"),
     ] = None,
+    referee: Annotated[
+        str | None,
+        typer.Option(
+            "--with",
+            metavar="REFEREE",
+            help="Have the claims about all plans checked by a planner of others, too: "
+            "fast-downward, which sees nothing but PDDL. It comes with the extra planner.",
+            rich_help_panel=BACK_ENDS,
+        ),
+    ] = None,
     verbose: Annotated[
         bool,
         typer.Option(
@@ -75,19 +86,27 @@ def command(
     Every other figure, and the files beside it, must be what they come to. What does not hold is
     listed, what does is summed up.
     """
+    from dataclasses import replace
+
     from skillplan.cli.output import emit
     from skillplan.cli.waiting import stoppable
     from skillplan.errors import OptionError, exit_code
     from skillplan.pipeline.certification import certify
     from skillplan.pipeline.run import warm_cache
+    from skillplan.pipeline.second_referee import check_referee, referee_claims
     from skillplan.views.tables.certificate import certificate_summary, certificate_table
     from skillplan.views.tables.saved import csv_files
 
     if warm and no_cache:
         raise OptionError("--warm and --no-cache exclude each other.")
+    if referee is not None:
+        check_referee(referee)
     with stoppable(time_limit_s, label="verifying", memory_limit_bytes=memory_limit_bytes) as stop:
         cache = warm_cache() if warm else None
         certificate = certify(result, task_file, stop=stop, cache=cache, saved_tables=csv_files)
+        if referee is not None:
+            more = referee_claims(result, task_file, time_limit_s, stop)
+            certificate = replace(certificate, claims=(*certificate.claims, *more))
     code = exit_code(interrupted=stop.interrupted, solved=certificate.valid)
     # Only people want it short: Markdown and CSV hold every claim.
     whole = verbose or style != "table"

@@ -1,19 +1,17 @@
-"""Arguments and options that several commands share, in groups that commands take whole."""
+"""Options that several commands share, in groups that commands take whole."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skillplan.cli.options.completion import plugin_lists, plugin_names, plugin_options, task_files
-from skillplan.cli.options.values import (
-    count_option,
-    one_of,
-    whole_number,
-)
+from skillplan.cli.options.completion import plugin_lists, plugin_names, plugin_options
+from skillplan.cli.options.panels import BACK_ENDS, TASK
+from skillplan.cli.options.single import ExecutorName, Jobs
+from skillplan.cli.options.values import parse_options, split_names
 from skillplan.cli.writing import tell
 from skillplan.errors import OptionError
 
@@ -23,85 +21,6 @@ if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.pipeline.setup import Setup
     from skillplan.task.back_end import BackEnd
     from skillplan.task.task import Task
-
-# The panels of a command's help.
-TASK, SOLVER, BACK_ENDS = "Task", "Solver", "Back ends"
-OUTPUT = "Output"
-
-FORMATS = ("table", "json", "csv", "md")
-_MOST_SEED = 2**63 - 1
-
-TaskFile = Annotated[
-    str,
-    typer.Argument(
-        metavar="TASK",
-        autocompletion=task_files,
-        help="A task file: YAML, or TSPLIB's .sop.",
-        show_default=False,
-    ),
-]
-MaybeTaskFile = Annotated[
-    str | None,
-    typer.Argument(metavar="TASK", autocompletion=task_files, help="A task file."),
-]
-Style = Annotated[
-    Literal["table", "json", "csv", "md"],
-    typer.Option(
-        "--format",
-        parser=one_of(FORMATS),
-        metavar="FORMAT",
-        help="How to print: table, json, csv or md; json holds everything in one document.",
-        rich_help_panel=OUTPUT,
-    ),
-]
-Seed = Annotated[
-    int,
-    typer.Option(
-        "--seed",
-        parser=whole_number(0, _MOST_SEED),
-        metavar="N",
-        help="Governs all randomness.",
-        rich_help_panel=SOLVER,
-    ),
-]
-Jobs = Annotated[
-    int,
-    count_option(
-        "--jobs",
-        least=1,
-        most=64,
-        text="How many processes may be used: expensive back ends check in them at once, and "
-        "solvers that can search in them; no verdict depends on it.",
-        rich_help_panel=BACK_ENDS,
-    ),
-]
-
-
-ExecutorName = Annotated[
-    str,
-    typer.Option(
-        "--executor",
-        metavar="NAME[:ADDRESS]",
-        autocompletion=plugin_names("executor"),
-        help="Where those processes are: local for this machine, ray for a cluster that has been "
-        "started, if skillplan-ray is installed. Nothing that comes out depends on it.",
-        rich_help_panel=BACK_ENDS,
-    ),
-]
-
-
-Audit = Annotated[
-    int | None,
-    count_option(
-        "--audit",
-        least=0,
-        most=100_000,
-        text="How many verdicts that the search has reused are asked again after it, where they "
-        "were reused; by default 4, and none of expensive back ends",
-        rich_help_panel=BACK_ENDS,
-        show_default=False,
-    ),
-]
 
 
 @dataclass(frozen=True, slots=True)
@@ -353,17 +272,6 @@ class BackEnds:
         return setup
 
 
-NoScreening = Annotated[
-    bool,
-    typer.Option(
-        "--no-screening",
-        help="Leave all to a physics engine. Otherwise geometry is asked first (swept, if it is "
-        "installed), and what it refuses is executed only for a sample.",
-        rich_help_panel=BACK_ENDS,
-    ),
-]
-
-
 @dataclass(frozen=True, slots=True)
 class Caching:
     """Whether verdicts kept on disk are used.
@@ -412,42 +320,3 @@ def warn_of(problem: Problem) -> None:
     """Print on stderr what in a task file is valid, but hardly meant."""
     for warning in problem.warnings:
         tell(f"skillplan: warning: {warning}")
-
-
-def parse_options(entries: Iterable[str], solver: str | None) -> dict[str, dict[str, Any]]:
-    """Return plugin name to options, from ``[PLUGIN.]KEY=VALUE`` entries.
-
-    Raises
-    ------
-    OptionError
-        If an entry has another form, or names no plugin where there is no single solver.
-    """
-    parsed: dict[str, dict[str, Any]] = {}
-    for entry in entries:
-        key, equals, value = entry.partition("=")
-        plugin, dot, name = key.rpartition(".")
-        if not equals or not name:
-            raise OptionError(f"Option {entry!r} must have the form [PLUGIN.]KEY=VALUE.")
-        if not dot:
-            if solver is None:
-                raise OptionError(f"Option {entry!r} must name its plugin: PLUGIN.{entry}.")
-            plugin = solver
-        parsed.setdefault(plugin, {})[name] = value
-    return parsed
-
-
-def split_names(text: str) -> list[str]:
-    """Return the distinct names of a list with commas, in order."""
-    return list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-
-
-def solver_option(text: str, **details: Any) -> Any:
-    """Return the option that names one solver; `text` is its help."""
-    return typer.Option(
-        "--solver",
-        metavar="NAME",
-        autocompletion=plugin_names("solver"),
-        help=text,
-        rich_help_panel=SOLVER,
-        **details,
-    )

@@ -1,13 +1,15 @@
-"""What the words after an option mean: numbers in a range, seconds, sizes of memory, choices."""
+"""What the words after an option mean: numbers in a range, seconds, sizes, choices, names."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import typer
+
+from skillplan.errors import OptionError
 
 _LEAST_BYTES = 64 * 1024**2
 _UNITS = {
@@ -148,3 +150,30 @@ def _number(value: str | float, what: str = "number") -> float:
         return float(value)
     except ValueError:
         raise typer.BadParameter(f"{value!r} is not a {what}.") from None
+
+
+def parse_options(entries: Iterable[str], solver: str | None) -> dict[str, dict[str, Any]]:
+    """Return plugin name to options, from ``[PLUGIN.]KEY=VALUE`` entries.
+
+    Raises
+    ------
+    OptionError
+        If an entry has another form, or names no plugin where there is no single solver.
+    """
+    parsed: dict[str, dict[str, Any]] = {}
+    for entry in entries:
+        key, equals, value = entry.partition("=")
+        plugin, dot, name = key.rpartition(".")
+        if not equals or not name:
+            raise OptionError(f"Option {entry!r} must have the form [PLUGIN.]KEY=VALUE.")
+        if not dot:
+            if solver is None:
+                raise OptionError(f"Option {entry!r} must name its plugin: PLUGIN.{entry}.")
+            plugin = solver
+        parsed.setdefault(plugin, {})[name] = value
+    return parsed
+
+
+def split_names(text: str) -> list[str]:
+    """Return the distinct names of a list with commas, in order."""
+    return list(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))

@@ -85,6 +85,19 @@ def plot_run_folders(
     return exit_code()
 
 
+def figures_of(folder: RunFolder, drawing: Drawing) -> dict[str, Figure]:
+    """Return the figures of a folder of runs by name, as far as there is something to draw.
+
+    Raises
+    ------
+    OptionError
+        If no run has ended an episode yet.
+    """
+    drawn = _Drawn(folder, drawing)
+    names = [name for name in RUN_FIGURES if name != "distances" or drawn.any_success]
+    return {name: drawn.figure(name) for name in names}
+
+
 def _paths(folders: Sequence[RunFolder], name: str) -> list[str]:
     """Return where a figure goes that the user names no file for."""
     from skillplan.views.figures.figure_file import SUFFIXES

@@ -39,6 +39,10 @@ class AssemblyDomain(Domain):
         rests, ways = rest_overview(config), way_overview(config)
         return Overview({**rests.document, **ways.document}, (*rests.lines, *ways.lines))
 
+    def has_family(self, config: Any) -> bool:
+        """Return whether there is a block ``family``."""
+        return config.family is not None
+
     def variants(self, config: Any, seed: int, count: int) -> list[Any]:
         """Return layouts of the file's family, by its block ``family``."""
         return layouts(config, seed, count)

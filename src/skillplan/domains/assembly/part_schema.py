@@ -15,6 +15,15 @@ from pydantic import (
     model_validator,
 )
 
+from skillplan.domains.assembly.handling.ranges import (
+    Angle,
+    Angles,
+    Extent,
+    Extents,
+    Length,
+    PlanarOrSpatial,
+    Spatial,
+)
 from skillplan.domains.assembly.handling.schema import (
     Direction,
     Directions,
@@ -26,17 +35,7 @@ from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located, continued, shown
 from skillplan.task.pose import DOWN, Point
 
-Coordinate = Annotated[float, Field(ge=-10, le=10)]
-Planar = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
-Spatial = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
-PlanarOrSpatial = Annotated[list[Coordinate], Field(min_length=2, max_length=3)]
-# Thinner than a micrometre, a box has no volume worth the name.
-Extent = Annotated[float, Field(ge=1e-6, le=10)]
-Length = Annotated[float, Field(gt=0, le=10)]
-Extents = Annotated[list[Extent], Field(min_length=3, max_length=3)]
 Mass = Annotated[float, Field(ge=1e-6, le=1000)]
-Angle = Annotated[float, Field(ge=-6.2832, le=6.2832)]
-Angles = Annotated[list[Angle], Field(min_length=3, max_length=3)]
 FailureProbability = Annotated[float, Field(ge=0, lt=1)]
 
 

@@ -7,15 +7,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from skillplan.domains.assembly.arms.schema import RobotConfig, ToolConfig
-from skillplan.domains.assembly.part_schema import (
-    PartConfig,
-    Planar,
-    ScrewConfig,
-)
+from skillplan.domains.assembly.handling.ranges import Height, Planar
+from skillplan.domains.assembly.part_schema import PartConfig, ScrewConfig
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located
 
-Length = Annotated[float, Field(gt=0, le=10)]
 Duration = Annotated[float, Field(ge=0, le=86_400)]
 Reward = Annotated[float, Field(ge=-1e6, le=1e6)]
 Fact = Annotated[str, Field(min_length=1, max_length=200)]
@@ -51,7 +47,7 @@ class FeederConfig(Strict):
     """A feeder that hands out parts or screws one at a time, always at the same place."""
 
     position_m: Planar = Field(description="where it hands out, x y [m]")
-    height_m: Annotated[float, Field(ge=0, le=10)] = Field(0.0, description="its height [m]")
+    height_m: Height = Field(0.0, description="its height [m]")
 
 
 class ChartLine(Strict):

@@ -156,6 +156,9 @@ def attempted(solver: Solver, model: SkillModel, draft: Draft, terms: Terms) -> 
         ask_again(back_ends, sample.reused, times=2 if sample.elsewhere else 1)
         executed, doubt = _executed_sample(model, sample, stop)
         trace = {**trace, **executed}
+    foresight = model.feasibility.foresight
+    if foresight is not None and foresight.made:
+        trace = {**trace, "ahead": {"useful": foresight.useful, "wasted": foresight.wasted}}
     stats = search.stats
     iterations = _count(solution, "iterations", "expanded", "visited")
     draft = replace(

@@ -11,13 +11,15 @@ there can be cheaper.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from pydantic import Field
 
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.search.landmark_bound import LandmarkBound, from_units, to_units
+from skillplan.solvers.search.lookahead import Ranked, questions_ahead
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task import back_end
@@ -26,6 +28,8 @@ from skillplan.task.state import State
 
 # Times [us] are added below the last bit of the cost; 2 ** 40 us are twelve days.
 _TIME_BITS = 40
+# So many open labels, the next to be expanded, are looked at while a check is waited for.
+_MOST_OPEN = 32
 
 
 @dataclass(slots=True)
@@ -131,6 +135,10 @@ class _Search:
         start = _Label(self.model.initial, 0, 0, 0, None, -1)
         self._push(queue, start, limit)
         next_dive = 0
+
+        def open_labels() -> Iterator[_Label]:
+            return (entry[-1] for entry in heapq.nsmallest(_MOST_OPEN, queue))
+
         while queue:
             ahead, _, _, label = queue[0]
             if self._incumbent is not None and ahead >= self._incumbent:
@@ -146,13 +154,15 @@ class _Search:
             known = best.setdefault(label.state.bits, [])
             if self._dominated(known, label, bounded):
                 continue
-            if not (label.priced or self._prices_first or self._feasible(label)):
+            if not (
+                label.priced or self._prices_first or self._feasible(label, open_labels, limit)
+            ):
                 continue
             if not label.priced:
                 self._price(label)
                 self._push(queue, label, limit)
                 continue
-            if not self._feasible(label):
+            if not self._feasible(label, open_labels, limit):
                 continue
             if self.model.is_goal(label.state):
                 plan = _plan_of(self.model, label)
@@ -227,11 +237,54 @@ class _Search:
             label.cost = label.parent.cost + to_units(cost)
             label.priced = True
 
-    def _feasible(self, label: _Label) -> bool:
+    def _feasible(
+        self,
+        label: _Label,
+        others: Callable[[], Iterable[_Label]],
+        limit: int | None,
+        *,
+        deep: bool = False,
+    ) -> bool:
+        """Whether a label's last skill is feasible.
+
+        Meanwhile idle processes check what comes next: below the label, and else the `others`;
+        the deepest first where the search dives.
+        """
         if label.parent is None:
             return True
-        skill = self.model.task.skills[label.skill]
-        return self.model.verdict(label.parent.state, skill).is_feasible
+        likely = partial(self._likely, label, others, limit, deep=deep)
+        return self.model.verdict(*self._question(label), likely).is_feasible
+
+    def _question(self, label: _Label) -> tuple[State, Skill]:
+        """Return what a label with a parent rests on."""
+        assert label.parent is not None
+        return label.parent.state, self.model.task.skills[label.skill]
+
+    def _likely(
+        self,
+        label: _Label,
+        others: Callable[[], Iterable[_Label]],
+        limit: int | None,
+        *,
+        deep: bool,
+    ) -> Iterator[tuple[State, Skill]]:
+        """Yield what is asked next if the last skill of a label is feasible."""
+        seen = {label.state.bits}
+
+        def ranked(labels: Iterable[_Label]) -> Iterator[Ranked[_Label]]:
+            for one in labels:
+                ahead = None if one.state.bits in seen else self._ahead(one, limit)
+                if ahead is not None and one.parent is not None:
+                    seen.add(one.state.bits)
+                    yield ((-one.steps, ahead) if deep else (ahead, -one.steps)), one
+
+        return questions_ahead(
+            label,
+            ranked(others()),
+            successors=lambda one: ranked(self._children(one)),
+            question=self._question,
+            expected=self.model.expected,
+        )
 
     def _dive(self, label: _Label) -> None:
         """Follow the least bound, depth first, to one plan that respects the step limit."""
@@ -244,7 +297,7 @@ class _Search:
             here = stack.pop()
             if not here.priced and self._prices_first:
                 self._price(here)
-            if here is not label and not self._feasible(here):
+            if here is not label and not self._feasible(here, stack.__reversed__, limit, deep=True):
                 continue
             self._price(here)
             if self.model.asks_costs and self._ahead(here, limit) is None:

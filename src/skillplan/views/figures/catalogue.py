@@ -48,8 +48,21 @@ TASK_FIGURES: Mapping[str, CatalogueEntry] = MappingProxyType(
             "action values of some states against episodes", "q_values_figure"
         ),
         "rewards": CatalogueEntry("action and reward of every step", "rewards_figure"),
+        "layout": CatalogueEntry(
+            "the cell from above: parts, the path of the plan in numbers, the reach of the arm",
+            "layout_figure",
+        ),
         "gantt": CatalogueEntry(
-            "when head, PKM and base carry out the five steps", "swarmitfix.gantt_figure"
+            "who does what when: by arm and tool, or head, PKM and base in the five steps",
+            "gantt_figure",
+        ),
+        "precedence": CatalogueEntry(
+            "what comes before what, as a graph; --out FILE.dot writes it for Graphviz",
+            "precedence_figure",
+        ),
+        "exploded": CatalogueEntry(
+            "the product taken apart, its parts numbered in the order of the plan",
+            "exploded_figure",
         ),
         "fleet": CatalogueEntry(
             "the paths of several bases on one bench, with their parallel steps",

@@ -17,6 +17,8 @@ from skillplan.views.figures.figure_style import house_style
 from skillplan.views.text.escaping import escaped
 
 SUFFIXES = (".png", ".svg")
+DOT = ".dot"
+"""Suffix of a graph as text, of a figure that is one."""
 
 
 def figure_bytes(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
@@ -53,15 +55,22 @@ def figure_bytes(figure: Figure, suffix: str, dpi: int = 150) -> bytes:
     return made.getvalue()
 
 
-def checked_path(out: str) -> Path:
+def checked_path(out: str, more: tuple[str, ...] = ()) -> Path:
     """Return where a figure goes, having seen that it can go there before anything is solved.
+
+    Parameters
+    ----------
+    out
+        The file as the user named it.
+    more
+        Suffixes that it may have beside those of all figures.
 
     Raises
     ------
     OptionError
         If the suffix is unknown, or the folder is missing or closed to writing.
     """
-    return output_path("--out", out, SUFFIXES, "figures")
+    return output_path("--out", out, (*SUFFIXES, *more), "figures")
 
 
 def save_figure(figure: Figure, path: Path, dpi: int = 150) -> None:
@@ -72,7 +81,17 @@ def save_figure(figure: Figure, path: Path, dpi: int = 150) -> None:
     OptionError
         If it cannot be written; what was there stays.
     """
-    content = figure_bytes(figure, path.suffix.lower(), dpi)
+    save_content(figure_bytes(figure, path.suffix.lower(), dpi), path)
+
+
+def save_content(content: bytes | str, path: Path) -> None:
+    """Write a figure that is bytes or text already, replacing what was there.
+
+    Raises
+    ------
+    OptionError
+        If it cannot be written; what was there stays.
+    """
     try:
         write_whole(path, content)
     except OSError as error:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from matplotlib.figure import Figure
 
+from skillplan.chart.precedence_chart import DerivedChart
 from skillplan.domains.load import Problem
 from skillplan.errors import OptionError
 from skillplan.records.chain_result import ChainResult
@@ -99,6 +100,9 @@ class FigureRequest:
         How it is solved; options that the user gave, as texts.
     parameters
         All options of the solver with their values, to be named in headings.
+    chart
+        What derives the precedence relation of a task, and names the back ends; None where the
+        hand-made one is all that is shown.
     part
         The task meant; None for the figure's own choice.
     states
@@ -121,6 +125,7 @@ class FigureRequest:
     states: tuple[str, ...] = ()
     seeds: int = 5
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    chart: Callable[[Task], tuple[DerivedChart, Sequence[str]]] | None = None
 
     def __post_init__(self) -> None:
         if self.seeds < 1:

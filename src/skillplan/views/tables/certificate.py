@@ -57,7 +57,7 @@ def _held(claims: Sequence[Claim]) -> str:
         words = f"{len(held)} of {len(claims)} claims hold"
     else:
         names = list(dict.fromkeys(one.claim.rpartition(": ")[2] for one in held))
-        words = f"{', '.join(names)} {'holds' if len(claims) == 1 else 'hold'}"
+        words = f"{', '.join(names)} {'holds' if len(names) == 1 else 'hold'}"
         tasks = len({one.claim.rpartition(": ")[0] for one in held} - {""})
         words += f", {len(claims)} claims of {tasks} tasks" if tasks > 1 else ""
     methods = list(dict.fromkeys(one.method for one in held if one.method not in _LABELS))

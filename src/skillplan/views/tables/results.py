@@ -53,7 +53,16 @@ def plan_table(result: Result, task: Task) -> Table:
         f"effort     {result.checks} checks, {result.cache_hits} verdicts reused, {asked}"
         f"{nodes} nodes, {result.wall_s:.2f} s"
     )
+    notes += _ahead_note(result)
     return Table(title, *step_rows(result.steps, task.metric), notes)
+
+
+def _ahead_note(result: Result) -> list[str]:
+    """Return how many checks were made before they were asked for, where any were."""
+    match result.trace.get("ahead"):
+        case {"useful": int(useful), "wasted": int(wasted)}:
+            return [f"ahead      {useful} checks made by idle processes of use, {wasted} wasted"]
+    return []
 
 
 def _bound_note(result: Result, task: Task) -> list[str]:

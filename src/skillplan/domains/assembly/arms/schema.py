@@ -16,8 +16,14 @@ from pydantic import (
     model_validator,
 )
 
-from skillplan.domains.assembly.arms.urdf_file import ArmFileError, read_arm
-from skillplan.domains.assembly.part_schema import Angles, Extents, Length, Planar, Spatial
+from skillplan.domains.assembly.handling.ranges import (
+    Angles,
+    Extents,
+    Height,
+    Length,
+    Planar,
+    Spatial,
+)
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located, continued, shown
 from skillplan.robots.arm_description import ArmDescription
@@ -31,7 +37,6 @@ from skillplan.robots.catalogue import (
 from skillplan.robots.hand import Hand
 from skillplan.task.pose import Point, Pose, Quaternion
 
-Height = Annotated[float, Field(ge=0, le=10)]
 JawRow = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=4, max_length=4)]
 JointAngle = Annotated[float, Field(ge=-20, le=20)]
 
@@ -90,6 +95,9 @@ class RobotConfig(Strict):
         if made.model in ARMS:
             made._arm, made._hand = made._named()
             return made
+        # Only a file needs what reads XML.
+        from skillplan.domains.assembly.arms.urdf_file import ArmFileError, read_arm
+
         folder = Path((info.context or {}).get("folder", Path()))
         try:
             made._arm, made._sha256 = read_arm(folder, made.model, made.tip, made.home_rad)

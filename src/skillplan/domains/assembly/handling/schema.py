@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
+from skillplan.domains.assembly.handling.ranges import Extent, PlanarOrSpatial
 from skillplan.domains.domain import Strict
 from skillplan.files.schema_errors import ONE, SEVERAL, WORD, Located
 from skillplan.task.pose import Point
@@ -14,8 +15,6 @@ from skillplan.task.pose import Point
 # Shorter than this, three numbers are no direction, whatever they are divided by.
 _NO_LENGTH = 1e-6
 
-_Length = Annotated[float, Field(ge=1e-6, le=10)]
-_Place = Annotated[float, Field(ge=-10, le=10)]
 _Component = Annotated[float, Field(ge=-1000, le=1000)]
 
 
@@ -68,12 +67,12 @@ class GraspConfig(Strict):
         description="axis of the part along which jaws close, or a direction in its frame; auto: "
         "where it is narrower",
     )
-    depth_m: _Length | None = Field(
+    depth_m: Extent | None = Field(
         None,
         description="how far below the part's top, seen from the hand, the fingers reach [m]; left "
         "out: half of what they hold, 0.012 at most",
     )
-    at_m: Annotated[list[_Place], Field(min_length=2, max_length=3)] | None = Field(
+    at_m: PlanarOrSpatial | None = Field(
         None,
         description="where the tip of the hand is, x y from the centre of the part's bottom [m]; a "
         "hand that does not come from the part's top needs x y z of a point on its axis; left out: "

@@ -7,8 +7,9 @@ import weakref
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
+from skillplan.checks.parallel.conversation import Ahead, Conversation, Guesses
 from skillplan.checks.single_check import (
     Checked,
     CheckRequest,
@@ -27,20 +28,6 @@ from skillplan.workers.executor import Ended, Executor, Worker, packed
 from skillplan.workers.local_processes import LocalProcesses
 
 _WHAT = "checks"
-
-
-class Conversation(Protocol):
-    """Checks of which each depends on what was said to the one before."""
-
-    @property
-    def wanted(self) -> bool:
-        """Whether the check that it waits for still matters."""
-
-    def go_on(self, said: Checked | None) -> CheckRequest | None:
-        """Return what is to be checked next, given what was said to the last; None at the end."""
-
-    def fail(self, error: BackEndError) -> None:
-        """Note that a back end failed on this check; nothing more is queried."""
 
 
 # What a process starts from, what it is queried about, and what it answers.
@@ -70,6 +57,14 @@ class _Pending:
     conversation: Conversation
     request: CheckRequest
     lost: int = 0
+
+
+@dataclass(slots=True)
+class _Guessed:
+    """A check that is made ahead, and for what."""
+
+    ahead: Ahead
+    request: CheckRequest
 
 
 class CheckWorkers:
@@ -109,6 +104,7 @@ class CheckWorkers:
         self._content: bytes | None = None
         self._idle: list[Worker] = []
         self._busy: dict[Worker, _Pending] = {}
+        self._ahead: dict[Worker, _Guessed] = {}
         weakref.finalize(self, self._executor.close)
 
     def close(self) -> None:
@@ -116,11 +112,13 @@ class CheckWorkers:
         self._executor.close()
         self._idle.clear()
         self._busy.clear()
+        self._ahead.clear()
 
     def hold(
         self,
         conversations: Iterable[Conversation],
         poll: Callable[[], None] = lambda: None,
+        guesses: Guesses | None = None,
     ) -> None:
         """Carry on conversations to their ends, each with one check at a time.
 
@@ -133,6 +131,9 @@ class CheckWorkers:
             What is to be checked.
         poll
             Called several times a second; what it raises ends the checks in progress.
+        guesses
+            What idle processes check meanwhile. They go on with that when this returns; what they
+            said is heard in the next call.
 
         Raises
         ------
@@ -148,23 +149,87 @@ class CheckWorkers:
         try:
             while waiting or self._busy:
                 self._hand_out(waiting)
+                if guesses is not None and not waiting:
+                    self._look_ahead(guesses)
                 poll()
-                for worker in self._executor.first_ready(self._busy):
-                    self._hear(worker, waiting)
-        finally:
-            # Where something was raised, nobody waits for these any more.
-            for worker in self._busy:
+                for worker in self._executor.first_ready([*self._busy, *self._ahead]):
+                    if worker in self._busy:
+                        self._hear(worker, waiting)
+                    else:
+                        self._hear_ahead(worker)
+        except BaseException:
+            # Nobody waits for these any more.
+            for worker in (*self._busy, *self._ahead):
                 worker.end(gently=False)
             self._busy.clear()
+            self._ahead.clear()
+            raise
+        finally:
+            if guesses is not None:
+                guesses.forget()
 
     def _hand_out(self, waiting: deque[_Pending]) -> None:
-        while waiting and len(self._busy) < self.jobs:
-            pending = waiting.popleft()
-            if pending.conversation.wanted:
+        while waiting:
+            pending = waiting[0]
+            if not pending.conversation.wanted or self._adopted(pending):
+                waiting.popleft()
+            elif self._working < self.jobs:
+                waiting.popleft()
                 self._give(self._worker(fresh=pending.lost > 0), pending)
+            else:
+                return
+
+    @property
+    def _working(self) -> int:
+        return len(self._busy) + len(self._ahead)
+
+    def _adopted(self, pending: _Pending) -> bool:
+        """Wait for a process that makes a check already, if there is one."""
+        wanted = pending.request
+        for worker, guessed in self._ahead.items():
+            made = guessed.request
+            if made.back_end == wanted.back_end and made.state == wanted.state:
+                if made.skill.name != wanted.skill.name:
+                    continue
+                del self._ahead[worker]
+                self._busy[worker] = pending
+                guessed.ahead.adopt()
+                return True
+        return False
+
+    def _look_ahead(self, guesses: Guesses) -> None:
+        """Have processes that have nothing to do check what is likely to be asked next."""
+        while self._busy and self._working < self.jobs:
+            ahead = guesses.guess()
+            if ahead is None or ahead.request is None:
+                return
+            self._give_ahead(self._worker(fresh=False), _Guessed(ahead, ahead.request))
+
+    def _give_ahead(self, worker: Worker, guessed: _Guessed) -> None:
+        self._ahead[worker] = guessed
+        worker.take(_job(guessed.request))
+
+    def _hear_ahead(self, worker: Worker) -> None:
+        """Take what a process says of what was checked ahead, and have it go on with that."""
+        said = worker.answer()
+        if said is None:
+            return
+        ahead = self._ahead.pop(worker).ahead
+        if isinstance(said, Ended):
+            worker.end()
+            ahead.fail(BackEndError("the process is gone"))
+            return
+        self._idle.append(worker)
+        if isinstance(said.content, _Failed):
+            ahead.fail(said.content.error())
+            return
+        request = ahead.go_on(self._checked(said.content))
+        if request is not None:
+            self._idle.remove(worker)
+            self._give_ahead(worker, _Guessed(ahead, request))
 
     def _worker(self, *, fresh: bool) -> Worker:
-        while self._idle and (not fresh or len(self._idle) + len(self._busy) >= self.jobs):
+        while self._idle and (not fresh or len(self._idle) + self._working >= self.jobs):
             worker = self._idle.pop()
             if worker.alive and not fresh:
                 return worker
@@ -175,9 +240,8 @@ class CheckWorkers:
         return self._executor.start(_prepare, self._content, _WHAT)
 
     def _give(self, worker: Worker, pending: _Pending) -> None:
-        request = pending.request
         self._busy[worker] = pending
-        worker.take((request.back_end, request.skill.name, request.state.bits))
+        worker.take(_job(pending.request))
 
     def _hear(self, worker: Worker, waiting: deque[_Pending]) -> None:
         """Take what a process says, and go on with the conversation that it is for."""
@@ -235,6 +299,10 @@ class CheckWorkers:
             evidence,
         )
         return Checked(verdict, took_s)
+
+
+def _job(request: CheckRequest) -> _Job:
+    return request.back_end, request.skill.name, request.state.bits
 
 
 def _go_on(conversation: Conversation, said: Checked | None) -> _Pending | None:

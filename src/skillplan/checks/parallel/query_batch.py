@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 
+from skillplan.checks.deciding import Checking
 from skillplan.checks.single_check import Checked, CheckRequest
 from skillplan.errors import BackEndError
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
-
-# Yields what is to be checked and is sent what was said; returns the verdict.
-Checking = Generator[CheckRequest, Checked, Verdict]
 
 
 class QueryBatch:

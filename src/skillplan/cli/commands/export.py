@@ -1,0 +1,173 @@
+"""``skillplan export``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from skillplan.cli.options.completion import plugin_names, task_files
+from skillplan.cli.options.panels import OUTPUT, TASK
+from skillplan.cli.options.shared import BackEnds, Checking, PartReading
+from skillplan.cli.result_input import RESULT_HELP, load
+
+if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.exporters.exporter import Exporter
+    from skillplan.pipeline.setup import Setup
+    from skillplan.task.skill import Skill
+    from skillplan.task.task import Task
+
+_FAMILY = "the file describes a family of layouts; handed over is the one that stands in the file"
+
+
+def command(
+    task: Annotated[
+        str,
+        typer.Argument(
+            metavar="TASK|RESULT",
+            autocompletion=task_files,
+            help=f"A task file; or {RESULT_HELP}.",
+            show_default=False,
+        ),
+    ],
+    to: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            metavar="FORMAT",
+            autocompletion=plugin_names("exporter"),
+            help="The format, such as csv; 'skillplan plugins exporter' lists them.",
+            rich_help_panel=OUTPUT,
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        str,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="Write to FILE, a new one; where the format has several files, into the folder "
+            "of this name.",
+            rich_help_panel=OUTPUT,
+            show_default=False,
+        ),
+    ],
+    reading: PartReading,
+    back_ends: BackEnds,
+    checking: Checking,
+    sequence: Annotated[
+        str | None,
+        typer.Option(
+            "--sequence",
+            metavar="0,1,4,...",
+            help="The plan of TASK: action numbers or skill names, separated by commas, or @ and "
+            "a file with a plan. RESULT holds its own.",
+            rich_help_panel=TASK,
+        ),
+    ] = None,
+    derived: Annotated[
+        bool,
+        typer.Option(
+            "--derived",
+            help="Where the format states an order and back ends judge by more: hand over the "
+            "precedence relation derived from their verdicts, and say so in the file.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = False,
+) -> int:
+    """Hand a task, or a plan of it, on to other tools in their own formats.
+
+    The plan of RESULT, or that of --sequence, is replayed first, and only one that reaches the goal
+    is handed over. What a format cannot say is refused in words. Options of the format are given by
+    -O, as those of back ends.
+    """
+    from contextlib import closing
+
+    from skillplan.cli.waiting import showing_checks
+    from skillplan.cli.writing import tell, write_out
+    from skillplan.errors import exit_code
+    from skillplan.files.output_path import output_folder, output_path
+    from skillplan.model.replay import replay
+    from skillplan.pipeline.export import exported, handed_over, make_exporter, notes_of
+    from skillplan.pipeline.run import make_model
+
+    loaded, setup, skills, family = _read(task, sequence, to, back_ends, reading, checking)
+    exporter = make_exporter(to, setup.options.get(to, {}))
+    one = exporter.suffix
+    path = output_path("--out", out, [one], f"{to} files") if one else output_folder("--out", out)
+    with showing_checks("exporting") as on_check:
+        model = make_model(loaded, setup, checking.cache(), jobs=checking.jobs, on_check=on_check)
+        with closing(model.feasibility):
+            plan = None if skills is None else replay(model, skills)
+            if plan is not None and not plan.complete:
+                found = plan.violations[0]
+                where = f"step {found.step + 1}, {found.skill}" if found.skill else "its end"
+                tell(f"skillplan: error: the plan does not hold: {where}: {found.reason}")
+                return exit_code(solved=False)
+            handover = handed_over(model, setup, plan, derived=derived)
+            files = exported(exporter, handover)
+            notes = [*notes_of(exporter, handover), *([_FAMILY] if family else [])]
+    _write(exporter, path, files)
+    for note in notes:
+        tell(f"skillplan: note: {note}")
+    what = loaded.name if plan is None else f"{len(plan.steps)} skills, {_cost(loaded, plan.cost)}"
+    write_out(f"{out}: {what}\n")
+    return exit_code()
+
+
+def _read(
+    path: str,
+    sequence: str | None,
+    to: str,
+    back_ends: BackEnds,
+    reading: PartReading,
+    checking: Checking,
+) -> tuple[Task, Setup, tuple[Skill, ...] | None, bool]:
+    """Return the task, its setup, the plan if there is one, and whether it is one of a family."""
+    from skillplan.errors import OptionError
+    from skillplan.pipeline import registry
+    from skillplan.pipeline.plan_input import given_plan
+    from skillplan.records.stored.result_folder import is_result, run_folder
+
+    registry.load("exporter", to)
+    if run_folder(path) is not None:
+        raise OptionError(
+            f"{path}: holds training runs. Their policies choose by state, which is no plan: "
+            "give a result of search-optimal, or the task file with --sequence."
+        )
+    if is_result(path):
+        if sequence is not None:
+            raise OptionError("--sequence is for a task file; a result holds its own plan.")
+        loaded = load(path, reading, back_ends, solver=to, executor=checking.executor)
+        task, plan = loaded.planned()
+        skills = tuple(task.skill(name) for name in plan)
+        family = loaded.problem.domain.has_family(loaded.problem.config)
+        return task, loaded.setup, skills, family
+    problem = reading.problem(path, back_ends)
+    task = problem.part(reading.part)
+    setup = back_ends.setup(task, (to,), executor=checking.executor)
+    given = None if sequence is None else given_plan(sequence, task, setup)
+    return task, setup, given, problem.domain.has_family(problem.config)
+
+
+def _write(exporter: Exporter, path: Path, files: Mapping[str, str | bytes]) -> None:
+    from skillplan.errors import OptionError
+    from skillplan.files.atomic_file import write_as_one, write_new
+    from skillplan.files.output_path import refusing
+
+    with refusing("--out", path):
+        if not exporter.suffix:
+            path.mkdir(exist_ok=True)
+            write_as_one(path, files, within=path)
+            return
+        (content,) = files.values()
+        try:
+            write_new(path, content)
+        except FileExistsError:
+            raise OptionError(f"--out {path}: is there already. Name a new file.") from None
+
+
+def _cost(task: Task, cost: float) -> str:
+    return f"cost {task.cost_text(cost)}"

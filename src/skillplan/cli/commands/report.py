@@ -1,0 +1,85 @@
+"""``skillplan report``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from skillplan.cli.options.completion import task_files
+from skillplan.cli.options.limits import TimeLimit
+from skillplan.cli.options.panels import BACK_ENDS, OUTPUT
+from skillplan.cli.options.shared import BackEnds, PartReading
+from skillplan.cli.options.single import Seed
+from skillplan.cli.result_input import RESULT_HELP
+
+
+def command(
+    inputs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="TASK|RESULT|RUN...",
+            autocompletion=task_files,
+            help=f"Task files; {RESULT_HELP}; what compare printed with --format json; or folders "
+            "that train has written. One or several, each a chapter.",
+            show_default=False,
+        ),
+    ],
+    *,
+    out: Annotated[
+        str,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="The page, .html; it must not be there yet.",
+            rich_help_panel=OUTPUT,
+            show_default=False,
+        ),
+    ],
+    reading: PartReading,
+    back_ends: BackEnds,
+    seed: Seed = 0,
+    time_limit_s: TimeLimit = None,
+    no_simulation: Annotated[
+        bool,
+        typer.Option(
+            "--no-simulation",
+            help="Execute no plan: the page has times as planned, and of an arm no playback.",
+            rich_help_panel=BACK_ENDS,
+        ),
+    ] = False,
+) -> int:
+    """Write one HTML page on plans, comparisons and trainings, with a playback in 3-D.
+
+    A TASK is solved first. The page holds what was asked and found, the plan and its times, why
+    parts come before others, and what was refused; it needs no network, and without JavaScript
+    only the playback is missing. The first plan is played: that of an arm as an engine executes
+    it, that of a bench as its times say.
+    """
+    from pathlib import Path
+
+    from skillplan.cli.output import write_new_file
+    from skillplan.cli.report_inputs import Reporter
+    from skillplan.cli.writing import tell, write_out
+    from skillplan.errors import OptionError, exit_code
+    from skillplan.files.output_path import output_path
+    from skillplan.views.report.page import page_html
+    from skillplan.views.report.player_files import HOW_TO_GET, player
+
+    path = output_path("--out", out, SUFFIXES, "pages")
+    if Path(path).exists():
+        raise OptionError(f"--out {out}: is there already. Name a new file.")
+    shows = player()
+    if shows is None:
+        words = "the page has no playback in 3-D, whose player is not here"
+        tell(f"skillplan: note: {words}: {HOW_TO_GET}.")
+    reporter = Reporter(reading, back_ends, not no_simulation, time_limit_s, seed)
+    chapters = [reporter.chapter(one, f"c{k}") for k, one in enumerate(inputs, start=1)]
+    title = chapters[0].heading if len(chapters) == 1 else f"{len(chapters)} reports"
+    html = page_html(title, chapters, reporter.playback, shows)
+    write_new_file(out, html, SUFFIXES, "pages")
+    write_out(f"{out}\n")
+    return exit_code(interrupted=reporter.interrupted)
+
+
+SUFFIXES = (".html",)

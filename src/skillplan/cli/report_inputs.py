@@ -1,0 +1,215 @@
+"""What ``skillplan report`` is given, loaded, solved and performed, chapter by chapter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from skillplan.cli.counting import counting
+from skillplan.cli.options.shared import BackEnds, PartReading
+from skillplan.cli.result_input import load
+from skillplan.cli.waiting import stoppable
+from skillplan.cli.writing import tell
+from skillplan.domains.load import Problem
+from skillplan.errors import OptionError
+from skillplan.files.json_file import read_document
+from skillplan.files.regular_file import read_bytes
+from skillplan.files.strict_json import parse_json
+from skillplan.pipeline.presentation.geometric_chart import geometric_chart
+from skillplan.pipeline.presentation.performing import Performed, perform_plan
+from skillplan.pipeline.run import warm_cache
+from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.solve_problem import solve_problem
+from skillplan.plugins.installed import distribution_versions
+from skillplan.records import schemas
+from skillplan.records.stored.result_folder import is_result, result_path, run_folder
+from skillplan.task.task import Task
+from skillplan.views.pictures.precedence_graph import PrecedenceGraph, precedence_graph
+from skillplan.views.playback.arm_playback import arm_playback
+from skillplan.views.report.chapters import (
+    ChainInput,
+    PlanInput,
+    chain_chapter,
+    comparison_chapter,
+    plan_chapter,
+)
+from skillplan.views.report.page import Chapter
+
+if TYPE_CHECKING:
+    pass
+
+_MOST_BYTES = 64 * 2**20
+_REMEDY = "Give a result of search-optimal or compare, a task file, or a folder of train"
+# A relation of more components is no picture.
+_MOST_COMPONENTS = 60
+
+
+@dataclass
+class Reporter:
+    """Makes the chapters of a page.
+
+    Parameters
+    ----------
+    reading, back_ends
+        Of the command line.
+    simulate
+        Whether plans are performed for the playback.
+    time_limit_s
+        For a task that is solved first [s]; None for none.
+    seed
+        Governs all randomness.
+    """
+
+    reading: PartReading
+    back_ends: BackEnds
+    simulate: bool
+    time_limit_s: float | None = None
+    seed: int = 0
+    playback: Mapping[str, Any] | None = None
+    interrupted: bool = False
+
+    def chapter(self, path: str, name: str) -> Chapter:
+        """Return the chapter on one input.
+
+        Raises
+        ------
+        OptionError, TaskError
+            If it can be no input, or an option is wrong.
+        BackEndError
+            If a back end fails.
+        """
+        folder = run_folder(path)
+        if folder is not None:
+            from skillplan.cli.training_runs.report_chapter import training_chapter_of
+            from skillplan.records.training.run_folder import RunFolder
+
+            return training_chapter_of(RunFolder(folder), name, self.time_limit_s)
+        if not is_result(path):
+            return self._of_task(path, name)
+        if _schema(result_path(path)) == schemas.COMPARISON:
+            return comparison_chapter(
+                read_document(result_path(path), schemas.COMPARISON, _REMEDY), name
+            )
+        return self._of_result(path, name)
+
+    def _of_task(self, path: str, name: str) -> Chapter:
+        problem = self.reading.problem(path, self.back_ends)
+        part = self.reading.part
+        setup = self.back_ends.setup(problem.tasks[-1], screening=True)
+        with stoppable(self.time_limit_s, label=f"solving {problem.name}") as stop:
+            result = solve_problem(
+                problem, part, None, setup, seed=self.seed, stop=stop, cache=warm_cache()
+            )
+        self.interrupted = self.interrupted or result.interrupted
+        result = replace(result, origin=setup.origin(path, part, self.reading.settings()))
+        document = result.document()
+        ways = tuple(step.get("way") for step in document["steps"])
+        return self._chapter(problem, part, setup, document, ways, name)
+
+    def _of_result(self, path: str, name: str) -> Chapter:
+        loaded = load(path, self.reading, self.back_ends)
+        document = read_document(result_path(path), schemas.RESULT, _REMEDY)
+        ways: tuple[str | None, ...] = ()
+        if not loaded.stored.is_chain:
+            if loaded.stored.cost is not None:
+                task, plan = loaded.planned()
+                task.parse_sequence(",".join(plan))
+                ways = loaded.taken_ways()
+            fitting = [step.model_dump(exclude_none=True) for step in loaded.stored.steps]
+            steps = zip(document["steps"], fitting, strict=True)
+            document = {**document, "steps": [{**given, **own} for given, own in steps]}
+        return self._chapter(loaded.problem, loaded.origin.part, loaded.setup, document, ways, name)
+
+    def _chapter(
+        self,
+        problem: Problem,
+        part: str | None,
+        setup: Setup,
+        document: Mapping[str, Any],
+        ways: tuple[str | None, ...],
+        name: str,
+    ) -> Chapter:
+        description = str(getattr(problem.config, "description", "") or "")
+        if problem.is_chain and part is None:
+            from skillplan.views.report.swarmitfix.bench_chapter import bench_input
+
+            given: ChainInput = bench_input(problem, document, self.playback is None)
+            self.playback = self.playback or given.playback
+            given = replace(given, description=description, plugins=distribution_versions())
+            return chain_chapter(given, name)
+        task = problem.part(part)
+        performed = self._perform(task, setup, document, ways)
+        made = None
+        missing = performed if isinstance(performed, str) else ""
+        if isinstance(performed, Performed):
+            if performed.samples and self.playback is None:
+                looks = performed.back_end.looks()
+                played = arm_playback(task, performed.performance, performed.samples, looks)
+                made = self.playback = played.document()
+            else:
+                missing = "the page plays another plan, or nothing has moved"
+        measured = performed if isinstance(performed, Performed) else None
+        given_plan = PlanInput(
+            document,
+            task,
+            description,
+            distribution_versions(),
+            self._graph(task, setup),
+            None if measured is None else measured.performance,
+            "" if measured is None else measured.engine,
+            made,
+            missing,
+        )
+        return plan_chapter(given_plan, name)
+
+    def _perform(
+        self,
+        task: Task,
+        setup: Setup,
+        document: Mapping[str, Any],
+        ways: tuple[str | None, ...],
+    ) -> Performed | str:
+        """Return the performed plan, or why there is none in words."""
+        plan = [str(step["skill"]) for step in document.get("steps") or ()]
+        if not self.simulate:
+            return "no simulation was wanted"
+        if not plan:
+            return "there is no plan"
+        if not task.scene.bodies or not task.scene.robots:
+            return "the task has no bodies and arm to move"
+        skills = [task.skill(one) for one in plan]
+        with counting("skills", len(skills)) as count:
+            performed = perform_plan(
+                task,
+                setup,
+                skills,
+                ways,
+                begun=lambda _: count.one_more(),
+                stopped=lambda: count.interrupted,
+            )
+            self.interrupted = self.interrupted or count.interrupted
+        return performed
+
+    def _graph(self, task: Task, setup: Setup) -> PrecedenceGraph | None:
+        """Return the precedence relation by geometry and by hand; None where there is neither."""
+        if not task.operations or len(task.operations) > _MOST_COMPONENTS:
+            return None
+        try:
+            chart, names = geometric_chart(
+                task, replace(setup, collision=(), physics=None), warm_cache()
+            )
+        except OptionError as error:
+            tell(f"skillplan: note: the precedence relation is not derived: {error}")
+            return precedence_graph(task, None) if task.chart else None
+        return precedence_graph(task, chart, names)
+
+
+def _schema(path: Path) -> object:
+    """Return what a file of JSON says that it is; None where it says nothing, or is no JSON."""
+    try:
+        document = parse_json(read_bytes(path, _MOST_BYTES))
+    except (OSError, ValueError):
+        return None
+    return document.get("schema") if isinstance(document, dict) else None

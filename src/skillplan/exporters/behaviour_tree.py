@@ -1,0 +1,170 @@
+"""A plan as a behaviour tree in the XML of BehaviorTree.CPP, version 4.
+
+Each skill is a subtree of its kind: passed over where it is done already, else tried so often, with
+its precondition before and its postcondition behind, and a way to recover after every failure.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import ClassVar
+from xml.sax.saxutils import quoteattr
+
+from pydantic import Field
+
+from skillplan.exporters.exporter import Exporter
+from skillplan.exporters.handover import Handover, PlannedSkill
+from skillplan.exporters.identifiers import Identifiers, quoted
+from skillplan.task import back_end
+
+# What XML cannot hold, what an attribute turns into blanks, and what would name an entry of the
+# blackboard.
+_UNSAID = re.compile(r"[\\{\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff]")
+_WRITTEN = re.compile(r"\\u([0-9a-f]{4})")
+
+PORTS = {
+    "skill": "name of the skill in the task file",
+    "subject": "what the skill is done to, such as a part",
+    "tool": "tool that it uses",
+    "from_place": "place where the robot stands before",
+    "to_place": "place where it stands afterwards",
+    "requires": "facts that must hold before, separated by semicolons",
+    "forbids": "facts that must not hold before",
+    "achieves": "facts that hold afterwards",
+    "ends": "facts that do not hold afterwards",
+    "cost": "what it costs, in the task's unit",
+    "duration_s": "how long it takes [s]",
+}
+
+_SKILL_TREE = """\
+  <BehaviorTree ID="{tree}">
+    <Fallback>
+      <SkillDone/>
+      <RetryUntilSuccessful num_attempts="{attempts}">
+        <Sequence>
+          <SkillApplicable/>
+          <Fallback>
+            <Sequence>
+              <Execute_{tree}/>
+              <SkillDone/>
+            </Sequence>
+            <ForceFailure>
+              <Recover_{tree}/>
+            </ForceFailure>
+          </Fallback>
+        </Sequence>
+      </RetryUntilSuccessful>
+    </Fallback>
+  </BehaviorTree>
+"""
+
+
+class BehaviourTreeExporter(Exporter):
+    """A behaviour tree for BehaviorTree.CPP 4 and Groot, with retries and recovery a skill."""
+
+    name: ClassVar[str] = "btcpp"
+    suffix: ClassVar[str] = ".xml"
+
+    class Options(back_end.Options):
+        """Options of behaviour trees."""
+
+        attempts: int = Field(
+            default=2, ge=1, le=100, description="how often a skill is tried in all [-]"
+        )
+
+    options: Options
+
+    def refuses(self, handover: Handover) -> str | None:
+        """Refuse chance after which a skill cannot just be tried again."""
+        for one in handover.skills:
+            for outcome in one.skill.outcomes_in(one.before)[1:]:
+                if not one.skill.applicable(outcome.apply(one.before)):
+                    return (
+                        f"after {one.skill.name} has failed by chance it cannot be tried again, "
+                        "and the tree follows one plan. Take the chance out of the task file"
+                    )
+        return None
+
+    def notes(self, handover: Handover) -> tuple[str, ...]:
+        """Return that what is left to chance is tried again."""
+        if not handover.chance:
+            return ()
+        return (f"a skill that fails by chance is tried {self.options.attempts} times",)
+
+    def files(self, handover: Handover) -> Mapping[str, str | bytes]:
+        """Return the tree with the models of its nodes."""
+        kinds = dict.fromkeys(one.skill.kind for one in handover.skills)
+        trees = Identifiers(kinds, {"plan"})
+        names = Identifiers(dict.fromkeys(one.skill.name for one in handover.skills))
+        lines = ['<?xml version="1.0" encoding="UTF-8"?>', *_head(handover)]
+        lines.append('<root BTCPP_format="4" main_tree_to_execute="plan">')
+        lines.append('  <BehaviorTree ID="plan">\n    <Sequence>')
+        for one in handover.skills:
+            ports = " ".join(f"{key}={quoteattr(value)}" for key, value in _ports(one).items())
+            tree, name = trees[one.skill.kind], names[one.skill.name]
+            lines.append(f'      <SubTree ID="{tree}" name="{name}" {ports}/>')
+        lines.append("    </Sequence>\n  </BehaviorTree>")
+        text = "\n".join(lines) + "\n"
+        for kind in kinds:
+            text += _SKILL_TREE.format(tree=trees[kind], attempts=self.options.attempts)
+        models = "\n".join(_models([trees[kind] for kind in kinds]))
+        return {"plan.xml": f"{text}  <TreeNodesModel>\n{models}\n  </TreeNodesModel>\n</root>\n"}
+
+
+def said(name: str) -> str:
+    """Return a text as an attribute has it: what XML cannot hold by its number."""
+    return _UNSAID.sub(lambda found: f"\\u{ord(found[0]):04x}", name)
+
+
+def meant(text: str) -> str:
+    """Return the text that `said` was given."""
+    return _WRITTEN.sub(lambda found: chr(int(found[1], 16)), text)
+
+
+def _head(handover: Handover) -> Iterator[str]:
+    task = handover.task
+    cost = sum(one.step.cost for one in handover.skills)
+    # Two hyphens would end the comment.
+    name = quoted(task.name).replace("-", "\\u002d") if "--" in task.name else quoted(task.name)
+    yield f"<!-- Plan of {name}, written by skillplan."
+    yield f"     {len(handover.skills)} skills, cost {task.cost_text(cost)}. Nodes to register: the"
+    yield "     actions Execute_KIND and Recover_KIND, and the conditions SkillApplicable and"
+    yield "     SkillDone; each finds its ports in the blackboard of its subtree. -->"
+
+
+def _ports(one: PlannedSkill) -> dict[str, str]:
+    condition, outcome = one.skill.condition(one.before), one.skill.prediction_in(one.before)
+    # Of what is deleted only what was there can be seen to be gone.
+    ended = outcome.delete & one.before
+    values = (
+        one.skill.name,
+        one.subject,
+        one.tool,
+        one.origin,
+        one.destination,
+        ";".join(condition.requires),
+        ";".join(condition.forbids),
+        ";".join(outcome.add),
+        ";".join(ended),
+        repr(one.step.cost),
+        repr(one.step.duration_s),
+    )
+    return dict(zip(PORTS, map(said, values), strict=True))
+
+
+def _models(trees: list[str]) -> Iterator[str]:
+    for tree in trees:
+        yield from _model("SubTree", tree, defaults=False)
+        yield from _model("Action", f"Execute_{tree}")
+        yield from _model("Action", f"Recover_{tree}")
+    for name in ("SkillApplicable", "SkillDone"):
+        yield from _model("Condition", name)
+
+
+def _model(kind: str, name: str, *, defaults: bool = True) -> Iterator[str]:
+    yield f'    <{kind} ID="{name}">'
+    for port, meaning in PORTS.items():
+        default = f' default="{{{port}}}"' if defaults else ""
+        yield f'      <input_port name="{port}" type="std::string"{default}>{meaning}</input_port>'
+    yield f"    </{kind}>"

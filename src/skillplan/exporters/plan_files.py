@@ -1,0 +1,180 @@
+"""Plans read back from files of other tools: tables, JSON, plans of PDDL planners, behaviour trees.
+
+Which it is, the content says. Nothing is executed, no entity of XML is expanded, and what is too
+large is refused before it is read.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Iterator
+from typing import Any, Final
+
+from skillplan.errors import OptionError
+from skillplan.exporters.behaviour_tree import meant
+from skillplan.exporters.plan_table import read_cell
+from skillplan.files.regular_file import read_bytes
+from skillplan.files.strict_json import parse_json
+from skillplan.robots.xml_tree import Element, XmlError, parse_xml
+from skillplan.task.skill import Skill
+from skillplan.task.task import Task
+
+MAX_BYTES: Final = 16 * 1024 * 1024
+MOST_SKILLS: Final = 100_000
+FORMATS = (
+    "a CSV table with a column skill or action, JSON of skillplan, a plan of a PDDL planner, or a "
+    "behaviour tree in XML"
+)
+# Of what these nodes hold only some may be executed.
+_CHOICES = ("Fallback", "Parallel", "Switch", "IfThenElse", "WhileDoElse", "ReactiveFallback")
+
+Entry = tuple[int, str]
+"""A line of the file, and a skill by name or number."""
+
+
+def read_plan(path: str, task: Task, skill_of: Callable[[str], str | None]) -> tuple[Skill, ...]:
+    """Return the skills of a plan in a file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    task
+        Whose skills are meant.
+    skill_of
+        Returns the name of the skill of an action of PDDL; asked only for plans of planners.
+
+    Raises
+    ------
+    OptionError
+        If it cannot be read, is too large, is in no format that is known, or names a skill that
+        there is not; the message says in which line.
+    """
+    try:
+        content = read_bytes(path, MAX_BYTES)
+    except OSError as error:
+        raise OptionError(f"{path}: cannot be read: {error.strerror}.") from None
+    start = content.removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
+    skills: list[Skill] = []
+    if start == b"<":
+        entries = _of_tree(path, content)
+    else:
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            line = content.count(b"\n", 0, error.start) + 1
+            raise OptionError(f"{path}:{line}: is not UTF-8. Give {FORMATS}.") from None
+        if start in (b"{", b"["):
+            entries = _of_json(path, text, task)
+        elif start in (b"(", b";"):
+            entries = _of_planner(path, text, skill_of)
+        else:
+            entries = _of_table(path, text)
+    for line, name in entries:
+        if len(skills) == MOST_SKILLS:
+            raise OptionError(f"{path}:{line}: has more than {MOST_SKILLS:,} skills.")
+        try:
+            skills.append(task.skill(name))
+        except OptionError as error:
+            raise OptionError(f"{path}:{line}: {error}") from None
+    if not skills:
+        raise OptionError(f"{path}: holds no plan. Give {FORMATS}.")
+    return tuple(skills)
+
+
+def _of_table(path: str, text: str) -> Iterator[Entry]:
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    try:
+        header = [cell.strip() for cell in next(reader, [])]
+        column = next((header.index(name) for name in ("skill", "action") if name in header), None)
+        if column is None:
+            raise OptionError(f"{path}:1: is in no known format. Give {FORMATS}.")
+        for row in reader:
+            if not row:
+                continue
+            if len(row) <= column:
+                raise OptionError(
+                    f"{path}:{reader.line_num}: has {len(row)} cells, and the plan stands in cell "
+                    f"{column + 1}."
+                )
+            yield reader.line_num, read_cell(row[column])
+    except csv.Error as error:
+        raise OptionError(f"{path}:{reader.line_num}: is no CSV: {error}.") from None
+
+
+def _of_json(path: str, text: str, task: Task) -> Iterator[Entry]:
+    try:
+        document: Any = parse_json(text)
+    except ValueError as error:
+        raise OptionError(f"{path}: is no JSON: {error}.") from None
+    if isinstance(document, dict):
+        parts = [document, *(document.get("stages") or []), *(document.get("sequences") or [])]
+        named = [one for one in parts if isinstance(one, dict) and one.get("name") == task.name]
+        document = (named or [document])[0].get("skills")
+    if not isinstance(document, list) or not all(isinstance(one, str | int) for one in document):
+        raise OptionError(
+            f"{path}: holds no plan of {task.name}: a list of skills, or a document with the key "
+            "skills, is wanted."
+        )
+    for one in document:
+        yield 1, str(one)
+
+
+def _of_planner(path: str, text: str, skill_of: Callable[[str], str | None]) -> Iterator[Entry]:
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.partition(";")[0].strip()
+        if not words:
+            continue
+        if words[:1] != "(" or words[-1:] != ")" or not words[1:-1].split():
+            raise OptionError(
+                f"{path}:{number}: is no action in brackets, such as (pick_pcb location_home)."
+            )
+        action = words[1:-1].split()[0]
+        name = skill_of(action)
+        if name is None:
+            raise OptionError(
+                f"{path}:{number}: no action {action[:80]!r} is exported for this task; 'skillplan "
+                "export --to pddl' writes them."
+            )
+        yield number, name
+
+
+def _of_tree(path: str, content: bytes) -> Iterator[Entry]:
+    try:
+        root = parse_xml(content, "keep the plan alone")
+    except XmlError as error:
+        line = "" if error.line is None else f":{error.line}"
+        raise OptionError(f"{path}{line}: {error}.") from None
+    trees = {tree.attributes.get("ID", ""): tree for tree in root.all("BehaviorTree")}
+    main = root.attributes.get("main_tree_to_execute", "plan")
+    if main not in trees:
+        if len(trees) != 1:
+            raise OptionError(
+                f"{path}:{root.line}: has no behaviour tree {main[:80]!r}; name the main one by "
+                "main_tree_to_execute."
+            )
+        main = next(iter(trees))
+    yield from _of_node(path, trees[main], trees, (main,))
+
+
+def _of_node(
+    path: str, node: Element, trees: dict[str, Element], within: tuple[str, ...]
+) -> Iterator[Entry]:
+    skill = node.attributes.get("skill", "{")
+    if not skill.startswith("{"):
+        yield node.line, meant(skill)
+        return
+    name = node.attributes.get("ID", "")
+    if node.tag == "SubTree" and name in trees:
+        if name in within:
+            raise OptionError(f"{path}:{node.line}: the tree {name[:80]!r} holds itself.")
+        yield from _of_node(path, trees[name], trees, (*within, name))
+        return
+    found = [entry for child in node.children for entry in _of_node(path, child, trees, within)]
+    if len(found) > 1 and node.tag.startswith(_CHOICES):
+        raise OptionError(
+            f"{path}:{node.line}: {node.tag} leaves open which of {len(found)} skills are done; a "
+            "plan is a sequence."
+        )
+    yield from found

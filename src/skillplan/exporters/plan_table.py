@@ -1,0 +1,80 @@
+"""A plan as a table of comma-separated values, a row a skill."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Mapping
+from typing import ClassVar
+
+from skillplan.exporters.exporter import Exporter
+from skillplan.exporters.handover import Handover, PlannedSkill
+
+COLUMNS = (
+    "step",
+    "action",
+    "skill",
+    "kind",
+    "subject",
+    "agents",
+    "tool",
+    "from",
+    "to",
+    "cost",
+    "cost_unit",
+    "duration_s",
+    "begin_s",
+    "start_x_m",
+    "start_y_m",
+    "start_z_m",
+    "goal_x_m",
+    "goal_y_m",
+    "goal_z_m",
+    "way",
+)
+# Spreadsheets take a cell that begins so for a formula; the last one marks text that begins so.
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "'")
+
+
+class CsvExporter(Exporter):
+    """A table of the plan, a row a skill, for spreadsheets and scripts."""
+
+    name: ClassVar[str] = "csv"
+    suffix: ClassVar[str] = ".csv"
+
+    def files(self, handover: Handover) -> Mapping[str, str | bytes]:
+        """Return the table; `read_cell` takes back what keeps cells from being formulas."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        begin_s = 0.0
+        for one in handover.skills:
+            writer.writerow(_row(one, begin_s, handover.task.metric.unit))
+            begin_s += one.step.duration_s
+        return {"plan.csv": text.getvalue()}
+
+
+def read_cell(cell: str) -> str:
+    """Return the text that a cell was written for."""
+    return cell[1:] if cell[:1] == "'" and cell[1:2] in _FORMULA else cell
+
+
+def _row(one: PlannedSkill, begin_s: float, unit: str) -> Iterable[str]:
+    step, skill = one.step, one.skill
+    texts = (skill.name, skill.kind, one.subject, " ".join(skill.agents), one.tool)
+    points = [*(step.start or ("",) * 3), *(step.goal or ("",) * 3)]
+    return (
+        str(step.index + 1),
+        str(step.action),
+        *map(_text, (*texts, one.origin, one.destination)),
+        repr(step.cost),
+        _text(unit),
+        repr(step.duration_s),
+        repr(round(begin_s, 9)),
+        *(value if isinstance(value, str) else repr(float(value)) for value in points),
+        _text(step.way or ""),
+    )
+
+
+def _text(cell: str) -> str:
+    return f"'{cell}" if cell.startswith(_FORMULA) else cell

@@ -1,0 +1,111 @@
+"""From a task and a plan to the files of an exporter, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import PurePath
+from typing import Any, TypeVar
+
+from skillplan.errors import OptionError, PluginError
+from skillplan.exporters.exporter import Exporter
+from skillplan.exporters.handover import Handover
+from skillplan.model.replay import Replay
+from skillplan.model.skill_model import SkillModel
+from skillplan.pipeline import registry
+from skillplan.pipeline.setup import DEFAULT_PHYSICS, Setup
+from skillplan.plugins.blame import blame
+
+CHART = "precedence"
+"""The detector that goes by the hand-made chart."""
+_Said = TypeVar("_Said")
+
+
+def make_exporter(name: str, options: Mapping[str, Any]) -> Exporter:
+    """Return an exporter by name.
+
+    Raises
+    ------
+    PluginError
+        If it is unknown or broken.
+    OptionError
+        If an option is wrong.
+    """
+    plugin = registry.load("exporter", name)
+    validated = registry.make_options("exporter", name, plugin, options)
+    made: Exporter = _blamed(plugin, lambda: plugin(validated))
+    return made
+
+
+def handed_over(
+    model: SkillModel,
+    setup: Setup,
+    plan: Replay | None,
+    *,
+    derived: bool = False,
+) -> Handover:
+    """Return what an exporter is given.
+
+    Parameters
+    ----------
+    model
+        Of the task.
+    setup
+        The back ends that it queries.
+    plan
+        Replayed on it; None for the task alone.
+    derived
+        As in `Handover`.
+    """
+    return Handover(model, plan, charted(model, setup), derived)
+
+
+def charted(model: SkillModel, setup: Setup) -> bool:
+    """Return whether the hand-made chart is all that skills are judged by, but for reach."""
+    detectors = [choice.name for choice in setup.collision_choices(model.task)]
+    return detectors == [CHART] and setup.physics_choice(model.task).name == DEFAULT_PHYSICS
+
+
+def exported(exporter: Exporter, handover: Handover) -> Mapping[str, str | bytes]:
+    """Return what an exporter makes of a task or a plan, by the names of files.
+
+    Raises
+    ------
+    OptionError
+        If the exporter refuses, or there is no plan and it needs one.
+    PluginError
+        If it fails.
+    """
+    plugin = type(exporter)
+    if exporter.needs_plan and handover.plan is None:
+        raise OptionError(
+            f"{exporter.name} hands over a plan: give a RESULT in the place of TASK, or --sequence."
+        )
+    refusal = _blamed(plugin, lambda: exporter.refuses(handover))
+    if refusal:
+        raise OptionError(f"{handover.task.name} cannot be exported to {exporter.name}: {refusal}.")
+    files = _blamed(plugin, lambda: dict(exporter.files(handover)))
+    if not files or (exporter.suffix and len(files) > 1):
+        raise PluginError(f"The exporter {exporter.name!r} made {len(files)} files.")
+    for name in files:
+        if PurePath(name).name != name:
+            raise PluginError(f"The exporter {exporter.name!r} made {name!r}: no name of a file.")
+    return files
+
+
+def notes_of(exporter: Exporter, handover: Handover) -> tuple[str, ...]:
+    """Return what an exporter has to say about what it made.
+
+    Raises
+    ------
+    PluginError
+        If it fails.
+    """
+    return _blamed(type(exporter), lambda: tuple(exporter.notes(handover)))
+
+
+def _blamed(plugin: type[Any], call: Callable[[], _Said]) -> _Said:
+    try:
+        return call()
+    except BaseException as error:
+        name = getattr(plugin, "name", plugin.__name__)
+        blame(error, plugin, lambda raised: f"The exporter {name!r} failed: {raised}.", PluginError)

@@ -1,0 +1,121 @@
+"""Which engine performs a plan, and who rules on its contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+
+from skillplan.checks.single_check import introduce
+from skillplan.errors import BackEndError, OptionError
+from skillplan.physics.performance import Performance, Performer, Sample
+from skillplan.pipeline import registry
+from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.taken_ways import by_ways
+from skillplan.plugins.blame import blame
+from skillplan.task.back_end import BackEnd
+from skillplan.task.skill import Skill
+from skillplan.task.task import Task
+
+ENGINE = "pybullet"
+"""The engine that moves bodies, where none is chosen."""
+
+ANY_DETECTOR = "aabb"
+"""A detector that always serves, and that is not queried."""
+
+
+def contact_detectors(engine: str, chosen: Collection[str]) -> list[str]:
+    """Return the detectors that rule on contacts: of those chosen, or else the engine's first."""
+    known = getattr(registry.load("physics", engine), "contact_detectors", ())
+    able = [name for name in known if name in registry.names("collision")]
+    return [name for name in able if name in chosen] or able[:1]
+
+
+@dataclass(frozen=True, slots=True)
+class Performed:
+    """A plan that was performed.
+
+    Parameters
+    ----------
+    engine
+        The engine's name.
+    performance
+        What was measured.
+    samples
+        The rows of the trace.
+    back_end
+        The engine.
+    """
+
+    engine: str
+    performance: Performance
+    samples: Sequence[Sample]
+    back_end: Performer
+
+
+def perform_plan(
+    task: Task,
+    setup: Setup,
+    skills: Sequence[Skill],
+    ways: Sequence[str | None] = (),
+    *,
+    begun: Callable[[str], None] = lambda _: None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Performed | str:
+    """Perform a plan and return what was measured, or say in words why it is not.
+
+    Parameters
+    ----------
+    task
+        Whose plan it is.
+    setup
+        Its engine is taken if it moves bodies; else pybullet, where it is installed.
+    skills
+        The plan, each applicable when its turn comes.
+    ways
+        As in `by_ways`.
+    begun
+        Called with the name of each skill that begins.
+    stopped
+        Called often; once true, the plan ends after the current skill.
+
+    Raises
+    ------
+    BackEndError
+        If the engine fails.
+    """
+    named = setup.physics_choice(task).name
+    engine = named if issubclass(registry.load("physics", named), Performer) else ENGINE
+    if engine not in registry.names("physics"):
+        return f"no engine that moves bodies is installed: pip install skillplan-{ENGINE}"
+    chosen = [choice.name for choice in setup.named_collision_choices(task)]
+    detectors = tuple(contact_detectors(engine, chosen)) or (ANY_DETECTOR,)
+    taking = replace(setup, physics=engine, collision=detectors, screening=False)
+    try:
+        made = introduce(taking.back_ends(task))
+    except OptionError as error:
+        return str(error)
+    performer = _performer(made)
+    samples: list[Sample] = []
+    under_way = [""]
+
+    def note(sample: Sample) -> None:
+        samples.append(sample)
+        if sample.skill and sample.skill != under_way[0]:
+            under_way[0] = sample.skill
+            begun(sample.skill)
+
+    taken = by_ways(task, skills, made, ways, stopped)
+    try:
+        performance = performer.perform(taken, note=note, stopped=stopped)
+    except BaseException as error:
+        blame(
+            error,
+            type(performer),
+            lambda words: f"Back end {engine!r} failed: {words}",
+            BackEndError,
+        )
+    return Performed(engine, performance, samples, performer)
+
+
+def _performer(made: Sequence[BackEnd]) -> Performer:
+    return next(one for one in made if isinstance(one, Performer))

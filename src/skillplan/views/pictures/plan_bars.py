@@ -1,0 +1,78 @@
+"""A plan as bars on a time line: who does what with which tool, from when to when."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from skillplan.task.task import Task
+
+CHANGE = "tool change"
+
+
+@dataclass(frozen=True, slots=True)
+class PlanBar:
+    """What one agent does for a while.
+
+    Parameters
+    ----------
+    row
+        Who, and with what, such as ``panda, gripper``.
+    label
+        What is written into the bar: the part, the place.
+    kind
+        The kind of skill or step, which has a colour.
+    start_s, end_s
+        When [s], from 0.
+    title
+        All there is to say of it.
+
+    Raises
+    ------
+    ValueError
+        If it ends before it starts.
+    """
+
+    row: str
+    label: str
+    kind: str
+    start_s: float
+    end_s: float
+    title: str
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.start_s <= self.end_s:
+            raise ValueError(f"A bar cannot run from {self.start_s} s to {self.end_s} s.")
+
+
+def plan_bars(
+    task: Task,
+    skills: Sequence[str],
+    durations_s: Sequence[float],
+    times_s: Mapping[int, tuple[float, float]] | None = None,
+) -> list[PlanBar]:
+    """Return a plan whose skills follow each other as bars.
+
+    Parameters
+    ----------
+    task
+        Whose plan it is.
+    skills, durations_s
+        Names of skills in order, and how long each takes [s].
+    times_s
+        By step when it began and ended where that was measured [s]; then that counts.
+    """
+    bars = []
+    now_s = 0.0
+    for index, (name, duration_s) in enumerate(zip(skills, durations_s, strict=True)):
+        skill = task.skill(name)
+        tool = skill.parameters.get("tool")
+        changes = skill.kind in ("load", "offload")
+        agent = ", ".join(skill.agents)
+        row = f"{agent}, {CHANGE}" if changes else f"{agent}, {tool}" if tool else agent
+        begin_s, end_s = (now_s, now_s + duration_s) if times_s is None else times_s[index]
+        subject = next((v for k, v in skill.parameters.items() if k in ("screw", "part")), tool)
+        title = f"{index + 1}. {name}: {begin_s:.2f} s to {end_s:.2f} s, {end_s - begin_s:.2f} s"
+        bars.append(PlanBar(row, str(subject or name), skill.kind, begin_s, end_s, title))
+        now_s = end_s
+    return bars

@@ -1,0 +1,242 @@
+"""A plan of an arm, as an engine performed it: every link, tool and part at every moment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from skillplan.physics.performance import Performance, Sample
+from skillplan.physics.tool_shapes import tool_shapes
+from skillplan.robots.hand import Hand
+from skillplan.task.pose import Pose
+from skillplan.task.scene import Robot, Scene, Tool, ToolKind
+from skillplan.task.skill import Skill
+from skillplan.task.task import Task
+from skillplan.views.playback.document import Playback, box
+from skillplan.views.playback.meshes import coarser, hull_mesh, read_obj
+from skillplan.views.playback.tracks import FRAMES_PER_S
+from skillplan.views.playback.turns import Numbers, link_frames, matrix, rows_of
+
+_ARM, _JAWS = "#d5d9de", "#8b929b"
+# Meshes of links are made coarser to this [m]; links may be played back so far off.
+_CELL_M, _LINK_OFF_M = 0.009, 2e-4
+_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def arm_playback(
+    task: Task,
+    performance: Performance,
+    samples: Sequence[Sample],
+    looks: Sequence[Path | None] = (),
+) -> Playback:
+    """Return what is shown of a performed plan.
+
+    Parameters
+    ----------
+    task
+        With one robot.
+    performance
+        What the engine measured.
+    samples
+        One or more rows of the trace, 60 a second.
+    looks
+        Meshes of base and links; None where there is none, empty for none at all.
+    """
+    return _ArmPlayback(task, performance, samples, looks).made()
+
+
+class _ArmPlayback:
+    def __init__(
+        self,
+        task: Task,
+        performance: Performance,
+        samples: Sequence[Sample],
+        looks: Sequence[Path | None],
+    ) -> None:
+        self.task, self.scene = task, task.scene
+        self.robot: Robot = task.scene.robots[0]
+        self.performance = performance
+        # The first row is noted a frame after the beginning.
+        self.samples = [samples[0], *samples]
+        self.looks = looks
+        note = "simulated, with contacts"
+        self.playback = Playback(task.name, len(self.samples), note)
+
+    def made(self) -> Playback:
+        """Return all of it."""
+        joints = np.array([sample.joints_rad for sample in self.samples])
+        frames = link_frames(self.robot.model, self.robot.mount, joints)
+        self._environment()
+        self._links(frames)
+        self._hand(frames[-1])
+        self._parts()
+        self._skills()
+        self._look()
+        return self.playback
+
+    def _links(self, frames: Sequence[Numbers]) -> None:
+        model = self.robot.model
+        names = ["base", *(joint.name for joint in model.joints)]
+        for number, name in enumerate(names):
+            path = self.looks[number] if number < len(self.looks) else None
+            shapes = []
+            if path is not None:
+                shapes = [self.playback.mesh(*coarser(*read_obj(path), _CELL_M))]
+            elif model.shapes:
+                shapes = [self.playback.link(shape) for shape in model.shapes[number]]
+            if not shapes:
+                continue
+            named = f"{self.robot.name} {name}"
+            if number == 0:
+                self.playback.add_body(named, "link", shapes, self.robot.mount, color=_ARM)
+                continue
+            rows = rows_of(frames[number])
+            self.playback.add_body(named, "link", shapes, rows=rows, color=_ARM, off_m=_LINK_OFF_M)
+
+    def _hand(self, flange: Numbers) -> None:
+        """Add hand, jaws and tools; what is not attached lies in its holder."""
+        hand = self.robot.hand
+        hand_frames = flange @ matrix(hand.on_flange)
+        tip = flange @ matrix(hand.tip_on_flange)
+        attached = self._attached()
+        grips = np.array([one is None or one.kind is ToolKind.GRIPPER for one in attached])
+        self._gripper(hand, hand_frames, grips)
+        for tool in self.robot.tools:
+            shapes = [self.playback.solid(shape) for shape in tool_shapes(tool, hand)]
+            if not shapes:
+                continue
+            on = np.array([one is not None and one.name == tool.name for one in attached])
+            rows = rows_of(tip @ _FLIP)
+            rows[~on] = [*tool.holder, 0.0, 0.0, 0.0, 1.0]
+            self.playback.add_body(tool.name, "tool", shapes, rows=rows, label=True)
+        number = self.playback.add_body(f"{self.robot.name} tip", "link", [], rows=rows_of(tip))
+        self.playback.arms.append({"name": self.robot.name, "tip_track": number})
+
+    def _gripper(self, hand: Hand, frames: Numbers, shown: np.ndarray) -> None:
+        if not shown.any():
+            return
+        body = [(across, along, deep) for along, across, deep in hand.body]
+        rows = rows_of(frames)
+        rows[~shown] = np.nan
+        shape = self.playback.mesh(*hull_mesh(body))
+        name = f"{self.robot.name} hand"
+        self.playback.add_body(name, "link", [shape], rows=rows, color=_ARM)
+        opening = np.array([sample.opening_m for sample in self.samples])
+        for side, word in ((1, "left"), (-1, "right")):
+            corners = [(a, side * behind, hand.tip_m - up) for behind, a, up in hand.jaw]
+            moved = frames.copy()
+            moved[:, :3, 3] += (side * opening / 2)[:, None] * frames[:, :3, 1]
+            rows = rows_of(moved)
+            rows[~shown] = np.nan
+            shape = self.playback.mesh(*hull_mesh(corners))
+            name = f"{self.robot.name} {word} jaw"
+            self.playback.add_body(name, "link", [shape], rows=rows, color=_JAWS)
+
+    def _attached(self) -> list[Tool | None]:
+        """Return the tool of every frame; it changes where the tip is lowest in such a skill."""
+        state = self.task.initial
+        tool = self.robot.tool(state)
+        found: list[Tool | None] = [tool] * len(self.samples)
+        for done in self.performance.skills:
+            skill = _skill_of(self.task, done.skill)
+            if not done.verdict.is_feasible:
+                break
+            state = skill.prediction_in(state).apply(state)
+            after = self.robot.tool(state)
+            if after is tool:
+                continue
+            begin, end = (round(t * FRAMES_PER_S) for t in (done.begin_s, done.end_s))
+            heights = [sample.tip[2] for sample in self.samples[begin : end + 1]]
+            if heights:
+                last = max(k for k, z in enumerate(heights) if z <= min(heights) + 1e-4)
+                begin += last
+            found[begin:] = [after] * (len(found) - begin)
+            tool = after
+        return found
+
+    def _parts(self) -> None:
+        goals = self.scene.at(self.task.goal.requires)
+        screws = {skill.parameters.get("screw") for skill in self.task.skills}
+        for body in self.scene.bodies:
+            rows: Numbers | None = np.full((len(self.samples), 7), np.nan)
+            assert rows is not None
+            for index, sample in enumerate(self.samples):
+                pose = sample.bodies.get(body.name)
+                if pose is not None:
+                    rows[index] = (*pose.position, *pose.orientation)
+            shapes = [self.playback.solid(shape) for shape in body.exact_shapes]
+            goal = goals.get(body.name)
+            kind = "screw" if body.name in screws else "part"
+            if np.isnan(rows).any(axis=1).all():
+                if goal is None:
+                    continue
+                rows = None
+            self.playback.add_body(
+                body.name, kind, shapes, goal or Pose((0, 0, 0)), rows=rows, goal=goal, label=True
+            )
+
+    def _skills(self) -> None:
+        for done in self.performance.skills:
+            skill = _skill_of(self.task, done.skill)
+            subject = skill.parameters.get("part") or skill.parameters.get("screw")
+            words = None if done.verdict.is_feasible else done.verdict.reason
+            self.playback.skills.append(
+                {
+                    "name": done.skill,
+                    "start_s": done.begin_s,
+                    "end_s": done.end_s,
+                    "arm": self.robot.name,
+                    "tool": skill.parameters.get("tool"),
+                    "subject": skill.parameters.get("screw") or subject,
+                    "note": words,
+                }
+            )
+
+    def _environment(self) -> None:
+        low, high = extent(self.scene)
+        middle = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, -0.01)
+        size = (high[0] - low[0] + 0.2, high[1] - low[1] + 0.2, 0.02)
+        self.playback.add_body("table", "environment", [box(size)], Pose(middle))
+        holders: dict[tuple[float, ...], list[str]] = {}
+        for tool in self.robot.tools:
+            holders.setdefault(tuple(tool.holder), []).append(tool.name)
+        for (x, y, z), names in holders.items():
+            pose = Pose((x, y, z - 0.004))
+            shapes = [box((0.07, 0.07, 0.008))]
+            self.playback.add_body(f"holder of {', '.join(names)}", "dock", shapes, pose)
+        for name, place in self.scene.stations.items():
+            if tuple(place) not in holders:
+                x, y, z = place
+                shapes = [box((0.05, 0.05, 0.02))]
+                self.playback.add_body(name, "feeder", shapes, Pose((x, y, z - 0.01)), label=True)
+
+    def _look(self) -> None:
+        low, high = extent(self.scene)
+        middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
+        far = max(0.6, 1.25 * max(b - a for a, b in zip(low, high, strict=True)))
+        eye = (middle[0] + 0.75 * far, middle[1] - 0.95 * far, 0.75 * far)
+        self.playback.view = ((middle[0], middle[1], 0.12), eye)
+        points = [[round(v, 5) for v in sample.tip] for sample in self.samples[::6]]
+        self.playback.paths.append({"name": "path of the tip", "points_m": points, "kind": "tip"})
+
+
+def extent(scene: Scene) -> tuple[list[float], list[float]]:
+    """Return the corners of the table that a scene takes, its robots included [m]."""
+    points = [
+        p.pose.position for body in scene.bodies for p in body.placements if p.frame == "world"
+    ]
+    points += [robot.base for robot in scene.robots]
+    points += list(scene.stations.values())
+    low = [min(point[axis] for point in points) - 0.1 for axis in (0, 1)]
+    high = [max(point[axis] for point in points) + 0.1 for axis in (0, 1)]
+    return low, high
+
+
+def _skill_of(task: Task, name: str) -> Skill:
+    """Return a performed skill; one of several ways is named after the skill and the way."""
+    known = {skill.name for skill in task.skills}
+    if name not in known:
+        name = max((one for one in known if name.startswith(one)), key=len)
+    return task.skill(name)

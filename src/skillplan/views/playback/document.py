@@ -1,0 +1,192 @@
+"""The document ``skillplan.playback/1``, put together body by body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from skillplan.records import schemas
+from skillplan.robots.link_shapes import Capsule, LinkShape, Rod
+from skillplan.task.pose import Pose
+from skillplan.task.shape import Box, Cylinder, Shape
+from skillplan.views.playback.meshes import Triangles, hull_mesh, mesh_document
+from skillplan.views.playback.tracks import FRAMES_PER_S, Tracks
+from skillplan.views.playback.turns import Numbers
+
+_NOWHERE = Pose((0.0, 0.0, 0.0))
+
+
+def row_of(pose: Pose) -> list[float]:
+    """Return a pose as seven numbers."""
+    return [round(value, 6) for value in (*pose.position, *pose.orientation)]
+
+
+@dataclass
+class Playback:
+    """What is shown of one plan.
+
+    Parameters
+    ----------
+    title
+        What it shows.
+    frames
+        How many, >= 1.
+    note
+        Where the motion is from.
+    """
+
+    title: str
+    frames: int
+    note: str = ""
+    tracks: Tracks = field(init=False)
+    bodies: list[dict[str, Any]] = field(default_factory=list)
+    meshes: list[dict[str, Any]] = field(default_factory=list)
+    skills: list[dict[str, Any]] = field(default_factory=list)
+    contacts: list[dict[str, Any]] = field(default_factory=list)
+    paths: list[dict[str, Any]] = field(default_factory=list)
+    arms: list[dict[str, Any]] = field(default_factory=list)
+    view: tuple[Sequence[float], Sequence[float]] = ((0.0, 0.0, 0.0), (1.0, -1.0, 1.0))
+
+    def __post_init__(self) -> None:
+        self.tracks = Tracks(self.frames)
+
+    def add_body(
+        self,
+        name: str,
+        kind: str,
+        shapes: Sequence[dict[str, Any]],
+        pose: Pose = _NOWHERE,
+        *,
+        rows: Numbers | None = None,
+        goal: Pose | None = None,
+        label: bool = False,
+        color: str | None = None,
+        off_m: float | None = None,
+    ) -> int | None:
+        """Add a body and return the number of its track, or None where it stands.
+
+        Parameters
+        ----------
+        name, kind
+            Of the body.
+        shapes
+            As `box`, `solid` and `mesh` give them.
+        pose
+            Where it stands.
+        rows
+            Where it is in every frame, shape (frames, 7); NaN where it is nowhere.
+        goal
+            Where its ghost stands.
+        label
+            Whether its name is shown.
+        color
+            Of the form #rrggbb; None for that of its kind.
+        off_m
+            How far off it may be played back [m]; None for a default.
+        """
+        track = None
+        if rows is not None:
+            given = {} if off_m is None else {"off_m": off_m}
+            track = self.tracks.add(rows, **given)
+        self.bodies.append(
+            {
+                "name": name,
+                "kind": kind,
+                "color": color,
+                "label": label,
+                "shapes": list(shapes),
+                "pose": row_of(pose),
+                "track": track,
+                "goal": None if goal is None else row_of(goal),
+            }
+        )
+        return track
+
+    def mesh(self, points: Numbers, triangles: Triangles, pose: Pose = _NOWHERE) -> dict[str, Any]:
+        """Return a shape that is a mesh, which is kept."""
+        self.meshes.append(mesh_document(points, triangles))
+        return {"type": "mesh", "mesh": len(self.meshes) - 1, "pose": row_of(pose)}
+
+    def solid(self, shape: Shape) -> dict[str, Any]:
+        """Return a shape of a task's body."""
+        if isinstance(shape, Box):
+            return box(shape.size, Pose(shape.centre))
+        if isinstance(shape, Cylinder):
+            return cylinder(shape.diameter_m / 2, shape.height_m, Pose(shape.centre))
+        if shape.faces:
+            return self.mesh(np.array(shape.corners), np.array(shape.faces, dtype=np.int64))
+        return self.mesh(*hull_mesh(shape.corners))
+
+    def link(self, shape: LinkShape) -> dict[str, Any]:
+        """Return a shape of an arm's link."""
+        if not isinstance(shape, Capsule | Rod):
+            return self.mesh(*hull_mesh(shape.corners_m))
+        start, end = np.array(shape.start_m), np.array(shape.end_m)
+        length_m = float(np.linalg.norm(end - start))
+        x, y, z = ((start + end) / 2).tolist()
+        kind = "capsule" if isinstance(shape, Capsule) else "cylinder"
+        if length_m < 1e-9:
+            return {
+                "type": "sphere",
+                "radius_m": shape.radius_m,
+                "pose": row_of(Pose((x, y, z))),
+            }
+        turned = upright_along((x, y, z), ((end - start) / length_m).tolist())
+        return {
+            "type": kind,
+            "radius_m": shape.radius_m,
+            "length_m": length_m,
+            "pose": row_of(turned),
+        }
+
+    def document(self) -> dict[str, Any]:
+        """Return the document."""
+        target, eye = self.view
+        return {
+            "schema": schemas.PLAYBACK,
+            "title": self.title,
+            "note": self.note,
+            "duration_s": (self.frames - 1) / FRAMES_PER_S,
+            "frames_per_s": FRAMES_PER_S,
+            "frames": self.frames,
+            "bodies": self.bodies,
+            "meshes": self.meshes,
+            "tracks": self.tracks.document(),
+            "skills": self.skills,
+            "contacts": self.contacts,
+            "paths": self.paths,
+            "arms": self.arms,
+            "view": {
+                "target_m": [round(float(value), 4) for value in target],
+                "eye_m": [round(float(value), 4) for value in eye],
+            },
+        }
+
+
+def box(size_m: Sequence[float], pose: Pose = _NOWHERE) -> dict[str, Any]:
+    """Return a box about its middle."""
+    return {"type": "box", "size_m": [round(v, 6) for v in size_m], "pose": row_of(pose)}
+
+
+def cylinder(radius_m: float, length_m: float, pose: Pose = _NOWHERE) -> dict[str, Any]:
+    """Return a cylinder about its middle, along z."""
+    return {
+        "type": "cylinder",
+        "radius_m": round(radius_m, 6),
+        "length_m": round(length_m, 6),
+        "pose": row_of(pose),
+    }
+
+
+def upright_along(position: tuple[float, float, float], along: Sequence[float]) -> Pose:
+    """Return a pose whose z is a unit vector."""
+    x, y, z = along
+    if z < -1 + 1e-9:
+        return Pose(position, (1.0, 0.0, 0.0, 0.0))
+    # The shortest turn from the vertical.
+    q = np.array([-y, x, 0.0, 1.0 + z])
+    a, b, c, d = (q / np.linalg.norm(q)).tolist()
+    return Pose(position, (a, b, c, d))

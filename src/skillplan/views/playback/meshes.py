@@ -1,0 +1,90 @@
+"""Meshes as few and short numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.files.regular_file import read_bytes
+from skillplan.views.playback.tracks import packed
+from skillplan.views.playback.turns import Numbers
+
+_MOST_BYTES = 16 * 2**20
+
+Triangles = NDArray[np.int64]
+
+
+def mesh_document(points: Numbers, triangles: Triangles) -> dict[str, Any]:
+    """Return a mesh as JSON values.
+
+    Parameters
+    ----------
+    points
+        Corners [m], shape (n, 3).
+    triangles
+        By three corners each, shape (m, 3).
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    offset = (low + high) / 2
+    scale = max(float((high - low).max()) / 2 / 32767, 1e-9)
+    wide = len(points) > 0xFFFF
+    return {
+        "positions": packed(np.round((points - offset) / scale), "<i2"),
+        "scale_m": scale,
+        "offset_m": [float(value) for value in offset],
+        "triangles": packed(triangles, "<u4" if wide else "<u2"),
+        "wide": wide,
+    }
+
+
+def hull_mesh(points: Sequence[Sequence[float]]) -> tuple[Numbers, Triangles]:
+    """Return the convex hull of some points as corners and triangles."""
+    import trimesh
+
+    made = trimesh.convex.convex_hull(np.array(points, dtype=np.float64))
+    return np.asarray(made.vertices), np.asarray(made.faces, dtype=np.int64)
+
+
+def read_obj(path: Path) -> tuple[Numbers, Triangles]:
+    """Return corners and triangles of a Wavefront file, whatever else it holds.
+
+    Raises
+    ------
+    OSError, ValueError
+        If it cannot be read or is no such file.
+    """
+    lines = read_bytes(path, _MOST_BYTES).decode("latin-1").splitlines()
+    points = [line.split()[1:4] for line in lines if line.startswith("v ")]
+    faces = [line.split()[1:] for line in lines if line.startswith("f ")]
+    corners = [[int(word.partition("/")[0]) - 1 for word in face] for face in faces]
+    triangles = [(one[0], one[k], one[k + 1]) for one in corners for k in range(1, len(one) - 1)]
+    return np.array(points, dtype=np.float64), np.array(triangles, dtype=np.int64)
+
+
+def coarser(points: Numbers, triangles: Triangles, cell_m: float) -> tuple[Numbers, Triangles]:
+    """Return a mesh whose corners in one cell of a grid are one (Rossignac and Borrel, 1993).
+
+    Parameters
+    ----------
+    points, triangles
+        The mesh.
+    cell_m
+        Size of a cell, > 0 [m].
+    """
+    cells = np.floor(points / cell_m).astype(np.int64)
+    _, group = np.unique(cells, axis=0, return_inverse=True)
+    group = group.reshape(-1)
+    counts = np.bincount(group).astype(np.float64)
+    means = np.stack([np.bincount(group, points[:, k]) / counts for k in range(3)], axis=1)
+    merged = group[triangles]
+    a, b, c = merged.T
+    merged = merged[(a != b) & (b != c) & (a != c)]
+    # One face seen from either side is one: the direction of the first is kept.
+    _, first = np.unique(np.sort(merged, axis=1), axis=0, return_index=True)
+    merged = merged[np.sort(first)]
+    used, renumbered = np.unique(merged, return_inverse=True)
+    return means[used], renumbered.reshape(-1, 3).astype(np.int64)

@@ -1,0 +1,176 @@
+"""The page: one file, no network, a policy that allows what is in it and nothing else."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skillplan import __version__
+from skillplan.views.report.markup import Markup, join, tag
+from skillplan.views.report.player_files import Player, page_style
+
+_CLOSING = re.compile(r"</(?=script)", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A part of the page: its anchor, heading and content."""
+
+    name: str
+    heading: str
+    content: Markup
+
+
+@dataclass(frozen=True, slots=True)
+class Chapter:
+    """All that is said of one input.
+
+    Parameters
+    ----------
+    name
+        Unique in the page; anchors begin with it.
+    heading
+        What it is of.
+    lead
+        What was found, in a sentence or two, with its figures.
+    sections
+        In order.
+    """
+
+    name: str
+    heading: str
+    lead: Markup
+    sections: Sequence[Section]
+
+
+def page_html(
+    title: str,
+    chapters: Sequence[Chapter],
+    playback: Mapping[str, Any] | None = None,
+    player: Player | None = None,
+) -> str:
+    """Return the page.
+
+    Parameters
+    ----------
+    title
+        Of the page.
+    chapters
+        At least one.
+    playback
+        A document ``skillplan.playback/1``; None for none.
+    player
+        What shows it; None where it has not been built.
+    """
+    style = page_style() + ("" if player is None else player.style)
+    script = "" if player is None or playback is None else _in_script(player.script)
+    scripts = [_digest(script)] if script else []
+    policy = "; ".join(
+        [
+            "default-src 'none'",
+            f"script-src {' '.join(scripts) or chr(39) + 'none' + chr(39)}",
+            f"style-src {_digest(style)}",
+            "img-src data:",
+            "base-uri 'none'",
+            "form-action 'none'",
+        ]
+    )
+    head = tag(
+        "head",
+        {},
+        tag("meta", {"charset": "utf-8"}),
+        tag("meta", {"http-equiv": "Content-Security-Policy", "content": policy}),
+        tag("meta", {"name": "viewport", "content": "width=device-width, initial-scale=1"}),
+        tag("meta", {"name": "color-scheme", "content": "light dark"}),
+        tag("meta", {"name": "generator", "content": f"skillplan {__version__}"}),
+        tag("title", {}, title),
+        tag("style", {}, Markup(style)),
+    )
+    data = Markup("")
+    if playback is not None and player is not None:
+        attributes = {"type": "application/json", "id": "playback"}
+        data = tag("script", attributes, Markup(json_in_page(playback)))
+        data = join([data, tag("script", {}, Markup(script))])
+    body = tag(
+        "body", {}, _skip_link(), _header(title, chapters), _main(chapters), _foot(player), data
+    )
+    return f"<!doctype html>\n{tag('html', {'lang': 'en'}, head, body)}\n"
+
+
+def json_in_page(document: Mapping[str, Any]) -> str:
+    """Return a document as JSON that no page takes for markup.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite.
+    """
+    made = json.dumps(document, allow_nan=False, separators=(",", ":"))
+    return made.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _in_script(script: str) -> str:
+    """Return a script that ends where it ends; in strings the two mean the same."""
+    return _CLOSING.sub(r"<\\/", script).replace("<!--", "<\\!--")
+
+
+def _digest(content: str) -> str:
+    made = base64.b64encode(hashlib.sha256(content.encode()).digest()).decode("ascii")
+    return f"'sha256-{made}'"
+
+
+def _skip_link() -> Markup:
+    return tag("a", {"class": "skip", "href": "#content"}, "Skip to the content")
+
+
+def _header(title: str, chapters: Sequence[Chapter]) -> Markup:
+    links = [
+        tag("li", {}, tag("a", {"href": f"#{chapter.name}-{one.name}"}, one.heading))
+        for chapter in chapters
+        for one in chapter.sections
+    ]
+    if len(chapters) > 1:
+        links = [tag("li", {}, tag("a", {"href": f"#{one.name}"}, one.heading)) for one in chapters]
+    nav = tag("nav", {"aria-label": "Contents"}, tag("ul", {}, *links))
+    brand = tag("p", {"class": "brand"}, "skillplan report")
+    return tag("header", {"class": "top"}, brand, tag("h1", {}, title), nav)
+
+
+def _main(chapters: Sequence[Chapter]) -> Markup:
+    made = []
+    several = len(chapters) > 1
+    for chapter in chapters:
+        inner: list[Markup] = []
+        if several:
+            inner.append(tag("h2", {}, chapter.heading))
+        inner.append(chapter.lead)
+        for one in chapter.sections:
+            name = f"{chapter.name}-{one.name}"
+            heading = tag("h3" if several else "h2", {"id": f"{name}-h"}, one.heading)
+            attributes = {"id": name, "aria-labelledby": f"{name}-h", "class": "card"}
+            inner.append(tag("section", attributes, heading, one.content))
+        made.append(tag("article", {"id": chapter.name}, *inner))
+    return tag("main", {"id": "content"}, *made)
+
+
+def _foot(player: Player | None) -> Markup:
+    words = tag(
+        "p",
+        {},
+        f"Written by skillplan {__version__}. The page is complete: it needs no network and loads "
+        "nothing.",
+    )
+    if player is None or not player.licences:
+        return tag("footer", {}, words)
+    licences = tag(
+        "details",
+        {},
+        tag("summary", {}, "Licences of the player"),
+        tag("pre", {}, player.licences),
+    )
+    return tag("footer", {}, words, licences)

@@ -1,0 +1,194 @@
+"""The plan as a table, its time line, its pictures, and what was measured when it was performed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from skillplan.physics.performance import Performance
+from skillplan.task.reachability import unreachable_facts
+from skillplan.task.task import Task
+from skillplan.views.pictures.drawing import Drawing, Shape
+from skillplan.views.pictures.exploded_picture import exploded_picture
+from skillplan.views.pictures.gantt_picture import gantt_picture
+from skillplan.views.pictures.layout_picture import layout_picture
+from skillplan.views.pictures.plan_bars import PlanBar, plan_bars
+from skillplan.views.pictures.precedence_graph import PrecedenceGraph
+from skillplan.views.pictures.precedence_picture import precedence_picture
+from skillplan.views.pictures.svg_canvas import picture_svg
+from skillplan.views.report.markup import Markup, join, tag
+from skillplan.views.report.page import Section
+from skillplan.views.report.tables import note, number, seconds, table
+
+
+def figure(drawing: Drawing, name: str, caption: str, description: str = "") -> Markup:
+    """Return a picture with its caption, which scrolls by itself where the page is narrow."""
+    made = picture_svg(drawing, name, description)
+    scroll = tag(
+        "div", {"class": "wide", "tabindex": "0", "role": "region", "aria-label": caption}, made
+    )
+    return tag("figure", {}, scroll, tag("figcaption", {}, caption))
+
+
+def bars_of(
+    task: Task, document: Mapping[str, Any], performance: Performance | None
+) -> list[PlanBar]:
+    """Return a plan as bars: as it was performed as far as it was, or else as it was planned."""
+    steps = _steps(document)
+    if performance is not None and len(performance.skills) == len(steps):
+        times = {k: (one.begin_s, one.end_s) for k, one in enumerate(performance.skills)}
+    else:
+        times = None
+    names = [str(step["skill"]) for step in steps]
+    return plan_bars(task, names, [float(step["duration_s"]) for step in steps], times)
+
+
+def gantt_section(bars: Sequence[PlanBar], name: str, *, measured: bool, played: bool) -> Section:
+    """Return the time line; where the plan is played, a cursor marks the moment on it."""
+    caption = "Times as simulated." if measured else "Times as planned."
+    drawing = gantt_picture(bars, "Who does what when")
+    if not played:
+        items = tuple(
+            replace(one, seek_s=None) if isinstance(one, Shape) else one for one in drawing.items
+        )
+        drawing = replace(drawing, items=items, cursor=None)
+    description = "; ".join(bar.title for bar in bars[:60])
+    return Section("gantt", "Time line", figure(drawing, f"{name}-gantt", caption, description))
+
+
+def plan_section(
+    task: Task, document: Mapping[str, Any], performance: Performance | None
+) -> Section:
+    """Return the plan step by step."""
+    done = [] if performance is None else list(performance.skills)
+    now_s, rows = 0.0, []
+    for index, step in enumerate(_steps(document)):
+        measured = done[index] if index < len(done) else None
+        begin_s = now_s if performance is None else None if measured is None else measured.begin_s
+        now_s += float(step["duration_s"])
+        took_s = measured.end_s - measured.begin_s if measured is not None else None
+        rows.append(
+            [
+                str(index + 1),
+                tag("code", {}, step["skill"]),
+                _tool(task, str(step["skill"])),
+                seconds(begin_s),
+                seconds(step["duration_s"]),
+                *([seconds(took_s)] if performance is not None else []),
+                number(step["cost"]),
+                _place(step.get("goal")),
+                *([step.get("way") or "-"] if any("way" in s for s in _steps(document)) else []),
+            ]
+        )
+    columns = ["step", "skill", "tool", "begins [s]", "planned [s]"]
+    columns += ["simulated [s]"] if performance is not None else []
+    unit = task.metric.unit
+    columns += [f"cost [{unit}]", "ends at [m]"]
+    columns += ["way"] if any("way" in step for step in _steps(document)) else []
+    kinds = "n  nn" + ("n" if performance is not None else "") + "n"
+    caption = f"{len(rows)} skills in order, with their times and costs"
+    return Section("plan", "The plan", table(caption, columns, rows, kinds))
+
+
+def picture_section(task: Task, document: Mapping[str, Any], name: str) -> Section:
+    """Return the cell from above and the product taken apart."""
+    skills = [str(step["skill"]) for step in _steps(document)]
+    above = layout_picture(task, skills)
+    words = "The cell from above, with the path of the plan; a number stands where its step ends."
+    made = [figure(above, f"{name}-layout", words)]
+    try:
+        apart = exploded_picture(task, skills)
+    except ValueError:
+        pass
+    else:
+        words = "The product taken apart, numbered in the order in which parts are added."
+        made.append(figure(apart, f"{name}-exploded", words))
+    return Section("pictures", "Cell and product", join(made))
+
+
+def precedence_section(graph: PrecedenceGraph, name: str) -> Section:
+    """Return the precedence relation as a graph, and as a table with why."""
+    drawing = precedence_picture(graph, "What comes before what")
+    caption = (
+        "What comes before what. Rest the pointer on an arrow to read why; the table says it, too."
+    )
+    rows = [[edge.before, edge.after, edge.why.partition(": ")[2]] for edge in graph.edges]
+    made = [figure(drawing, f"{name}-precedence", caption)]
+    if rows:
+        listed = table("Pairs that follow from no others", ["before", "after", "why"], rows)
+        made.append(tag("details", {}, tag("summary", {}, f"All {len(rows)} pairs"), listed))
+    return Section("precedence", "Precedence", join(made))
+
+
+def refusals_section(
+    task: Task,
+    document: Mapping[str, Any],
+    graph: PrecedenceGraph | None,
+    performance: Performance | None,
+) -> Section:
+    """Return what is unreachable or refused, each with why."""
+    rows: list[tuple[object, object, object]] = []
+    rows += [(fact, "out of reach", why) for fact, why in unreachable_facts(task).items()]
+    if performance is not None:
+        for one in performance.skills:
+            if not one.verdict.is_feasible:
+                rows.append(
+                    (one.skill, f"{one.verdict.status.value} in simulation", one.verdict.reason)
+                )
+    if graph is not None:
+        for words in graph.notes:
+            rows.append((words.partition(" ")[0], "by geometry", words))
+        for choice in graph.choices:
+            words = " or ".join(
+                " and ".join(f"{a} before {b}" for a, b in group) for group in choice.groups
+            )
+            rows.append((choice.component, "needs one or another", f"{choice.skill}: {words}"))
+    if document.get("status") not in ("optimal", "solved"):
+        rows.append((task.name, str(document.get("status")), document.get("reason") or "-"))
+    return refused_section(rows)
+
+
+def refused_section(rows: Sequence[tuple[object, object, object]]) -> Section:
+    """Return what cannot be done: of each what it is, what was found, and why."""
+    if not rows:
+        made = note("Nothing of this task was found to be out of reach or refused.")
+    else:
+        made = table(
+            "What cannot be done, or only in some orders", ["what", "finding", "why"], rows
+        )
+    return Section("refused", "Unreachable or refused", made)
+
+
+def measured_section(performance: Performance, engine: str) -> Section:
+    """Return how far from their goals bodies ended."""
+    rows = [
+        [
+            one.body,
+            number(1000 * one.offset_m, 3),
+            number(math.degrees(one.tilt_rad), 3),
+        ]
+        for one in performance.arrivals
+    ]
+    words = (
+        f"Executed by {engine} in one continuous world: {performance.simulated_s:.2f} s, "
+        f"{performance.steps:,} steps."
+    )
+    columns = ["body", "off its goal [mm]", "turned off it [deg]"]
+    made = table("Where bodies came to rest", columns, rows, " nn") if rows else Markup("")
+    return Section("measured", "As simulated", join([note(words), made]))
+
+
+def _steps(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    return list(document.get("steps") or ())
+
+
+def _tool(task: Task, skill: str) -> str:
+    return str(task.skill(skill).parameters.get("tool") or "-")
+
+
+def _place(goal: object) -> str:
+    if not isinstance(goal, list | tuple):
+        return "-"
+    return ", ".join(f"{value:.3f}" for value in goal)

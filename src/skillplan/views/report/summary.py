@@ -1,0 +1,106 @@
+"""What was asked and found: status, figures, how it was proved, with which versions."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from skillplan import __version__
+from skillplan.views.report.markup import Markup, join, tag
+from skillplan.views.report.page import Section
+from skillplan.views.report.tables import facts, number, seconds, share
+
+_TONES = {"optimal": "good", "solved": "good", "infeasible": "bad", "wrong": "bad", "failed": "bad"}
+_WORDS = {
+    "optimal": "A valid plan, proved to be the best.",
+    "solved": "A valid plan; that it is the best is not proved.",
+    "infeasible": "Proved: there is no plan.",
+    "unsolved": "No plan was found, which is no proof that there is none.",
+}
+
+
+def chip(status: object) -> Markup:
+    """Return a status as a coloured word."""
+    return tag("span", {"class": f"chip {_TONES.get(str(status), 'warn')}"}, status)
+
+
+def lead(document: Mapping[str, Any], measured_s: float | None = None) -> Markup:
+    """Return what a result is in a sentence, and its figures.
+
+    Parameters
+    ----------
+    document
+        ``skillplan.result/1``.
+    measured_s
+        How long the plan took when it was performed [s]; None where it was not.
+    """
+    status = str(document.get("status"))
+    unit = document.get("cost_unit") or ""
+    reason = str(document.get("reason") or "").rstrip(".")
+    words = _WORDS.get(status, "There is no plan.")
+    sentence = tag("p", {"class": "lead"}, f"{words} {reason}." if reason else words)
+    planned = document.get("makespan_s")
+    figures: list[tuple[str, object]] = [
+        ("Status", chip(status)),
+        ("Cost", _with(f"{number(document.get('cost'))} {unit}", document.get("kind_of_cost"))),
+        ("Lower bound", f"{number(document.get('lower_bound'))} {unit}".strip()),
+        ("Gap", share(document.get("gap"))),
+        ("Skills", number(document.get("makespan"))),
+        (
+            "Time of the plan",
+            _with(f"{seconds(measured_s)} s", f"simulated; planned {seconds(planned)} s")
+            if measured_s is not None
+            else _with(f"{seconds(planned)} s", "planned"),
+        ),
+    ]
+    made = [tag("div", {}, tag("dt", {}, name), tag("dd", {}, value)) for name, value in figures]
+    return join([sentence, tag("dl", {"class": "figures"}, *made)])
+
+
+def _with(value: str, small: object) -> Markup:
+    return join([value, tag("small", {}, small)]) if small else join([value])
+
+
+def summary_section(
+    document: Mapping[str, Any], description: str, plugins: Sequence[tuple[str, str]]
+) -> Section:
+    """Return all that a result says of how it came about.
+
+    Parameters
+    ----------
+    document
+        ``skillplan.result/1``.
+    description
+        What the task file says of the task; empty for nothing.
+    plugins
+        Names of installed distributions, and their versions.
+    """
+    task, stats = _of(document, "task"), _of(document, "stats")
+    origin = _of(document, "origin")
+    changed = ", ".join(f"{key}={value}" for key, value in _of(origin, "set").items())
+    entries: list[tuple[str, object]] = [
+        ("Asked", description),
+        ("Task", f"{task.get('name')} ({task.get('kind')})"),
+        ("Task file", origin.get("file")),
+        ("Read with", changed),
+        ("Hash of the task", tag("code", {}, task.get("sha256") or "-")),
+        ("Solver", f"{document.get('solver')}, seed {document.get('seed')}"),
+        ("Status", document.get("status")),
+        ("Bound proved by", document.get("bound_method")),
+        ("Physics", document.get("physics")),
+        ("Collision", document.get("collision")),
+        ("Durations from", document.get("timed_by") or "the task's own figures"),
+        ("States", number(stats.get("states"))),
+        ("Expanded", number(stats.get("expanded"))),
+        ("Checks", f"{number(stats.get('checks'))}, {number(stats.get('cache_hits'))} reused"),
+        ("Search took", f"{seconds(stats.get('wall_s'))} s"),
+        ("Versions", ", ".join(f"{name} {version}" for name, version in plugins)),
+        ("Report by", f"skillplan {__version__}, Python {platform.python_version()}"),
+    ]
+    return Section("facts", "What was asked and found", facts(entries))
+
+
+def _of(document: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    found = document.get(key)
+    return found if isinstance(found, Mapping) else {}

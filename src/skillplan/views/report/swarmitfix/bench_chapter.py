@@ -1,0 +1,85 @@
+"""A job on the bench as the input of a chapter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from skillplan.domains.load import Problem
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.views.pictures.plan_bars import PlanBar
+from skillplan.views.report.chapters import ChainInput
+from skillplan.views.report.swarmitfix.bench_playback import bench_playback
+from skillplan.views.report.swarmitfix.fleet_playback import fleet_playback
+
+_AGENTS = {"head": "head", "pkm": "PKM", "base": "base"}
+
+
+def bench_input(problem: Problem, document: Mapping[str, Any], playing: bool) -> ChainInput:
+    """Return what a chapter on a chain of tasks is made of.
+
+    Parameters
+    ----------
+    problem
+        The loaded file.
+    document
+        Its result.
+    playing
+        Whether the page has no playback yet.
+    """
+    plans = {
+        part["name"]: tuple(part["skills"])
+        for part in [*document.get("stages", ()), *(document.get("sequences") or ())]
+    }
+    account = problem.account(plans, document.get("replans", 0))
+    known = account.document
+    playback, missing = None, "the file describes no bench, or nothing has been planned"
+    if playing and "bench" in known:
+        shape = known["bench"]
+        bench = Bench(shape["rows"], shape["cols"], shape["pitch_m"], shape["actions"])
+        if known.get("timeline"):
+            playback = bench_playback(problem.name, bench, known).document()
+        elif known.get("schedule"):
+            playback = fleet_playback(problem.name, bench, known).document()
+    return ChainInput(
+        document,
+        listings=account.listings,
+        refused=_refused(known, document),
+        bars=_bars(known),
+        playback=playback,
+        missing=missing,
+    )
+
+
+def _refused(known: Mapping[str, Any], document: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Return the supports that the machine cannot hold, and why the whole is no better."""
+    rows = [
+        (f"support {goal['sequence']} from {goal['goal']}", "out of reach", goal["pkm"]["reason"])
+        for goal in known.get("goals") or ()
+        if goal.get("pkm", {}).get("status") == "infeasible"
+    ]
+    if document.get("status") not in ("optimal", "solved"):
+        name = str(document.get("task", {}).get("name"))
+        rows.append((name, str(document.get("status")), str(document.get("reason") or "-")))
+    return rows
+
+
+def _bars(known: Mapping[str, Any]) -> list[PlanBar]:
+    """Return the five steps of each sequence, or the swings of each base, as bars."""
+    bars = []
+    for phase in known.get("timeline") or ():
+        swing = phase.get("swing")
+        for agent in phase["agents"]:
+            label = f"{swing['action']} to {swing['end']}" if swing else phase["step"]
+            begin_s, end_s = phase["start_s"], phase["end_s"]
+            words = f"{begin_s:.2f} s to {end_s:.2f} s"
+            title = f"sequence {phase['sequence']}, {phase['step']}: {label}, {words}"
+            bars.append(PlanBar(_AGENTS[agent], label, phase["step"], begin_s, end_s, title))
+    if not bars and known.get("schedule"):
+        step_s = known["parallel_s"] / max(1, len(known["schedule"]))
+        for number, moves in enumerate(known["schedule"]):
+            for robot, action, start, end in moves:
+                title = f"step {number + 1}: {robot} {action}, {start} to {end}"
+                times = (number * step_s, (number + 1) * step_s)
+                bars.append(PlanBar(robot, end, "swing", *times, title))
+    return bars

@@ -1,0 +1,91 @@
+"""Tables and lists of facts as markup."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from skillplan.views.report.markup import Markup, join, tag
+
+
+def table(
+    caption: str, columns: Sequence[str], rows: Iterable[Sequence[object]], numbers: str = ""
+) -> Markup:
+    """Return a table whose first cell of a row names it.
+
+    Parameters
+    ----------
+    caption
+        What it shows.
+    columns
+        Their headings.
+    rows
+        As many cells each; markup, or what is shown as text.
+    numbers
+        A character a column, ``n`` where it is of numbers.
+    """
+    kinds = numbers.ljust(len(columns))
+
+    def classes(index: int) -> dict[str, str | None]:
+        return {"class": "n" if kinds[index] == "n" else None}
+
+    heads = [
+        tag("th", {"scope": "col", **classes(index)}, name) for index, name in enumerate(columns)
+    ]
+    lines = []
+    for row in rows:
+        cells = [
+            tag("th", {"scope": "row", **classes(0)}, cell)
+            if index == 0
+            else tag("td", classes(index), cell)
+            for index, cell in enumerate(row)
+        ]
+        lines.append(tag("tr", {}, *cells))
+    made = tag(
+        "table",
+        {},
+        tag("caption", {}, caption),
+        tag("thead", {}, tag("tr", {}, *heads)),
+        tag("tbody", {}, *lines),
+    )
+    return tag(
+        "div", {"class": "scroll", "tabindex": "0", "role": "region", "aria-label": caption}, made
+    )
+
+
+def facts(entries: Iterable[tuple[str, object]]) -> Markup:
+    """Return names with what is said of them; those that say nothing are left out."""
+    made = [
+        join([tag("dt", {}, name), tag("dd", {}, value)])
+        for name, value in entries
+        if value not in (None, "")
+    ]
+    return tag("dl", {"class": "facts"}, *made)
+
+
+def note(words: object) -> Markup:
+    """Return a remark."""
+    return tag("p", {"class": "note"}, words)
+
+
+def number(value: object, digits: int = 6) -> str:
+    """Return a number for people; a dash where there is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return "-"
+    if isinstance(value, int):
+        return f"{value:,}"
+    return f"{value:,.{digits}g}"
+
+
+def seconds(value: object) -> str:
+    """Return a time [s] for people; a dash where there is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return "-"
+    return f"{value:.2f}"
+
+
+def share(value: object) -> str:
+    """Return a fraction as per cent; a dash where there is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return "-"
+    return f"{100 * value:.4g} %"

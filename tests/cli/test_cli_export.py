@@ -1,0 +1,90 @@
+"""`export`: what is written where, and what is refused before anything is."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+PLAN = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
+
+
+def test_a_plan_and_a_task_are_handed_over(
+    cli: Any, board: str, solved_board: Path, tmp_path: Path
+) -> None:
+    """From a result or by --sequence the same; a format of several files is a folder."""
+    one, same, folder = tmp_path / "one.csv", tmp_path / "same.csv", tmp_path / "pddl"
+    told = cli("export", str(solved_board), "--to", "csv", "--out", str(one))
+    assert (0, f"{one}: 15 skills, cost 1.86709 m\n") == (told.code, told.out)
+    assert 0 == cli("export", board, "--to", "csv", "--out", str(same), "--sequence", PLAN).code
+    assert one.read_text("utf-8") == same.read_text("utf-8")
+    assert 0 == cli("export", board, "--to", "pddl", "--out", str(folder)).code
+    assert {"domain.pddl", "problem.pddl"} == {path.name for path in folder.iterdir()}
+    assert {"one.csv", "same.csv", "pddl"} == {path.name for path in tmp_path.iterdir()}
+
+
+@pytest.mark.parametrize(
+    ("words", "message", "code"),
+    [
+        (["--to", "cvs", "--out", "f.csv"], "Unknown exporter 'cvs'. Did you mean 'csv'?", 2),
+        (["--to", "groot", "--out", "f.csv"], "Unknown exporter 'groot'.", 2),
+        (["--to", "csv", "--out", "f.txt"], "end it in .csv", 2),
+        (["--to", "csv", "--out", "no/f.csv"], "there is no folder no", 2),
+        (["--to", "csv", "--out", "there.csv", "--sequence", PLAN], "is there already", 2),
+        (["--to", "pddl", "--out", "there.csv"], "is a file. Name a new folder", 2),
+        (["--to", "pddl", "--out", "full"], "is not empty. Name a new folder", 2),
+        (["--to", "st", "--out", "f.st"], "hands over a plan: give a RESULT", 2),
+        (["--to", "st", "--out", "f.st", "-O", "size=3"], "has no option 'size'", 2),
+        (["--to", "st", "--out", "f.st", "--sequence", "0,1"], "its end: the goal is not", 1),
+        (["--to", "st", "--out", "f.st", "--sequence", "1,0"], "step 1, place(pcb)", 1),
+    ],
+)
+def test_what_does_not_go_is_one_message(
+    cli: Any,
+    board: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+    message: str,
+    code: int,
+) -> None:
+    """And nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there.csv").write_text("kept")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine").touch()
+    outcome = cli("export", board, *words)
+    assert (code, "") == (outcome.code, outcome.out)
+    assert message in outcome.err
+    assert {"there.csv", "full"} == {path.name for path in tmp_path.iterdir()}
+    assert "kept" == (tmp_path / "there.csv").read_text()
+
+
+class TestVerifyWithFastDownward:
+    def test_the_optimum_is_proved_by_a_planner_of_others(
+        self, cli: Any, solved_board: Path
+    ) -> None:
+        """It stands beside our own second proof."""
+        if find_spec("up_fast_downward") is None:
+            pytest.skip("needs skillplan[planner]")
+        outcome = cli("verify", str(solved_board), "--with", "fast-downward", "--format", "json")
+        assert 0 == outcome.code
+        claim = outcome.document["claims"][-1]
+        assert ("optimal", "holds", "fast-downward") == (
+            claim["claim"],
+            claim["outcome"],
+            claim["method"],
+        )
+        assert "it proves 1.86709 m, rounded by at most 7.5e-06" in claim["detail"]
+
+    def test_an_unknown_referee_and_one_that_is_not_installed_are_messages(
+        self, cli: Any, solved_board: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Exit code 2, and the extra that has it."""
+        told = cli("verify", str(solved_board), "--with", "enhsp")
+        assert (2, True) == (told.code, "no such referee" in told.err)
+        monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+        told = cli("verify", str(solved_board), "--with", "fast-downward")
+        assert (2, True) == (told.code, "pip install 'skillplan[planner]'" in told.err)

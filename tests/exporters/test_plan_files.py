@@ -1,0 +1,116 @@
+"""Plans read back: the formats by their content, and whatever is wrong in one message."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from skillplan.errors import OptionError
+from skillplan.exporters.behaviour_tree import BehaviourTreeExporter
+from skillplan.exporters.exporter import Exporter
+from skillplan.exporters.handover import Handover
+from skillplan.exporters.pddl.exporter import PddlExporter
+from skillplan.exporters.plan_files import MAX_BYTES, read_plan
+from skillplan.exporters.plan_table import CsvExporter
+from skillplan.pipeline.plan_input import given_plan
+from skillplan.pipeline.setup import Setup
+from skillplan.testing import hostile_task
+from skillplan.testing.exporter_suite import solved_lid
+
+TREE = '<root BTCPP_format="4"><BehaviorTree ID="plan">{}</BehaviorTree></root>'
+BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]>' + TREE.format("&b;")
+OUTSIDE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]>' + TREE.format("&a;")
+
+
+@pytest.mark.parametrize("exporter", [CsvExporter(), PddlExporter(), BehaviourTreeExporter()])
+def test_what_is_exported_is_read_back(board: Handover, tmp_path: Path, exporter: Exporter) -> None:
+    """Names of files do not matter; of the lid task with hostile names, too."""
+    for handover in (board, solved_lid(hostile_task())):
+        files = exporter.files(handover)
+        content = files.get("plan.txt") or next(iter(files.values()))
+        (tmp_path / "plan").write_bytes(content.encode() if isinstance(content, str) else content)
+        found = given_plan(f"@{tmp_path / 'plan'}", handover.task, Setup(collision=("precedence",)))
+        assert [one.skill for one in handover.skills] == list(found)
+
+
+def test_a_result_and_a_list_are_read_as_json(board: Handover, tmp_path: Path) -> None:
+    """By names or numbers."""
+    names = [one.skill.name for one in board.skills]
+    numbers = [one.step.action for one in board.skills]
+    for document in ({"schema": "skillplan.result/1", "skills": names}, names, numbers):
+        (tmp_path / "plan").write_text(json.dumps(document))
+        found = read_plan(str(tmp_path / "plan"), board.task, lambda action: None)
+        assert names == [skill.name for skill in found]
+
+
+def test_a_planner_may_write_in_capitals(board: Handover, tmp_path: Path) -> None:
+    """Names of PDDL are the same in both."""
+    (tmp_path / "plan").write_text("; found\n(PICK_PCB LOCATION_HOME)\n\n; cost = 1\n")
+    found = given_plan(f"@{tmp_path / 'plan'}", board.task, Setup())
+    assert ["pick(pcb)"] == [skill.name for skill in found]
+
+
+def test_a_tree_of_somebody_else_is_followed_into_its_subtrees(
+    board: Handover, tmp_path: Path
+) -> None:
+    """Whatever nodes are around the skills."""
+    inner = '<BehaviorTree ID="two"><Do skill="place(pcb)"/></BehaviorTree>'
+    text = TREE.format('<Sequence><Inverter><Do skill="pick(pcb)"/></Inverter><SubTree ID="two"/>')
+    text = text.replace("</BehaviorTree>", f"</Sequence></BehaviorTree>{inner}")
+    (tmp_path / "plan").write_text(text)
+    found = read_plan(str(tmp_path / "plan"), board.task, lambda action: None)
+    assert ["pick(pcb)", "place(pcb)"] == [skill.name for skill in found]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", r":1: is in no known format. Give a CSV table"),
+        (b"step,what\n1,pick\n", r":1: is in no known format"),
+        (b"skill\npick(pcb)\npick(cpb)\n", r":3: Unknown skill 'pick\(cpb\)'. Did you mean"),
+        (b"a,skill\n1\n", r":2: has 1 cells, and the plan stands in cell 2"),
+        (b'skill\n"pick\n', r": is no CSV"),
+        (b"skill\n\x00\n", r":2: "),
+        (b"action\n99\n", r":2: No action 99"),
+        (b"skill\n", r": holds no plan"),
+        (b"\xff\xfe", r":1: is not UTF-8"),
+        (b"{", r": is no JSON"),
+        (b"[" * 100, r": is no JSON: it is nested deeper"),
+        (b'{"skills": {}}', r": holds no plan of inverter-board"),
+        (b'{"skills": [1.5]}', r": holds no plan of inverter-board"),
+        (b"(pick_pcb\n", r":1: is no action in brackets"),
+        (b"()\n", r":1: is no action in brackets"),
+        (b"; c\n(fly home)\n", r":2: no action 'fly' is exported for this task"),
+        (b"<root", r":1: it is not XML"),
+        (BOMB.encode(), r":1: it declares a document type, which is not read"),
+        (OUTSIDE.encode(), r":1: it declares a document type, which is not read"),
+        (b"<root/>", r":1: has no behaviour tree 'plan'"),
+        (TREE.format('<SubTree ID="plan"/>').encode(), r":1: the tree 'plan' holds itself"),
+        (
+            TREE.format('<Fallback><A skill="0"/><A skill="1"/></Fallback>').encode(),
+            r":1: Fallback leaves open which of 2 skills",
+        ),
+        (("<a>" * 100).encode(), r":1: its elements lie more than 64 deep; keep the plan alone"),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_line(
+    board: Handover, tmp_path: Path, content: bytes, message: str
+) -> None:
+    """And what to give instead; no entity is followed."""
+    path = tmp_path / "plan"
+    path.write_bytes(content)
+    with pytest.raises(OptionError, match=message) as raised:
+        given_plan(f"@{path}", board.task, Setup())
+    assert str(raised.value).startswith(str(path))
+
+
+def test_what_is_too_large_or_no_file_is_not_read(board: Handover, tmp_path: Path) -> None:
+    """By its size alone."""
+    path = tmp_path / "plan"
+    with path.open("wb") as file:
+        file.truncate(MAX_BYTES + 1)
+    for name, message in ((path, "larger than"), (tmp_path, "folder"), ("no", "No such file")):
+        with pytest.raises(OptionError, match=message):
+            given_plan(f"@{name}", board.task, Setup())

@@ -1,0 +1,55 @@
+"""A plan as CSV: what a spreadsheet and a script find in it."""
+
+from __future__ import annotations
+
+import csv
+import io
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from skillplan.exporters.handover import Handover
+from skillplan.exporters.plan_table import COLUMNS, CsvExporter, _text, read_cell
+from skillplan.testing import hostile_task
+from skillplan.testing.exporter_suite import solved_lid
+
+
+def rows(handover: Handover) -> list[dict[str, str]]:
+    (text,) = CsvExporter().files(handover).values()
+    assert isinstance(text, str)
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_a_row_a_skill_says_what_is_done_where_and_at_what_cost(board: Handover) -> None:
+    """Costs are not rounded: they add up to the plan's, and times one after another."""
+    found = rows(board)
+    assert board.plan is not None
+    assert tuple(found[0]) == COLUMNS
+    assert sum(float(row["cost"]) for row in found) == board.plan.cost
+    assert {"m"} == {row["cost_unit"] for row in found}
+    first, second, *_, last = found
+    expected = {"skill": "pick(pcb)", "subject": "pcb", "tool": "gripper"}
+    assert expected.items() <= first.items()
+    assert ("home", "pcb.start") == (first["from"], first["to"])
+    assert ("pcb.start", "pcb.goal", first["duration_s"]) == (
+        second["from"],
+        second["to"],
+        second["begin_s"],
+    )
+    assert "fasten" == last["kind"]
+    assert all(row["from"] == before["to"] for before, row in pairwise(found))
+
+
+def test_a_spreadsheet_computes_nothing_of_a_name() -> None:
+    """What it would take for a formula is marked as text, and numbers stay numbers."""
+    found = rows(solved_lid(hostile_task()))
+    assert "'=1+1\n,'\"" in {row["skill"] for row in found}
+    assert not any(row["skill"][:1] in "=+-@\t\r\n" for row in found)
+    assert any(float(row["start_y_m"]) < 0 for row in found if row["start_y_m"])
+
+
+@given(st.text())
+def test_what_is_marked_is_read_back(text: str) -> None:
+    """Whatever a name begins with."""
+    assert text == read_cell(_text(text))

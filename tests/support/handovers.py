@@ -1,0 +1,30 @@
+"""Boards with their best plans, handed over to exporters."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+from skillplan.exporters.handover import Handover
+from skillplan.model.replay import replay
+from skillplan.pipeline.export import handed_over
+from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.task.task import Task
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+BY_CHART = Setup(collision=("precedence",))
+
+
+def solved(task: Task, setup: Setup = BY_CHART) -> Handover:
+    """Return a task with its proved optimum."""
+    model = make_model(task, setup)
+    result = solve(task, "auto", setup)
+    assert result.gap == 0, result.reason
+    return handed_over(model, setup, replay(model, [task.skill(s.skill) for s in result.steps]))
+
+
+@cache
+def best(name: str) -> Handover:
+    """Return a config with its proved optimum."""
+    return solved(load_problem(CONFIGS / f"{name}.yaml").task)

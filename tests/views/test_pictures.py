@@ -1,0 +1,177 @@
+"""Pictures of assemblies: what is where, and in which order."""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+import pytest
+
+from skillplan.chart.alternatives import Alternatives
+from skillplan.chart.precedence_chart import DerivedChart
+from skillplan.chart.precedence_query import Relation
+from skillplan.pipeline.setup import load_problem
+from skillplan.task.task import Task
+from skillplan.views.pictures.drawing import Drawing, Label, Look, Shape, hull, shortened
+from skillplan.views.pictures.exploded_picture import exploded_picture
+from skillplan.views.pictures.gantt_picture import gantt_picture
+from skillplan.views.pictures.layout_picture import layout_picture
+from skillplan.views.pictures.plan_bars import PlanBar, plan_bars
+from skillplan.views.pictures.precedence_graph import precedence_graph
+from skillplan.views.pictures.precedence_picture import precedence_picture
+from skillplan.views.pictures.svg_canvas import picture_svg
+
+PLAN = [0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14, 15]
+
+
+@pytest.fixture(scope="module")
+def board() -> Task:
+    """The paper's inverter board."""
+    return load_problem("configs/inverter_board.yaml").task
+
+
+@pytest.fixture(scope="module")
+def plan(board: Task) -> list[str]:
+    """Its best plan."""
+    return [board.skills[action].name for action in PLAN]
+
+
+def labels(drawing: Drawing) -> list[str]:
+    """Return the texts of a picture."""
+    return [item.text for item in drawing.items if isinstance(item, Label)]
+
+
+def relation(before: str, after: str) -> Relation:
+    """Return a pair with a reason."""
+    return Relation(before, after, f"{before} is beneath {after}")
+
+
+def chart(*relations: Relation, either: tuple[Alternatives, ...] = ()) -> DerivedChart:
+    """Return a derived chart of some pairs."""
+    return DerivedChart(relations, None, (), (), {}, {}, (), either)
+
+
+def test_a_layout_numbers_every_step_that_moves_the_arm(board: Task, plan: list[str]) -> None:
+    """Steps that end at one place share a label."""
+    shown = ", ".join(labels(layout_picture(board, plan)))
+    assert set(range(1, 16)) <= {int(number) for number in re.findall(r"\b\d+\b", shown)}
+    assert "8, 10" in shown
+
+
+def test_a_layout_without_a_plan_shows_the_cell(board: Task) -> None:
+    assert {"pcb", "brace"} <= set(labels(layout_picture(board, [])))
+
+
+def test_an_exploded_view_numbers_parts_in_the_order_of_the_plan(
+    board: Task, plan: list[str]
+) -> None:
+    """The board first, the screws last; each has a number and a name."""
+    found = labels(exploded_picture(board, plan))
+    named = dict(zip(found[1::2], map(int, found[::2]), strict=True))
+    assert {"pcb": 1, "switch_1": 2, "brace": 5, "screw_2": 8}.items() <= named.items()
+
+
+def test_a_time_line_has_a_row_for_each_tool(board: Task, plan: list[str]) -> None:
+    """A change of tools has its own."""
+    bars = plan_bars(board, plan, [1.0] * len(plan))
+    assert ["panda, gripper", "panda, tool change", "panda, screwdriver"] == list(
+        dict.fromkeys(bar.row for bar in bars)
+    )
+    assert [float(k) for k in range(15)] == [bar.start_s for bar in bars]
+
+
+def test_measured_times_go_before_planned_ones(board: Task, plan: list[str]) -> None:
+    times = {k: (2.0 * k, 2.0 * k + 1.5) for k in range(len(plan))}
+    bars = plan_bars(board, plan, [1.0] * len(plan), times)
+    assert [(28.0, 29.5)] == [(bar.start_s, bar.end_s) for bar in bars[-1:]]
+
+
+def test_a_time_line_needs_a_bar() -> None:
+    with pytest.raises(ValueError, match="at least one bar"):
+        gantt_picture([], "nothing")
+
+
+def test_a_bar_does_not_end_before_it_begins() -> None:
+    with pytest.raises(ValueError, match="cannot run"):
+        PlanBar("arm", "part", "pick", 2.0, 1.0, "")
+
+
+def test_pairs_that_follow_from_others_are_not_drawn(board: Task) -> None:
+    """The hand-made chart and the derived one are laid over each other."""
+    graph = precedence_graph(board, chart(relation("pcb", "clock"), relation("clock", "brace")))
+    pairs = {(edge.before, edge.after): edge for edge in graph.edges}
+    assert ("pcb", "brace") not in pairs
+    assert (True, True) == (pairs["pcb", "clock"].derived, pairs["pcb", "clock"].drawn)
+    assert (True, False) == (pairs["clock", "brace"].derived, pairs["clock", "brace"].drawn)
+    assert (False, True) == (pairs["brace", "screw_1"].derived, pairs["brace", "screw_1"].drawn)
+    assert "pcb is beneath clock" in pairs["pcb", "clock"].why
+
+
+def test_layers_follow_the_longest_chain(board: Task) -> None:
+    graph = precedence_graph(board, None)
+    depth = {one: k for k, layer in enumerate(graph.layers) for one in layer}
+    assert (0, 1, 2, 3) == tuple(depth[one] for one in ("pcb", "clock", "brace", "screw_1"))
+
+
+def test_a_circle_is_drawn_all_the_same(board: Task) -> None:
+    """No order exists, and the picture says so."""
+    graph = precedence_graph(board, chart(relation("clock", "brace"), relation("brace", "clock")))
+    assert any("no order exists" in text for text in labels(precedence_picture(graph, "circle")))
+
+
+def test_alternatives_stand_below_the_graph(board: Task) -> None:
+    groups = ((("clock", "brace"),), (("clock", "switch_1"),))
+    either = tuple(
+        Alternatives("clock", skill, groups) for skill in ("pick(clock)", "place(clock)")
+    )
+    drawing = precedence_picture(precedence_graph(board, chart(either=either)), "or")
+    words = [text for text in labels(drawing) if "before" in text]
+    assert ["pick(clock), place(clock): clock before brace or clock before switch_1"] == words
+    assert 1 == labels(drawing).count("or")
+
+
+def test_a_picture_of_a_page_has_no_style_attribute(board: Task, plan: list[str]) -> None:
+    """The policy of the page forbids them; a title says what an arrow means."""
+    graph = precedence_graph(board, None)
+    text = picture_svg(precedence_picture(graph, "Precedence"), "p")
+    root = ElementTree.fromstring(text)
+    assert not [one for one in root.iter() if "style" in one.attrib]
+    assert any("pcb before" in (one.text or "") for one in root.iter("title"))
+
+
+def test_a_bar_of_a_page_says_where_it_leads(board: Task, plan: list[str]) -> None:
+    text = picture_svg(gantt_picture(plan_bars(board, plan, [1.0] * 15), "Times"), "g")
+    assert 'id="gantt-cursor"' in text
+    assert 'data-seek-s="3.000" tabindex="0" role="button"' in text
+
+
+def test_names_of_others_are_no_markup() -> None:
+    shape = Shape(((0, 0), (1, 1)), Look(stroke="ink"), title="</title><script>")
+    drawing = Drawing(10, 10, "<b>", (shape, Label((1, 1), '"><img src=x>\x1b[31m')))
+    text = picture_svg(drawing, "x")
+    assert not {"<script", "<img", "<b>", "\x1b"} & set(re.findall(r"<\w+>?|\x1b", text))
+    assert "\\x1b[31m" in text
+
+
+@pytest.mark.parametrize("change", [{"fill": "pink"}, {"width_px": 0.0}, {"opacity": 2.0}])
+def test_a_look_is_checked(change: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match=r"roles|look"):
+        Look(**change)  # type: ignore[arg-type]
+
+
+def test_a_shape_has_two_points_and_a_picture_an_extent() -> None:
+    with pytest.raises(ValueError, match="two points"):
+        Shape(((0, 0),), Look())
+    with pytest.raises(ValueError, match="cannot be"):
+        Drawing(0, 5, "nothing")
+
+
+def test_a_hull_leaves_out_what_is_inside() -> None:
+    square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+    assert set(square) == set(hull([*square, (0.5, 0.5), (0.5, 0.0)]))
+
+
+def test_long_names_are_shortened_to_their_room() -> None:
+    assert "ab" == shortened("ab", 100)
+    assert shortened("a very long name of a part", 60).endswith("\N{HORIZONTAL ELLIPSIS}")
+    assert "" == shortened("abc", 1)

@@ -1,0 +1,166 @@
+"""The playback: motions in few numbers, and as exact as they have to be."""
+
+from __future__ import annotations
+
+import base64
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.robots.panda import PANDA
+from skillplan.task.pose import Pose
+from skillplan.views.playback.document import Playback, box, upright_along
+from skillplan.views.playback.meshes import coarser, hull_mesh, read_obj
+from skillplan.views.playback.tracks import Tracks
+from skillplan.views.playback.turns import link_frames, rows_of
+from skillplan.views.report.swarmitfix.bases import base_rows, turning
+
+Numbers = Any
+
+
+def played(tracks: Tracks, track: int) -> Numbers:
+    """Return the poses that a player shows in every frame, shape (frames, 7)."""
+    document = tracks.document()
+    counts = document["key_counts"]
+    first, count = sum(counts[:track]), counts[track]
+
+    def numbers(key: str, kind: str, width: int) -> Numbers:
+        read = np.frombuffer(base64.b64decode(document[key]), kind).reshape(-1, width)
+        return read[first : first + count].astype(np.float64)
+
+    keys = numbers("keys", "<u4" if document["wide_keys"] else "<u2", 1)[:, 0]
+    places = numbers("positions", "<i2", 3) * document["position_scale_m"]
+    places += document["position_offset_m"]
+    turns = numbers("orientations", "<i2", 4) / 32767
+    rows = np.hstack([places, turns])
+    frames = np.arange(tracks.frames)
+    made = np.stack([np.interp(frames, keys, column) for column in rows.T], axis=1)
+    made[:, 3:] /= np.linalg.norm(made[:, 3:], axis=1, keepdims=True)
+    return made
+
+
+def a_motion(frames: int = 600) -> Numbers:
+    """Return a body that rests, travels on a curve while it turns, and rests again."""
+    share = np.clip((np.arange(frames) / frames - 0.3) / 0.4, 0, 1)
+    angle = math.pi * (3 * share**2 - 2 * share**3)
+    zero = np.zeros(frames)
+    return np.stack(
+        [
+            np.cos(angle),
+            np.sin(angle),
+            0.2 * share,
+            zero,
+            zero,
+            np.sin(angle / 2),
+            np.cos(angle / 2),
+        ],
+        axis=1,
+    )
+
+
+def test_every_pose_is_played_within_a_tenth_of_a_millimetre() -> None:
+    """With a fraction of the rows."""
+    rows, tracks = a_motion(), Tracks(600)
+    track = tracks.add(rows)
+    shown = played(tracks, track)
+    assert 1e-4 > np.linalg.norm(shown[:, :3] - rows[:, :3], axis=1).max()
+    assert 0.002 > np.abs(shown[:, 3:] - rows[:, 3:]).max()
+    assert 300 > tracks.document()["key_counts"][0]
+
+
+def test_what_stands_takes_two_rows() -> None:
+    tracks = Tracks(1000)
+    tracks.add(np.tile([1.0, 2.0, 3.0, 0, 0, 0, 1], (1000, 1)))
+    assert [2] == tracks.document()["key_counts"]
+
+
+def test_a_body_that_is_nowhere_is_hidden() -> None:
+    """No number of a document is NaN; where it appears it comes from nowhere."""
+    rows, tracks = a_motion(), Tracks(600)
+    rows[:250] = np.nan
+    tracks.add(a_motion())
+    track = tracks.add(rows)
+    assert [[1, 0, 249]] == tracks.document()["hidden"]
+    shown = played(tracks, track)
+    assert np.allclose(rows[250:, :3], shown[250:, :3], atol=1e-4)
+    assert np.isfinite(shown).all()
+
+
+@pytest.mark.parametrize("rows", [np.full((5, 7), np.nan), np.zeros((4, 7))])
+def test_a_motion_has_a_row_for_each_frame_and_a_pose(rows: Numbers) -> None:
+    with pytest.raises(ValueError, match="a row for each"):
+        Tracks(5).add(rows)
+
+
+def test_the_flange_is_where_the_arm_puts_it() -> None:
+    """At its home posture the Panda's flange is 0.3069 m ahead and points down."""
+    joints = np.array([PANDA.home_rad, PANDA.home_rad])
+    flange = link_frames(PANDA, Pose((0.1, 0.0, 0.0)), joints)[-1]
+    assert np.allclose((0.4069, 0.0, 0.5903), flange[1, :3, 3], atol=1e-3)
+    assert np.allclose((0.0, 0.0, -1.0), flange[0, :3, 2], atol=1e-9)
+
+
+def test_quaternions_of_neighbours_are_near_each_other() -> None:
+    """Over a whole turn about every axis, all four ways to a quaternion are taken."""
+    angles = np.linspace(0, 2 * math.pi, 50)
+    for axis in range(3):
+        pose = np.zeros((50, 4, 4))
+        j, k = (axis + 1) % 3, (axis + 2) % 3
+        pose[:, axis, axis] = pose[:, 3, 3] = 1
+        pose[:, j, j] = pose[:, k, k] = np.cos(angles)
+        pose[:, k, j], pose[:, j, k] = np.sin(angles), -np.sin(angles)
+        quaternions = rows_of(pose)[:, 3:]
+        assert 0.1 > np.abs(np.diff(quaternions, axis=0)).max()
+        assert np.allclose(np.abs(quaternions[:, axis]), np.abs(np.sin(angles / 2)), atol=1e-9)
+
+
+def test_a_coarser_mesh_has_the_same_extent_and_fewer_faces(tmp_path: Any) -> None:
+    import trimesh
+
+    ball = trimesh.creation.icosphere(3, 0.1)
+    points, triangles = coarser(np.array(ball.vertices), np.array(ball.faces), 0.02)
+    assert len(triangles) < 0.5 * len(ball.faces)
+    assert np.allclose(0.1, np.abs(points).max(axis=0), atol=0.02)
+    path = tmp_path / "ball.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nf 1//1 2//1 3//1 4//1\n")
+    assert [[0, 1, 2], [0, 2, 3]] == read_obj(path)[1].tolist()
+
+
+def test_a_document_holds_what_stands_and_what_moves() -> None:
+    playback = Playback("t", 600)
+    playback.add_body("table", "environment", [box((1, 1, 0.1))])
+    playback.add_body(
+        "part",
+        "part",
+        [playback.mesh(*hull_mesh([*np.eye(3).tolist(), [0, 0, 0]]))],
+        rows=a_motion(),
+        goal=Pose((1, 2, 3)),
+    )
+    document = playback.document()
+    assert ("skillplan.playback/1", 60, 600) == tuple(
+        document[key] for key in ("schema", "frames_per_s", "frames")
+    )
+    assert [None, 0] == [body["track"] for body in document["bodies"]]
+    assert [1, 2, 3, 0, 0, 0, 1] == document["bodies"][1]["goal"]
+
+
+@pytest.mark.parametrize("along", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0.6, 0, -0.8)])
+def test_a_cylinder_lies_along_its_axis(along: tuple[float, float, float]) -> None:
+    assert np.allclose(along, upright_along((0, 0, 0), along).rotate((0, 0, 1)), atol=1e-9)
+
+
+def test_a_base_ends_a_swing_where_the_lattice_has_it() -> None:
+    """Whatever it turns about, and however far."""
+    bench = Bench(6, 13, 0.34, 11)
+    start = bench.position("C41")
+    for action in range(1, 11):
+        swing, made = bench.swing(start, action), turning(bench, start, action, 1.0, 3.0)
+        assert (swing is None) == (made is None)
+        if swing is None or made is None:
+            continue  # it would leave the bench
+        xs, ys, _ = base_rows(bench, start, [made], np.array([0.0, 1.0, 2.0, 3.0, 4.0]))
+        assert np.allclose(bench.centroids_m[start], (xs[0], ys[0]), atol=1e-12)
+        assert np.allclose(bench.centroids_m[swing.end], (xs[-1], ys[-1]), atol=1e-12)

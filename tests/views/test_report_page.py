@@ -1,0 +1,164 @@
+"""The page of a report: one file that allows what is in it, and takes nobody's names for markup."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from skillplan.views.report.chapters import comparison_chapter
+from skillplan.views.report.markup import Markup, tag, text
+from skillplan.views.report.page import Chapter, Section, json_in_page, page_html
+from skillplan.views.report.player_files import Player, page_style
+from skillplan.views.report.tables import number, seconds, share, table
+
+HOSTILE = "<script>alert(1)</script> \"quoted\" 'x' </title></style> \x1b[31m \u202e &amp;"
+PLAYER = Player("const a = '</script><!--';", ".player{color:red}", "MIT")
+
+
+class Elements(HTMLParser):
+    """All elements of a page with their attributes."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.found: list[tuple[str, dict[str, str | None]]] = []
+        self.content: dict[str, list[str]] = {}
+        self._within: list[str] = []
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found.append((tag, dict(attrs)))
+        self._within.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        while self._within and self._within.pop() != tag:
+            pass
+
+    def handle_data(self, data: str) -> None:
+        if self._within:
+            self.content.setdefault(self._within[-1], []).append(data)
+
+
+def chapter(words: str = "calm") -> Chapter:
+    """Return a chapter that says something."""
+    made = table(words, [words, "n"], [[words, words]], " n")
+    return Chapter("c1", words, tag("p", {"title": words}, words), [Section("s", words, made)])
+
+
+def a_page(words: str = "calm", playing: bool = True) -> str:
+    """Return a page with a player."""
+    playback = {"title": words, "duration_s": 1.0} if playing else None
+    return page_html(words, [chapter(words)], playback, PLAYER)
+
+
+def test_names_of_others_are_text_and_no_markup() -> None:
+    """Neither in headings, tables and attributes nor in the data of the player."""
+    plain, hostile = Elements(a_page()), Elements(a_page(HOSTILE))
+    assert [name for name, _ in plain.found] == [name for name, _ in hostile.found]
+    assert not [key for _, given in hostile.found for key in given if key.startswith("on")]
+    assert "\x1b" not in a_page(HOSTILE)
+    assert "\u202e" not in a_page(HOSTILE)
+    (data,) = (one for one in hostile.content["script"] if one.startswith("{"))
+    assert HOSTILE == json.loads(data)["title"]
+
+
+def test_the_policy_allows_what_the_page_holds_and_nothing_else() -> None:
+    """By its hashes; there is no style attribute, and nothing is loaded."""
+    page = a_page()
+    elements = Elements(page)
+    (policy,) = (a["content"] or "" for _, a in elements.found if "http-equiv" in a)
+    assert policy.startswith("default-src 'none'; script-src 'sha256-")
+    assert "unsafe" not in policy
+    for name in ("style", "script"):
+        for _, content in re.findall(rf"<({name})>(.*?)</{name}>", page, re.DOTALL):
+            digest = base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()
+            assert f"'sha256-{digest}'" in policy
+    assert not [a for _, a in elements.found if {"style", "onclick", "srcset"} & a.keys()]
+    links = [a.get("src") or a.get("href") or "" for _, a in elements.found]
+    assert not [link for link in links if link and not link.startswith(("#", "data:"))]
+
+
+def test_a_script_ends_where_it_ends() -> None:
+    """Whatever its strings hold."""
+    page = a_page()
+    assert 2 == page.count("</script>")
+    assert r"'<\/script><\!--'" in page
+
+
+def test_without_a_playback_there_is_no_script() -> None:
+    page = a_page(playing=False)
+    assert "<script" not in page
+    (policy,) = (a["content"] or "" for _, a in Elements(page).found if "http-equiv" in a)
+    assert "script-src 'none'" in policy
+
+
+def test_numbers_that_are_none_are_no_json() -> None:
+    with pytest.raises(ValueError, match="JSON"):
+        json_in_page({"x": float("nan")})
+
+
+def test_a_page_has_landmarks_and_says_what_tables_show() -> None:
+    """For who does not see it."""
+    names = [name for name, _ in Elements(a_page()).found]
+    assert {"header", "nav", "main", "footer", "caption", "h1", "h2"} <= set(names)
+    found = Elements(a_page()).found
+    assert [("col", "row")] == [
+        (
+            next(a["scope"] for name, a in found if name == "th"),
+            [a["scope"] for name, a in found if name == "th"][-1],
+        )
+    ]
+
+
+def test_the_page_serves_dark_rooms_narrow_screens_and_paper() -> None:
+    style = page_style()
+    assert {"prefers-color-scheme:dark", "max-width:560px", "@media print"} <= {
+        one
+        for one in ("prefers-color-scheme:dark", "max-width:560px", "@media print")
+        if one in style
+    }
+    assert "url(" not in style
+
+
+def test_a_comparison_from_elsewhere_is_data() -> None:
+    """Whatever stands in it: words for numbers, rows that are none, names that are markup."""
+    rows = [
+        {"solver": HOSTILE, "status": HOSTILE, "cost": "1", "stats": {"wall_s": -1}},
+        {"solver": "exact", "status": "optimal", "cost": 1.5, "stats": {"wall_s": 0.2}},
+        "no row",
+    ]
+    made = comparison_chapter({"rows": rows, "warm": False}, "c1")
+    page = page_html("t", [made])
+    assert "<script" not in page
+    assert "&lt;script&gt;alert(1)" in page
+    assert "1.5" in page
+    assert "No" not in comparison_chapter({"rows": 7}, "c1").heading
+
+
+def test_texts_are_escaped_once() -> None:
+    assert "&lt;" == text("<")
+    assert "<b>" == text(Markup("<b>"))
+    assert '<i a="&quot;&gt;">&amp;</i>' == tag("i", {"a": '">', "b": None, "c": False}, "&")
+    assert "<i hidden></i>" == tag("i", {"hidden": True})
+
+
+@pytest.mark.parametrize(
+    ("shown", "expected"),
+    [
+        (number(None), "-"),
+        (number(float("inf")), "-"),
+        (number(True), "-"),
+        (number(12345), "12,345"),
+        (number(1.8670861), "1.86709"),
+        (seconds("3"), "-"),
+        (seconds(1.005), "1.00"),
+        (share(0.007), "0.7 %"),
+        (share(float("nan")), "-"),
+    ],
+)
+def test_numbers_are_shown_as_such_and_nothing_else_is(shown: str, expected: str) -> None:
+    assert expected == shown
