@@ -19,6 +19,7 @@ from skillplan.errors import NotASequencing
 from skillplan.model.sequencing import SequencingProblem
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.search.exact import ExactSolver
+from skillplan.solvers.search.exhaustive import ExhaustiveSolver
 from skillplan.task.verdict import VerdictStatus
 from skillplan.testing import reachable_states
 from way_boards import CLOSED, closing, drawer_task
@@ -220,6 +221,29 @@ def test_a_plan_costs_the_time_of_the_ways_that_it_takes():
     assert solution.plan.cost == pytest.approx(5 * 1.0 + 4.0)
     with pytest.raises(NotASequencing, match="depends on the way"):
         SequencingProblem.from_model(model)
+
+
+@given(seed=st.integers(0, 2**32))
+@settings(max_examples=examples(25), deadline=None)
+def test_exact_search_by_time_proves_what_brute_force_over_all_sequences_finds(seed):
+    """Whatever each way takes, whatever closes it, with grasps and directions to choose from."""
+    rng = random.Random(seed)
+    task = drawer_task(cost="time", grasp=GRASPS[:2])
+    asked = [one.name for one in asked_about(task)]
+    seconds = {name: rng.choice([1.0, 2.0, 3.5, 9.0]) for name in asked}
+    stops = ("placed(left)", "placed(right)")
+    closed = {
+        name: rng.sample(stops, rng.choice([0, 0, 1, 2])) for name in asked if "drawer" in name
+    }
+
+    def model():
+        return SkillModel(Feasibility(task, [timed(task, seconds, closed)]))
+
+    found, every = ExactSolver().solve(model()), ExhaustiveSolver().solve(model())
+    assert found.proved
+    assert (found.plan is None) == (every.plan is None)
+    if found.plan is not None:
+        assert found.plan.cost == found.lower_bound == pytest.approx(every.plan.cost)
 
 
 def ruled(task, seed):

@@ -18,7 +18,7 @@ from skillplan.exporters.pddl.action_costs import NoActionCosts, scale_of
 from skillplan.exporters.pddl.exporter import PddlExporter
 from skillplan.exporters.pddl.planning_task import PlanningTask
 from skillplan.judge import fast_downward
-from skillplan.pipeline.export import exported, handed_over
+from skillplan.pipeline.exchange.export import exported, handed_over
 from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.task.task import Task

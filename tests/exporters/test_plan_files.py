@@ -14,7 +14,7 @@ from skillplan.exporters.handover import Handover
 from skillplan.exporters.pddl.exporter import PddlExporter
 from skillplan.exporters.plan_files import MAX_BYTES, read_plan
 from skillplan.exporters.plan_table import CsvExporter
-from skillplan.pipeline.plan_input import given_plan
+from skillplan.pipeline.exchange.plan_input import given_plan
 from skillplan.pipeline.setup import Setup
 from skillplan.testing import hostile_task
 from skillplan.testing.exporter_suite import solved_lid

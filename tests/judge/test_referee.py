@@ -295,6 +295,8 @@ def test_an_unknown_met_on_the_way_takes_the_proof_away(solution, status):
     result = verdict_on(look, setup=FakeSetup(make=undecided))
     assert (result.status, result.lower_bound) == (status, None)
     assert "unknown" in result.reason
+    assert result.reason.endswith(": too slow")
+    assert "to_a: " in result.reason
 
 
 @pytest.mark.parametrize("solver", ["exact", "exhaustive"])

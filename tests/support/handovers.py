@@ -7,7 +7,7 @@ from pathlib import Path
 
 from skillplan.exporters.handover import Handover
 from skillplan.model.replay import replay
-from skillplan.pipeline.export import handed_over
+from skillplan.pipeline.exchange.export import handed_over
 from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.task.task import Task

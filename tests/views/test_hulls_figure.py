@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import pytest
 from matplotlib.figure import Figure
@@ -54,6 +55,30 @@ def test_bodies_are_named_and_what_moves_is_not(figure: Figure) -> None:
     texts = {text.get_text() for text in figure.axes[0].texts}
     assert {"box", "post"} <= texts
     assert "the hand" not in texts
+
+
+def test_names_stand_before_all_hulls_and_not_across_each_other() -> None:
+    """Also of what stands in the same place, and however many hulls there are."""
+    scene = HullScene(
+        [tetrahedron("the hand", HullRole.MOVING)]
+        + [tetrahedron(name, HullRole.STANDING) for name in ("case", "cover", "board")]
+    )
+    drawn = hulls_figure(scene, HEADING)
+    drawn.canvas.draw()
+    (axes,) = drawn.axes
+    assert min(text.zorder for text in axes.texts) > max(one.zorder for one in axes.collections)
+    boxes = [text.get_window_extent() for text in axes.texts]
+    assert len(boxes) == 3
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+
+
+def test_what_stands_far_off_is_not_drawn_beyond_the_axes() -> None:
+    scene = HullScene(
+        [tetrahedron("the hand", HullRole.MOVING), tetrahedron("far", HullRole.STANDING, 0.5)]
+    )
+    drawn = hulls_figure(scene, HEADING)
+    assert "standing far" not in gids(drawn)
+    assert "far" not in {text.get_text() for text in drawn.axes[0].texts}
 
 
 def test_the_legend_holds_only_what_there_is() -> None:

@@ -147,6 +147,15 @@ def test_a_path_that_dies_away_is_run_in_parts():
     assert 2.0 < trajectory.duration_s < 6.0
 
 
+def test_a_slow_joint_gets_up_to_its_speed_in_a_fraction_of_the_grid():
+    """At 0.1 rad/s a joint goes 5 rad, gaining that speed within 0.2 s: 50.2 s by hand."""
+    nodes = np.zeros((3, 7))
+    nodes[:, 3] = (-2.5, 0.0, 2.5)
+    nodes[1, 5] = 0.1
+    limits = JointLimits((0.1,) * 7, (0.5,) * 7)
+    assert fastest_trajectory(JointPath(nodes), limits).duration_s == pytest.approx(50.2, rel=2e-3)
+
+
 def test_a_node_twice_is_gone_through():
     """Nodes one upon another are no stop, and no error."""
     nodes = np.repeat(np.linspace(0, 1, 3), 3)[:, np.newaxis] * np.linspace(-1, 1, 7)

@@ -161,6 +161,17 @@ class TestDeterminism:
         other = [words_of(one.answer(one.fresh_planner())) for one in reversed(blocked)]
         assert other[::-1] == first
 
+    @pytest.mark.slow(reason="plans three times; planners that were asked nothing in every run")
+    def test_a_planner_answers_the_same_first_and_last(self, blocked):
+        """To the bit, whatever it was asked in between; and again when it is asked again."""
+        travel = blocked[0]
+        other = replace(travel, start_rad=travel.start_rad + 0.01)
+        one, two = travel.fresh_planner(), travel.fresh_planner()
+        first, between, again = (words_of(each.answer(one)) for each in (travel, other, travel))
+        before, last = (words_of(each.answer(two)) for each in (other, travel))
+        assert first == again == last
+        assert before == between
+
     @pytest.mark.slow(reason="another process; another order of questions in every run")
     def test_another_process_finds_the_same_and_prints_nothing(self, travels):
         """To the bit; the bindings' complaints at the end of a process are not seen."""

@@ -19,6 +19,7 @@ from skillplan.domains.assembly.layout_family import layouts
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.pipeline.taken_ways import by_ways
 from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
 
@@ -79,23 +80,33 @@ def generated(seed):
     return made
 
 
+def planned(task, result):
+    """Return the skills of a result, each by the way that it takes."""
+    skills = [task.skill(step.skill) for step in result.steps]
+    return by_ways(task, skills, (), [step.way for step in result.steps])
+
+
+def named(task, names):
+    """Return the skills of some names."""
+    return [task.skill(name) for name in names]
+
+
 def performed(task, skills, pairs=None, engine=None):
     """Execute a plan in one world, under the limits of a detector beside the engine."""
     made = PybulletEngine(task, engine)
     introduce([made, ContactPairsDetector(task, pairs)])
-    return made.perform([task.skill(name) for name in skills])
+    return made.perform(skills)
 
 
 def first_fault(task, skills, pairs=None, engine=None):
     """Return the first skill of a plan that is infeasible by itself, and why; or None."""
     made = introduce([ContactPairsDetector(task, pairs), PybulletEngine(task, engine)])
     state = task.initial
-    for name in skills:
-        skill = task.skill(name)
+    for skill in skills:
         for back_end in made:
             verdict = back_end.check(skill, state)
             if not verdict.is_feasible:
-                return name, verdict.reason
+                return skill.name, verdict.reason
         state = skill.prediction_in(state).apply(state)
     return None
 
@@ -105,7 +116,7 @@ def assert_proved_is_performed(task, setup=PHYSICS):
     result = solve(task, setup=setup)
     assert result.status == "optimal"
     made = introduce(setup.back_ends(task))
-    failed = made[0].perform([task.skill(step.skill) for step in result.steps]).failed
+    failed = made[0].perform(planned(task, result)).failed
     assert failed is None, f"{failed.skill}: {failed.verdict.reason}"
 
 
@@ -125,7 +136,7 @@ def test_jaws_are_ready_before_the_hand_comes_down(first) -> None:
     }
     order = [first, "wide" if first == "narrow" else "narrow"]
     task = assembly(content({name: parts[name] for name in order}, safe_height_m=0.04))
-    plan = [f"{verb}({name})" for name in order for verb in ("pick", "place")]
+    plan = named(task, [f"{verb}({name})" for name in order for verb in ("pick", "place")])
     assert first_fault(task, plan) is None
     failed = performed(task, plan).failed
     assert failed is None, f"{failed.skill}: {failed.verdict.reason}"
@@ -145,7 +156,8 @@ def test_both_have_the_limits_of_the_detector(call, tmp_path) -> None:
     file = tmp_path / "memory.yaml"
     file.write_text(yaml.safe_dump(made), "utf-8")
     plan = ["pick(base)", "place(base)", "pick(ram)", "place(ram)"]
-    found = first_fault(assembly(made), plan, ContactPairsDetector.Options(**limits))
+    task = assembly(made)
+    found = first_fault(task, named(task, plan), ContactPairsDetector.Options(**limits))
     assert found is not None
     said = r"base was pushed 0.0 mm aside on the .* at \d+\.\d\d s; the limit is 1e-07 mm"
     assert re.fullmatch(said, found[1])
@@ -207,7 +219,7 @@ def test_what_came_to_rest_within_tolerance_is_no_fault_of_a_later_skill() -> No
     """A switch 6 mm below its goal is allowed here, and is not moved by what follows."""
     task = assembly(config_content("inverter_board"))
     lenient = PybulletEngine.Options(position_tolerance_m=0.01)
-    plan = ["pick(switch_1)", "place(switch_1)", "pick(clock)"]
+    plan = named(task, ["pick(switch_1)", "place(switch_1)", "pick(clock)"])
     assert first_fault(task, plan, engine=lenient) is None
     failed = performed(task, plan, engine=lenient).failed
     assert failed is None, f"{failed.skill}: {failed.verdict.reason}"
@@ -235,7 +247,7 @@ def test_the_plan_of_a_shipped_board_that_holds_singly_is_performed(name) -> Non
     """The chart's optimum, each skill of which physics finds feasible."""
     task = load_problem(FOLDER / f"{name}.yaml").task
     solver = ("value-iteration",) if name == "inverter_grasps" else ()
-    plan = [step.skill for step in solve(task, *solver).steps]
+    plan = planned(task, solve(task, *solver))
     assert first_fault(task, plan) is None
     failed = performed(task, plan).failed
     assert failed is None, f"{failed.skill}: {failed.verdict.reason}"
@@ -248,7 +260,7 @@ def test_the_plan_of_a_layout_that_holds_singly_is_performed(name, index) -> Non
     """Of every family that the shipped boards describe."""
     config = AssemblyConfig.model_validate(config_content(name))
     task = ground(layouts(config, 1, index + 1)[index], "")
-    plan = [step.skill for step in solve(task).steps]
+    plan = planned(task, solve(task))
     failed = performed(task, plan).failed
     assert failed is None or first_fault(task, plan) is not None, failed
 

@@ -25,7 +25,14 @@ AUDIT_SKILLS = 20_000
 CHANCE_STATES = 20_000
 
 
-def judge(solution: Solution, model: SkillModel, *, unknown_met: bool, audit: bool = True) -> Grade:
+def judge(
+    solution: Solution,
+    model: SkillModel,
+    *,
+    unknown_met: bool,
+    audit: bool = True,
+    left_open: str = "",
+) -> Grade:
     """Return what the referee grants a solution.
 
     Parameters
@@ -39,6 +46,8 @@ def judge(solution: Solution, model: SkillModel, *, unknown_met: bool, audit: bo
     audit
         Whether the referee may search the model for a counterexample; not where checks are
         expensive.
+    left_open
+        About which skill a back end could not decide first, and why.
     """
     found = solution.found
     if isinstance(found, Plan):
@@ -50,7 +59,9 @@ def judge(solution: Solution, model: SkillModel, *, unknown_met: bool, audit: bo
     else:
         granted = Grade(Status.UNSOLVED, reason="no plan was found")
     if granted.status is not Status.WRONG:
-        granted = _judge_proof(granted, solution, model, unknown_met, audit)
+        such_as = f": {left_open}" if left_open else ""
+        unknown = f"some verdicts are unknown, so that nothing is proved{such_as}"
+        granted = _judge_proof(granted, solution, model, unknown if unknown_met else "", audit)
     return granted
 
 
@@ -122,18 +133,17 @@ def _fault(walked: Replay) -> str:
 
 
 def _judge_proof(
-    granted: Grade, solution: Solution, model: SkillModel, unknown_met: bool, audit: bool
+    granted: Grade, solution: Solution, model: SkillModel, unknown: str, audit: bool
 ) -> Grade:
-    """Grant the claimed bound and proof, or not."""
+    """Grant the claimed bound and proof, or not; `unknown` says what was left open, if anything."""
     bound, cost = solution.lower_bound, granted.cost
     if cost is not None and bound is not None and bound > cost + tolerance(cost):
         return _wrong(f"the solver claims the bound {bound!r} for a plan of {cost!r}")
     if cost is not None and solution.proved and (bound is None or cost - bound > tolerance(cost)):
         return _wrong(f"the solver claims a proof with the bound {bound!r}, not {cost!r}")
-    if unknown_met:
-        reason = "some verdicts are unknown, so that nothing is proved"
+    if unknown:
         status = Status.UNSOLVED if cost is None else Status.SOLVED
-        return replace(granted, status=status, reason=reason)
+        return replace(granted, status=status, reason=unknown)
     # Whatever is cheaper than the claimed bound refutes it.
     claimed = math.inf if granted.status is Status.INFEASIBLE else bound
     if claimed is not None and not model.task.deterministic:

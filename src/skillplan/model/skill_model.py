@@ -78,6 +78,8 @@ class ModelStats:
         Checks made, verdicts reused, and verdicts that were unknown.
     trajectories
         Times of skills that back ends told.
+    left_open
+        Of the first verdict that was unknown the skill, the stage and the reason; or empty.
     """
 
     states: int = 0
@@ -85,6 +87,7 @@ class ModelStats:
     cache_hits: int = 0
     unknown: int = 0
     trajectories: int = 0
+    left_open: str = ""
 
 
 class SkillModel:
@@ -113,6 +116,7 @@ class SkillModel:
         self._timed = bool(self._times.sources)
         self.asks_costs = self._timed and self.task.metric.is_duration
         self._unknown = 0
+        self._left_open = ""
         self._expanded = 0
         self._masks = [
             (skill.precondition.requires.bits, skill.precondition.forbids.bits, skill)
@@ -138,6 +142,7 @@ class SkillModel:
             cache_hits=self.feasibility.hits,
             unknown=self._unknown,
             trajectories=self._times.told,
+            left_open=self._left_open,
         )
 
     def is_goal(self, state: State) -> bool:
@@ -174,8 +179,7 @@ class SkillModel:
         """
         self._cut_off()
         verdict = self.feasibility.verdict(skill, state, self._cut_off, likely)
-        if verdict.status is VerdictStatus.UNKNOWN:
-            self._unknown += 1
+        self._count(skill, verdict)
         return verdict
 
     def expected(self, state: State, skill: Skill) -> bool | None:
@@ -190,7 +194,8 @@ class SkillModel:
         """Return the verdicts on several skills in states, in order; raises as `verdict`."""
         self._cut_off()
         verdicts = self.feasibility.verdicts(queries, self._cut_off)
-        self._unknown += sum(v.status is VerdictStatus.UNKNOWN for v in verdicts)
+        for (skill, _), verdict in zip(queries, verdicts, strict=True):
+            self._count(skill, verdict)
         return verdicts
 
     def transition(self, state: State, skill: Skill) -> Transition:
@@ -286,6 +291,11 @@ class SkillModel:
             self._transitions[state] = found
             self._expanded += 1
         return found
+
+    def _count(self, skill: Skill, verdict: Verdict) -> None:
+        if verdict.status is VerdictStatus.UNKNOWN:
+            self._unknown += 1
+            self._left_open = self._left_open or f"{skill.name}: {verdict.stage}: {verdict.reason}"
 
     def _cut_off(self) -> None:
         if self._overdue is not None and self._overdue():

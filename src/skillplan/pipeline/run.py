@@ -268,7 +268,13 @@ def grade(task: Task, made: Attempt, setup: Setup, cache: VerdictCache, *, jobs:
     kept = expensive(back_ends)
     fresh = make_model(task, setup, cache.only(kept), jobs=jobs, back_ends=back_ends)
     with closing(fresh.feasibility):
-        granted = judge(made.solution, fresh, unknown_met=made.unknown_met, audit=not kept)
+        granted = judge(
+            made.solution,
+            fresh,
+            unknown_met=made.unknown_met,
+            audit=not kept,
+            left_open=made.left_open,
+        )
         reason = granted.reason
         if granted.status is Status.WRONG and made.touched:
             reason = f"the solver changed the task, and on the task as it was {reason}"

@@ -15,7 +15,7 @@ from skillplan.exporters.exporter import Exporter
 from skillplan.exporters.handover import Handover
 from skillplan.model.replay import replay
 from skillplan.pipeline import registry
-from skillplan.pipeline.export import exported, handed_over, make_exporter, notes_of
+from skillplan.pipeline.exchange.export import exported, handed_over, make_exporter, notes_of
 from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup
 from skillplan.task.task import Task

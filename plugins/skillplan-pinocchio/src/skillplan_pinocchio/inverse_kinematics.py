@@ -207,14 +207,13 @@ def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vecto
     low, high = arm.low_rad, arm.high_rad
     posture = np.clip(start, low, high)
     joints = posture.copy()
-    nearest = math.inf
+    missed = []
     for iteration in range(_MOST_ITERATIONS):
         twist, jacobian = arm.error(joints, target)
-        size = float(np.abs(twist).max())
-        nearest = min(nearest, float(np.linalg.norm(twist[:3])))
         settled = pull == 0.0 or iteration >= _PULLED_ITERATIONS
-        if size < ACCURACY and settled:
+        if settled and float(np.abs(twist).max()) < ACCURACY:
             return joints
+        missed.append(twist[:3])
         step = _step(jacobian, twist, 0.0 if settled else pull, posture - joints)
         moved = joints + step
         # A joint that would leave its limits stays at them, and the others do the work.
@@ -223,8 +222,10 @@ def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vecto
             free = jacobian * ~stuck
             held = np.where(stuck, np.clip(moved, low, high) - joints, 0.0)
             step = held + _step(free, twist - jacobian @ held, 0.0, posture) * ~stuck
-        joints = np.clip(joints + step, low, high)
-    return _unreachable(target, _why(arm, joints, target), nearest)
+            moved = np.clip(joints + step, low, high)
+        joints = moved
+    nearest_m = min(float(np.linalg.norm(one)) for one in missed)
+    return _unreachable(target, _why(arm, joints, target), nearest_m)
 
 
 def _step(jacobian: Vector, twist: Vector, pull: float, back: Vector) -> Vector:

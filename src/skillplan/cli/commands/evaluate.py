@@ -84,7 +84,7 @@ class Replayed:
             If not just one of them is given, or something does not fit the task.
         """
         from skillplan.errors import OptionError
-        from skillplan.pipeline.plan_input import given_plan
+        from skillplan.pipeline.exchange.plan_input import given_plan
         from skillplan.records.stored.policy_file import read_policy, start_state
         from skillplan.records.stored.result_folder import policies_path
 

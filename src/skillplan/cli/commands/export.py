@@ -90,7 +90,7 @@ def command(
     from skillplan.errors import exit_code
     from skillplan.files.output_path import output_folder, output_path
     from skillplan.model.replay import replay
-    from skillplan.pipeline.export import exported, handed_over, make_exporter, notes_of
+    from skillplan.pipeline.exchange.export import exported, handed_over, make_exporter, notes_of
     from skillplan.pipeline.run import make_model
 
     loaded, setup, skills, family = _read(task, sequence, to, back_ends, reading, checking)
@@ -128,7 +128,7 @@ def _read(
     """Return the task, its setup, the plan if there is one, and whether it is one of a family."""
     from skillplan.errors import OptionError
     from skillplan.pipeline import registry
-    from skillplan.pipeline.plan_input import given_plan
+    from skillplan.pipeline.exchange.plan_input import given_plan
     from skillplan.records.stored.result_folder import is_result, run_folder
 
     registry.load("exporter", to)

@@ -39,8 +39,8 @@ def command(
         typer.Option(
             "--sequence",
             metavar="0,1,4,...",
-            help="The plan of TASK: action numbers or skill names, separated by commas. RESULT "
-            "holds its own.",
+            help="The plan of TASK: action numbers or skill names, separated by commas, or @ and "
+            "a file with a plan. RESULT holds its own.",
             rich_help_panel=TASK,
         ),
     ] = None,
@@ -196,6 +196,7 @@ class _Notes:
 def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartReading) -> _Read:
     """Return task, setup and plan; of engines the one chosen, or the file's, or else pybullet."""
     from skillplan.errors import OptionError
+    from skillplan.pipeline.exchange.plan_input import given_plan
     from skillplan.pipeline.presentation.performing import ANY_DETECTOR, contact_detectors
     from skillplan.records.stored.result_folder import is_result
 
@@ -214,8 +215,8 @@ def _load(path: str, sequence: str | None, back_ends: BackEnds, reading: PartRea
             return _Read(task, loaded.setup, skills, loaded.taken_ways(), detectors)
         task = reading.problem(path, chosen, warn=warn).part(reading.part)
         detectors = [choice.name for choice in task.collision]
-        skills = task.parse_sequence(sequence or "")
-        return _Read(task, chosen.setup(task), skills, (), detectors)
+        setup = chosen.setup(task)
+        return _Read(task, setup, given_plan(sequence or "", task, setup), (), detectors)
 
     # Of the detectors that the file chooses only those need to be installed that read contacts,
     # and which these are the engine says.

@@ -92,8 +92,8 @@ def command(
     from skillplan.cli.waiting import stoppable
     from skillplan.errors import OptionError, exit_code
     from skillplan.pipeline.certification import certify
+    from skillplan.pipeline.exchange.second_referee import check_referee, referee_claims
     from skillplan.pipeline.run import warm_cache
-    from skillplan.pipeline.second_referee import check_referee, referee_claims
     from skillplan.views.tables.certificate import certificate_summary, certificate_table
     from skillplan.views.tables.saved import csv_files
 

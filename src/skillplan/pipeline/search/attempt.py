@@ -51,6 +51,8 @@ class Attempt:
         Whether the solver changed the task, which has been undone.
     doubt
         Why a proof is not granted although the solver has one; empty without doubt.
+    left_open
+        About which skill a back end could not decide first, and why; empty without.
     """
 
     draft: Draft
@@ -61,6 +63,7 @@ class Attempt:
     back_ends: Sequence[BackEnd] | None = None
     touched: bool = False
     doubt: str = ""
+    left_open: str = ""
 
     def back_ends_of(self, task: Task) -> Sequence[BackEnd] | None:
         """Return the back ends if they are of `task`; None where it takes others."""
@@ -173,6 +176,7 @@ def attempted(solver: Solver, model: SkillModel, draft: Draft, terms: Terms) -> 
         trace=trace,
     )
     made = Attempt(draft, solution, stats.unknown > 0, stop.reason, None, back_ends, doubt=doubt)
+    made = replace(made, left_open=stats.left_open)
     # What holds parts of the task as the solver left it serves no more.
     return replace(made, back_ends=None, touched=True) if touched else made
 

@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
-from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d import Axes3D, proj3d
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 from PIL import Image as PillowImage
@@ -45,6 +45,10 @@ _MARGIN_M = 0.02
 # What stands no farther from the motion is shown too [m].
 _BESIDE_M = 0.1
 _MOST_TICKS = 6
+# In front of all hulls, which matplotlib numbers by their depth.
+_IN_FRONT = 10_000
+# Of a name, the width of a letter and the distance of two lines, as shares of the size of type.
+_LETTER, _LINE = 0.6, 1.15
 
 
 @in_house_style
@@ -71,7 +75,8 @@ def hulls_figure(scene: HullScene, heading: Heading) -> Figure:
     place = (0.02, _LEGEND_IN / height_in, 0.96, _TALL_IN / height_in)
     axes = figure.add_axes(place, projection="3d")
     assert isinstance(axes, Axes3D)
-    for hull in scene.hulls:
+    shown = _shown(scene.hulls)
+    for hull in shown:
         _draw(axes, hull)
     if scene.touches:
         x, y, z = zip(*scene.touches, strict=True)
@@ -84,12 +89,11 @@ def hulls_figure(scene: HullScene, heading: Heading) -> Figure:
             markerfacecolor="#ffffff",
             markersize=13,
             gid="touches",
-            zorder=10,
+            zorder=_IN_FRONT,
         )
-    for body, (x_m, y_m, z_m) in _named(scene.hulls):
-        axes.text(x_m, y_m, z_m, body, size=SMALL_PT, ha="center", va="bottom", zorder=11)
-    _lay_out(axes, scene)
-    used = [role for role in HullRole if any(hull.role is role for hull in scene.hulls)]
+    _lay_out(axes, shown)
+    _write_names(axes, shown)
+    used = [role for role in HullRole if any(hull.role is role for hull in shown)]
     figure.legend(
         [Patch(facecolor=_LOOKS[role][0], alpha=max(0.4, _LOOKS[role][1])) for role in used],
         [_LOOKS[role][2] for role in used],
@@ -147,16 +151,49 @@ def _named(hulls: Sequence[Hull]) -> Iterator[tuple[str, Point]]:
         yield name, (float(middle[0]), float(middle[1]), max(corner[2] for corner in corners))
 
 
-def _lay_out(axes: Axes3D, scene: HullScene) -> None:
-    """Show, to scale, all that moves or is met, and what stands beside it."""
-    looked_at = [hull for hull in scene.hulls if hull.role is not HullRole.STANDING]
-    low, high = _corners_about(looked_at or scene.hulls)
-    beside = [
-        hull
-        for hull in scene.hulls
+def _write_names(axes: Axes3D, hulls: Sequence[Hull]) -> None:
+    """Write the names of bodies above them and before everything, none across another."""
+    points = 72 / axes.get_figure().dpi
+    written: list[tuple[float, float, float]] = []
+    for body, above in _named(hulls):
+        x, y, _ = proj3d.proj_transform(*above, axes.get_proj())
+        across, up = (points * float(at) for at in axes.transData.transform((x, y)))
+        half, lifted = _LETTER * SMALL_PT * len(body) / 2, up
+        for other, height, wide in sorted(written, key=lambda one: one[1]):
+            if abs(across - other) < half + wide and abs(lifted - height) < _LINE * SMALL_PT:
+                lifted = height + _LINE * SMALL_PT
+        written.append((across, lifted, half))
+        axes.annotate(
+            body,
+            (x, y),
+            (0.0, lifted - up),
+            textcoords="offset points",
+            size=SMALL_PT,
+            ha="center",
+            va="bottom",
+            zorder=_IN_FRONT,
+            annotation_clip=False,
+        )
+
+
+def _shown(hulls: Sequence[Hull]) -> list[Hull]:
+    """Return all that moves or is met, what stands beside it, and what lies among these."""
+    looked_at = [hull for hull in hulls if hull.role is not HullRole.STANDING]
+    low, high = _corners_about(looked_at or hulls)
+    beside = {
+        hull.name
+        for hull in hulls
         if all(low[i] - _BESIDE_M < x < high[i] + _BESIDE_M for i, x in enumerate(_middle(hull)))
-    ]
-    low, high = _corners_about(beside or scene.hulls)
+    }
+    low, high = _corners_about([hull for hull in hulls if hull.name in beside] or hulls)
+    corners = {hull.name: np.array(hull.vertices) for hull in hulls}
+    beside |= {name for name, at in corners.items() if (low <= at).all() and (at <= high).all()}
+    return [hull for hull in hulls if hull.name in beside]
+
+
+def _lay_out(axes: Axes3D, hulls: Sequence[Hull]) -> None:
+    """Show hulls to scale."""
+    low, high = _corners_about(hulls)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(high - low)
     axes.view_init(_ELEVATION_DEG, _AZIMUTH_DEG)

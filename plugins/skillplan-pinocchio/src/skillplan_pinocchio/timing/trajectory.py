@@ -1,35 +1,30 @@
 """The fastest run along a path of the joints, from rest to rest within their limits, by toppra.
 
-toppra (Pham and Pham, "A new approach to time-optimal path parameterization based on reachability
-analysis", 2018) chooses the speed of the path's parameter on a grid. Between two places of the
-grid the parameter has constant acceleration and the path is one cubic, so that the greatest speed
-and acceleration of every joint are known in closed form. By what little they exceed the limits, the
-whole run is slowed down: the limits hold everywhere, not at samples only.
+toppra chooses the speed of the path's parameter on a grid; see `grid_run`. Finer grids are taken
+until the limits hold between its places, too, but for a little: by that little the whole run is
+slowed down. The limits hold everywhere, not at samples only.
 """
 
 from __future__ import annotations
 
-import logging
 import math
-import sys
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
-from types import ModuleType
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from skillplan.robots.arm_description import ArmDescription
 from skillplan_pinocchio.kinematics.joint_path import Array, JointPath
+from skillplan_pinocchio.timing.grid_run import GridRun
 
 # A grid has about so many intervals, and so many between two nodes at least. Finer ones are taken
 # until a run exceeds the limits by no more than this factor.
 _GRIDS: Final = (64, 128, 256, 512, 1024)
 _FEWEST: Final = 8
 _EXCESS: Final = 1.001
+# Where a run loses more than this share of its time to its grid, it is split, so often at most.
+_LOST: Final = 0.005
+_SPLITS: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,15 +145,29 @@ def fastest_trajectory(path: JointPath, limits: JointLimits) -> Trajectory:
         return _straight(path, speed, gain)
     knots = len(path.nodes) - 1
     for intervals in _GRIDS:
-        per_knot = max(math.ceil(intervals / knots), _FEWEST)
-        places, rates = _run(path, (0, knots), per_knot, (speed, gain))
-        fastest, hardest = _peaks(path, places, rates)
-        excess = max(float((fastest / speed).max()), math.sqrt(float((hardest / gain).max())))
-        if excess <= _EXCESS:
+        count = knots * max(math.ceil(intervals / knots), _FEWEST)
+        run = GridRun.on(path, np.arange(count + 1) / count, (speed, gain))
+        if run.excess <= _EXCESS:
             break
-    rates = rates / max(excess, 1.0)
-    steps_s = 2 * np.diff(places) / (rates[1:] + rates[:-1])
-    return Trajectory(path, places, rates, np.concatenate([np.zeros(1), np.cumsum(steps_s)]))
+    for _ in range(_SPLITS):
+        if float(run.lost.sum()) <= _LOST:
+            break
+        finer = _split(path, run, (speed, gain))
+        if finer.duration_s >= run.duration_s:
+            break
+        run = finer
+    rates = run.rates / max(run.excess, 1.0)
+    steps_s = 2 * np.diff(run.places) / (rates[1:] + rates[:-1])
+    times_s = np.concatenate([np.zeros(1), np.cumsum(steps_s)])
+    return Trajectory(path, run.places, rates, times_s)
+
+
+def _split(path: JointPath, run: GridRun, limits: tuple[Array, Array]) -> GridRun:
+    """Return the run on a finer grid, or the same one where toppra finds nothing on that."""
+    try:
+        return GridRun.on(path, run.finer, limits)
+    except ArithmeticError:
+        return run
 
 
 def _straight(path: JointPath, speed: Array, gain: Array) -> Trajectory:
@@ -178,129 +187,3 @@ def _straight(path: JointPath, speed: Array, gain: Array) -> Trajectory:
         np.array([0.0, fastest, fastest, 0.0]),
         np.array([0.0, ramp_s, until_s, until_s + ramp_s]),
     )
-
-
-def _run(
-    path: JointPath, nodes: tuple[int, int], per_knot: int, limits: tuple[Array, Array]
-) -> tuple[Array, Array]:
-    """Return places from one node to another, and how fast the parameter changes there."""
-    first, last = nodes
-    count = (last - first) * per_knot
-    steps = np.arange(count + 1)
-    places = (first * per_knot + steps) / ((len(path.nodes) - 1) * per_knot)
-    span = (last - first) / (len(path.nodes) - 1)
-    slopes, bends = path.derivatives(places)
-    rates = _rates(slopes * span, bends * span**2, steps / count, limits)
-    if rates is not None:
-        return places, rates * span
-    if last - first == 1:
-        raise ArithmeticError("toppra found no run between two nodes of a path of the joints")
-    middle = (first + last) // 2
-    one, other = (_run(path, half, per_knot, limits) for half in ((first, middle), (middle, last)))
-    return (
-        np.concatenate([one[0][:-1], other[0]]),
-        np.concatenate([one[1][:-1], other[1]]),
-    )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Geometry:
-    """Derivatives of a path at the places of a grid, as toppra asks for them."""
-
-    slopes: Array
-    bends: Array
-
-    @property
-    def dof(self) -> int:
-        return int(self.slopes.shape[1])
-
-    @property
-    def path_interval(self) -> Array:
-        return np.array([0.0, 1.0])
-
-    def __call__(self, places: Array, order: int) -> Array:
-        return self.slopes if order == 1 else self.bends
-
-
-def _rates(slopes: Array, bends: Array, grid: Array, limits: tuple[Array, Array]) -> Array | None:
-    """Return how fast the parameter changes on a grid from 0 to 1; None where toppra fails."""
-    speed, gain = limits
-    steepest, sharpest = np.abs(slopes).max(axis=0), np.abs(bends).max(axis=0)
-    # In this unit of time, and each joint's angles in units of its own, what toppra multiplies with
-    # is 1 at most, however short the path is: its tolerances are absolute.
-    unit_s = max(
-        float((steepest / speed).max()),
-        math.sqrt(float((np.maximum(steepest, sharpest) / gain).max())),
-    )
-    unit_rad = np.maximum(np.maximum(steepest, sharpest), 1e-6 * gain * unit_s**2)
-    toppra = _toppra()
-    bounds = [
-        toppra.constraint.JointVelocityConstraint(speed * unit_s / unit_rad),
-        toppra.constraint.JointAccelerationConstraint(gain * unit_s**2 / unit_rad),
-    ]
-    geometry = _Geometry(slopes / unit_rad, bends / unit_rad)
-    solver = toppra.algorithm.TOPPRA(bounds, geometry, gridpoints=grid, solver_wrapper="seidel")
-    solver.compute_parameterization(0.0, 0.0)
-    rates = solver.problem_data.sd_vec
-    if rates is None or not bool(np.isfinite(rates).all() and (rates[1:-1] > 0).all()):
-        return None
-    return np.asarray(rates) / unit_s
-
-
-@cache
-def _toppra() -> Any:
-    """Return the package; it loads scipy, which only who asks for times needs.
-
-    It is kept quiet: a run that it does not find is looked for in parts.
-    """
-    with warnings.catch_warnings(), _without_drawing():
-        # Of docstrings with escapes that Python does not know, where it was not compiled before.
-        warnings.simplefilter("ignore")
-        import toppra
-    logging.getLogger("toppra").setLevel(logging.CRITICAL)
-    return toppra
-
-
-@contextmanager
-def _without_drawing() -> Iterator[None]:
-    """Import what imports matplotlib only to draw its own insides, and leave matplotlib alone.
-
-    It takes as long as all the rest, and fails where the environment names a backend that is none.
-    """
-    absent = [name for name in ("matplotlib", "matplotlib.pyplot") if name not in sys.modules]
-    sys.modules.update({name: ModuleType(name) for name in absent})
-    try:
-        yield
-    finally:
-        for name in absent:
-            del sys.modules[name]
-
-
-def _peaks(path: JointPath, places: Array, rates: Array) -> tuple[Array, Array]:
-    """Return the greatest speed and acceleration of every joint on a run.
-
-    At a distance d into an interval a joint's slope is a square of d, its bend and the squared rate
-    are straight lines: its acceleration is a square of d, and its speed turns where that is 0.
-    """
-    slopes, bends = path.derivatives(places)
-    length = np.diff(places)[:, np.newaxis]
-    start = rates[:-1, np.newaxis] ** 2
-    gain = np.diff(rates**2)[:, np.newaxis] / (2 * length)
-    slope, bend, turn = slopes[:-1], bends[:-1], np.diff(bends, axis=0) / length
-    none = slope * gain + bend * start
-    once = 3 * gain * bend + turn * start
-    twice = 2.5 * gain * turn
-    with np.errstate(divide="ignore", invalid="ignore"):
-        root = np.sqrt(np.maximum(once**2 - 4 * twice * none, 0.0))
-        larger = -(once + np.copysign(root, once)) / 2
-        asked = [-once / (2 * twice), larger / twice, none / larger]
-    # Where there is no such place, some other place is asked about; none can do harm.
-    asked += [np.zeros_like(none), np.broadcast_to(length, none.shape)]
-    found = [np.clip(np.nan_to_num(d, posinf=0.0, neginf=0.0), 0.0, length) for d in asked]
-    squares = [np.maximum(start + 2 * gain * d, 0.0) for d in found]
-    speeds = [
-        np.abs(slope + (bend + turn * d / 2) * d) * np.sqrt(square)
-        for d, square in zip(found, squares, strict=True)
-    ]
-    gains = [np.abs(none + (once + twice * d) * d) for d in found]
-    return np.max(speeds, axis=(0, 1)), np.max(gains, axis=(0, 1))

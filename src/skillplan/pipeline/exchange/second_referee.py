@@ -9,7 +9,7 @@ from dataclasses import replace
 from skillplan.errors import OptionError, name_hint
 from skillplan.judge.fast_downward import NAME, driver
 from skillplan.judge.planner_claims import planner_claims
-from skillplan.pipeline.export import charted
+from skillplan.pipeline.exchange.export import charted
 from skillplan.pipeline.restoration import Override, load_result
 from skillplan.pipeline.run import make_model
 from skillplan.records.certificate import Claim
