@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.spatial import ConvexHull
 
 from skillplan.robots import panda
-from skillplan.robots.panda import PANDA
 from skillplan_pinocchio.arm_model import ArmModel, closing_yaw_rad, pose_down
 
 
@@ -81,14 +79,3 @@ def test_the_jacobian_is_the_derivative_of_the_error():
             there = arm.tip(moved)
             step = pin.log6(pin.SE3(here[1], here[0]).actInv(pin.SE3(there[1], there[0])))
             assert step.vector / 1e-6 == pytest.approx(jacobian[:, number], abs=1e-5)
-
-
-@pytest.mark.parametrize("link", range(8))
-def test_the_shapes_of_a_link_enclose_the_mesh_that_its_maker_publishes(link, mesh_corners):
-    """No corner of the collision mesh stands out by a millimetre."""
-    corners = mesh_corners(f"link{link}")
-    outside_m = np.full(len(corners), np.inf)
-    for shape in PANDA.shapes[link]:
-        planes = ConvexHull(np.array(shape.corners_m)).equations
-        outside_m = np.minimum(outside_m, (corners @ planes[:, :3].T + planes[:, 3]).max(axis=1))
-    assert outside_m.max() < 0.001

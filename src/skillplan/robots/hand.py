@@ -38,7 +38,7 @@ class Hand:
         across it, and how high above its end.
     body_corners_m
         Of the body more exactly, if not empty: where along the closing axis, across it, and how
-        deep in the hand's frame.
+        deep in the hand's frame. It need not be the same turned by half a turn.
 
     Raises
     ------
@@ -84,14 +84,22 @@ class Hand:
         )
 
     @property
-    def body(self) -> tuple[Triple, ...]:
-        """Corners of the body: along the closing axis, across it, depth in its frame [m]."""
-        return self.body_corners_m or tuple(
+    def body(self) -> tuple[tuple[Triple, ...], ...]:
+        """Corners of convex pieces of the body: along the closing axis, across it, depth [m].
+
+        Jaws close alike with the hand turned by half a turn, so that its body may be either way
+        round: one piece is the body as it is described, the other the same turned.
+        """
+        if self.body_corners_m:
+            turned = tuple((-x_m, -y_m, z_m) for x_m, y_m, z_m in self.body_corners_m)
+            return (self.body_corners_m, turned)
+        corners = tuple(
             (a * length_m, b * width_m, depth_m)
             for depth_m, length_m, width_m in self.body_m
             for a in (-1, 1)
             for b in (-1, 1)
         )
+        return (corners,)
 
     @property
     def underside_m(self) -> float:

@@ -134,6 +134,7 @@ class ArmPaths:
             tolerance_m=self.settings.tolerance_m,
             samples=self.settings.samples,
             check_arm=self.settings.check_arm,
+            held=self.sweeps.ends,
             holds=holds_of(self.task, self.settings.drop_height_m),
         )
 
@@ -264,6 +265,8 @@ class _Facts:
 def _free_elbow(motion: ArmMotion, holds: Callable[[str], bool]) -> int:
     """Return the first elbow whose links meet nothing that is there; the first if all do."""
     for number, elbow in enumerate(motion.elbows):
-        if not any(one.fact is None or holds(one.fact) for one, _ in elbow.meets):
+        if elbow.itself is None and not any(
+            one.fact is None or holds(one.fact) for one, _ in elbow.meets
+        ):
             return number
     return 0

@@ -74,6 +74,18 @@ class HandSweeps:
         for sweep in self._swept("", motion, begin, _STILL, after=False):
             yield sweep.mover, sweep.pieces
 
+    def ends(
+        self, motion: LinearMotion
+    ) -> tuple[
+        list[tuple[str, tuple[ConvexPiece, ...]]], list[tuple[str, tuple[ConvexPiece, ...]]]
+    ]:
+        """Return what is at the end of the arm where a motion begins, and where it ends."""
+        after = self._swept("", motion, motion.ends_at, _STILL, after=True)
+        return (
+            list(self.held(motion, motion.above)),
+            [(sweep.mover, sweep.pieces) for sweep in after],
+        )
+
     def approach(self, motion: LinearMotion) -> Iterator[tuple[Sweep, ...]]:
         """Yield the sweeps of each straight stretch to the target, in order."""
         for number, (begin, end) in enumerate(pairwise(motion.approach), start=2):

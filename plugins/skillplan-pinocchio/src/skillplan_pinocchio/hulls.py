@@ -86,14 +86,16 @@ def hand_parts(robot: Robot, tool: Tool | None, opening_m: float) -> tuple[HandP
     hand = robot.hand_of(tool)
     if tool is None or tool.kind is ToolKind.GRIPPER:
         fingers = (_finger(hand, opening_m / 2, 1), _finger(hand, opening_m / 2, -1))
-        return (HandPart("a finger", fingers), HandPart("the hand", (_body(hand),)))
+        return (HandPart("a finger", fingers), HandPart("the hand", _body(hand)))
     shapes = tool_shapes(tool, robot.hand)
     return (HandPart(tool.name, tuple(_corners(shape) for shape in shapes)),)
 
 
-def _body(hand: Hand) -> Array:
-    along, across, depth_m = np.array(hand.body).T
-    return np.column_stack([along, across, hand.tip_m - depth_m])
+def _body(hand: Hand) -> tuple[Array, ...]:
+    pieces = (np.array(corners).T for corners in hand.body)
+    return tuple(
+        np.column_stack([along, across, hand.tip_m - depth_m]) for along, across, depth_m in pieces
+    )
 
 
 def _finger(hand: Hand, face_m: float, side: int) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,6 +18,8 @@ from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.kept_turns import Hold, hold_of
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.obstacles import Obstacle
+from skillplan_pinocchio.planning.continuous_check import Hit
+from skillplan_pinocchio.planning.self_check import Held, SelfCheck
 
 _OTHERWISE_TURNED = "only with the hand turned by half, unlike where the same part is handled"
 
@@ -33,10 +35,14 @@ class Elbow:
     meets
         What its links run into wherever that is there, in order of the motion; fractions are those
         of all paths of `strokes.distinct` together, which count alike.
+    itself
+        How the arm, or what it holds, runs into the arm or its base; None where it does not. Its
+        place is such a fraction.
     """
 
     strokes: Strokes
     meets: tuple[tuple[Obstacle, LinkTouch], ...]
+    itself: Hit | None = None
 
     def at(self, fraction: float) -> Vector:
         """Return the joint angles after a fraction of all paths [rad]."""
@@ -47,7 +53,7 @@ class Elbow:
     @property
     def blocked(self) -> bool:
         """Whether it runs into what is always there."""
-        return any(obstacle.fact is None for obstacle, _ in self.meets)
+        return self.itself is not None or any(obstacle.fact is None for obstacle, _ in self.meets)
 
 
 @dataclass(frozen=True)
@@ -104,6 +110,9 @@ class MotionPlanner:
         How many equally spaced intervals of a path the links are checked at, >= 1.
     check_arm
         Whether the links are checked.
+    held
+        Returns what is at the end of the arm before a motion acts, and after that: in the world,
+        as it is where the motion begins, and where it ends.
     holds
         Motions that handle the same part held the same way, by that: the hand has the same turn
         about what it points along in all of them, seen from the part.
@@ -117,6 +126,7 @@ class MotionPlanner:
         tolerance_m: float,
         samples: int,
         check_arm: bool,
+        held: Callable[[LinearMotion], tuple[Held, Held]] | None = None,
         holds: Mapping[Hold, tuple[LinearMotion, ...]] | None = None,
     ) -> None:
         self.arm = arm
@@ -125,6 +135,8 @@ class MotionPlanner:
         self.samples = samples
         self.check_arm = check_arm
         self.holds = holds or {}
+        self.held = held
+        self._itself = SelfCheck(arm)
         self._known: dict[tuple[Any, ...], DescentPaths] = {}
         self._turns: dict[Hold, Point | None] = {}
 
@@ -136,12 +148,16 @@ class MotionPlanner:
     def _paths(self, motion: LinearMotion, closing: Point | None) -> DescentPaths:
         """Return the paths of a motion, the jaws closing along a direction, or along either."""
         spares = spared(motion)
+        ends = (motion.carries, motion.tool and motion.tool.name, motion.leaves_with)
+        event = motion.visit.event
         if motion.is_vertical:
-            yaw = motion.closing_yaw_rad
-            return self.descents(motion.tip, motion.above, yaw, spares, closing)
-        key = (motion.approach, motion.retreat, motion.orientation, spares, closing)
+            where: tuple[Any, ...] = (motion.tip, motion.above, motion.closing_yaw_rad)
+        else:
+            where = (motion.approach, motion.retreat, motion.orientation)
+        key = (*where, spares, *ends, event, closing)
         if key not in self._known:
-            self._known[key] = self._best(self._turned(strokes(self.arm, motion), closing), spares)
+            found = self._turned(strokes(self.arm, motion), closing)
+            self._known[key] = self._best(found, spares, motion)
         return self._known[key]
 
     def _closing(self, motion: LinearMotion) -> Point | None:
@@ -184,7 +200,7 @@ class MotionPlanner:
                 lost += 1
                 continue
             best = paths.elbows[0]
-            met += len(best.meets)
+            met += len(best.meets) + (best.itself is not None)
             away = np.abs(best.strokes.down[-1].nodes[-1] - self.arm.home_rad)
             farthest_rad = max(farthest_rad, round(float(away.max()), 6))
         return lost, met, farthest_rad
@@ -215,7 +231,6 @@ class MotionPlanner:
         above: Point,
         closing_yaw: float,
         spares: frozenset[str],
-        closing: Point | None = None,
     ) -> DescentPaths:
         """Return how the arm goes straight down to a place.
 
@@ -227,16 +242,14 @@ class MotionPlanner:
             Direction in which the jaws are to close, from x about the vertical [rad].
         spares
             Bodies that may be touched.
-        closing
-            Which of the two directions it is, as a unit vector; None for either.
         """
-        key = (tip, above, closing_yaw, spares, closing)
+        key = (tip, above, closing_yaw, spares)
         if key not in self._known:
             found = (
                 path if isinstance(path, Unreachable) else there_and_back(path)
                 for path in descent_paths(self.arm, tip, above, closing_yaw)
             )
-            self._known[key] = self._best(self._turned(found, closing), spares)
+            self._known[key] = self._best(found, spares, None)
         return self._known[key]
 
     def met(
@@ -262,15 +275,20 @@ class MotionPlanner:
         ]
         return tuple(sorted(found, key=lambda pair: pair[1].touch.fraction))
 
-    def _best(self, found: Iterable[Strokes | Unreachable], spares: frozenset[str]) -> DescentPaths:
+    def _best(
+        self,
+        found: Iterable[Strokes | Unreachable],
+        spares: frozenset[str],
+        motion: LinearMotion | None,
+    ) -> DescentPaths:
         elbows: list[Elbow] = []
         failures: list[Unreachable] = []
         for one in found:
             if isinstance(one, Unreachable):
                 failures.append(one)
                 continue
-            elbow = Elbow(one, self._met(one, spares))
-            if not elbow.meets:
+            elbow = Elbow(one, self._met(one, spares), self._hit_itself(one, motion))
+            if not elbow.meets and elbow.itself is None:
                 return DescentPaths((elbow,))
             elbows.append(elbow)
         if not elbows:
@@ -294,6 +312,26 @@ class MotionPlanner:
                     (obstacle.body, obstacle.fact), (obstacle, replace(found, touch=touch))
                 )
         return tuple(first.values())
+
+    def _hit_itself(self, one: Strokes, motion: LinearMotion | None) -> Hit | None:
+        """Return how the arm first runs into itself, with what it holds there."""
+        if not self.check_arm:
+            return None
+        before: Held = ()
+        after: Held = ()
+        if motion is not None and self.held is not None:
+            before, after = self.held(motion)
+        count = len(one.distinct)
+        for number, path in enumerate(one.distinct):
+            hits = [self._itself.of_links(path)]
+            if number < len(one.down):
+                hits.append(self._itself.of_held(path, before, one.begin))
+            if one.mirrored or number >= len(one.down):
+                hits.append(self._itself.of_held(path, after, one.end))
+            hit = min((hit for hit in hits if hit), key=lambda hit: hit.place, default=None)
+            if hit is not None:
+                return replace(hit, place=round((number + hit.place) / count, 6))
+        return None
 
 
 def _in_part(motion: LinearMotion, direction: Point) -> Point:

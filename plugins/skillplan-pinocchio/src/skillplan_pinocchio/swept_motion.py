@@ -10,10 +10,10 @@ from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.motion import Event
 from skillplan.task.pose import DOWN, Pose, same_direction
 from skillplan.task.scene import Scene
-from skillplan_pinocchio.arm_clearance import LinkTouch
 from skillplan_pinocchio.hand_sweeps import HandSweeps
-from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
+from skillplan_pinocchio.motion_plan import ArmMotion, Elbow, MotionPlanner
 from skillplan_pinocchio.obstacles import Obstacle
+from skillplan_pinocchio.planning.continuous_check import Hit
 from skillplan_pinocchio.shapes import ConvexPiece, standing_pieces_of
 from skillplan_pinocchio.skill_travels import SkillTravels
 from skillplan_pinocchio.support import Supports, supports_of
@@ -157,7 +157,7 @@ class SweptMotionBuilder:
             yield _collision(target, mover, "the approach", touch)
 
     def _links(self, planned: ArmMotion, number: int) -> Iterator[ElbowChoice]:
-        paths = tuple(_link_collisions(elbow.meets, "the approach") for elbow in planned.elbows)
+        paths = tuple(_elbow_collisions(elbow, "the approach") for elbow in planned.elbows)
         if all(paths):
             yield ElbowChoice(paths, number)
 
@@ -180,12 +180,28 @@ def _seen_from(frame: Pose, pieces: Iterable[ConvexPiece]) -> tuple[ConvexPiece,
     return tuple(piece.seen_from(frame) for piece in pieces)
 
 
-def _link_collisions(
-    meets: Iterable[tuple[Obstacle, LinkTouch]], label: str
-) -> tuple[Collision, ...]:
-    return tuple(
+def _elbow_collisions(elbow: Elbow, label: str) -> tuple[Collision, ...]:
+    """Return what an arm with one position of the elbow runs into, first what is always there."""
+    links = tuple(
         _collision(obstacle, f"link {found.link} of the arm", label, found.touch)
-        for obstacle, found in meets
+        for obstacle, found in elbow.meets
+    )
+    return links if elbow.itself is None else (_own_collision(elbow.itself), *links)
+
+
+def _own_collision(hit: Hit) -> Collision:
+    label = "the approach or retreat"
+    return Collision(
+        None,
+        f"{hit.mover} runs into {hit.other} on {label}",
+        {
+            "moving": hit.mover,
+            "bodies": [],
+            "links": [hit.mover, hit.other],
+            "during": label,
+            "position_m": list(hit.position),
+            "fraction": hit.place,
+        },
     )
 
 

@@ -30,6 +30,8 @@ class ArmBodies:
         Those that stand still first.
     home_rad
         A posture in which the arm does not collide with itself, shape (joints,).
+    paired_from
+        Number of the first solid whose pairs with those nearer to the base are looked at.
 
     Attributes
     ----------
@@ -52,7 +54,9 @@ class ArmBodies:
         (pairs, joints).
     """
 
-    def __init__(self, model: Any, solids: Sequence[MovingSolid], home_rad: Vector) -> None:
+    def __init__(
+        self, model: Any, solids: Sequence[MovingSolid], home_rad: Vector, paired_from: int = 0
+    ) -> None:
         self.model = model
         self.solids = tuple(solids)
         self.frames = ArmFrames(model)
@@ -63,7 +67,7 @@ class ArmBodies:
             (a, b)
             for b, outer in enumerate(self.solids)
             for a, inner in enumerate(self.solids)
-            if outer.joint - inner.joint >= 2
+            if b >= paired_from and outer.joint - inner.joint >= 2
         ]
         self.pairs = _apart(self, candidates, home_rad)
         joints = np.arange(1, model.nv + 1)

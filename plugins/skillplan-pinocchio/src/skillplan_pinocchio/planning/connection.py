@@ -50,7 +50,8 @@ class JointSpace:
         shares = np.arange(1, count) / count
         # From the middle outwards: what is nearer to the ends is likelier to be free.
         ordered = sorted(shares.tolist(), key=lambda share: (abs(share - 0.5), share))
-        return all(is_free(one_rad + share * (other_rad - one_rad)) for share in ordered)
+        turn_rad = other_rad - one_rad
+        return all(is_free(one_rad + share * turn_rad) for share in ordered)
 
 
 def connection(

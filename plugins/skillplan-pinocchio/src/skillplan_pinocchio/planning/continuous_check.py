@@ -50,6 +50,8 @@ class Hit:
         Parameter of the path, in [0, 1].
     position
         Where they are nearest to each other [m].
+    other
+        Which solid of the arm is touched, in words; empty for a body.
     """
 
     body: str
@@ -58,6 +60,7 @@ class Hit:
     of_arm: bool
     place: float
     position: Point
+    other: str = ""
 
 
 class ContinuousCheck:
@@ -163,7 +166,7 @@ class _Run:
         for index, pair in enumerate(self._own):
             place = first_touch(index, pair, 1.0)
             if place is not None:
-                found.append(self._own_hit(pair.solid, place))
+                found.append(self._own_hit(pair, place))
         return tuple(sorted(found, key=lambda hit: hit.place))
 
     def is_clear(self) -> bool:
@@ -234,9 +237,10 @@ class _Run:
         where = round(place, 6)
         return Hit(obstacle.body, obstacle.fact, one.name, one.of_arm, where, (x, y, z))
 
-    def _own_hit(self, solid: int, place: float) -> Hit:
-        one = self._check.bodies.solids[solid]
+    def _own_hit(self, pair: NearPair, place: float) -> Hit:
+        one, other = (self._check.bodies.solids[number] for number in (pair.solid, pair.other))
         rotations, origins = self._check.bodies.frames.at(self._path.at(place)[np.newaxis])
         centre = rotations[0, one.joint] @ one.centre + origins[0, one.joint]
         x, y, z = (round(float(value), 6) for value in centre)
-        return Hit(ITSELF, None, one.name, one.of_arm, round(place, 6), (x, y, z))
+        where = round(place, 6)
+        return Hit(ITSELF, None, one.name, one.of_arm, where, (x, y, z), other.name)

@@ -45,13 +45,10 @@ Piece = LinkShape | Block
 
 def body_pieces(hand: Hand) -> tuple[Piece, ...]:
     """Return the body of a hand, from the tip, z out of the hand."""
-    corners = [
-        (x_m, y_m, depth_m - hand.tip_m)
-        for depth_m, along_m, across_m in hand.body_m
-        for x_m in (-across_m, across_m)
-        for y_m in (-along_m, along_m)
-    ]
-    return (_shrunk(np.array(corners)),)
+    return tuple(
+        _shrunk(np.array([(across, along, depth - hand.tip_m) for along, across, depth in piece]))
+        for piece in hand.body
+    )
 
 
 def jaw_pieces(hand: Hand, side: int) -> tuple[Piece, ...]:
