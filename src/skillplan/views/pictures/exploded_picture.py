@@ -179,7 +179,8 @@ class _Exploded:
         )
 
     def _body(self, piece: _Piece) -> Iterator[Item]:
-        role = SERIES[(piece.number - 1) % len(SERIES)]
+        names = [body.name for body in self.task.scene.bodies]
+        role = SERIES[names.index(piece.body.name) % len(SERIES)]
         title = f"{piece.number}. {piece.body.name}"
         shapes = piece.body.exact_shapes
         solids = [[piece.pose.apply(corner) for corner in corners_of(one)] for one in shapes]

@@ -14,6 +14,7 @@ from skillplan.task.pose import Pose
 from skillplan.task.scene import Robot, Scene, Tool, ToolKind
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
+from skillplan.views.pictures.drawing import COLOURS, SERIES
 from skillplan.views.playback.document import Playback, box
 from skillplan.views.playback.meshes import coarser, hull_mesh, read_obj
 from skillplan.views.playback.tracks import FRAMES_PER_S
@@ -159,7 +160,7 @@ class _ArmPlayback:
     def _parts(self) -> None:
         goals = self.scene.at(self.task.goal.requires)
         screws = {skill.parameters.get("screw") for skill in self.task.skills}
-        for body in self.scene.bodies:
+        for number, body in enumerate(self.scene.bodies):
             rows: Numbers | None = np.full((len(self.samples), 7), np.nan)
             assert rows is not None
             for index, sample in enumerate(self.samples):
@@ -169,12 +170,21 @@ class _ArmPlayback:
             shapes = [self.playback.solid(shape) for shape in body.exact_shapes]
             goal = goals.get(body.name)
             kind = "screw" if body.name in screws else "part"
+            # As in the pictures beside it.
+            colour = COLOURS[SERIES[number % len(SERIES)]]
             if np.isnan(rows).any(axis=1).all():
                 if goal is None:
                     continue
                 rows = None
             self.playback.add_body(
-                body.name, kind, shapes, goal or Pose((0, 0, 0)), rows=rows, goal=goal, label=True
+                body.name,
+                kind,
+                shapes,
+                goal or Pose((0, 0, 0)),
+                rows=rows,
+                goal=goal,
+                label=True,
+                color=colour,
             )
 
     def _skills(self) -> None:
@@ -203,8 +213,8 @@ class _ArmPlayback:
         for tool in self.robot.tools:
             holders.setdefault(tuple(tool.holder), []).append(tool.name)
         for (x, y, z), names in holders.items():
-            pose = Pose((x, y, z - 0.004))
-            shapes = [box((0.07, 0.07, 0.008))]
+            pose = Pose((x, y, z + 0.001))
+            shapes = [box((0.07, 0.07, 0.004))]
             self.playback.add_body(f"holder of {', '.join(names)}", "dock", shapes, pose)
         for name, place in self.scene.stations.items():
             if tuple(place) not in holders:
@@ -216,8 +226,8 @@ class _ArmPlayback:
         low, high = extent(self.scene)
         middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
         far = max(0.6, 1.25 * max(b - a for a, b in zip(low, high, strict=True)))
-        eye = (middle[0] + 0.75 * far, middle[1] - 0.95 * far, 0.75 * far)
-        self.playback.view = ((middle[0], middle[1], 0.12), eye)
+        eye = (middle[0] + 0.9 * far, middle[1] - 1.1 * far, 0.85 * far)
+        self.playback.view = ((middle[0], middle[1], 0.22), eye)
         points = [[round(v, 5) for v in sample.tip] for sample in self.samples[::6]]
         self.playback.paths.append({"name": "path of the tip", "points_m": points, "kind": "tip"})
 
