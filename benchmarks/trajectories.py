@@ -16,15 +16,10 @@ from collections.abc import Callable
 import numpy as np
 
 from skillplan import Setup, load_problem, solve
-from skillplan.physics.linear_motions import linear_motions
 from skillplan.records.result import Result
 from skillplan.task.task import Task
-from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.kinematics.joint_path import JointPath
-from skillplan_pinocchio.motion_plan import MotionPlanner
-from skillplan_pinocchio.obstacles import obstacles_of
 from skillplan_pinocchio.swept import SweptDetector
-from skillplan_pinocchio.timing.skill_times import SkillTimes
 from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
 
 BOARD = "configs/inverter_board.yaml"
@@ -38,23 +33,15 @@ Timing = Callable[[JointPath], float]
 
 def paths_of(task: Task, result: Result) -> list[tuple[JointPath, int]]:
     """Return the paths of a plan, in order, each with how often it is run through in turn."""
-    options = SweptDetector.Options()
-    robot = task.scene.robots[0]
-    planner = MotionPlanner(
-        ArmModel.of(robot),
-        obstacles_of(task.scene),
-        tolerance_m=options.tolerance_m,
-        samples=options.samples,
-        check_arm=options.check_arm,
-    )
-    times = SkillTimes(task, robot, planner, JointLimits.of(robot.model), {}, options.drop_height_m)
+    paths = SweptDetector(task).paths
     state = task.initial
-    here = times.stand(*robot.place(state)).joints_rad
+    _, here = paths.stand(state)
+    assert here is not None
     found = []
     for step in result.steps:
         skill = task.skill(step.skill)
-        for motion in linear_motions(task, skill, state, options.drop_height_m):
-            down = planner.plan(motion).elbows[0].strokes.down[0]
+        for motion in paths.motions(skill, state):
+            down = motion.elbows[0].strokes.down[0]
             found += [(JointPath([here, down.nodes[0]]), 1), (down, 2)]
             here = down.nodes[0]
         state = skill.prediction.apply(state)

@@ -189,7 +189,7 @@ PLUGINS = record(
     schema=one_of("skillplan.plugins/1"),
     plugins=many(
         record(
-            kind=one_of("domain", "physics", "collision", "solver", "executor"),
+            kind=one_of("domain", "physics", "collision", "solver", "executor", "exporter"),
             name=TEXT,
             distribution=TEXT,
             version=TEXT,

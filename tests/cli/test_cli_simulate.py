@@ -71,7 +71,10 @@ PUPPET = '''
                     time_s = 2 * number + tick / 60
                     poses = self.task.scene.at(state)
                     tip = (0.1, -0.0, 0.2)
-                    note(Sample(time_s, skill.name, tip, tip, (0.5,) * 7, 0.04, 0.0, poses))
+                    joints_rad = (0.5,) * 7
+                    phase = "the travel"
+                    sample = (time_s, skill.name, phase, tip, tip, joints_rad, 0.04, 0.0, poses)
+                    note(Sample(*sample))
                     time.sleep(self.options.pause_s)
                 if show is not None:
                     for index in range(int(2 * frames_per_s)):

@@ -8,7 +8,8 @@ import pybullet
 import pytest
 
 from skillplan.task.scene import Body, Box, Pose, Robot, Scene, Tool, ToolKind
-from skillplan_pybullet.arm.rotations import pointing_down
+from skillplan_pinocchio.arm_model import ArmModel
+from skillplan_pinocchio.inverse_kinematics import elbows
 from skillplan_pybullet.arm.simulated_arm import ROBOT, SimulatedArm
 from skillplan_pybullet.arm.tool_changer import ToolChanger
 from skillplan_pybullet.execution_settings import ExecutionSettings
@@ -27,7 +28,7 @@ def arm() -> Iterator[SimulatedArm]:
     with World(settings.friction) as world:
         robot = Robot("robot", (0.0, 0.0, 0.0), 0.8, 0.2, {})
         made = SimulatedArm(world, robot, settings)
-        made.stand(made.kinematics.reach(TIP, pointing_down(0.0)), 0.04)
+        made.stand(next(elbows(ArmModel(), TIP, 0.0)), 0.04)
         yield made
 
 

@@ -293,7 +293,7 @@ class TestFaults:
         ).task
         verdict = PybulletEngine(far).check(far.skill("pick(clock)"), far.initial)
         assert verdict.is_infeasible
-        assert "no posture of the arm within its joint limits" in verdict.reason
+        assert "beyond what the arm spans" in verdict.reason
 
     def test_a_simulation_that_blows_up_is_unknown(self, task, monkeypatch):
         from skillplan_pybullet.simulator.world import World

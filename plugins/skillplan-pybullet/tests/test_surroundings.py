@@ -11,15 +11,14 @@ from board_situations import BOARD
 from skillplan.checks.single_check import introduce
 from skillplan.collision.boxes import world_boxes
 from skillplan.model.skill_model import SkillModel
-from skillplan.physics.linear_motions import LinearMotion
 from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
-from skillplan.task.motion import Point
 from skillplan.task.scene import WORLD
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
+from skillplan_pybullet.arm.planned_motion import ArmMotion
 from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
 from skillplan_pybullet.execution.surroundings import Located, Neighbourhood, Surroundings
@@ -28,9 +27,8 @@ from skillplan_pybullet.execution.surroundings import Located, Neighbourhood, Su
 def everything(
     self: Surroundings,
     skill: Skill,
-    way: Sequence[LinearMotion],
+    planned: Sequence[ArmMotion],
     state: State,
-    here: Point | None = None,
 ) -> Neighbourhood:
     """Return all bodies that a state has on the table, however far off."""
     there = tuple(

@@ -3,10 +3,10 @@
 import pytest
 
 from situations import assembly
-from skillplan.physics.linear_motions import linear_motions
 from skillplan.pipeline.taken_ways import by_ways
-from skillplan_pybullet.arm.hand_turns import HandTurns
 from skillplan_pybullet.engine import PybulletEngine
+from skillplan_pybullet.execution.planned_paths import PlannedPaths
+from skillplan_pybullet.execution_settings import ExecutionSettings
 from way_boards import pin_content
 
 GRANTED = "grasp top closing along x"
@@ -15,14 +15,14 @@ GRANTED = "grasp top closing along x"
 def test_pick_and_place_by_one_grasp_have_the_hand_turned_alike():
     """And each grasp has a turn of its own."""
     task = assembly(pin_content())
-    turns = HandTurns(task, 0.001)
+    paths = PlannedPaths(task, ExecutionSettings())
     pick, place = task.skill("pick(pin)"), task.skill("place(pin)")
     for taken, left in zip(pick.ways, place.ways, strict=True):
         rotations = []
         for skill, way in ((pick, taken), (place, left)):
-            state = skill.precondition.requires
-            (motion,) = linear_motions(task, skill.by(way), state, 0.001)
-            rotations.append(turns.rotation(motion))
+            state = skill.precondition.requires | task.facts.of("at(home)")
+            (motion,) = paths.of(skill.by(way), state).motions
+            rotations.append(motion.rotation)
         assert rotations[0] == pytest.approx(rotations[1], abs=1e-9)
 
 

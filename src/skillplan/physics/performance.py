@@ -44,6 +44,8 @@ class Sample:
         Since the plan began [s].
     skill
         The current skill.
+    phase
+        What the robot is at in it, in words, such as ``the travel to switch_1``.
     tip
         Where the tip of the hand is [m].
     target
@@ -60,6 +62,7 @@ class Sample:
 
     time_s: float
     skill: str
+    phase: str
     tip: Point
     target: Point
     joints_rad: tuple[float, ...]

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.motion import Point
+from skillplan.task.pose import dot
 from skillplan_pinocchio.arm_clearance import LinkSweep, LinkTouch
 from skillplan_pinocchio.arm_model import ArmModel, Vector
 from skillplan_pinocchio.arm_motion import Strokes, descent_paths, strokes, there_and_back
 from skillplan_pinocchio.inverse_kinematics import Unreachable
+from skillplan_pinocchio.kept_turns import Hold, hold_of
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.obstacles import Obstacle
 from skillplan_pinocchio.planning.continuous_check import Hit
 from skillplan_pinocchio.planning.self_check import Held, SelfCheck
+
+_OTHERWISE_TURNED = "only with the hand turned by half, unlike where the same part is handled"
 
 
 @dataclass(frozen=True)
@@ -107,6 +113,9 @@ class MotionPlanner:
     held
         Returns what is at the end of the arm before a motion acts, and after that: in the world,
         as it is where the motion begins, and where it ends.
+    holds
+        Motions that handle the same part held the same way, by that: the hand has the same turn
+        about what it points along in all of them, seen from the part.
     """
 
     def __init__(
@@ -118,18 +127,26 @@ class MotionPlanner:
         samples: int,
         check_arm: bool,
         held: Callable[[LinearMotion], tuple[Held, Held]] | None = None,
+        holds: Mapping[Hold, tuple[LinearMotion, ...]] | None = None,
     ) -> None:
         self.arm = arm
         self.obstacles = tuple(obstacles)
         self.tolerance_m = tolerance_m
         self.samples = samples
         self.check_arm = check_arm
+        self.holds = holds or {}
         self.held = held
         self._itself = SelfCheck(arm)
         self._known: dict[tuple[Any, ...], DescentPaths] = {}
+        self._turns: dict[Hold, Point | None] = {}
 
     def plan(self, motion: LinearMotion) -> ArmMotion:
         """Return how the arm makes a motion."""
+        paths = self._paths(motion, self._closing(motion))
+        return ArmMotion(motion, paths.elbows, paths.unreachable)
+
+    def _paths(self, motion: LinearMotion, closing: Point | None) -> DescentPaths:
+        """Return the paths of a motion, the jaws closing along a direction, or along either."""
         spares = spared(motion)
         ends = (motion.carries, motion.tool and motion.tool.name, motion.leaves_with)
         event = motion.visit.event
@@ -137,14 +154,83 @@ class MotionPlanner:
             where: tuple[Any, ...] = (motion.tip, motion.above, motion.closing_yaw_rad)
         else:
             where = (motion.approach, motion.retreat, motion.orientation)
-        key = (*where, spares, *ends, event)
+        key = (*where, spares, *ends, event, closing)
         if key not in self._known:
-            self._known[key] = self._best(strokes(self.arm, motion), spares, motion)
-        paths = self._known[key]
-        return ArmMotion(motion, paths.elbows, paths.unreachable)
+            found = self._turned(strokes(self.arm, motion), closing)
+            self._known[key] = self._best(found, spares, motion)
+        return self._known[key]
+
+    def _closing(self, motion: LinearMotion) -> Point | None:
+        """Return the direction of the jaws that a motion has in common with others, or None."""
+        hold = hold_of(motion)
+        if hold is None or hold not in self.holds:
+            return None
+        if hold not in self._turns:
+            self._turns[hold] = self._common_turn(self.holds[hold])
+        axis = self._turns[hold]
+        return None if axis is None else motion.visit.pose.rotate(axis)
+
+    def _common_turn(self, motions: Sequence[LinearMotion]) -> Point | None:
+        """Return along which axis of a part jaws close on it, in all motions that handle it.
+
+        The one of the paths that are preferred, where these agree. Else of the two turns the one
+        that leaves the least out of reach, meets the least, and has the most room.
+        """
+        preferred = [(motion, self._paths(motion, None)) for motion in motions]
+        axes = [
+            _in_part(motion, self._tip_closing(paths.elbows[0].strokes))
+            for motion, paths in preferred
+            if paths.elbows
+        ]
+        if not axes:
+            return None
+        one = axes[0]
+        if all(dot(one, axis) > 0 for axis in axes):
+            return one
+        x, y, z = one
+        return min((one, (-x, -y, -z)), key=lambda axis: self._effort(motions, axis))
+
+    def _effort(self, motions: Sequence[LinearMotion], axis: Point) -> tuple[int, int, float]:
+        """Return how much of some motions is out of reach, is met, and how far joints turn."""
+        lost = met = 0
+        farthest_rad = 0.0
+        for motion in motions:
+            paths = self._paths(motion, motion.visit.pose.rotate(axis))
+            if not paths.elbows:
+                lost += 1
+                continue
+            best = paths.elbows[0]
+            met += len(best.meets) + (best.itself is not None)
+            away = np.abs(best.strokes.down[-1].nodes[-1] - self.arm.home_rad)
+            farthest_rad = max(farthest_rad, round(float(away.max()), 6))
+        return lost, met, farthest_rad
+
+    def _turned(
+        self, found: Iterable[Strokes | Unreachable], closing: Point | None
+    ) -> Iterator[Strokes | Unreachable]:
+        """Yield strokes in which the jaws close along a direction; why the others are none."""
+        for one in found:
+            if (
+                closing is None
+                or isinstance(one, Unreachable)
+                or dot(self._tip_closing(one), closing) > 0
+            ):
+                yield one
+            else:
+                tip, rotation = self.arm.tip(one.down[-1].nodes[-1])
+                yield Unreachable(_point(tip), _OTHERWISE_TURNED, 0.0, _point(rotation[:, 2]))
+
+    def _tip_closing(self, one: Strokes) -> Point:
+        """Return the unit vector along which the jaws close in the world."""
+        _, rotation = self.arm.tip(one.down[-1].nodes[-1])
+        return _point(rotation[:, 1])
 
     def descents(
-        self, tip: Point, above: Point, closing_yaw: float, spares: frozenset[str]
+        self,
+        tip: Point,
+        above: Point,
+        closing_yaw: float,
+        spares: frozenset[str],
     ) -> DescentPaths:
         """Return how the arm goes straight down to a place.
 
@@ -246,6 +332,16 @@ class MotionPlanner:
             if hit is not None:
                 return replace(hit, place=round((number + hit.place) / count, 6))
         return None
+
+
+def _in_part(motion: LinearMotion, direction: Point) -> Point:
+    """Return a direction in the world as one in the frame of what a motion handles."""
+    return motion.visit.pose.inverse().rotate(direction)
+
+
+def _point(vector: Vector) -> Point:
+    x, y, z = vector.tolist()
+    return (x, y, z)
 
 
 def spared(motion: LinearMotion) -> frozenset[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 from skillplan.task.motion import Visit
 from skillplan_pinocchio.arm_model import Vector
@@ -28,6 +29,19 @@ class TravelTo:
 
     visit: Visit
     travel: Travel | Unfound
+
+    @property
+    def evidence(self) -> dict[str, Any] | None:
+        """A planned way as JSON values, None for any other."""
+        if isinstance(self.travel, Unfound) or self.travel.is_straight:
+            return None
+        nodes = self.travel.path.nodes
+        return {
+            "to": self.visit.subject,
+            "event": self.visit.event.value,
+            "around": list(self.travel.around),
+            "nodes_rad": [[round(float(angle), 6) + 0.0 for angle in node] for node in nodes],
+        }
 
 
 class SafeTravels:

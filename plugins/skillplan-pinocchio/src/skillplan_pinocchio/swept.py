@@ -9,6 +9,7 @@ nothing supports what it leaves behind.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from functools import cached_property
 
 from pydantic import Field
@@ -16,7 +17,6 @@ from pydantic import Field
 from skillplan.collision.detector import Detector
 from skillplan.collision.hulls import HullScene
 from skillplan.physics.jaws import jaw_faults, too_wide
-from skillplan.physics.linear_motions import linear_motions
 from skillplan.task import back_end
 from skillplan.task.motion import Event
 from skillplan.task.scene import Robot
@@ -24,14 +24,9 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.arm_model import ArmModel, Vector
-from skillplan_pinocchio.hand_sweeps import HandSweeps
-from skillplan_pinocchio.motion_plan import ArmMotion, MotionPlanner
-from skillplan_pinocchio.obstacles import obstacles_of
+from skillplan_pinocchio.arm_paths import ArmPaths, PathSettings
 from skillplan_pinocchio.picture import hull_scene
-from skillplan_pinocchio.planning.travel_heights import TravelHeights
-from skillplan_pinocchio.planning.travel_planner import MOST_CHECKS, TravelPlanner
-from skillplan_pinocchio.skill_travels import SafeTravels, SkillTravels
+from skillplan_pinocchio.planning.travel_planner import MOST_CHECKS
 from skillplan_pinocchio.swept_motion import Collision, SweptMotion, SweptMotionBuilder
 from skillplan_pinocchio.timing.least_times import LeastTimes
 from skillplan_pinocchio.timing.skill_times import SkillTimes
@@ -134,7 +129,7 @@ class SweptDetector(Detector):
         key = (skill.name, present)
         if key not in self._swept_motions:
             self._swept_motions[key] = self._swept_motion(skill, state)
-        return VerdictInState(state, present, absent, lambda: self._stand(state)).on(
+        return VerdictInState(state, present, absent, lambda: self.paths.stand(state)).on(
             self._swept_motions[key]
         )
 
@@ -149,8 +144,9 @@ class SweptDetector(Detector):
         present, _ = self._circumstances(skill, state)
         key = (skill.name, present, fact)
         if key not in self._durations_s:
-            stand = self._times.stand(fact, position)
-            self._durations_s[key] = self._times.duration_s(self._plan(skill, state), stand)
+            stand = self.paths.stands.at(fact, position)
+            motions = self.paths.motions(skill, state)
+            self._durations_s[key] = self._times.duration_s(motions, stand)
         return self._durations_s[key]
 
     def least_duration_s(self, skill: Skill, true_bits: int, false_bits: int) -> float:
@@ -163,31 +159,25 @@ class SweptDetector(Detector):
         if words is not None:
             raise ValueError(words)
         verdict = self.check(skill, state)
-        planned = self._plan(skill, state)
-        return hull_scene(planned, self._sweeps, self._planner, state, verdict)
+        return hull_scene(self.paths, skill, state, verdict)
 
     @cached_property
     def _robot(self) -> Robot:
         return self.task.scene.robots[0]
 
     @cached_property
-    def _planner(self) -> MotionPlanner:
-        return MotionPlanner(
-            ArmModel.of(self._robot),
-            obstacles_of(self.task.scene),
-            tolerance_m=self.options.tolerance_m,
-            samples=self.options.samples,
-            check_arm=self.options.check_arm,
-            held=self._sweeps.ends,
-        )
+    def paths(self) -> ArmPaths:
+        """Where the joints go, the same for whoever asks with the same settings."""
+        names = [field.name for field in fields(PathSettings)]
+        return ArmPaths(self.task, PathSettings(**self.options.model_dump(include=set(names))))
 
     @cached_property
     def _builder(self) -> SweptMotionBuilder:
         return SweptMotionBuilder(
             self.task.scene,
-            self._planner,
-            self._sweeps,
-            lambda motions: SkillTravels(motions, self._safe_travels, self._travel_planner),
+            self.paths.planner,
+            self.paths.sweeps,
+            self.paths.travels,
             check_support=self.options.check_support,
         )
 
@@ -196,41 +186,12 @@ class SweptDetector(Detector):
         options = self.options
         dwells_s = {event: getattr(options, f"{event.value}_s") for event in Event}
         limits = JointLimits.of(self._robot.model).scaled(options.speed_fraction)
-        drop_m = options.drop_height_m
-        return SkillTimes(self.task, self._robot, self._planner, limits, dwells_s, drop_m)
+        return SkillTimes(limits, dwells_s)
 
     @cached_property
     def _least_times(self) -> LeastTimes:
-        return LeastTimes(self.task, self._robot, self._times, self._plan)
-
-    @cached_property
-    def _sweeps(self) -> HandSweeps:
-        return HandSweeps(self.task.scene, self._robot, self.options.clearance_m)
-
-    @cached_property
-    def _travel_planner(self) -> TravelPlanner:
-        return TravelPlanner(
-            self._planner.arm,
-            self._sweeps,
-            self._planner.obstacles,
-            most_checks=self.options.travel_checks,
-            check_arm=self.options.check_arm,
-        )
-
-    @cached_property
-    def _safe_travels(self) -> SafeTravels:
-        return SafeTravels(
-            TravelHeights(self._planner.arm, self._sweeps.width_m),
-            self._robot.safe_height_m + self.options.tolerance_m,
-            max(obstacle.top_m for obstacle in self._planner.obstacles),
-            self._times.all_stands,
-            self._times.all_begins,
-        )
-
-    def _stand(self, state: State) -> tuple[str, Vector | None]:
-        """Return the fact that says where the arm stands, and its joint angles there [rad]."""
-        fact, position = self._robot.place(state)
-        return fact, self._times.stand(fact, position).joints_rad
+        plan, stands = self.paths.motions, self.paths.stands
+        return LeastTimes(self.task, self._robot, self._times, stands, plan)
 
     def _circumstances(self, skill: Skill, state: State) -> tuple[int, int]:
         """Return the facts that decide how the arm moves and what it holds, as bits.
@@ -254,13 +215,8 @@ class SweptDetector(Detector):
             )
         return present, absent
 
-    def _plan(self, skill: Skill, state: State) -> tuple[ArmMotion, ...]:
-        """Return the motions as the arm makes them; they do not depend on where it stands."""
-        planned = linear_motions(self.task, skill, state, self.options.drop_height_m)
-        return tuple(self._planner.plan(motion) for motion in planned)
-
     def _swept_motion(self, skill: Skill, state: State) -> SweptMotion:
         words = too_wide(self.task.scene, self._robot, skill)
         if words is not None:
             return SweptMotion((Collision(None, words, {}),), ())
-        return self._builder.build(self._plan(skill, state))
+        return self._builder.build(self.paths.motions(skill, state))

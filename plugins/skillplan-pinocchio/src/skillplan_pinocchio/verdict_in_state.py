@@ -11,7 +11,7 @@ from collections.abc import Callable
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict, VerdictStatus
 from skillplan_pinocchio.arm_model import Vector
-from skillplan_pinocchio.planning.travel import Travel, Unfound
+from skillplan_pinocchio.planning.travel import Unfound
 from skillplan_pinocchio.skill_travels import SkillTravels
 from skillplan_pinocchio.support import Supports
 from skillplan_pinocchio.swept_motion import Collision, ElbowChoice, SweptMotion
@@ -75,19 +75,7 @@ class VerdictInState:
             status = VerdictStatus.INFEASIBLE if last.is_proof else VerdictStatus.UNKNOWN
             present, absent = self._rests
             return Verdict(status, last.reason, "", present, absent, evidence)
-        planned = [
-            {
-                "to": one.visit.subject,
-                "event": one.visit.event.value,
-                "around": list(one.travel.around),
-                "nodes_rad": [
-                    [round(float(angle), 6) + 0.0 for angle in node]
-                    for node in one.travel.path.nodes
-                ],
-            }
-            for one in found
-            if isinstance(one.travel, Travel) and not one.travel.is_straight
-        ]
+        planned = [one.evidence for one in found if one.evidence is not None]
         return Verdict.feasible(*self._rests, {"travels": planned} if planned else None)
 
     @property

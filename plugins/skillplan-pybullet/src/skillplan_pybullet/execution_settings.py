@@ -27,10 +27,29 @@ class ExecutionSettings(back_end.Options):
         description="what works out mass matrix, Jacobian and bias forces",
     )
     speed_m_per_s: float = Field(
-        default=0.25, ge=0.01, le=1.0, description="highest speed of the tip [m/s]"
+        default=0.25,
+        ge=0.01,
+        le=1.0,
+        description="highest speed of the tip to a target and back [m/s]",
     )
     acceleration_m_per_s2: float = Field(
-        default=1.5, ge=0.05, le=10.0, description="highest acceleration of the tip [m/s2]"
+        default=1.5,
+        ge=0.05,
+        le=10.0,
+        description="highest acceleration of the tip then, and of a part in the jaws [m/s2]",
+    )
+    speed_fraction: float = Field(
+        default=0.5,
+        gt=0,
+        le=1,
+        description="share of the joints' speed and acceleration limits that travels use [-]",
+    )
+    travel_checks: int = Field(
+        default=5_000,
+        ge=1,
+        le=1_000_000,
+        description="postures that are checked for a way round what stands in a straight "
+        "travel, before the verdict is unknown [-]",
     )
     grip_force_n: float = Field(
         default=5.0,

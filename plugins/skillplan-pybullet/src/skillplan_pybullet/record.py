@@ -56,11 +56,13 @@ class Record:
     unreachable
         Why the arm cannot follow the motion, in words; None where it can.
     upset
-        Why the execution says nothing: the simulation blew up or took too long; None
-        where it does.
+        Why the execution says nothing: the simulation blew up or took too long, or no way was
+        found in time; None where it does.
     unsettled
         Why the world itself could not be, before the robot moved, such as a part without a
         support; None where it stood.
+    travels
+        Travels that go round something, as JSON values.
     steps
         Simulation steps.
     begin_s
@@ -82,6 +84,7 @@ class Record:
     unreachable: str | None = None
     upset: str | None = None
     unsettled: str | None = None
+    travels: tuple[Mapping[str, Any], ...] = ()
     steps: int = 0
     begin_s: float = 0.0
 

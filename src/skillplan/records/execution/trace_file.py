@@ -24,7 +24,8 @@ def trace_file(
 ) -> Iterator[Callable[[Sample], None]]:
     """Yield what writes a row of the trace; what was there is replaced in the end.
 
-    Columns are ``time_s``, ``skill``, tip and target [m], joint angles [rad], the opening of the
+    Columns are ``time_s``, ``skill``, ``phase`` (what the robot is at in it), tip and target [m],
+    joint angles [rad], the opening of the
     jaws [m], the contact force between bodies that are not expected to touch [N], and of every
     body its position [m] and orientation; empty where a body is nowhere.
 
@@ -70,7 +71,7 @@ class _Trace:
         if not self._begun:
             self._begun = True
             self._writer.writerow(self._heading(len(sample.joints_rad)))
-        cells = [f"{sample.time_s:.6f}", sample.skill]
+        cells = [f"{sample.time_s:.6f}", sample.skill, sample.phase]
         figures = (*sample.tip, *sample.target, *sample.joints_rad)
         cells += [_cell(value) for value in (*figures, sample.opening_m, sample.contact_n)]
         for name in self._bodies:
@@ -83,7 +84,7 @@ class _Trace:
         self._writer.writerow(cells)
 
     def _heading(self, joints: int) -> list[str]:
-        heading = ["time_s", "skill"]
+        heading = ["time_s", "skill", "phase"]
         heading += [f"{point}_{axis}_m" for point in ("tip", "target") for axis in "xyz"]
         heading += [f"joint_{number}_rad" for number in range(1, joints + 1)]
         heading += ["opening_m", "contact_n"]

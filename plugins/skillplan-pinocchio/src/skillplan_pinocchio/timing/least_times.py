@@ -22,6 +22,7 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan_pinocchio.arm_model import Vector
 from skillplan_pinocchio.motion_plan import ArmMotion
+from skillplan_pinocchio.stands import Stands
 from skillplan_pinocchio.timing.skill_times import SkillTimes
 from skillplan_pinocchio.timing.trajectory import JointLimits
 
@@ -55,7 +56,9 @@ class LeastTimes:
     robot
         Its arm.
     times
-        Times of the motions, and how the arm stands at places.
+        Times of the motions.
+    stands
+        How the arm stands at places.
     plan
         Returns the motions of a skill in a state as the arm makes them.
     """
@@ -65,11 +68,13 @@ class LeastTimes:
         task: Task,
         robot: Robot,
         times: SkillTimes,
+        stands: Stands,
         plan: Callable[[Skill, State], tuple[ArmMotion, ...]],
     ) -> None:
         self.task = task
         self.robot = robot
         self.times = times
+        self.stands = stands
         self.plan = plan
         self._places = {task.facts.bit(fact): fact for fact in robot.places}
         self._tools = [task.facts.bit(tool.fact) for tool in robot.tools]
@@ -152,7 +157,7 @@ class LeastTimes:
 
     def _to(self, fact: str, begins: Vector) -> float:
         """Return a lower bound on the time from a place to above a skill's first target [s]."""
-        stand = self.times.stand(fact, self.robot.places[fact])
+        stand = self.stands.at(fact, self.robot.places[fact])
         if stand.joints_rad is None:
             return 0.0
         behind_s = 0.0

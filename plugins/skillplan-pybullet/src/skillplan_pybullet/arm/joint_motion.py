@@ -1,128 +1,120 @@
-"""Moves that are straight in joint space: within the joints' limits wherever their ends are.
-
-A hand that is turned in space on the way goes so: turned about one axis, the wrist may run into
-its limits.
-"""
+"""Moves that follow a timed path of the joints, such as a travel that was planned."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_pybullet.arm.kinematics import ArmKinematics, TipPose
-from skillplan_pybullet.arm.straight_motion import (
-    PEAK_ACCELERATION,
-    PEAK_SPEED,
-    Profile,
-    Setpoint,
-)
+from skillplan_pybullet.arm.kinematics import ArmKinematics
+from skillplan_pybullet.arm.straight_motion import JointRates, Setpoint
 
 Vector = NDArray[np.float64]
 
-# Joints move no faster than this [rad/s], [rad/s2].
-_SPEED_RAD_PER_S = 1.2
-_ACCELERATION_RAD_PER_S2 = 5.0
-# The way of the tip is looked at in so many pieces.
-_PIECES = 16
+# A way is looked at in so many pieces at least, and in so many between two nodes.
+_PIECES, _PIECES_PER_NODE = 32, 4
+# Accelerations of the tip are looked at in so many steps.
+_SAMPLES = 100
+# Of what is held, from the tip, along the axes of the hand [m].
+_HELD_M = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]])
+
+
+class JointRun(Protocol):
+    """A path of the joints, and when they are where on it."""
+
+    @property
+    def duration_s(self) -> float:
+        """From rest to rest [s]; 0 where the path leads nowhere."""
+
+    def at(self, time_s: float) -> tuple[Vector, Vector, Vector]:
+        """Return angles [rad], speeds [rad/s] and accelerations [rad/s2], each (joints,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class SlowedRun:
+    """A run that takes longer, by one factor all along.
+
+    Parameters
+    ----------
+    run
+        The faster one.
+    factor
+        How many times as long it takes, >= 1.
+    """
+
+    run: JointRun
+    factor: float
+
+    @classmethod
+    def within(
+        cls, run: JointRun, kinematics: ArmKinematics, acceleration_m_per_s2: float
+    ) -> JointRun:
+        """Return a run, slowed where what is held would exceed an acceleration [m/s2], > 0.
+
+        Looked at are the tip and points about it, so that how fast the hand is turned counts.
+        """
+        step_s = run.duration_s / _SAMPLES
+        if step_s <= 0:
+            return run
+        joints = [run.at(number * step_s)[0] for number in range(_SAMPLES + 1)]
+        tips = [kinematics.tip(one) for one in joints]
+        points = np.array([(tip.position + _HELD_M @ tip.rotation.T) for tip in tips])
+        gains = np.linalg.norm(np.diff(points, n=2, axis=0), axis=2) / step_s**2
+        excess = math.sqrt(float(gains.max()) / acceleration_m_per_s2)
+        return run if excess <= 1.0 else cls(run, excess)
+
+    @property
+    def duration_s(self) -> float:
+        """From rest to rest [s]."""
+        return self.factor * self.run.duration_s
+
+    def at(self, time_s: float) -> tuple[Vector, Vector, Vector]:
+        """Return angles [rad], speeds [rad/s] and accelerations [rad/s2], each (joints,)."""
+        joints, speeds, gains = self.run.at(time_s / self.factor)
+        return joints, speeds / self.factor, gains / self.factor**2
 
 
 @dataclass(frozen=True, slots=True)
 class JointMotion:
-    """A move that is straight in joint space.
+    """A move along a path of the joints.
 
     Parameters
     ----------
     kinematics
         The arm's.
-    start, end
-        Joint angles [rad], shape (joints,).
-    profile
-        How it goes on.
+    nodes_rad
+        Joint angles that the path goes through, shape (nodes, joints).
+    run
+        The path with its times.
     """
 
     kinematics: ArmKinematics
-    start: Vector
-    end: Vector
-    profile: Profile
-
-    @classmethod
-    def between(
-        cls,
-        kinematics: ArmKinematics,
-        start: Vector,
-        end: Vector,
-        *,
-        speed_m_per_s: float,
-        acceleration_m_per_s2: float,
-    ) -> JointMotion:
-        """Return the fastest move within limits of joints and tip.
-
-        Parameters
-        ----------
-        kinematics, start, end
-            See the class.
-        speed_m_per_s, acceleration_m_per_s2
-            Of the tip on average, as for a straight move [m/s], [m/s2], > 0.
-        """
-        path = np.array([pose.position for pose in tip_path(kinematics, start, end)])
-        way_m = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-        turn_rad = float(np.abs(end - start).max())
-        duration_s = max(
-            PEAK_SPEED * way_m / speed_m_per_s,
-            math.sqrt(PEAK_ACCELERATION * way_m / acceleration_m_per_s2),
-            PEAK_SPEED * turn_rad / _SPEED_RAD_PER_S,
-            math.sqrt(PEAK_ACCELERATION * turn_rad / _ACCELERATION_RAD_PER_S2),
-            1e-3,
-        )
-        return cls(kinematics, start, end, Profile(duration_s))
+    nodes_rad: Vector
+    run: JointRun
 
     @property
     def duration_s(self) -> float:
         """How long it takes [s]."""
-        return self.profile.duration_s
+        return self.run.duration_s
 
     def at(self, time_s: float) -> Setpoint:
         """Return the setpoint after some time; the end from the duration on."""
-        share, rate, change = self.profile.at(time_s)
-        path = self.end - self.start
-        joints = self.start + share * path
-        tip, jacobian = self.kinematics.tip_and_jacobian(joints)
-        along = jacobian @ path
-        return Setpoint(
-            tip.position,
-            tip.rotation,
-            joints,
-            rate * along[:3],
-            rate * along[3:],
-            change * along[:3],
-            is_posture=True,
-        )
+        if time_s >= self.duration_s:
+            joints: Vector = self.nodes_rad[-1]
+            speeds = gains = np.zeros(len(joints))
+        else:
+            joints, speeds, gains = self.run.at(time_s)
+        tip = self.kinematics.tip(joints)
+        # The joints are told how fast to go, and the tip follows.
+        still = np.zeros(3)
+        rates = JointRates(speeds, gains)
+        return Setpoint(tip.position, tip.rotation, joints, still, still, still, rates, True)
 
-
-def tip_path(kinematics: ArmKinematics, start: Vector, end: Vector) -> list[TipPose]:
-    """Return where the tip is on the way between two postures, both included."""
-    return [kinematics.tip(joints) for joints in postures_between(start, end)]
-
-
-def postures_between(start: Vector, end: Vector) -> list[Vector]:
-    """Return postures on the way between two that is straight in joint space, both included."""
-    shares = np.linspace(0.0, 1.0, _PIECES + 1).tolist()
-    return [start + share * (end - start) for share in shares]
-
-
-def turned_on_the_way(kinematics: ArmKinematics, start: Vector, end: Vector) -> float:
-    """Return by how much the hand turns about the vertical on the way between postures [rad].
-
-    Counted beyond half a circle, as the wrist turns.
-    """
-    turned_rad = 0.0
-    path = tip_path(kinematics, start, end)
-    for before, after in itertools.pairwise(path):
-        change = after.rotation @ before.rotation.T
-        sine, cosine = change[1, 0] - change[0, 1], change[0, 0] + change[1, 1]
-        turned_rad += math.atan2(float(sine), float(cosine))
-    return turned_rad
+    def postures(self) -> list[Vector]:
+        """Return postures on the way, both ends included, so dense that it is straight between."""
+        count = max(_PIECES, _PIECES_PER_NODE * (len(self.nodes_rad) - 1))
+        times_s = np.linspace(0.0, self.duration_s, count + 1)[:-1].tolist()
+        return [*(self.run.at(time_s)[0] for time_s in times_s), self.nodes_rad[-1]]

@@ -14,15 +14,13 @@ from numpy.typing import NDArray
 
 from skillplan_pybullet.arm.dynamics import Terms
 from skillplan_pybullet.arm.kinematics import TipPose
-from skillplan_pybullet.arm.rotations import points_down, rotation_error
+from skillplan_pybullet.arm.rotations import rotation_error
 from skillplan_pybullet.arm.straight_motion import Setpoint
 
 Vector = NDArray[np.float64]
 
-# How firmly the arm is drawn to its posture; more so where the hand does not point down, since
-# joints are near their limits there [1/s2].
-_NULLSPACE_STIFFNESS_PER_S2 = 10.0
-_FIRM_STIFFNESS_PER_S2 = 400.0
+# How firmly the arm is drawn to its posture [1/s2].
+_NULLSPACE_STIFFNESS_PER_S2 = 400.0
 
 
 def torques(
@@ -73,9 +71,13 @@ def torques(
     wrench = inertia @ acceleration
     wrench[:3] += force_n
     wrench[3:] += moment_nm
-    is_down = points_down(wanted.rotation)
-    firmness = _NULLSPACE_STIFFNESS_PER_S2 if is_down else _FIRM_STIFFNESS_PER_S2
-    pull = firmness * (wanted.posture - angles) - 2 * math.sqrt(firmness) * rates
+    away, lag = wanted.posture - angles, -rates
+    if wanted.joints is not None:
+        lag = wanted.joints.speeds_rad_per_s - rates
+    firmness = _NULLSPACE_STIFFNESS_PER_S2
+    pull = firmness * away + 2 * math.sqrt(firmness) * lag
+    if wanted.joints is not None:
+        pull = pull + wanted.joints.accelerations_rad_per_s2
     consistent = mass_inverse @ jacobian.T @ inertia
     posture = terms.mass @ pull
     found = jacobian.T @ wrench + terms.bias + posture - jacobian.T @ (consistent.T @ posture)

@@ -16,25 +16,11 @@ Vector = NDArray[np.float64]
 
 # A hand points down where the cosine of its tilt is this near to 1.
 _DOWN = 1e-9
-# Half a turn about the hand's own axis: jaws close alike.
-_HALF_TURN = np.array([-1.0, -1.0, 1.0])
-
-
-def pointing_down(closing_yaw_rad: float) -> Vector:
-    """Return the rotation of a hand that points straight down and closes along a direction."""
-    cos, sin = math.cos(closing_yaw_rad), math.sin(closing_yaw_rad)
-    # Columns: across the closing axis, along it, and down.
-    return np.array([[-sin, cos, 0.0], [cos, sin, 0.0], [0.0, 0.0, -1.0]])
 
 
 def points_down(rotation: Vector) -> bool:
     """Whether a hand points straight down."""
     return bool(rotation[2, 2] <= _DOWN - 1.0)
-
-
-def by_half_a_turn(rotation: Vector) -> Vector:
-    """Return how a hand is turned after half a turn about its own axis."""
-    return np.asarray(rotation * _HALF_TURN)
 
 
 def of_quaternion(orientation: Quaternion) -> Vector:
@@ -60,24 +46,6 @@ def rpy_of(rotation: Vector) -> tuple[float, float, float]:
         return 0.0, pitch, math.atan2(-float(rotation[0, 1]), float(rotation[1, 1]))
     roll = math.atan2(float(rotation[2, 1]), float(rotation[2, 2]))
     return roll, pitch, math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
-
-
-def of_vector(turn_rad: Vector) -> Vector:
-    """Return a rotation vector, of any length, as a matrix."""
-    x, y, z = turn_rad.tolist()
-    angle = math.sqrt(x * x + y * y + z * z)
-    if angle < 1e-12:
-        return np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
-    x, y, z = x / angle, y / angle, z / angle
-    s, c = math.sin(angle), math.cos(angle)
-    k = 1 - c
-    return np.array(
-        [
-            [c + k * x * x, k * x * y - s * z, k * x * z + s * y],
-            [k * x * y + s * z, c + k * y * y, k * y * z - s * x],
-            [k * x * z - s * y, k * y * z + s * x, c + k * z * z],
-        ]
-    )
 
 
 def turn_between(start: Vector, end: Vector) -> Vector:

@@ -10,6 +10,7 @@ from skillplan.robots.hand import Hand
 from skillplan.task.scene import Robot
 from skillplan_pybullet.arm.dynamics import Dynamics, PinocchioDynamics, PybulletDynamics
 from skillplan_pybullet.arm.hand_shapes import hand_of
+from skillplan_pybullet.arm.joint_tracking import tracking_torques
 from skillplan_pybullet.arm.kinematics import TipPose, kinematics_of, unreachable
 from skillplan_pybullet.arm.operational_space import torques
 from skillplan_pybullet.arm.robot_file import RobotFile, robot_file
@@ -196,17 +197,30 @@ class SimulatedArm:
         angles = np.array([state[0] for state in states])
         rates = np.array([state[1] for state in states])
         lift_n, moment_nm = self._lift()
-        found = torques(
-            self.dynamics.terms(angles, rates),
-            angles[:arm],
-            rates[:arm],
-            self.tip(),
-            self.wanted,
-            stiffness_per_s2=self.settings.stiffness_per_s2,
-            force_n=lift_n + self.press_n,
-            moment_nm=moment_nm,
-            limit_nm=self.limit_nm,
-        )
+        terms = self.dynamics.terms(angles, rates)
+        if self.wanted.tracks_joints and self.wanted.joints is not None:
+            found = tracking_torques(
+                terms,
+                angles[:arm],
+                rates[:arm],
+                self.wanted.posture,
+                self.wanted.joints,
+                stiffness_per_s2=self.settings.stiffness_per_s2,
+                load=np.concatenate([lift_n, moment_nm]),
+                limit_nm=self.limit_nm,
+            )
+        else:
+            found = torques(
+                terms,
+                angles[:arm],
+                rates[:arm],
+                self.tip(),
+                self.wanted,
+                stiffness_per_s2=self.settings.stiffness_per_s2,
+                force_n=lift_n + self.press_n,
+                moment_nm=moment_nm,
+                limit_nm=self.limit_nm,
+            )
         pybullet.setJointMotorControlArray(
             self.number,
             self.file.joints,
@@ -300,7 +314,7 @@ class SimulatedArm:
 
     def _posture_for(self, wanted: Setpoint) -> Vector:
         """Return joint angles near the last ones that bring the tip where it is to be."""
-        if wanted.is_posture:
+        if wanted.tracks_joints:
             return wanted.posture
         x, y, z = wanted.position.tolist()
         found = self.kinematics.follow((x, y, z), wanted.rotation, self._joints)

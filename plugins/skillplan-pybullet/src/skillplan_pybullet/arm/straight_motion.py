@@ -1,20 +1,46 @@
-"""Straight moves of the tip with bounded speed and acceleration, at rest at both ends."""
+"""Straight moves of the tip with bounded speed and acceleration, at rest at both ends.
+
+The hand is not turned meanwhile.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_pybullet.arm.rotations import of_vector
-
 Vector = NDArray[np.float64]
 
 # Of the profile of least jerk: its highest speed and acceleration, by mean speed and duration.
-PEAK_SPEED = 1.875
-PEAK_ACCELERATION = 10 / math.sqrt(3)
+_PEAK_SPEED = 1.875
+_PEAK_ACCELERATION = 10 / math.sqrt(3)
+
+
+class PosturePath(Protocol):
+    """A path of the joints on which the tip goes straight."""
+
+    def at(self, place: float) -> Vector:
+        """Return the joint angles [rad] after a share of it, shape (joints,)."""
+
+    def derivatives(self, places: Vector) -> tuple[Vector, Vector]:
+        """Return the first and second derivative by the share, shape (places, joints) each."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointRates:
+    """How fast joints are to move.
+
+    Parameters
+    ----------
+    speeds_rad_per_s, accelerations_rad_per_s2
+        Shape (joints,) each.
+    """
+
+    speeds_rad_per_s: Vector
+    accelerations_rad_per_s2: Vector
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +58,11 @@ class Setpoint:
     posture
         Joint angles that the arm is drawn to as far as the tip is not moved by it, shape
         (joints,) [rad].
-    is_posture
-        Whether the pose is that of the posture.
+    joints
+        How fast the posture changes; None where it does not.
+    tracks_joints
+        Whether every joint follows the posture, of which the pose is that of the tip; else the tip
+        follows the pose, and joints the posture as far as that leaves them free.
     """
 
     position: Vector
@@ -42,7 +71,8 @@ class Setpoint:
     velocity: Vector
     spin_rad_per_s: Vector
     acceleration: Vector
-    is_posture: bool = False
+    joints: JointRates | None = None
+    tracks_joints: bool = False
 
     @classmethod
     def at_rest(cls, position: Vector, rotation: Vector, posture: Vector) -> Setpoint:
@@ -73,7 +103,7 @@ class Profile:
 
 @dataclass(frozen=True, slots=True)
 class StraightMotion:
-    """A straight move of the tip, turned about one axis meanwhile.
+    """A straight move of the tip.
 
     Parameters
     ----------
@@ -81,18 +111,15 @@ class StraightMotion:
         Where it begins.
     end
         Position [m], shape (3,).
-    turn_rad
-        By how much the hand is turned, as a rotation vector of any length [rad], shape (3,).
-    posture
-        Of the arm in the end [rad].
+    path
+        Of the joints, on which the tip goes there; None where the posture is kept.
     profile
         How it goes on.
     """
 
     start: Setpoint
     end: Vector
-    turn_rad: Vector
-    posture: Vector
+    path: PosturePath | None
     profile: Profile
 
     @classmethod
@@ -100,32 +127,27 @@ class StraightMotion:
         cls,
         start: Setpoint,
         end: Vector,
-        turn_rad: Vector,
-        posture: Vector,
+        path: PosturePath | None,
         *,
         speed_m_per_s: float,
         acceleration_m_per_s2: float,
-        speed_rad_per_s: float = 1.0,
     ) -> StraightMotion:
         """Return the fastest move within limits of speed and acceleration.
 
         Parameters
         ----------
-        start, end, turn_rad, posture
+        start, end, path
             See the class.
         speed_m_per_s, acceleration_m_per_s2
             Limits of the tip [m/s], [m/s2], > 0.
-        speed_rad_per_s
-            Limit of the hand's turning [rad/s], > 0.
         """
         distance_m = float(np.linalg.norm(end - start.position))
         duration_s = max(
-            PEAK_SPEED * distance_m / speed_m_per_s,
-            math.sqrt(PEAK_ACCELERATION * distance_m / acceleration_m_per_s2),
-            PEAK_SPEED * float(np.linalg.norm(turn_rad)) / speed_rad_per_s,
+            _PEAK_SPEED * distance_m / speed_m_per_s,
+            math.sqrt(_PEAK_ACCELERATION * distance_m / acceleration_m_per_s2),
             1e-3,
         )
-        return cls(start, end, turn_rad, posture, Profile(duration_s))
+        return cls(start, end, path, Profile(duration_s))
 
     @property
     def duration_s(self) -> float:
@@ -136,15 +158,18 @@ class StraightMotion:
         """Return the setpoint after some time; the end from the duration on."""
         share, rate, change = self.profile.at(time_s)
         start = self.start
-        path = self.end - start.position
-        turned = start.rotation
-        if self.turn_rad.any():
-            turned = of_vector(share * self.turn_rad) @ turned
+        way = self.end - start.position
+        posture, joints = start.posture, None
+        if self.path is not None:
+            posture = self.path.at(share)
+            slopes, bends = self.path.derivatives(np.array([share]))
+            joints = JointRates(rate * slopes[0], change * slopes[0] + rate**2 * bends[0])
         return Setpoint(
-            start.position + share * path,
-            turned,
-            start.posture + share * (self.posture - start.posture),
-            rate * path,
-            rate * self.turn_rad,
-            change * path,
+            start.position + share * way,
+            start.rotation,
+            posture,
+            rate * way,
+            np.zeros(3),
+            change * way,
+            joints,
         )

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
 
 from skillplan.task.motion import Point
 from skillplan.task.scene import Scene, Tool
-from skillplan_pybullet.arm.hand_turns import ArmMotion
-from skillplan_pybullet.arm.joint_motion import JointMotion, turned_on_the_way
+from skillplan_pybullet.arm.joint_motion import JointMotion
 from skillplan_pybullet.arm.kinematics import Vector
-from skillplan_pybullet.arm.rotations import points_down, turn_between
+from skillplan_pybullet.arm.planned_motion import ArmMotion
+from skillplan_pybullet.arm.rotations import turn_between
 from skillplan_pybullet.arm.simulated_arm import FINGERS, HAND, ROBOT, SimulatedArm
-from skillplan_pybullet.arm.straight_motion import StraightMotion
+from skillplan_pybullet.arm.straight_motion import PosturePath, StraightMotion
 from skillplan_pybullet.arm.tool_changer import ToolChanger
 from skillplan_pybullet.execution.contact_log import STEPS_PER_FRAME, ContactLog
 from skillplan_pybullet.execution_settings import ExecutionSettings
@@ -22,15 +21,11 @@ from skillplan_pybullet.simulator.world import STEP_S, UpsetError, World
 
 # A tip that lags so far behind is stuck, and what comes after that is chaos [m].
 _STUCK_M = 0.012
-# Two heights that differ by less are one [m].
-_LEVEL_M = 1e-6
 # No skill takes so many simulation steps.
 _MOST_STEPS = 200_000
 # Contacts in the hand are found anew after it has turned by so much, and at the end of a move by
 # more than so much [rad].
 _TURN_FELT_RAD, _TURN_UNFELT_RAD = 0.3, 0.01
-STILL: Vector = np.zeros(3)
-"""A hand that is not turned."""
 
 
 class StuckError(Exception):
@@ -137,17 +132,15 @@ class ControlledRobot:
                 raise StuckError
         self.every_step()
 
-    def move(self, end: Point, posture: Vector | None = None, turn_rad: Vector = STILL) -> None:
+    def move(self, end: Point, path: PosturePath | None = None) -> None:
         """Move the tip straight to a point.
 
         Parameters
         ----------
         end
             Where to [m].
-        posture
-            Of the arm there [rad]; the one it is drawn to by default.
-        turn_rad
-            By how much the hand is turned meanwhile, as a rotation vector [rad], shape (3,).
+        path
+            Of the joints on the way; the posture is kept by default.
 
         Raises
         ------
@@ -160,62 +153,21 @@ class ControlledRobot:
             StraightMotion.between(
                 here,
                 np.array(end),
-                turn_rad,
-                here.posture if posture is None else posture,
+                path,
                 speed_m_per_s=self.settings.speed_m_per_s,
                 acceleration_m_per_s2=self.settings.acceleration_m_per_s2,
             )
         )
 
     def transfer(self, planned: ArmMotion) -> None:
-        """Move the tip to where a motion begins, no lower than the higher of the two.
-
-        A hand that points down goes straight, and keeps doing so; another way of turning is
-        gone in joint space.
+        """Move to where a motion begins, as the path of the joints has it.
 
         Raises
         ------
         StuckError
             If something blocks it.
         """
-        here = self.arm.wanted
-        assert here is not None
-        end, posture = planned.motion.above, planned.approach[0]
-        x_m, y_m, z_m = here.position.tolist()
-        if not (planned.points_down and points_down(here.rotation)):
-            if z_m < end[2] - _LEVEL_M:
-                self.move((x_m, y_m, end[2]))
-            self._swing(posture)
-            return
-        turn_rad = self._turn_to(planned)
-        if z_m < end[2] - _LEVEL_M:
-            self.move((x_m, y_m, end[2]))
-        elif z_m > end[2] + _LEVEL_M:
-            self.move((end[0], end[1], z_m), posture, turn_rad)
-            turn_rad = STILL
-        self.move(end, posture, turn_rad)
-
-    def _turn_to(self, planned: ArmMotion) -> Vector:
-        """Return by how much a hand that points down turns on a travel, as the wrist can [rad]."""
-        assert self.arm.wanted is not None
-        shortest = turn_between(self.arm.wanted.rotation, planned.rotation)[2]
-        wrist = turned_on_the_way(
-            self.arm.kinematics, np.array(self.arm.joints_rad()), planned.approach[0]
-        )
-        turns = round((wrist - float(shortest)) / (2 * math.pi))
-        return np.array([0.0, 0.0, shortest + 2 * math.pi * turns])
-
-    def _swing(self, posture: Vector) -> None:
-        """Move to a posture, straight in joint space."""
-        self._go(
-            JointMotion.between(
-                self.arm.kinematics,
-                np.array(self.arm.joints_rad()),
-                posture,
-                speed_m_per_s=self.settings.speed_m_per_s,
-                acceleration_m_per_s2=self.settings.acceleration_m_per_s2,
-            )
-        )
+        self._go(planned.travel)
 
     def _go(self, motion: StraightMotion | JointMotion) -> None:
         assert self.arm.wanted is not None

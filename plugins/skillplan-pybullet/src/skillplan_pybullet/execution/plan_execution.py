@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skillplan.physics.linear_motions import LinearMotion, linear_motions
 from skillplan.physics.performance import (
     Arrival,
     Image,
@@ -21,10 +20,10 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
 from skillplan_pybullet.arm.kinematics import UnreachableError
-from skillplan_pybullet.arm.rotations import pointing_down
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.execution.contact_log import STEPS_PER_FRAME
 from skillplan_pybullet.execution.controlled_robot import StuckError
+from skillplan_pybullet.execution.planned_paths import PlannedSkill
 from skillplan_pybullet.execution.skill_runner import SkillRunner
 from skillplan_pybullet.execution.workcell import SETTLE_S, Workcell
 from skillplan_pybullet.record import FRAMES_PER_S
@@ -38,8 +37,6 @@ from skillplan_pybullet.verdicts.postconditions import (
     tilt_rad,
 )
 
-# How the hand is turned in the ready posture [rad].
-_HOME_YAW_RAD = -np.pi / 2
 _OVERVIEW_M = 0.95
 
 
@@ -121,10 +118,9 @@ class _PlanExecution:
 
     def play(self, skills: Sequence[Skill], stopped: Callable[[], bool]) -> Performance:
         state = self.task.initial
-        _, home = self.robot.place(state)
         try:
-            joints = self.arm.kinematics.reach(home, pointing_down(_HOME_YAW_RAD))
-            self.arm.stand(joints, self.arm.hand.opening_m / 2)
+            self.here_rad = self.workcell.paths.stand(state)
+            self.arm.stand(self.here_rad, self.arm.hand.opening_m / 2)
         except UnreachableError as error:
             none = self.task.facts.none
             verdict = Verdict.infeasible(f"before it begins: {error}", none, none)
@@ -175,32 +171,32 @@ class _PlanExecution:
             )
         if skill.motion is None:
             return Verdict.feasible(facts.none, facts.none)
-        motions = linear_motions(self.task, skill, state, self.workcell.settings.drop_height_m)
         runner = self.runner
         try:
-            planned = [self.workcell.turns.arm_motion(motion) for motion in motions]
+            planned = self.workcell.paths.of(skill, state, self.here_rad)
         except UnreachableError as error:
             return Verdict.infeasible(str(error), facts.none, facts.none)
-        runner.begin(planned, state)
+        if planned.unfound is not None:
+            return Verdict.unknown(planned.unfound)
+        runner.begin(planned.motions, state)
         # The frames of a log are the rows of the trace.
         begin_s = (self.world.steps // STEPS_PER_FRAME + 1) / FRAMES_PER_S
         try:
-            for one in planned:
+            for one in planned.motions:
                 runner.travel(one)
                 runner.run(one)
+                self.here_rad = one.retreat[-1]
         except (UpsetError, np.linalg.LinAlgError) as error:
             return Verdict.unknown(str(error))
         except UnreachableError as error:
             return Verdict.infeasible(str(error), facts.none, facts.none)
         except StuckError:
             runner.sensed["stuck_on"] = runner.log.phase_now
-        return self._sensed(skill, state, motions, begin_s)
+        return self._sensed(skill, state, planned, begin_s)
 
-    def _sensed(
-        self, skill: Skill, state: State, motions: Sequence[LinearMotion], begin_s: float
-    ) -> Verdict:
+    def _sensed(self, skill: Skill, state: State, planned: PlannedSkill, begin_s: float) -> Verdict:
         """Return the verdict of a search: a collision is named before what it causes."""
-        record = self.workcell.record_of(skill, state, motions, self.runner, begin_s)
+        record = self.workcell.record_of(skill, state, planned, self.runner, begin_s)
         verdict = postcondition_verdict(skill, record, self.rules.tolerances)
         collision = collision_in(record, self.rules.judges)
         if collision is None:
@@ -224,6 +220,7 @@ class _PlanExecution:
         return Sample(
             self.world.steps / STEPS_PER_S,
             self.skill,
+            self.runner.log.phase_now,
             (x, y, z),
             (a, b, c),
             self.arm.joints_rad(),

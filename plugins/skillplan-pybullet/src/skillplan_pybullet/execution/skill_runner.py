@@ -13,7 +13,7 @@ from skillplan.task.motion import Event, Point
 from skillplan.task.pose import plus
 from skillplan.task.scene import WORLD, Scene, Tool
 from skillplan.task.state import State
-from skillplan_pybullet.arm.hand_turns import ArmMotion
+from skillplan_pybullet.arm.planned_motion import ArmMotion
 from skillplan_pybullet.arm.rotations import Vector, of_quaternion, pose_of
 from skillplan_pybullet.arm.simulated_arm import JAW_SPEED_M_PER_S, SimulatedArm
 from skillplan_pybullet.execution.controlled_robot import ControlledRobot
@@ -117,7 +117,8 @@ class SkillRunner(ControlledRobot):
             If something blocks the arm.
         """
         motion = planned.motion
-        self.log.phase(f"the travel to {motion.visit.subject}")
+        around = f" round {', '.join(planned.around)}" if planned.around else ""
+        self.log.phase(f"the travel to {motion.visit.subject}{around}")
         if motion.visit.event is Event.GRASP and self._jaws_take_s(motion):
             self.arm.open(self._opening_for(motion))
         self.transfer(planned)
@@ -139,20 +140,20 @@ class SkillRunner(ControlledRobot):
             # What was handled before may have left them closer, or wider.
             self.wait(self._jaws_take_s(motion))
         self.log.phase(f"the approach to {subject}")
-        stretches = list(zip(motion.approach[1:], planned.approach[1:], strict=True))
-        for point, posture in stretches[:-1]:
-            self.move(point, posture)
-        _, posture = stretches[-1]
+        stretches = list(zip(motion.approach[1:], planned.down, strict=True))
+        for point, path in stretches[:-1]:
+            self.move(point, path)
+        _, path = stretches[-1]
         if len(stretches) > 1 and event is Event.RELEASE:
             self.log.phase(f"the insertion of {subject}")
             self.log.insert(subject)
-        self.move(plus(motion.tip, self._stops_along(motion), -self._stops_m(motion)), posture)
+        self.move(plus(motion.tip, self._stops_along(motion), -self._stops_m(motion)), path)
         self.sensed["tip_error_m"] = self.arm.tip_error_m()
         self.log.inserted = None
         self._act(motion)
         self.log.phase(f"the retreat from {subject}")
-        for point, posture in zip(motion.retreat[1:], planned.retreat[1:], strict=True):
-            self.move(point, posture)
+        for point, path in zip(motion.retreat[1:], planned.up, strict=True):
+            self.move(point, path)
         if event in (Event.RELEASE, Event.DRIVE):
             self.world.join(subject, self.tools.robot_parts)
 

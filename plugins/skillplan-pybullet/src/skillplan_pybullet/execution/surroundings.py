@@ -17,8 +17,7 @@ from skillplan.task.scene import WORLD, Body, Placement
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pybullet.arm.hand_turns import ArmMotion
-from skillplan_pybullet.arm.kinematics import Vector
+from skillplan_pybullet.arm.planned_motion import ArmMotion
 from skillplan_pybullet.execution.sweeps import Sweeps
 
 # Two bodies that are this close may touch when the hand is off its path [m].
@@ -61,9 +60,9 @@ class Neighbourhood:
     absent: State
     near: tuple[Located, ...]
 
-    def resting_on(self, facts: State) -> Neighbourhood:
-        """Return the same, resting on facts that hold besides."""
-        return replace(self, present=self.present | facts)
+    def resting_on(self, present: State, absent: State) -> Neighbourhood:
+        """Return the same, resting on more facts, by their truth."""
+        return replace(self, present=self.present | present, absent=self.absent | absent)
 
 
 class Surroundings:
@@ -91,21 +90,15 @@ class Surroundings:
             (one.body.name, one.placement.fact): tuple(self._beneath(one)) for one in self._located
         }
         self._near: dict[
-            tuple[str, tuple[LinearMotion, ...], tuple[float, ...] | None], tuple[Located, ...]
+            tuple[str, tuple[LinearMotion, ...], tuple[bytes, ...], bytes], tuple[Located, ...]
         ] = {}
         self.sweeps = Sweeps(task, clearance_m, press_travel_m)
-        lowest_m = min(robot.safe_height_m for robot in task.scene.robots) - MARGIN_M
-        # Nothing that the arm moves hangs below the safe height between two places.
-        self.transfer_matters = any(
-            box.high[2] > lowest_m for one in self._located for box in one.boxes
-        )
 
     def around(
         self,
         skill: Skill,
         planned: Sequence[ArmMotion],
         state: State,
-        here: Vector | None = None,
     ) -> Neighbourhood:
         """Return what may matter to a skill in a state.
 
@@ -117,14 +110,12 @@ class Surroundings:
             How the arm follows the skill's motions.
         state
             Where it starts.
-        here
-            The posture in which the travel to the first motion begins [rad]; None where nothing
-            can block one.
         """
         motions = tuple(one.motion for one in planned)
-        key = (skill.name, motions, None if here is None else tuple(here.tolist()))
+        ways = tuple(one.travel.nodes_rad.tobytes() for one in planned if one.matters)
+        key = (skill.name, motions, ways, planned[0].approach[0].tobytes())
         if key not in self._near:
-            self._near[key] = tuple(self._close_to(planned, here))
+            self._near[key] = tuple(self._close_to(planned))
         handled = {motion.visit.subject for motion in motions}
         own = [
             one for one in self._located if one.body.name in handled and one.placement.fact in state
@@ -178,9 +169,9 @@ class Surroundings:
             if bears:
                 yield other
 
-    def _close_to(self, planned: Sequence[ArmMotion], here: Vector | None) -> list[Located]:
+    def _close_to(self, planned: Sequence[ArmMotion]) -> list[Located]:
         near: list[Located] = []
-        moving = self.sweeps.of_skill(planned, here)
+        moving = self.sweeps.of_skill(planned)
         motions = [one.motion for one in planned]
         spared = {
             motion.visit.subject for motion in motions if motion.visit.event is not Event.DRIVE

@@ -6,9 +6,8 @@ those about the turned ones, and the links of the arm count one by one.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -22,16 +21,16 @@ from skillplan.task.pose import Pose, plus
 from skillplan.task.scene import Box
 from skillplan.task.task import Task
 from skillplan_pybullet.arm.hand_shapes import hand_boxes, hand_of, tool_boxes, wrist_box
-from skillplan_pybullet.arm.hand_turns import ArmMotion
-from skillplan_pybullet.arm.joint_motion import postures_between
 from skillplan_pybullet.arm.kinematics import ArmKinematics, Vector, kinematics_of
 from skillplan_pybullet.arm.link_bounds import LinkBounds
-from skillplan_pybullet.arm.rotations import points_down
+from skillplan_pybullet.arm.planned_motion import ArmMotion
 
 # A box, and the vector by which it is displaced [m].
 Sweep = tuple[WorldBox, Point]
 
 _STILL = (0.0, 0.0, 0.0)
+# Boxes about links are about so many pieces of a way together.
+_LINK_PIECES = 4
 
 
 class Sweeps:
@@ -54,23 +53,18 @@ class Sweeps:
         self.links = LinkBounds(self.kinematics)
         self.hand = hand_of(task.scene.robots[0])
 
-    def of_skill(self, planned: Sequence[ArmMotion], here: Vector | None) -> list[Sweep]:
-        """Return what moves in the motions of a skill, and on the travels that are part of it.
+    def of_skill(self, planned: Sequence[ArmMotion]) -> list[Sweep]:
+        """Return what moves in the motions of a skill, and on the travels that matter.
 
         Parameters
         ----------
         planned
             The motions.
-        here
-            Where a travel to the first begins [rad]; None where there is none, and none between
-            motions in which the hand points down.
         """
         found = [sweep for one in planned for sweep in self._of_motion(one)]
-        if here is not None:
-            found += self._of_travel(here, planned[0])
-        for before, after in pairwise(planned):
-            if here is not None or not (before.points_down and after.points_down):
-                found += self._of_travel(before.retreat[-1], after)
+        for one in planned:
+            if one.matters:
+                found += self._of_travel(one)
         return found
 
     def _of_motion(self, planned: ArmMotion) -> Iterator[Sweep]:
@@ -125,26 +119,21 @@ class Sweeps:
             )
         return found
 
-    def _of_travel(self, begin_rad: Vector, planned: ArmMotion) -> Iterator[Sweep]:
-        """Yield what a travel to a motion moves, however turned, and how far."""
-        motion, start = planned.motion, self.kinematics.tip(begin_rad)
-        boxes = self._at_target(motion)
-        postures = postures_between(begin_rad, planned.approach[0])
-        if planned.points_down and points_down(start.rotation):
-            x, y, z = start.position.tolist()
-            yield from _level(boxes, (x, y, z), motion)
-            yield from self._of_links(postures)
-            return
-        radius_m = max(_away_m(box, motion.tip) for box in boxes)
-        points = [self.kinematics.tip(joints).position.tolist() for joints in postures]
-        # It is lifted first where it begins lower.
-        x, y, z = points[0]
-        points.insert(0, [x, y, max(z, motion.above[2])])
-        for (ax, ay, az), (bx, by, bz) in pairwise(points):
-            low = (ax - radius_m, ay - radius_m, az - radius_m)
-            high = (ax + radius_m, ay + radius_m, az + radius_m)
-            yield WorldBox(low, high), (bx - ax, by - ay, bz - az)
-        yield from self._of_links(postures)
+    def _of_travel(self, planned: ArmMotion) -> Iterator[Sweep]:
+        """Yield boxes about what a travel to a motion moves, piece by piece of the way."""
+        postures = planned.travel.postures()
+        target = self.kinematics.tip(planned.approach[-1])
+        corners = np.array([_corners(box) for box in self._at_target(planned.motion)])
+        held = (corners - target.position) @ target.rotation
+        tips = [self.kinematics.tip(joints) for joints in postures]
+        placed = [held @ tip.rotation.T + tip.position for tip in tips]
+        for begin, end in pairwise(placed):
+            lows = np.minimum(begin.min(axis=1), end.min(axis=1)).tolist()
+            highs = np.maximum(begin.max(axis=1), end.max(axis=1)).tolist()
+            for (ax, ay, az), (bx, by, bz) in zip(lows, highs, strict=True):
+                yield WorldBox((ax, ay, az), (bx, by, bz)), _STILL
+        for first in range(0, len(postures) - 1, _LINK_PIECES):
+            yield from self._of_links(postures[first : first + _LINK_PIECES + 1])
 
     def _of_links(self, postures: Sequence[Vector]) -> Iterator[Sweep]:
         """Yield boxes about the links, on a way through some postures."""
@@ -152,23 +141,6 @@ class Sweeps:
         lows, highs = ways[:, :, 0].min(axis=0), ways[:, :, 1].max(axis=0)
         for (ax, ay, az), (bx, by, bz) in zip(lows.tolist(), highs.tolist(), strict=True):
             yield WorldBox((ax, ay, az), (bx, by, bz)), _STILL
-
-
-def _level(boxes: Sequence[WorldBox], begin: Point, motion: LinearMotion) -> Iterator[Sweep]:
-    """Yield what moves on a travel on which the hand points down, by boxes where it acts."""
-    x, y, z = motion.tip
-    by: Point = (motion.above[0] - begin[0], motion.above[1] - begin[1], 0.0)
-    lift_m = min(begin[2], motion.above[2]) - z
-    rise_m = abs(begin[2] - motion.above[2])
-    for box in boxes:
-        radius_m = max(
-            math.hypot(corner_x - x, corner_y - y)
-            for corner_x in (box.low[0], box.high[0])
-            for corner_y in (box.low[1], box.high[1])
-        )
-        low = (begin[0] - radius_m, begin[1] - radius_m, box.low[2] + lift_m)
-        high = (begin[0] + radius_m, begin[1] + radius_m, box.high[2] + lift_m + rise_m)
-        yield WorldBox(low, high), by
 
 
 def _tool_pose(motion: LinearMotion) -> Pose:
@@ -179,12 +151,6 @@ def _tool_pose(motion: LinearMotion) -> Pose:
     return Pose.of_axes(motion.tip, motion.hand.rotate(AXES["x"]), (-x, -y, -z))
 
 
-def _away_m(box: WorldBox, point: Point) -> float:
-    """Return how far the furthest corner of a box is from a point [m]."""
-    return math.dist(
-        (0.0, 0.0, 0.0),
-        [
-            max(abs(low - at), abs(high - at))
-            for low, high, at in zip(box.low, box.high, point, strict=True)
-        ],
-    )
+def _corners(box: WorldBox) -> list[Point]:
+    xs, ys, zs = zip(box.low, box.high, strict=True)
+    return list(product(xs, ys, zs))

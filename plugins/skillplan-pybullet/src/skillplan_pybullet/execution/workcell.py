@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from skillplan.physics.jaws import jaw_opening_m
-from skillplan.physics.linear_motions import LinearMotion, linear_motions, visited_grasp
+from skillplan.physics.linear_motions import LinearMotion, visited_grasp
 from skillplan.task.grasp import GraspKind
 from skillplan.task.motion import Event
 from skillplan.task.pose import Pose, plus
@@ -17,12 +17,11 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan_pybullet.arm.hand_shapes import hand_of
-from skillplan_pybullet.arm.hand_turns import ArmMotion, HandPose, HandTurns
-from skillplan_pybullet.arm.kinematics import UnreachableError, Vector
-from skillplan_pybullet.arm.rotations import points_down
+from skillplan_pybullet.arm.kinematics import UnreachableError
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.execution.controlled_robot import StuckError
 from skillplan_pybullet.execution.fastenings import Fastenings
+from skillplan_pybullet.execution.planned_paths import PlannedPaths, PlannedSkill
 from skillplan_pybullet.execution.skill_runner import SkillRunner
 from skillplan_pybullet.execution.support_trial import SupportTrials
 from skillplan_pybullet.execution.surroundings import Neighbourhood, Surroundings
@@ -51,7 +50,7 @@ class Workcell:
         self.robot: Robot = task.scene.robots[0]
         self.hand = hand_of(self.robot)
         self.surroundings = Surroundings(task, settings.clearance_m, settings.press_travel_m)
-        self.turns = HandTurns(task, settings.drop_height_m)
+        self.paths = PlannedPaths(task, settings)
         self.fastenings = Fastenings(task)
         self.supports = SupportTrials(task, self.surroundings, settings.friction)
 
@@ -72,23 +71,28 @@ class Workcell:
         watch
             Called after every simulation step with the robot at work.
         """
-        route = self._route_facts(skill, state)
+        none = self.task.facts.none
         try:
-            planned, here = self._planned(skill, state)
+            planned = self.paths.of(skill, state)
         except UnreachableError as error:
-            none = self.task.facts.none
+            route = self._route_facts(skill, state)
             return self._draft(skill, route, none, unreachable=str(error))
-        around = self._around(skill, state, planned, here)
+        if planned.unfound is not None:
+            place = self.task.facts.of(self.robot.place(state)[0])
+            present = self._route_facts(skill, state) | planned.present | place
+            return self._draft(skill, present, planned.absent, upset=planned.unfound)
+        around = self._around(skill, state, planned)
         # After what the arm can reach, which does not depend on any body.
         fallen = self.supports.fallen(around, state)
         if fallen is not None and watch is None:
-            present = fallen.present | route
-            return self._draft(skill, present, fallen.absent, unsettled=fallen.reason)
+            basis = self._rests_on(skill, state, planned)
+            present, absent = fallen.present | basis[0], fallen.absent | basis[1]
+            return self._draft(skill, present, absent, unsettled=fallen.reason)
         with World(self.settings.friction) as world:
             seen = watch is not None
             arm = SimulatedArm(world, self.robot, self.settings, seen=seen)
-            first = planned[0]
-            start = first.approach[0] if here is None else here
+            first = planned.motions[0]
+            start = planned.begin_rad if planned.travels_first else first.approach[0]
             arm.stand(start, self._first_opening(first.motion))
             try:
                 return self._run(skill, state, planned, arm, around, watch)
@@ -106,68 +110,32 @@ class Workcell:
         UnreachableError
             If the arm cannot follow the skill's motion.
         """
-        return self._around(skill, state, *self._planned(skill, state))
+        return self._around(skill, state, self.paths.of(skill, state))
 
-    def _planned(self, skill: Skill, state: State) -> tuple[list[ArmMotion], Vector | None]:
-        """Return how the arm follows a skill, and the posture in which a travel to it begins.
+    def _around(self, skill: Skill, state: State, planned: PlannedSkill) -> Neighbourhood:
+        found = self.surroundings.around(skill, planned.motions, state)
+        return found.resting_on(*self._rests_on(skill, state, planned))
 
-        None where nothing can block a travel, and the hand is not turned in space on it.
-
-        Raises
-        ------
-        UnreachableError
-            If either end of a motion, or where it begins, is out of reach.
-        """
-        motions = linear_motions(self.task, skill, state, self.settings.drop_height_m)
-        planned = [self.turns.arm_motion(motion) for motion in motions]
-        here = self._here(planned[0], state)
-        if here is None:
-            return planned, None
-        return planned, self.turns.kinematics.reach(here.position, here.rotation)
-
-    def _around(
-        self, skill: Skill, state: State, planned: Sequence[ArmMotion], here: Vector | None
-    ) -> Neighbourhood:
-        found = self.surroundings.around(skill, planned, state, here)
-        return found.resting_on(self._route_facts(skill, state))
+    def _rests_on(self, skill: Skill, state: State, planned: PlannedSkill) -> tuple[State, State]:
+        """Return the facts that decide the paths of the joints, by their truth."""
+        facts = self._route_facts(skill, state) | planned.present
+        if planned.travels_first:
+            facts |= self.task.facts.of(self.robot.place(state)[0])
+        return facts, planned.absent
 
     def _route_facts(self, skill: Skill, state: State) -> State:
-        """Return the facts that decide the route, and where a transfer motion begins."""
+        """Return the facts that decide the route."""
         assert skill.motion is not None
-        facts, routes = self.task.facts.none, skill.motion.routes
-        if len(routes) > 1:
-            facts |= next(r.when for r in routes if state.bits & r.when.bits == r.when.bits)
-        if self._travels_to(skill, state):
-            facts |= self.task.facts.of(self.robot.place(state)[0])
-        return facts
-
-    def _travels_to(self, skill: Skill, state: State) -> bool:
-        """Whether a travel to a skill is part of it: it may be blocked, or turns the hand."""
-        if self.surroundings.transfer_matters:
-            return True
-        motions = linear_motions(self.task, skill, state, self.settings.drop_height_m)
-        fact, place = self.robot.place(state)
-        rotation = self.turns.at(fact, place, self.robot.safe_height_m).rotation
-        return not (motions[0].points_down and points_down(rotation))
-
-    def _here(self, first: ArmMotion, state: State) -> HandPose | None:
-        """Return where a travel to a motion begins, if it is part of a skill."""
-        fact, place = self.robot.place(state)
-        here = self.turns.at(fact, place, self.robot.safe_height_m)
-        turns = not (first.points_down and points_down(here.rotation))
-        if not (turns or self.surroundings.transfer_matters):
-            return None
-        if turns:
-            return here
-        # A hand that points down is turned about the vertical already.
-        x_m, y_m, z_m = here.position
-        return HandPose((x_m, y_m, max(z_m, first.motion.above[2])), first.rotation)
+        routes = skill.motion.routes
+        if len(routes) == 1:
+            return self.task.facts.none
+        return next(r.when for r in routes if state.bits & r.when.bits == r.when.bits)
 
     def _run(
         self,
         skill: Skill,
         state: State,
-        planned: Sequence[ArmMotion],
+        planned: PlannedSkill,
         arm: SimulatedArm,
         around: Neighbourhood,
         watch: Callable[[SkillRunner], None] | None,
@@ -188,7 +156,7 @@ class Workcell:
             Called after every simulation step.
         """
         scene, world = self.task.scene, arm.world
-        plain = [one.motion for one in planned]
+        plain = [one.motion for one in planned.motions]
         handled = {motion.visit.subject for motion in plain}
         colours = {body.name: index for index, body in enumerate(scene.bodies)}
         for one in around.bodies:
@@ -202,20 +170,21 @@ class Workcell:
         stopped = None
         try:
             if first.visit.event is Event.RELEASE:
-                runner.take(planned[0])
+                runner.take(planned.motions[0])
             else:
                 runner.bring_out(first.visit.subject, state)
             runner.wait(SETTLE_S)
-            runner.begin(planned, state)
-            travels = self._travels_to(skill, state)
-            for index, motion in enumerate(planned):
-                if index or travels:
+            runner.begin(planned.motions, state)
+            for index, motion in enumerate(planned.motions):
+                if index or planned.travels_first:
                     runner.travel(motion)
                 runner.run(motion)
         except StuckError:
             stopped = runner.log.phase_now or "its way before anything was done"
         self._sense(runner, plain[-1], stopped)
-        return self._record(skill, state, plain, (around.present, around.absent), runner)
+        basis = around.present, around.absent
+        record = self._record(skill, state, plain, basis, runner)
+        return replace(record, travels=planned.travels)
 
     def _first_opening(self, motion: LinearMotion) -> float:
         if motion.visit.event not in (Event.GRASP, Event.RELEASE):
@@ -240,7 +209,7 @@ class Workcell:
         self,
         skill: Skill,
         state: State,
-        motions: Sequence[LinearMotion],
+        planned: PlannedSkill,
         runner: SkillRunner,
         begin_s: float,
     ) -> Record:
@@ -249,13 +218,14 @@ class Workcell:
         What it does not handle is expected where it stood when the skill began: how far off its
         goal it came to rest was the matter of the skill that put it there.
         """
+        motions = [one.motion for one in planned.motions]
         self._sense(runner, motions[-1], None)
         none = self.task.facts.none
         record = self._record(skill, state, motions, (none, none), runner)
         expected = {
             name: runner.log.stood.get(name, pose) for name, pose in record.expected.items()
         }
-        return replace(record, expected=expected, begin_s=begin_s)
+        return replace(record, expected=expected, begin_s=begin_s, travels=planned.travels)
 
     def _record(
         self,

@@ -145,6 +145,8 @@ def _evidence(record: Record, visit: Visit) -> dict[str, Any]:
         evidence["pose_m"] = [round(value, 7) + 0.0 for value in final.position]
     evidence["sensed"] = _rounded(record.sensed)
     evidence["steps"] = record.steps
+    if record.travels:
+        evidence["travels"] = list(record.travels)
     return evidence
 
 
