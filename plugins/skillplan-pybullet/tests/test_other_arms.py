@@ -92,14 +92,3 @@ def test_a_ur5e_builds_the_inverter_board() -> None:
         if one.skill.startswith("fasten")
     ]
     assert min(forces) >= 3.0
-
-
-def test_grippers_with_different_jaws_are_refused_in_words() -> None:
-    task = lid()
-    (robot,) = task.scene.robots
-    gripper = next(tool for tool in robot.tools if tool.name == "gripper")
-    tools = (*robot.tools, replace(gripper, name="tweezers", fact="tool(x)", hand=OTHER))
-    task = replace(task, scene=replace(task.scene, robots=(replace(robot, tools=tools),)))
-    refusal = PybulletEngine(task).refuses()
-    assert refusal is not None
-    assert "'gripper', 'tweezers'" in refusal

@@ -15,7 +15,6 @@ from skillplan.physics.jaws import jaw_faults
 from skillplan.physics.performance import Image, Performance, Performer, Sample
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
-from skillplan.task.scene import ToolKind
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -131,17 +130,12 @@ class PybulletEngine(Engine, Performer):
         return {name: version(name) for name in others}
 
     def refuses(self) -> str | None:
-        """Refuse tasks without bodies, several robots, and grippers with different jaws."""
+        """Refuse tasks without bodies, and several robots."""
         scene = self.task.scene
         if len(scene.robots) != 1:
             return f"it simulates one arm, and the task has {len(scene.robots)} robots"
         if not scene.bodies:
             return "the task has no bodies to simulate"
-        (robot,) = scene.robots
-        grippers = [tool for tool in robot.tools if tool.kind is ToolKind.GRIPPER]
-        if len({robot.hand_of(tool) for tool in grippers}) > 1:
-            names = ", ".join(repr(tool.name) for tool in grippers)
-            return f"it simulates one kind of jaws, and those of {names} are not alike"
         return None
 
     def faults(self) -> Mapping[str, str]:

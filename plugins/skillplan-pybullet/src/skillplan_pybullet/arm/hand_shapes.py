@@ -18,9 +18,20 @@ _WRIST_HEIGHT_M = 0.60
 _HAND_ABOVE_M = 0.03
 
 
-def hand_of(robot: Robot) -> Hand:
-    """Return the hand of a robot: that of its gripper, or what is on its flange otherwise."""
-    grippers = (tool for tool in robot.tools if tool.kind is ToolKind.GRIPPER)
+def hand_of(robot: Robot, tool: Tool | None = None) -> Hand:
+    """Return the hand that a robot has with a tool.
+
+    Parameters
+    ----------
+    robot
+        Whose hand it is.
+    tool
+        A gripper is a hand with jaws of its own. With any other tool, or none, the hand is that
+        of the first gripper, or what is on the flange where there is no gripper.
+    """
+    if tool is not None and tool.kind is ToolKind.GRIPPER:
+        return robot.hand_of(tool)
+    grippers = (one for one in robot.tools if one.kind is ToolKind.GRIPPER)
     return robot.hand_of(next(grippers, None))
 
 

@@ -50,16 +50,55 @@ class SimulatedArm:
         Of the task: which arm it is, and where it stands.
     settings
         How it is controlled, and with what force its jaws close.
+    hand
+        What jaws it has; left out: those that it has without a tool.
     seen
         Whether pictures are taken of it; loading what it looks like takes as long as many steps.
     """
 
     def __init__(
-        self, world: World, robot: Robot, settings: ExecutionSettings, *, seen: bool = True
+        self,
+        world: World,
+        robot: Robot,
+        settings: ExecutionSettings,
+        hand: Hand | None = None,
+        *,
+        seen: bool = True,
     ) -> None:
-        self.world, self.robot, self.settings = world, robot, settings
+        self.world, self.robot, self.settings, self.seen = world, robot, settings, seen
         self.kinematics = kinematics_of(robot)
-        self.hand: Hand = hand_of(robot)
+        self._load(hand_of(robot) if hand is None else hand)
+        # What the hand lifts beside itself [kg], and the force that it presses with [N].
+        self.payload_kg = 0.0
+        # The bodies that this is the mass of.
+        self.bears: tuple[str, ...] = ()
+        self.press_n: Vector = np.zeros(3)
+        self.wanted: Setpoint | None = None
+        self._joints = self.kinematics.home_rad
+        self.limit_nm = np.array(robot.model.torque_nm)
+
+    def fit(self, hand: Hand) -> None:
+        """Have the jaws of another hand, wide open; nothing may be fixed to the arm."""
+        if hand == self.hand:
+            return
+        client = self.world.client
+        states = pybullet.getJointStates(self.number, self.file.joints, physicsClientId=client)
+        with quiet_output():
+            pybullet.removeBody(self.number, physicsClientId=client)
+        del self.world.names[self.number]
+        self._load(hand)
+        for joint, state in zip(self.file.joints, states, strict=True):
+            pybullet.resetJointState(self.number, joint, state[0], state[1], physicsClientId=client)
+        for joint in self.file.jaws:
+            pybullet.resetJointState(
+                self.number, joint, self._jaw_wanted_m, 0.0, physicsClientId=client
+            )
+        self.world.renew(ROBOT)
+
+    def _load(self, hand: Hand) -> None:
+        """Have the simulator load the arm with a hand."""
+        world, robot, settings = self.world, self.robot, self.settings
+        self.hand = hand
         self.file: RobotFile = robot_file(robot.model, robot.tip, self.hand)
         # What the links that handle parts are called.
         self.link_names = dict(
@@ -67,7 +106,7 @@ class SimulatedArm:
         )
         client = world.client
         flags = pybullet.URDF_USE_INERTIA_FROM_FILE
-        if not seen:
+        if not self.seen:
             flags |= pybullet.URDF_IGNORE_VISUAL_SHAPES
         with quiet_output():
             self.number = int(
@@ -88,14 +127,6 @@ class SimulatedArm:
             if by_pinocchio
             else PybulletDynamics(client, self.number, self.file, robot.mount)
         )
-        # What the hand lifts beside itself [kg], and the force that it presses with [N].
-        self.payload_kg = 0.0
-        # The bodies that this is the mass of.
-        self.bears: tuple[str, ...] = ()
-        self.press_n: Vector = np.zeros(3)
-        self.wanted: Setpoint | None = None
-        self._joints = self.kinematics.home_rad
-        self.limit_nm = np.array(robot.model.torque_nm)
         self._jaw_target_m = self.hand.opening_m / 2
         self._jaw_wanted_m = self._jaw_target_m
         self._jaw_force_n = _OPENING_FORCE_N

@@ -1,8 +1,8 @@
 """Which tool is at the end of the arm: coupled from its dock, returned to it, or there already.
 
 A dock is a place and no body: a tool exists while it is attached, and hangs untouchable in its
-dock otherwise. The gripper is the hand of the robot itself; with another tool, or none, the
-hand is out of collision and out of sight.
+dock otherwise. A gripper is the hand of the robot itself, each with jaws of its own; with another
+tool, or none, the hand is out of collision and out of sight.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 
 from skillplan.task.motion import Point
 from skillplan.task.scene import Pose, Scene, Tool, ToolKind
-from skillplan_pybullet.arm.hand_shapes import tool_body
+from skillplan_pybullet.arm.hand_shapes import hand_of, tool_body
 from skillplan_pybullet.arm.rotations import pose_of
 from skillplan_pybullet.arm.simulated_arm import ROBOT, SimulatedArm
 from skillplan_pybullet.simulator.world import World
@@ -88,6 +88,7 @@ class ToolChanger:
         if apart_m <= _MISALIGNED_M:
             tools = [item for robot in self.scene.robots for item in robot.tools]
             self.tool = next(item for item in tools if item.name == name)
+            self.arm.fit(hand_of(self.arm.robot, self.tool))
             self.arm.show_hand(self.has_jaws)
             self._attach(self.tool)
         return apart_m

@@ -19,6 +19,7 @@ from skillplan.task.scene import Pose
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
+from skillplan_pybullet.arm.hand_shapes import hand_of
 from skillplan_pybullet.arm.kinematics import UnreachableError
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.execution.contact_log import STEPS_PER_FRAME
@@ -109,7 +110,12 @@ class _PlanExecution:
         self.show, self.note = observers.show, observers.note
         self.task = workcell.task
         self.robot = self.task.scene.robots[0]
-        self.arm = SimulatedArm(world, self.robot, workcell.settings)
+        self.arm = SimulatedArm(
+            world,
+            self.robot,
+            workcell.settings,
+            hand_of(self.robot, self.robot.tool(self.task.initial)),
+        )
         frames_per_s = observers.frames_per_s
         self.every = STEPS_PER_S / frames_per_s if frames_per_s and self.show else None
         self.shown = 0

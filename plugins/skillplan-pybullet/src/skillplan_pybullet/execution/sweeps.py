@@ -51,7 +51,7 @@ class Sweeps:
         self.clearance_m, self.press_travel_m = clearance_m, press_travel_m
         self.kinematics: ArmKinematics = kinematics_of(task.scene.robots[0])
         self.links = LinkBounds(self.kinematics)
-        self.hand = hand_of(task.scene.robots[0])
+        self.robot = task.scene.robots[0]
 
     def of_skill(self, planned: Sequence[ArmMotion]) -> list[Sweep]:
         """Return what moves in the motions of a skill, and on the travels that matter.
@@ -87,7 +87,7 @@ class Sweeps:
         upright = _tool_pose(motion)
         found = [box_at(box, upright) for box in self._hand(motion)]
         if motion.points_down:
-            found.append(world_box(wrist_box(self.hand), motion.tip))
+            found.append(world_box(wrist_box(hand_of(self.robot, motion.tool)), motion.tip))
         if event in (Event.GRASP, Event.RELEASE):
             # Down to its goal, also where it is let go from above.
             found += world_boxes(self.task.scene.body(visit.subject), visit.pose)
@@ -101,22 +101,19 @@ class Sweeps:
 
     def _hand(self, motion: LinearMotion) -> list[Box]:
         """Return boxes about what is on the arm, before or after a motion acts, from the tip."""
-        tool, visit = motion.tool, motion.visit
+        tool, visit, hand = motion.tool, motion.visit, hand_of(self.robot, motion.tool)
         if visit.event in (Event.GRASP, Event.RELEASE):
             # The hand, or the tool that is there instead.
-            if tool is not None and tool_shapes(tool, self.hand):
-                return list(tool_boxes(tool, self.hand))
+            if tool is not None and tool_shapes(tool, hand):
+                return list(tool_boxes(tool, hand))
             grasp = visited_grasp(self.task.scene.body(visit.subject), visit)
-            return list(
-                hand_boxes(self.hand, jaw_opening_m(grasp, self.clearance_m, tool, self.hand))
-            )
-        found = list(tool_boxes(tool, self.hand))
+            return list(hand_boxes(hand, jaw_opening_m(grasp, self.clearance_m, tool, hand)))
+        found = list(tool_boxes(tool, hand))
         if visit.event is Event.LOAD:
             robots = self.task.scene.robots
             tools = (item for robot in robots for item in robot.tools)
-            found += tool_boxes(
-                next(item for item in tools if item.name == visit.subject), self.hand
-            )
+            coupled = next(item for item in tools if item.name == visit.subject)
+            found += tool_boxes(coupled, hand_of(self.robot, coupled))
         return found
 
     def _of_travel(self, planned: ArmMotion) -> Iterator[Sweep]:

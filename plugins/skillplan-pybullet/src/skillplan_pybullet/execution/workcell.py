@@ -48,7 +48,6 @@ class Workcell:
     def __init__(self, task: Task, settings: ExecutionSettings) -> None:
         self.task, self.settings = task, settings
         self.robot: Robot = task.scene.robots[0]
-        self.hand = hand_of(self.robot)
         self.surroundings = Surroundings(task, settings.clearance_m, settings.press_travel_m)
         self.paths = PlannedPaths(task, settings)
         self.fastenings = Fastenings(task)
@@ -90,8 +89,9 @@ class Workcell:
             return self._draft(skill, present, absent, unsettled=fallen.reason)
         with World(self.settings.friction) as world:
             seen = watch is not None
-            arm = SimulatedArm(world, self.robot, self.settings, seen=seen)
             first = planned.motions[0]
+            hand = hand_of(self.robot, first.motion.tool)
+            arm = SimulatedArm(world, self.robot, self.settings, hand, seen=seen)
             start = planned.begin_rad if planned.travels_first else first.approach[0]
             arm.stand(start, self._first_opening(first.motion))
             try:
@@ -187,10 +187,11 @@ class Workcell:
         return replace(record, travels=planned.travels)
 
     def _first_opening(self, motion: LinearMotion) -> float:
+        hand = hand_of(self.robot, motion.tool)
         if motion.visit.event not in (Event.GRASP, Event.RELEASE):
-            return self.hand.opening_m / 2
+            return hand.opening_m / 2
         grasp = visited_grasp(self.task.scene.body(motion.visit.subject), motion.visit)
-        return jaw_opening_m(grasp, self.settings.clearance_m, motion.tool, self.hand)
+        return jaw_opening_m(grasp, self.settings.clearance_m, motion.tool, hand)
 
     def _sense(self, runner: SkillRunner, last: LinearMotion, stopped: str | None) -> None:
         sensed = runner.sensed

@@ -51,8 +51,9 @@ class PairFilter:
     def added(self, body: str) -> None:
         """Tell the simulator of a body that is new, or has been made anew."""
         for name, links in self._withdrawn.items():
-            if name != body:
-                self._tell(name, sorted(links), body)
+            for other in self._numbers if name == body else [body]:
+                if name != other:
+                    self._tell(name, sorted(links), other)
         for one, other in sorted(self._parted):
             if body in (one, other):
                 self._tell(one, self._links(one), other)

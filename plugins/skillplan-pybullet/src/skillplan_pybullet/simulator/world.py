@@ -119,6 +119,10 @@ class World:
         self.numbers[name] = number
         self.names[number] = name
 
+    def renew(self, name: str) -> None:
+        """Have a body that was loaded anew touch what it might touch before."""
+        self._filter.added(name)
+
     def step(self) -> None:
         """Advance by 1/240 s."""
         pybullet.stepSimulation(physicsClientId=self.client)
