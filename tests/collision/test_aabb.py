@@ -389,3 +389,30 @@ def test_directions_that_no_axis_has_are_refused_in_words():
     content["parts"]["top"] |= {"goal_rpy_rad": [0.0, 0.5, 0.0], "goal_on": "base"}
     refusal = AabbDetector(assembly(content)).refuses()
     assert "'top' is turned by 28.65 degrees in space where placed(top) holds" in refusal
+
+
+def test_boxes_refuse_to_judge_what_holds_a_round_part():
+    """A pin in a bore cannot tip, whatever its box stands on; a box in it is judged as ever."""
+    wall = [
+        {"size_m": [0.10, 0.01, 0.03], "centre_m": [0, 0, 0.015]},
+        {"size_m": [0.10, 0.01, 0.02], "centre_m": [0, 0, 0.0602]},
+    ]
+    pin = {
+        "tool": "gripper",
+        "cylinder": {"diameter_m": 0.02, "height_m": 0.08},
+        "start_m": [0.4, 0.2],
+        "goal_m": [0.5, 0.08, 0.04],
+        "goal_rpy_rad": [1.570796, 0, 0],
+        "goal_on": "wall",
+        "insert_along": [0, 1, 0],
+    }
+    content = shelf()
+    content["parts"] = {
+        "wall": {"tool": "gripper", "boxes": wall, "start_m": [0.4, -0.2], "goal_m": [0.5, 0.06]},
+        "pin": pin,
+    }
+    content["parts"]["wall"]["grasp"] = {"closing_axis": "y"}
+    task = assembly(content)
+    refusal = AabbDetector(task).refuses()
+    assert "about 'pin' in place(pin), and boxes cannot tell what holds a round" in refusal
+    assert AabbDetector(task, AabbDetector.Options(check_support=False)).refuses() is None

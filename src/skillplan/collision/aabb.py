@@ -9,7 +9,7 @@ has nothing beneath it: a part left in the air drops and ends elsewhere than pre
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from pydantic import Field
@@ -20,7 +20,7 @@ from skillplan.collision.detector import Detector
 from skillplan.task import back_end
 from skillplan.task.motion import Event, Point, Visit
 from skillplan.task.pose import DOWN, Pose, same_direction
-from skillplan.task.scene import WORLD, Body, Placement
+from skillplan.task.scene import WORLD, Body, Box, Placement
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -116,6 +116,29 @@ class AabbDetector(Detector):
                     return (
                         f"its boxes are parallel to the axes, and {visit.subject!r} {does} along "
                         f"[{shown}] in {skill}. Take swept, or a direction along an axis"
+                    )
+        return self._cannot_judge_support() if self.options.check_support else None
+
+    def _cannot_judge_support(self) -> str | None:
+        """Return what round or slanted faces have to hold, where boxes about them do not."""
+        for skill, visit in _visits(self.task):
+            if visit.event is Event.GRASP:
+                continue
+            for ground in self._grounds((visit,)):
+                if ground.on_table or _bears(ground, ground.contacts):
+                    continue
+                own = self.task.scene.body(ground.body)
+                boxes = world_boxes(own, visit.pose)
+                about = [
+                    body
+                    for body, _, there in self._solids(frozenset({own.name}))
+                    if any(_overlap(one, other) for one in boxes for other in there)
+                ]
+                if not all(_is_of_boxes(body) for body in (own, *about)):
+                    return (
+                        f"no boxes bear that about {own.name!r} in {skill}, and boxes cannot tell "
+                        "what holds a round or slanted face. Take swept, or option "
+                        "check_support: false"
                     )
         return None
 
@@ -263,6 +286,17 @@ def _is_axis(direction: Point) -> bool:
     return sum(abs(value) <= _TURNED_RAD for value in direction) == 2
 
 
+def _is_of_boxes(body: Body) -> bool:
+    return all(isinstance(shape, Box) for shape in body.exact_shapes)
+
+
+def _overlap(one: WorldBox, other: WorldBox) -> bool:
+    return all(
+        low <= top and bottom <= high
+        for low, high, bottom, top in zip(one.low, one.high, other.low, other.high, strict=True)
+    )
+
+
 def _visits(task: Task) -> Iterator[tuple[str, Visit]]:
     """Yield every visit of a task that handles something, with the name of its skill."""
     for skill in task.skills:
@@ -278,7 +312,7 @@ def _visits(task: Task) -> Iterator[tuple[str, Visit]]:
 
 def _bears(
     ground: _Ground,
-    bearers: list[tuple[str, str, tuple[tuple[float, float, float, float], ...]]],
+    bearers: Sequence[tuple[str, str, tuple[tuple[float, float, float, float], ...]]],
 ) -> bool:
     """Whether the body's centre lies within the hull rectangle of its contacts."""
     areas = [area for _, _, touching in bearers for area in touching]

@@ -269,6 +269,25 @@ class Domain(ABC):
         """Return the path of the file's entry that a fact comes from; the root by default."""
         return ()
 
+    def locate_skill(self, config: Any, skill: str, *, reach: bool) -> tuple[str | int, ...]:
+        """Return the path of the file's key to change where a skill is never feasible.
+
+        Parameters
+        ----------
+        config
+            An instance of `Config` without issues.
+        skill
+            Its name.
+        reach
+            Whether it fails by how the robot gets there; else by where things are.
+
+        Returns
+        -------
+        tuple
+            The root by default.
+        """
+        return ()
+
     def starter(self) -> str:
         """Return a commented file to begin one's own from: valid, soon solved, its keys explained.
 

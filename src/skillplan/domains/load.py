@@ -85,14 +85,15 @@ class Problem:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is valid, but hardly meant: ``file:line:column: key: what, and what instead``."""
-        return self._told(self.domain.warnings(self.config))
+        return self.told(self.domain.warnings(self.config))
 
     @property
     def hints(self) -> tuple[str, ...]:
         """What may be meant, but is found out late, in the same form."""
-        return self._told(self.domain.hints(self.config))
+        return self.told(self.domain.hints(self.config))
 
-    def _told(self, issues: Iterable[Issue]) -> tuple[str, ...]:
+    def told(self, issues: Iterable[Issue]) -> tuple[str, ...]:
+        """Return issues in the form of `warnings`, with their places in the file."""
         located = [self.document.locate(issue) for issue in issues]
         return tuple(TaskError(self.source, located).lines())
 

@@ -12,6 +12,7 @@ from skillplan.chart.precedence_chart import DerivedChart, derive_chart
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.collision.aabb import AabbDetector
 from skillplan.domains.load import Problem
+from skillplan.pipeline.never_feasible import never_feasible, unreachable
 from skillplan.pipeline.run import make_feasibility
 from skillplan.pipeline.setup import DEFAULT_PHYSICS, SCREEN, Setup
 from skillplan.records.preview import DerivedOrder, Preview
@@ -58,14 +59,16 @@ def preview(
     """
     setup = Setup(physics or DEFAULT_PHYSICS, collision or DEFAULT_COLLISION, options or {})
     named = physics is not None or bool(collision)
-    orders = tuple(
-        _order(task, setup, cache, named=named)
-        for task in problem.tasks
-        if task.operations and task.scene.bodies
-    )
+    described = [task for task in problem.tasks if task.operations and task.scene.bodies]
+    orders = tuple(_order(task, setup, cache, named=named) for task in described)
     warnings = [*problem.warnings, *problem.hints]
     for order in orders:
+        warnings += never_feasible(problem, order)
         warnings += [f"{problem.source}: {line}" for line in order.lines]
+    if not named:
+        for task, order in zip(described, orders, strict=True):
+            if order.back_ends and SCREEN not in order.back_ends and setup.has_screen(task):
+                warnings += unreachable(problem, task, order.never)
     return Preview(tuple(warnings), orders, problem.domain.overview(problem.config))
 
 
@@ -99,8 +102,6 @@ def _quick_setup(task: Task, boxes: Setup) -> Setup | None:
 def _obstacles(chart: DerivedChart, task: Task, names: tuple[str, ...]) -> Iterator[str]:
     """Yield why no order can exist, in words."""
     by = f"by {', '.join(names)}"
-    for skill, why in chart.impossible.items():
-        yield f"{by} {skill} is never feasible: {why}."
     first, *rest = conflict_lines(task, chart.relations) or ("",)
     if first:
         yield f"{by} no order exists: {first}."

@@ -27,7 +27,7 @@ class DerivedOrder:
     never
         Skills that are feasible in no state, with the reason.
     lines
-        Why there is no order, in words; empty where there is one.
+        Why there is no order, in words; empty where there is one, or a skill is never feasible.
     """
 
     task: str

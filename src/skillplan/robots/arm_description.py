@@ -222,7 +222,8 @@ class ArmDescription:
             if not joint.low_rad <= angle <= joint.high_rad:
                 raise ValueError(
                     f"Arm {self.name}: home_rad has joint {joint.name} at {angle}, beyond "
-                    f"its limits {joint.low_rad} and {joint.high_rad}."
+                    f"its limits {joint.low_rad} and {joint.high_rad}. Give an angle between "
+                    "them, or leave out home_rad for the default."
                 )
         if self.shapes and len(self.shapes) != len(self.joints) + 1:
             raise ValueError(

@@ -76,6 +76,10 @@ class SweptDetector(Detector):
             default=True,
             description="check the links of the arm, not only the hand [-]",
         )
+        check_travel: bool = Field(
+            default=True,
+            description="check the travels between motions, not only the motions [-]",
+        )
         speed_fraction: float = Field(
             default=0.5,
             gt=0,
@@ -177,7 +181,7 @@ class SweptDetector(Detector):
             self.task.scene,
             self.paths.planner,
             self.paths.sweeps,
-            self.paths.travels,
+            self.paths.travels if self.options.check_travel else None,
             check_support=self.options.check_support,
         )
 

@@ -66,7 +66,8 @@ class SweptMotion:
     supports
         Of the bodies that are left behind.
     travels
-        To where the motions begin; None where a motion cannot be made at all.
+        To where the motions begin; None where a motion cannot be made at all, or they are not
+        checked.
     """
 
     events: tuple[Collision | ElbowChoice, ...]
@@ -86,7 +87,7 @@ class SweptMotionBuilder:
     sweeps
         Of what the arm holds.
     travels
-        Returns the travels to where motions begin.
+        Returns the travels to where motions begin; None where they are not checked.
     check_support
         Whether what is left behind has to be supported.
     """
@@ -96,7 +97,7 @@ class SweptMotionBuilder:
         scene: Scene,
         planner: MotionPlanner,
         sweeps: HandSweeps,
-        travels: Callable[[Sequence[ArmMotion]], SkillTravels],
+        travels: Callable[[Sequence[ArmMotion]], SkillTravels] | None,
         *,
         check_support: bool,
     ) -> None:
@@ -133,7 +134,8 @@ class SweptMotionBuilder:
                 events += self._collisions(stretch)
             if self.check_support and motion.visit.event in (Event.RELEASE, Event.DRIVE):
                 supports.append(self._supports(motion))
-        return SweptMotion(tuple(events), tuple(supports), self.travels(motions))
+        travels = None if self.travels is None else self.travels(motions)
+        return SweptMotion(tuple(events), tuple(supports), travels)
 
     def _collisions(self, sweeps: Iterable[Sweep]) -> list[Collision]:
         """Return every collision that some state would cause, in the order of the motion."""

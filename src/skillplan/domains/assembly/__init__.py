@@ -56,3 +56,19 @@ class AssemblyDomain(Domain):
         kind, _, rest = fact.partition("(")
         section = _SECTIONS.get(kind)
         return ("goal",) if section is None else (section, rest.rstrip(")"))
+
+    def locate_skill(self, config: Any, skill: str, *, reach: bool) -> tuple[str | int, ...]:
+        """Return the path of the grasp, the place or the hole that a skill fails by."""
+        name, _, rest = skill.partition("(")
+        which = rest.rstrip(")")
+        if name == "fasten":
+            return ("screws", which, "hole_m")
+        if which not in config.parts:
+            return ()
+        part = config.parts[which]
+        if reach and "grasp" in part.model_fields_set:
+            return ("parts", which, "grasp")
+        if name == "place":
+            return ("parts", which, "goal_m")
+        keys = ("start_m", "start_on", "feeder")
+        return ("parts", which, next(key for key in keys if getattr(part, key) is not None))

@@ -70,7 +70,10 @@ def geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
             continue
         top_m = through.top_m(x_m, y_m)
         if top_m is None or abs(top_m - hole_of(config, screw)[2]) > TOUCH_M:
-            message = f"the hole does not lie over the top of {screw.through!r}. Move it."
+            message = f"the hole does not lie over the top of {screw.through!r}. Move it"
+            if "axis" not in screw.model_fields_set:
+                message += ", or give 'axis' if the screw does not go straight down"
+            message += "."
             yield Issue(message, ("screws", name, "hole_m"))
 
 

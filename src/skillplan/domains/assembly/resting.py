@@ -152,7 +152,10 @@ def _loose(part: PartConfig, name: str, layout: _Layout) -> Iterator[Issue]:
         if gap_m is not None and gap_m <= TOUCH_M:
             continue
         if own.fall_m(beneath) is None:
-            yield Issue(f"{name!r} does not lie over {other!r}. Move it.", path)
+            message = (
+                f"{name!r} does not lie over {other!r}, of which no face is beneath it. Move it."
+            )
+            yield Issue(message, path)
         elif gap_m is None:
             yield Issue(f"{name!r} does not lie on {other!r}, but below its top. Raise it.", path)
         elif raised:

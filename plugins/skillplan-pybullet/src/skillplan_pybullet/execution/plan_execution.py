@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
+from skillplan.collision.boxes import world_boxes
 from skillplan.physics.performance import (
     Arrival,
     Image,
@@ -15,7 +17,8 @@ from skillplan.physics.performance import (
     PerformedSkill,
     Sample,
 )
-from skillplan.task.scene import Pose
+from skillplan.task.motion import Point
+from skillplan.task.scene import WORLD, Pose
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
@@ -38,7 +41,8 @@ from skillplan_pybullet.verdicts.postconditions import (
     tilt_rad,
 )
 
-_OVERVIEW_M = 0.95
+# So high above its tip a hand has to be seen [m].
+_HAND_M = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +124,7 @@ class _PlanExecution:
         self.every = STEPS_PER_S / frames_per_s if frames_per_s and self.show else None
         self.shown = 0
         self.skill = ""
-        self.camera = Camera(self._middle(), _OVERVIEW_M)
+        self.camera = Camera.about(self._extent())
 
     def play(self, skills: Sequence[Skill], stopped: Callable[[], bool]) -> Performance:
         state = self.task.initial
@@ -248,7 +252,17 @@ class _PlanExecution:
                 )
         return found
 
-    def _middle(self) -> tuple[float, float, float]:
-        points = list(self.robot.places.values())
-        xs, ys = [point[0] for point in points], [point[1] for point in points]
-        return ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2, 0.08)
+    def _extent(self) -> list[Point]:
+        """Return corners about all places of parts, and of the hand that carries them [m]."""
+        corners = [
+            corner
+            for body in self.task.scene.bodies
+            for placement in body.placements
+            if placement.frame == WORLD and placement.solid
+            for box in world_boxes(body, placement.pose)
+            for corner in product(*zip(box.low, box.high, strict=True))
+        ]
+        low_m = self.robot.safe_height_m
+        for x_m, y_m, _ in self.robot.places.values():
+            corners += [(x_m, y_m, 0.0), (x_m, y_m, low_m + _HAND_M)]
+        return [(x, y, z) for x, y, z in corners]

@@ -1,0 +1,108 @@
+"""Skills that no state makes feasible, told with the place in the file that is to change."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import closing
+
+from skillplan.chart.hypothetical_state import HypotheticalStates
+from skillplan.chart.precedence_query import CheckSteps, PrecedenceQuery, run_queries
+from skillplan.domains.load import Problem
+from skillplan.errors import BackEndError, Issue, PluginError
+from skillplan.physics.jaws import too_wide
+from skillplan.pipeline.run import make_feasibility
+from skillplan.pipeline.setup import DEFAULT_PHYSICS, SCREEN, Setup
+from skillplan.records.preview import DerivedOrder
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+
+# Whether the arm gets there does not depend on where it comes from, which is dearest to check.
+_SHORT = {SCREEN: {"check_travel": False}}
+
+
+def never_feasible(problem: Problem, order: DerivedOrder) -> tuple[str, ...]:
+    """Return what a derived order says of skills that are never feasible.
+
+    Parameters
+    ----------
+    problem
+        The file.
+    order
+        Of one of its tasks.
+    """
+    by = f"by {', '.join(order.back_ends)}"
+    reach = SCREEN in order.back_ends
+    return problem.told(
+        Issue(
+            f"{by} {skill} is never feasible: {why}.",
+            problem.domain.locate_skill(
+                problem.config, skill, reach=reach and why.startswith((SCREEN, "ways"))
+            ),
+        )
+        for skill, why in order.never.items()
+    )
+
+
+def unreachable(problem: Problem, task: Task, known: Collection[str] = ()) -> tuple[str, ...]:
+    """Return what the arm cannot do whatever the state: each with its place in the file.
+
+    Parameters
+    ----------
+    problem
+        The file.
+    task
+        One of its tasks, which the geometric detector serves.
+    known
+        Skills that something was said of already.
+    """
+    try:
+        found = list(_unreachable(task))
+    except (PluginError, BackEndError) as error:
+        return (f"{problem.source}: what the arm reaches was not checked: {error}",)
+    by_key: dict[tuple[str | int, ...], list[tuple[str, Verdict]]] = {}
+    for skill, verdict in found:
+        if skill not in known:
+            path = problem.domain.locate_skill(problem.config, skill, reach=True)
+            by_key.setdefault(path, []).append((skill, verdict))
+    return problem.told(Issue(_words(said), path) for path, said in by_key.items())
+
+
+def _words(said: Sequence[tuple[str, Verdict]]) -> str:
+    """Return what fails by one key: all skills, and why the first of them does."""
+    (first, verdict), *others = said
+    names = " and ".join([first, *(skill for skill, _ in others)])
+    verb = "are" if others else "is"
+    return f"by {SCREEN} {names} {verb} never feasible: {verdict.reason}. {_instead(first)}"
+
+
+def _instead(skill: str) -> str:
+    if skill.startswith("fasten("):
+        return "Move the screw, or what it goes through."
+    return "Give another grasp (approach, closing_axis, at_m), or move the part."
+
+
+def _unreachable(task: Task) -> Iterator[tuple[str, Verdict]]:
+    """Yield the skills, with the verdict where nothing else is done."""
+    setup = Setup(DEFAULT_PHYSICS, (SCREEN,), _SHORT)
+    hypothetical = HypotheticalStates(task)
+    queries = [
+        PrecedenceQuery(hypothetical, component, skill)
+        for component in task.operations
+        for skill in hypothetical.chain(component)
+        # What is too wide for jaws, the file's own checks say.
+        if too_wide(task.scene, task.scene.robots[0], skill) is None
+    ]
+    feasibility = make_feasibility(task, setup, None)
+    with closing(feasibility):
+        said = run_queries(feasibility, [_never(query) for query in queries])
+    for query, verdict in zip(queries, said, strict=True):
+        if verdict is not None and not verdict.is_feasible:
+            yield query.skill.name, verdict
+
+
+def _never(query: PrecedenceQuery) -> CheckSteps[Verdict]:
+    """Return why a skill fails in a state that nothing else could better; else that it does not."""
+    verdict = yield from query.check(frozenset())
+    if verdict.is_feasible or query.hypothetical.components(verdict) - {query.component}:
+        return Verdict.feasible()
+    return verdict
