@@ -17,6 +17,8 @@ from skillplan_pybullet.record import Record
 
 # Bodies that nobody handled may creep by this much [m].
 _CREEP_M = 0.001
+# So much room on each side of a hole the shipped products have, which is enough [mm].
+_CLEARANCE_MM = 0.3
 _LEAST_SHOWN_M = 5e-5
 
 
@@ -97,7 +99,8 @@ def _fault(skill: Skill, record: Record, visit: Visit, tolerances: Tolerances) -
     if inserted_n > tolerances.insertion_n:
         return (
             f"{visit.subject} was pushed in with {inserted_n:.1f} N, "
-            f"where {tolerances.insertion_n:.1f} N are allowed"
+            f"where {tolerances.insertion_n:.1f} N are allowed; leave it {_CLEARANCE_MM:g} mm on "
+            "each side"
         )
     for name, expected in record.expected.items():
         final = record.final[name]
