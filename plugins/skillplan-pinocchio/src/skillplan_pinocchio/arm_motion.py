@@ -68,7 +68,9 @@ class Strokes:
         return self.down if self.mirrored else (*self.down, *self.up)
 
 
-def strokes(arm: ArmModel, motion: LinearMotion) -> Iterator[Strokes | Unreachable]:
+def strokes(
+    arm: ArmModel, motion: LinearMotion, near: Vector | None = None
+) -> Iterator[Strokes | Unreachable]:
     """Yield paths to a target and back, by posture at the target, the preferred first.
 
     Parameters
@@ -77,6 +79,9 @@ def strokes(arm: ArmModel, motion: LinearMotion) -> Iterator[Strokes | Unreachab
         The arm.
     motion
         Where the tip goes.
+    near
+        A posture from which it is not to be far to the target, of a hand that does not point down
+        [rad], shape (joints,); the home posture by default.
 
     Yields
     ------
@@ -91,7 +96,7 @@ def strokes(arm: ArmModel, motion: LinearMotion) -> Iterator[Strokes | Unreachab
     if motion.points_down:
         found = elbows(arm, motion.tip, motion.closing_yaw_rad)
     else:
-        found = postures(arm, target)
+        found = postures(arm, target, near)
     for joints in found:
         if isinstance(joints, Unreachable):
             yield joints

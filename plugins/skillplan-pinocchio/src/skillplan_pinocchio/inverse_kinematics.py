@@ -123,8 +123,10 @@ def elbows(arm: ArmModel, position: Point, closing_yaw: float) -> Iterator[Vecto
             yield solve(arm, pose_down(position, closing_yaw + turn), start, pull=_PULL)
 
 
-def postures(arm: ArmModel, target: Any) -> Iterator[Vector | Unreachable]:
-    """Yield joint angles for a hand that points anywhere, nearest to the home posture first.
+def postures(
+    arm: ArmModel, target: Any, near: Vector | None = None
+) -> Iterator[Vector | Unreachable]:
+    """Yield joint angles for a hand that points anywhere, nearest to a posture first.
 
     Jaws close alike with the hand turned by half a turn, so that both are tried.
 
@@ -134,6 +136,8 @@ def postures(arm: ArmModel, target: Any) -> Iterator[Vector | Unreachable]:
         The arm.
     target
         Where the tip is to be, as `pinocchio.SE3`.
+    near
+        That posture [rad], shape (joints,); the home posture by default.
 
     Yields
     ------
@@ -144,14 +148,16 @@ def postures(arm: ArmModel, target: Any) -> Iterator[Vector | Unreachable]:
     found: list[Vector] = []
     for turn in (np.eye(3), _HALF_TURN):
         turned = pin.SE3(target.rotation @ turn, target.translation)
+        if near is not None:
+            closest = solve(arm, turned, near)
+            found += [] if isinstance(closest, Unreachable) else [closest]
         found += _solutions(arm, turned)
     if not found:
         yield _last_try(arm, target)
         return
+    wanted = arm.home_rad if near is None else near
     # Sorting keeps the order of those that are equally far.
-    yield from sorted(
-        found, key=lambda joints: round(float(np.abs(joints - arm.home_rad).max()), 6)
-    )
+    yield from sorted(found, key=lambda joints: round(float(np.abs(joints - wanted).max()), 6))
 
 
 def _solutions(arm: ArmModel, target: Any) -> list[Vector]:

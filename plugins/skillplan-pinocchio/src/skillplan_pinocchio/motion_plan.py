@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion
-from skillplan.task.motion import Point
+from skillplan.task.motion import Event, Point
 from skillplan.task.pose import dot
 from skillplan_pinocchio.arm_clearance import LinkSweep, LinkTouch
 from skillplan_pinocchio.arm_model import ArmModel, Vector
@@ -156,13 +156,30 @@ class MotionPlanner:
             where = (motion.approach, motion.retreat, motion.orientation)
         key = (*where, spares, *ends, event, closing)
         if key not in self._known:
-            preferred = None if closing is None else self._paths(motion, None)
+            near = None if closing is None else self._taken(motion, closing)
+            preferred = None if closing is None or near is not None else self._paths(motion, None)
             if preferred and closing and self._is_turned(preferred, closing):
                 self._known[key] = preferred
             else:
-                found = self._turned(strokes(self.arm, motion), closing)
+                found = self._turned(strokes(self.arm, motion, near), closing)
                 self._known[key] = self._best(found, spares, motion)
         return self._known[key]
+
+    def _taken(self, motion: LinearMotion, closing: Point) -> Vector | None:
+        """Return how the arm stands once it has taken what a motion lets go; None for others.
+
+        None, too, for hands that point down, whose elbow is where there is room. The farther the joints
+        turn with a part in the jaws, the more it creeps.
+        """
+        hold = hold_of(motion)
+        if hold is None or motion.points_down or motion.visit.event is not Event.RELEASE:
+            return None
+        for one in self.holds.get(hold, ()):
+            if one.visit.event is Event.GRASP:
+                alike = one.visit.pose.rotate(_in_part(motion, closing))
+                elbows = self._paths(one, alike).elbows
+                return elbows[0].strokes.end if elbows else None
+        return None
 
     def _is_turned(self, paths: DescentPaths, closing: Point) -> bool:
         """Whether the best of some paths meets nothing, and its jaws close along a direction.
