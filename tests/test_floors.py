@@ -46,6 +46,7 @@ OPENS = {
     "training/sent_group.py": "a folder of its own for what a training elsewhere keeps",
     "judge/fast_downward.py": "a folder of its own for a planner",
     "skillplan_ray/fingerprint.py": "the process file system, and the sources of packages",
+    "skillplan_ros2/bag.py": "a bag of its own, in a folder of its own",
 }
 
 STARTING_MODULES = {"multiprocessing", "subprocess", "concurrent", "pty", "asyncio"}

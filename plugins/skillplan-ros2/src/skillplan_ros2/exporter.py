@@ -1,0 +1,87 @@
+"""The exporter `ros2`: a folder with a bag of trajectories, or with the same messages as YAML."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar, Literal
+
+from pydantic import Field, field_validator
+
+from skillplan.exporters.exporter import Exporter, refused_chance
+from skillplan.exporters.handover import Handover
+from skillplan.task import back_end
+from skillplan_ros2.bag import HAND_TOPIC, SKILL_TOPIC, bag_files
+from skillplan_ros2.message_text import message_text
+from skillplan_ros2.timed_paths import NoTrajectory, TimedPlan, timed_plan
+
+TEXT = "trajectories.yaml"
+
+
+class Ros2Exporter(Exporter):
+    """A bag of ROS 2 (MCAP) with a trajectory of the joints a skill; or these messages as YAML."""
+
+    name: ClassVar[str] = "ros2"
+    suffix: ClassVar[str] = ""
+
+    class Options(back_end.Options):
+        """Options of what is written, and of the arm's speed."""
+
+        format: Literal["bag", "yaml", "both"] = Field(
+            default="bag",
+            description="what is written into the folder: a bag, trajectories.yaml, or both [-]",
+        )
+        topic: str = Field(
+            default="/joint_trajectory_controller/joint_trajectory",
+            pattern=r"^(/[A-Za-z_][A-Za-z0-9_]*)+$",
+            max_length=200,
+            description="the topic of the trajectories in the bag [-]",
+        )
+        speed_fraction: float | None = Field(
+            default=None,
+            gt=0,
+            le=1,
+            description="share of the joints' speed and acceleration limits that is used; that "
+            "of swept by default [-]",
+        )
+
+        @field_validator("topic")
+        @classmethod
+        def _is_free(cls, value: str) -> str:
+            if value in (SKILL_TOPIC, HAND_TOPIC):
+                raise ValueError(f"{value} is the topic of texts; name another one")
+            return value
+
+    options: Options
+    _made: tuple[Handover, TimedPlan] | None = None
+
+    def refuses(self, handover: Handover) -> str | None:
+        """Refuse chance, tasks without an arm, and skills of which `swept` finds no path."""
+        refusal = refused_chance(handover)
+        if refusal is not None:
+            return refusal
+        try:
+            self._plan(handover)
+        except NoTrajectory as error:
+            return str(error)
+        return None
+
+    def notes(self, handover: Handover) -> tuple[str, ...]:
+        """Return that trajectories move the arm only."""
+        where = f"the topic {HAND_TOPIC}" if self.options.format != "yaml" else "comments"
+        return (f"trajectories move the arm only; when the hand acts stands in {where}",)
+
+    def files(self, handover: Handover) -> Mapping[str, str | bytes]:
+        """Return the files of the bag, the text, or both."""
+        plan = self._plan(handover)
+        files: dict[str, str | bytes] = {}
+        if self.options.format != "bag":
+            files[TEXT] = message_text(plan)
+        if self.options.format != "yaml":
+            files.update(bag_files(plan, self.options.topic))
+        return files
+
+    def _plan(self, handover: Handover) -> TimedPlan:
+        """Return the trajectories, made once."""
+        if self._made is None or self._made[0] is not handover:
+            self._made = handover, timed_plan(handover, self.options.speed_fraction)
+        return self._made[1]

@@ -1,0 +1,126 @@
+"""Where the joints are when in a skill: points in time, and what the hand does between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class HandAction:
+    """What the hand does while the arm stands still.
+
+    Parameters
+    ----------
+    after_ns
+        When it begins, from the begin of the skill on [ns].
+    text
+        Event and subject, such as ``grasp pcb``.
+    """
+
+    after_ns: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SkillTrajectory:
+    """Points of the joints in one skill, from rest to rest.
+
+    Parameters
+    ----------
+    skill
+        Its name.
+    begin_ns
+        When it begins in the plan [ns].
+    times_ns
+        Of the points, from 0 on and strictly rising [ns].
+    positions_rad, speeds_rad_per_s
+        Of the joints there; shape (points, joints).
+    hand
+        What the hand does, in order.
+    """
+
+    skill: str
+    begin_ns: int
+    times_ns: tuple[int, ...]
+    positions_rad: Array
+    speeds_rad_per_s: Array
+    hand: tuple[HandAction, ...]
+
+    @property
+    def end_ns(self) -> int:
+        """When it ends in the plan [ns]."""
+        return self.begin_ns + self.times_ns[-1]
+
+
+class TrajectoryPoints:
+    """Collects the points of a skill.
+
+    Parameters
+    ----------
+    begin_rad
+        How the arm stands before, shape (joints,).
+    """
+
+    def __init__(self, begin_rad: Array) -> None:
+        self._now_s = 0.0
+        self._times_ns = [0]
+        self._positions = [np.asarray(begin_rad, dtype=float)]
+        self._speeds = [np.zeros(len(begin_rad))]
+        self._hand: list[HandAction] = []
+
+    def move(self, times_s: Array, positions_rad: Array, speeds_rad_per_s: Array) -> None:
+        """Add a run from rest to rest.
+
+        Parameters
+        ----------
+        times_s
+            Of its points, from 0 on; the first is where the arm is already.
+        positions_rad, speeds_rad_per_s
+            Of the joints there; shape (points, joints).
+        """
+        for time_s, position, speed in zip(
+            times_s[1:], positions_rad[1:], speeds_rad_per_s[1:], strict=True
+        ):
+            self._add(self._now_s + float(time_s), position, speed)
+        self._now_s += float(times_s[-1])
+
+    def act(self, duration_s: float, text: str) -> None:
+        """Add that the hand does something, and the arm stands still so long."""
+        self._hand.append(HandAction(_ns(self._now_s), text))
+        self._now_s += duration_s
+        self._add(self._now_s, self._positions[-1], np.zeros(len(self._positions[-1])))
+
+    def of(self, skill: str, begin_ns: int) -> SkillTrajectory:
+        """Return the trajectory of a skill that begins then."""
+        return SkillTrajectory(
+            skill,
+            begin_ns,
+            tuple(self._times_ns),
+            np.array(self._positions),
+            np.array(self._speeds),
+            tuple(self._hand),
+        )
+
+    def _add(self, time_s: float, position: Array, speed: Array) -> None:
+        time_ns = _ns(time_s)
+        # What takes less than a nanosecond moves nothing.
+        if time_ns > self._times_ns[-1]:
+            self._times_ns.append(time_ns)
+            self._positions.append(position)
+            self._speeds.append(speed)
+
+
+def seconds(time_ns: int) -> tuple[int, int]:
+    """Return a time as whole seconds and the nanoseconds beyond them."""
+    return divmod(time_ns, NS_PER_S)
+
+
+def _ns(time_s: float) -> int:
+    return round(time_s * NS_PER_S)

@@ -1,0 +1,255 @@
+"""Plans as joint trajectories of ROS 2: what a reader of bags finds in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+import yaml
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from handovers import best, solved
+from skillplan.errors import OptionError
+from skillplan.exporters.handover import Handover
+from skillplan.model.replay import replay
+from skillplan.model.skill_model import SkillModel
+from skillplan.pipeline.exchange.export import exported, handed_over, make_exporter, notes_of
+from skillplan.pipeline.run import make_model
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.task.skill import Skill
+from skillplan.testing import ExporterSuite, lid_task, shut_box_task
+from skillplan.testing.exporter_suite import solved_lid
+from skillplan_pinocchio.swept import SweptDetector
+
+CONFIGS = Path(__file__).parents[3] / "configs"
+TOPIC = "/joint_trajectory_controller/joint_trajectory"
+
+
+class TestRos2(ExporterSuite):
+    exporter = "ros2"
+
+
+class TestRos2AsText(ExporterSuite):
+    exporter = "ros2"
+    options: ClassVar[dict[str, Any]] = {"format": "yaml"}
+
+
+@dataclass(frozen=True)
+class Message:
+    """A message of a bag, or of a text, as it was read."""
+
+    time_ns: int
+    joints: list[str]
+    times_ns: np.ndarray
+    positions: np.ndarray
+    speeds: np.ndarray
+
+
+def read(folder: Path, topic: str = TOPIC) -> list[tuple[int, Any]]:
+    """Return time and message of all of a topic."""
+    with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        connections = [one for one in reader.connections if one.topic == topic]
+        return [
+            (time_ns, reader.deserialize(content, connection.msgtype))
+            for connection, time_ns, content in reader.messages(connections)
+        ]
+
+
+def trajectories(folder: Path, topic: str = TOPIC) -> list[Message]:
+    """Return the trajectories of a bag."""
+    return [
+        Message(
+            time_ns,
+            one.joint_names,
+            np.array(
+                [p.time_from_start.sec * 10**9 + p.time_from_start.nanosec for p in one.points]
+            ),
+            np.array([point.positions for point in one.points]),
+            np.array([point.velocities for point in one.points]),
+        )
+        for time_ns, one in read(folder, topic)
+    ]
+
+
+@cache
+def by_swept(speed_fraction: float, config: str = "inverter_board") -> Handover:
+    """Return a board with its optimum, judged by `swept` at a share of the limits."""
+    options = {"swept": {"speed_fraction": speed_fraction}}
+    task = load_problem(CONFIGS / f"{config}.yaml").task
+    return solved(task, Setup(collision=("swept",), options=options))
+
+
+def written(folder: Path, handover: Handover, **options: Any) -> Path:
+    """Write what the exporter makes, as the command line does."""
+    for name, content in exported(make_exporter("ros2", options), handover).items():
+        data = content if isinstance(content, bytes) else content.encode()
+        (folder / name).write_bytes(data)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The inverter board's optimum as a bag."""
+    return written(tmp_path_factory.mktemp("bag"), best("inverter_board"))
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        "inverter_board",
+        "inverter_ur5e",
+        pytest.param(
+            "drawer_module",
+            marks=pytest.mark.slow(
+                reason="searches a board with ways by swept; boards without are in every run"
+            ),
+        ),
+    ],
+)
+def test_the_cubics_through_the_points_keep_half_the_limits(config: str, tmp_path: Path) -> None:
+    """Times rise; speeds and accelerations of what a controller interpolates are in the limits.
+
+    Accelerations within 1 %: between two points of a bent path the run is a cubic up to that.
+    """
+    handover = by_swept(0.5, config) if config == "drawer_module" else best(config)
+    model = handover.task.scene.robots[0].model
+    found = trajectories(written(tmp_path, handover))
+    assert len(handover.skills) == len(found)
+    for one in found:
+        assert [joint.name for joint in model.joints] == one.joints
+        assert one.times_ns[0] == 0
+        steps_s = np.diff(one.times_ns)[:, np.newaxis] / 1e9
+        assert (steps_s > 0).all()
+        for speed in (one.speeds[0], one.speeds[-1]):
+            assert not speed.any()
+        mean = np.diff(one.positions, axis=0) / steps_s
+        before, after = one.speeds[:-1], one.speeds[1:]
+        middle = 1.5 * mean - (before + after) / 4
+        for speed in (one.speeds, middle):
+            assert (np.abs(speed) <= 0.5 * np.array(model.speed_rad_per_s) * 1.0001).all()
+        gains = (6 * mean - 4 * before - 2 * after) / steps_s
+        losses = (2 * before + 4 * after - 6 * mean) / steps_s
+        for gain in (gains, losses):
+            assert (np.abs(gain) <= 0.5 * np.array(model.acceleration_rad_per_s2) * 1.01).all()
+
+
+def test_each_skill_begins_where_and_when_the_one_before_ends(bag: Path) -> None:
+    """To the bit, and to the nanosecond; the whole takes as long as `swept` says."""
+    found = trajectories(bag)
+    for before, after in pairwise(found):
+        assert np.array_equal(before.positions[-1], after.positions[0])
+        assert before.time_ns + before.times_ns[-1] == after.time_ns
+    handover = best("inverter_board")
+    detector = SweptDetector(handover.task)
+    expected_s = [detector.duration_s(one.skill, one.before) for one in handover.skills]
+    assert expected_s == pytest.approx([one.times_ns[-1] / 1e9 for one in found], abs=1e-6)
+
+
+def test_names_of_skills_and_what_the_hand_does_stand_beside_them(bag: Path) -> None:
+    """A name at the time of each trajectory; the hand acts while the arm stands still."""
+    found = trajectories(bag)
+    handover = best("inverter_board")
+    names = [(time_ns, message.data) for time_ns, message in read(bag, "/skillplan/skill")]
+    expected = [one.skill.name for one in handover.skills]
+    assert list(zip([one.time_ns for one in found], expected, strict=True)) == names
+    acts = [(time_ns, message.data) for time_ns, message in read(bag, "/skillplan/hand")]
+    assert [text for _, text in acts[:2]] == ["grasp pcb", "release pcb"]
+    for time_ns, text in acts:
+        (one,) = (m for m in found if 0 <= time_ns - m.time_ns < m.times_ns[-1])
+        (begin,) = np.flatnonzero(one.times_ns == time_ns - one.time_ns)
+        assert np.array_equal(one.positions[begin], one.positions[begin + 1]), text
+        assert not one.speeds[begin : begin + 2].any(), text
+
+
+def test_as_text_it_says_the_same_in_nine_digits(tmp_path: Path) -> None:
+    """A document a message, with the fields of ROS 2 in their order; both may be asked for."""
+    folder = written(tmp_path, solved_lid(lid_task()), format="both", topic="/arm/go")
+    assert {"metadata.yaml", "trajectories.mcap", "trajectories.yaml"} == {
+        one.name for one in folder.iterdir()
+    }
+    documents = list(yaml.safe_load_all((folder / "trajectories.yaml").read_text("utf-8")))
+    found = trajectories(folder, "/arm/go")
+    assert len(documents) == len(found)
+    for document, one in zip(documents, found, strict=True):
+        assert list(document) == ["header", "joint_names", "points"]
+        assert one.joints == document["joint_names"]
+        points = document["points"]
+        assert one.times_ns.tolist() == [
+            p["time_from_start"]["sec"] * 10**9 + p["time_from_start"]["nanosec"] for p in points
+        ]
+        for key, values in (("positions", one.positions), ("velocities", one.speeds)):
+            assert np.allclose([p[key] for p in points], values, rtol=0, atol=6e-10)
+
+
+def test_speed_is_that_of_swept_unless_it_is_set(tmp_path: Path) -> None:
+    """Where `swept` judges the plan, it moves with the options that it was judged by."""
+    (slow := tmp_path / "slow").mkdir()
+    (fast := tmp_path / "fast").mkdir()
+
+    def fastest(folder: Path) -> float:
+        return max(float(np.abs(one.speeds).max()) for one in trajectories(folder))
+
+    top = 2.61  # of the three joints at the hand
+    assert fastest(written(slow, by_swept(0.2))) == pytest.approx(0.2 * top, rel=0.01)
+    assert fastest(written(fast, by_swept(0.2), speed_fraction=1)) == pytest.approx(top, rel=0.01)
+
+
+def refusal(handover: Handover) -> str:
+    with pytest.raises(OptionError, match="cannot be exported to ros2") as caught:
+        exported(make_exporter("ros2", {}), handover)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("config", "part", "plan"),
+    [
+        ("br17.10.sop", None, None),
+        ("swarmitfix_polygonal.yaml", "base-1", ("B2", "B2")),
+    ],
+)
+def test_a_task_without_an_arm_is_refused_in_words(
+    config: str, part: str | None, plan: tuple[str, ...] | None
+) -> None:
+    """An order of TSPLIB has none, nor has a bench on which bases walk."""
+    task = load_problem(CONFIGS / config).part(part)
+    model = make_model(task, Setup())
+    skills = any_order(model) if plan is None else [task.skill(name) for name in plan]
+    said = refusal(handed_over(model, Setup(), replay(model, skills)))
+    assert "a joint trajectory is of one arm, and the task has none: export to csv" in said
+
+
+def any_order(model: SkillModel) -> list[Skill]:
+    """Return the jobs of an order, the first feasible one each time."""
+    state, skills = model.initial, []
+    while not model.is_goal(state):
+        step = next(iter(model.transitions(state)))
+        skills.append(step.skill)
+        state = step.outcomes[0][1]
+    return skills
+
+
+def test_a_skill_that_swept_does_not_grant_is_refused_with_its_reason() -> None:
+    """The chart of this task has the fuse put into a box that is shut."""
+    said = refusal(solved(shut_box_task()))
+    assert "swept does not grant place(fuse): " in said
+    assert "runs into lid" in said
+
+
+def test_the_topic_is_one_of_ros() -> None:
+    """And none that texts have."""
+    for topic in ("no slash", "/2", "/a//b", "/skillplan/hand"):
+        with pytest.raises(OptionError, match="topic"):
+            make_exporter("ros2", {"topic": topic})
+
+
+def test_that_the_hand_is_left_out_is_noted() -> None:
+    """And where it stands."""
+    (bag_note,) = notes_of(make_exporter("ros2", {}), best("inverter_board"))
+    (text_note,) = notes_of(make_exporter("ros2", {"format": "yaml"}), best("inverter_board"))
+    assert ("/skillplan/hand" in bag_note, "comments" in text_note) == (True, True)
