@@ -168,8 +168,8 @@ class MotionPlanner:
     def _taken(self, motion: LinearMotion, closing: Point) -> Vector | None:
         """Return how the arm stands once it has taken what a motion lets go; None for others.
 
-        None, too, for hands that point down, whose elbow is where there is room. The farther the joints
-        turn with a part in the jaws, the more it creeps.
+        None, too, for hands that point down, whose elbow is where there is room. The farther the
+        joints turn with a part in the jaws, the more it creeps.
         """
         hold = hold_of(motion)
         if hold is None or motion.points_down or motion.visit.event is not Event.RELEASE:
