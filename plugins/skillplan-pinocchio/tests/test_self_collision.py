@@ -63,8 +63,8 @@ def test_a_posture_that_is_free_is_taken_where_a_preferred_one_is_not(arm, tmp_p
     """A little farther out some postures leave room."""
     check = SelfCheck(arm)
     paths = list(descent_paths(arm, (0.18, 0.0, 0.05), (0.18, 0.0, 0.25), 0.0))
-    assert check.of_links(paths[0]) is not None
-    assert any(check.of_links(path) is None for path in paths)
+    assert check.first_hit(paths[0]) is not None
+    assert any(check.first_hit(path) is None for path in paths)
     detector, skill, state = picked(tmp_path, 0.2)
     assert detector.check(skill, state).is_feasible
 
@@ -73,7 +73,7 @@ def test_a_free_stroke_has_no_hit(arm):
     """In front of the arm no posture touches anything."""
     check = SelfCheck(arm)
     for path in descent_paths(arm, (0.4, 0.0, 0.05), (0.4, 0.0, 0.25), 0.0):
-        assert check.of_links(path) is None
+        assert check.first_hit(path) is None
 
 
 def test_what_is_held_runs_into_the_base(arm):
@@ -84,7 +84,7 @@ def test_what_is_held_runs_into_the_base(arm):
     ends = np.array([[a, b, c] for a in (-0.5, 0.5) for b in (-0.5, 0.5) for c in (-0.5, 0.5)])
     for length_m, hits in ((0.1, False), (0.78, True)):
         bar = ConvexPiece(ends * (length_m, 0.02, 0.02) + (x, y, z))
-        hit = check.of_held(path, [("bar", (bar,))], path.nodes[0])
+        hit = check.first_hit(path, ([("bar", (bar,))], path.nodes[0]))
         assert (hit is not None) is hits
         if hit is not None:
             assert hit.mover == "bar"

@@ -40,6 +40,7 @@ class HandSweeps:
         self.scene = scene
         self.robot = robot
         self.clearance_m = clearance_m
+        self._parts: dict[tuple[str | None, float], tuple[HandPart, ...]] = {}
 
     @cached_property
     def width_m(self) -> float:
@@ -165,7 +166,10 @@ class HandSweeps:
             is_open = before is (motion.visit.event is Event.GRASP)
             clearance_m = self.clearance_m if is_open else 0.0
             opening_m = jaw_opening_m(grasp, clearance_m, tool, self.robot.hand)
-        return hand_parts(self.robot, tool, opening_m)
+        key = (None if tool is None else tool.name, opening_m)
+        if key not in self._parts:
+            self._parts[key] = hand_parts(self.robot, tool, opening_m)
+        return self._parts[key]
 
 
 def _difference(begin: Point, end: Point) -> Point:

@@ -156,9 +156,24 @@ class MotionPlanner:
             where = (motion.approach, motion.retreat, motion.orientation)
         key = (*where, spares, *ends, event, closing)
         if key not in self._known:
-            found = self._turned(strokes(self.arm, motion), closing)
-            self._known[key] = self._best(found, spares, motion)
+            preferred = None if closing is None else self._paths(motion, None)
+            if preferred and closing and self._is_turned(preferred, closing):
+                self._known[key] = preferred
+            else:
+                found = self._turned(strokes(self.arm, motion), closing)
+                self._known[key] = self._best(found, spares, motion)
         return self._known[key]
+
+    def _is_turned(self, paths: DescentPaths, closing: Point) -> bool:
+        """Whether the best of some paths meets nothing, and its jaws close along a direction.
+
+        Then no other has to be looked at.
+        """
+        if not paths.elbows:
+            return False
+        best = paths.elbows[0]
+        clear = not best.meets and best.itself is None
+        return clear and dot(self._tip_closing(best.strokes), closing) > 0
 
     def _closing(self, motion: LinearMotion) -> Point | None:
         """Return the direction of the jaws that a motion has in common with others, or None."""
@@ -323,12 +338,12 @@ class MotionPlanner:
             before, after = self.held(motion)
         count = len(one.distinct)
         for number, path in enumerate(one.distinct):
-            hits = [self._itself.of_links(path)]
+            held = []
             if number < len(one.down):
-                hits.append(self._itself.of_held(path, before, one.begin))
+                held.append((before, one.begin))
             if one.mirrored or number >= len(one.down):
-                hits.append(self._itself.of_held(path, after, one.end))
-            hit = min((hit for hit in hits if hit), key=lambda hit: hit.place, default=None)
+                held.append((after, one.end))
+            hit = self._itself.first_hit(path, *held)
             if hit is not None:
                 return replace(hit, place=round((number + hit.place) / count, 6))
         return None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
 
@@ -21,6 +22,39 @@ Held = Sequence[tuple[str, tuple[ConvexPiece, ...]]]
 
 # By so many decimals corners of what is held are told apart [m].
 _DECIMALS: Final = 6
+_Key = tuple[str, bytes]
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """A piece at the end of the arm.
+
+    Parameters
+    ----------
+    name
+        Of what it is part of.
+    piece
+        In the world.
+    back
+        From the world into the frame of the last joint.
+    """
+
+    name: str
+    piece: ConvexPiece
+    back: Any
+
+    @property
+    def sphere(self) -> tuple[Vector, float]:
+        """Centre in the frame of the last joint, and radius [m]."""
+        low, high = np.array(self.piece.low), np.array(self.piece.high)
+        centre = self.back.rotation @ ((low + high) / 2) + self.back.translation
+        return centre, float(np.linalg.norm(high - low)) / 2
+
+    @property
+    def key(self) -> _Key:
+        """The same for whatever is held alike."""
+        corners = self.piece.corners @ self.back.rotation.T + self.back.translation
+        return self.name, np.round(corners, _DECIMALS).tobytes()
 
 
 class SelfCheck:
@@ -40,33 +74,32 @@ class SelfCheck:
         self.arm = arm
         self._solids = arm_solids(arm)
         self._data = arm.model.createData()
-        self._known: dict[tuple[str, bytes], ContinuousCheck] = {}
+        self._known: dict[tuple[_Key, ...], ContinuousCheck] = {}
 
-    def of_links(self, path: JointPath) -> Hit | None:
-        """Return which links touch each other, or the base, first on a path; None if none do."""
-        return next(iter(self._links.hits(path)), None)
-
-    def of_held(self, path: JointPath, held: Held, joints_rad: Vector) -> Hit | None:
-        """Return what is held and touches a link or the base first on a path; None if nothing does.
+    def first_hit(self, path: JointPath, *held: tuple[Held, Vector]) -> Hit | None:
+        """Return where links, or what is held, first touch a link or the base; None if nowhere.
 
         Parameters
         ----------
         path
             Of the joints.
         held
-            At the end of the arm.
-        joints_rad
-            Where the joints are while it is where its pieces say, shape (joints,).
+            At the end of the arm, each with where the joints are while it is where its pieces say
+            [rad], shape (joints,). What is given twice counts once.
         """
+        ends: dict[_Key, _End] = {}
+        for one in self._near([end for some, at in held for end in self._ends(some, at)], path):
+            ends.setdefault(one.key, one)
+        return next(iter(self._with(ends).hits(path)), None)
+
+    def _ends(self, held: Held, joints_rad: Vector) -> Iterator[_End]:
+        if not held:
+            return
         pin.forwardKinematics(self.arm.model, self._data, joints_rad)
         back = self._data.oMi[self.arm.joints].inverse()
-        hits = [
-            hit
-            for name, pieces in held
-            for piece in self._near([*pieces], path, back)
-            for hit in self._with(name, piece, back).hits(path)
-        ]
-        return min(hits, key=lambda hit: hit.place, default=None)
+        for name, pieces in held:
+            for piece in pieces:
+                yield _End(name, piece, back)
 
     @cached_property
     def _links(self) -> ContinuousCheck:
@@ -80,41 +113,45 @@ class SelfCheck:
         ]
         return np.cumsum([0.0, *lengths_m[:1:-1]])[::-1]
 
-    def _near(self, pieces: list[ConvexPiece], path: JointPath, back: Any) -> list[ConvexPiece]:
+    def _near(self, ends: list[_End], path: JointPath) -> list[_End]:
         """Return the pieces whose spheres come near the balls about links on a path.
 
         From any node until midway to the next no point moves farther, seen from any link, than
         the joints turn times its reach.
         """
-        if not pieces:
+        if not ends:
             return []
         bodies = self._links.bodies
         last = self.arm.joints
-        low, high = (np.array([getattr(one, end) for one in pieces]) for end in ("low", "high"))
-        radii_m = np.linalg.norm(high - low, axis=1) / 2
-        centres = (low + high) / 2 @ back.rotation.T + back.translation
+        spheres = [end.sphere for end in ends]
+        centres = np.array([centre for centre, _ in spheres])
+        radii_m = np.array([radius_m for _, radius_m in spheres])
         others = np.flatnonzero(bodies.spheres.ball_joints <= last - 2)
         joints = bodies.spheres.ball_joints[others]
         rotations, origins = bodies.frames.at(path.nodes)
-        balls = np.einsum(
-            "nbij,bj->nbi", rotations[:, joints], bodies.spheres.ball_centres_m[others]
-        )
-        balls += origins[:, joints]
+        offsets = bodies.spheres.ball_centres_m[others, :, np.newaxis]
+        balls = (rotations[:, joints] @ offsets)[..., 0] + origins[:, joints]
         placed = centres @ np.swapaxes(rotations[:, last], 1, 2) + origins[:, last, np.newaxis]
-        away_m = np.linalg.norm(placed[:, :, np.newaxis] - balls[:, np.newaxis], axis=3)
-        away_m -= bodies.spheres.ball_radii_m[others]
+        squares = (placed**2).sum(axis=2)[:, :, np.newaxis] + (balls**2).sum(axis=2)[:, np.newaxis]
+        squares -= 2 * placed @ np.swapaxes(balls, 1, 2)
+        away_m = np.sqrt(np.maximum(squares, 0.0)) - bodies.spheres.ball_radii_m[others]
         turns = path.steepest / (2 * (len(path.nodes) - 1))
         reach_m = np.linalg.norm(centres, axis=1) + radii_m
         moves_m = turns @ self._chain_m + turns.sum() * reach_m
         near = away_m.min(axis=(0, 2)) < radii_m + moves_m + LEAST_CLEARANCE_M
-        return [pieces[number] for number in np.flatnonzero(near).tolist()]
+        return [ends[number] for number in np.flatnonzero(near).tolist()]
 
-    def _with(self, name: str, piece: ConvexPiece, back: Any) -> ContinuousCheck:
-        """Return the check of a piece that is held against the links."""
-        corners = piece.corners @ back.rotation.T + back.translation
-        key = (name, np.round(corners, _DECIMALS).tobytes())
+    def _with(self, ends: dict[_Key, _End]) -> ContinuousCheck:
+        """Return the check of links, and of pieces that are held against them."""
+        if not ends:
+            return self._links
+        key = tuple(ends)
         if key not in self._known:
-            solids = (*self._solids, held_solid(name, self.arm.joints, piece, back))
-            bodies = ArmBodies(self.arm.model, solids, self.arm.home_rad, len(self._solids))
-            self._known[key] = ContinuousCheck(bodies, ())
+            held = [
+                held_solid(one.name, self.arm.joints, one.piece, one.back) for one in ends.values()
+            ]
+            solids = (*self._solids, *held)
+            self._known[key] = ContinuousCheck(
+                ArmBodies(self.arm.model, solids, self.arm.home_rad), ()
+            )
         return self._known[key]
