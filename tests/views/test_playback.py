@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.physics.performance import Contact, Sample
 from skillplan.robots.panda import PANDA
 from skillplan.task.pose import Pose
+from skillplan.views.playback.contacts import contact_entries
 from skillplan.views.playback.document import Playback, box, upright_along
 from skillplan.views.playback.meshes import coarser, hull_mesh, read_obj
 from skillplan.views.playback.tracks import Tracks
@@ -164,3 +166,50 @@ def test_a_base_ends_a_swing_where_the_lattice_has_it() -> None:
         xs, ys, _ = base_rows(bench, start, [made], np.array([0.0, 1.0, 2.0, 3.0, 4.0]))
         assert np.allclose(bench.centroids_m[start], (xs[0], ys[0]), atol=1e-12)
         assert np.allclose(bench.centroids_m[swing.end], (xs[-1], ys[-1]), atol=1e-12)
+
+
+def pressed(forces_n: list[float], place_m: float = 0.0) -> list[Sample]:
+    """Return a row of the trace a frame, in which one body presses on another so strongly."""
+    return [
+        Sample(
+            frame / 60,
+            "",
+            "",
+            (0, 0, 0),
+            (0, 0, 0),
+            (),
+            0.0,
+            0.0,
+            {},
+            (Contact(("peg", "block"), (frame * place_m, 0, 0), (0, 0, -force_n)),),
+        )
+        for frame, force_n in enumerate(forces_n)
+    ]
+
+
+def test_a_steady_contact_is_one_entry_as_strong_as_its_peak() -> None:
+    (entry,) = contact_entries(pressed([20.0, 21.0, 20.0, 19.0] * 100))
+    assert (0.0, 6.65, -21.0) == (entry["time_s"], entry["until_s"], entry["force_n"][2])
+    assert ["peg", "block"] == entry["bodies"]
+
+
+def test_a_blow_is_an_entry_beside_the_steady_contact() -> None:
+    entries = contact_entries(pressed([20.0] * 30 + [80.0] + [20.0] * 30))
+    assert [-20.0, -80.0, -20.0] == [entry["force_n"][2] for entry in entries]
+    assert entries[1]["time_s"] == entries[1]["until_s"] == 0.5
+
+
+def test_contacts_that_cannot_be_seen_are_left_out() -> None:
+    assert [] == contact_entries(pressed([0.5] * 10))
+
+
+def test_a_contact_that_travels_stays_with_its_bodies() -> None:
+    """An entry stands where it began."""
+    entries = contact_entries(pressed([20.0] * 61, place_m=0.005))
+    assert 0.021 > max(entry["until_s"] * 60 * 0.005 - entry["position_m"][0] for entry in entries)
+
+
+def test_no_trace_has_more_contacts_than_a_page_can_hold() -> None:
+    entries = contact_entries(pressed([5.0, 90.0, 300.0, 20.0] * 400), most=50)
+    assert len(entries) <= 50
+    assert -300.0 == min(entry["force_n"][2] for entry in entries)

@@ -31,23 +31,22 @@ export function previousStart(skills: readonly Skill[], time_s: number): number 
   return Math.max(...sooner, 0);
 }
 
-/** Contacts from `from_s` to `to_s`, of a list in order of time. */
+/** Contacts that act at some time from `from_s` to `to_s`, of a list in order of time. */
 export function contactsBetween(
   contacts: readonly Contact[],
   from_s: number,
   to_s: number,
 ): readonly Contact[] {
-  const first = countBefore(contacts, from_s, false);
-  return contacts.slice(first, countBefore(contacts, to_s, true));
+  const begun = contacts.slice(0, countBegun(contacts, to_s));
+  return begun.filter((one) => (one.until_s ?? one.time_s) >= from_s);
 }
 
-function countBefore(contacts: readonly Contact[], time_s: number, inclusive: boolean): number {
+function countBegun(contacts: readonly Contact[], time_s: number): number {
   let low = 0;
   let high = contacts.length;
   while (low < high) {
     const middle = (low + high) >> 1;
-    const at_s = contacts[middle]?.time_s ?? 0;
-    if (at_s < time_s || (inclusive && at_s === time_s)) low = middle + 1;
+    if ((contacts[middle]?.time_s ?? 0) <= time_s) low = middle + 1;
     else high = middle;
   }
   return low;

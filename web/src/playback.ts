@@ -74,6 +74,8 @@ export interface Skill {
 
 export interface Contact {
   readonly time_s: number;
+  /** How long it acts; only at `time_s` without. */
+  readonly until_s?: number;
   readonly position_m: Vector;
   readonly force_n: Vector;
   readonly bodies: readonly string[];

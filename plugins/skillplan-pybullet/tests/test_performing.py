@@ -139,3 +139,21 @@ def red_pixels(image) -> int:
     """Return how many pixels are of the colour of alarm."""
     pixels = zip(image.rgb[0::3], image.rgb[1::3], image.rgb[2::3], strict=True)
     return sum(red > 130 and green < 50 and blue < 50 for red, green, blue in pixels)
+
+
+def test_the_trace_shows_what_presses_on_what_and_where(performance):
+    """A screw that is driven bears on what it is driven into, from above."""
+    _, _, found, samples = performance
+    driven = next(one for one in found.skills if one.skill.startswith("fasten"))
+    touching = [
+        contact
+        for sample in samples
+        if driven.begin_s <= sample.time_s <= driven.end_s
+        for contact in sample.contacts
+        if any(body.startswith("screw") for body in contact.bodies)
+    ]
+    strongest = max(touching, key=lambda contact: abs(contact.force_n[2]))
+    assert abs(strongest.force_n[2]) >= 3.0
+    screw = next(body for body in strongest.bodies if body.startswith("screw"))
+    at = next(arrival.goal.position for arrival in found.arrivals if arrival.body == screw)
+    assert math.dist(strongest.position[:2], at[:2]) < 0.02

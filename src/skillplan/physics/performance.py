@@ -35,6 +35,25 @@ class Image:
 
 
 @dataclass(frozen=True, slots=True)
+class Contact:
+    """Two bodies that touch at one moment.
+
+    Parameters
+    ----------
+    bodies
+        The second feels the force of the first.
+    position
+        Where they touch, in the middle of their forces [m].
+    force_n
+        What the second body feels of the first, friction included [N].
+    """
+
+    bodies: tuple[str, str]
+    position: Point
+    force_n: Point
+
+
+@dataclass(frozen=True, slots=True)
 class Sample:
     """One row of a trace: where the hand and all bodies are.
 
@@ -58,6 +77,8 @@ class Sample:
         The greatest normal force between bodies that are not expected to touch [N].
     bodies
         Poses by name.
+    contacts
+        All that touches, expected or not; one for every pair of bodies.
     """
 
     time_s: float
@@ -69,6 +90,7 @@ class Sample:
     opening_m: float
     contact_n: float
     bodies: Mapping[str, Pose]
+    contacts: tuple[Contact, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from skillplan.task.scene import Robot, Scene, Tool, ToolKind
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 from skillplan.views.pictures.drawing import COLOURS, SERIES
+from skillplan.views.playback.contacts import contact_entries
 from skillplan.views.playback.document import Playback, box
 from skillplan.views.playback.meshes import coarser, hull_mesh, read_obj
 from skillplan.views.playback.tracks import FRAMES_PER_S
@@ -74,6 +75,7 @@ class _ArmPlayback:
         self._hand(frames[-1])
         self._parts()
         self._skills()
+        self.playback.contacts.extend(contact_entries(self.samples))
         self._look()
         return self.playback
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from skillplan.physics.performance import Contact
 from skillplan.task.scene import Pose
 from skillplan_pybullet.arm.simulated_arm import ROBOT, SimulatedArm
 from skillplan_pybullet.record import FRAMES_PER_S, Pair
@@ -21,9 +23,9 @@ STEPS_PER_FRAME = STEPS_PER_S // FRAMES_PER_S
 # Bodies at rest on each other lose touch now and then by less than this [m].
 _CLOSE_M = 0.0005
 
-# Of a contact as the simulator gives it: bodies, links, normal on the second body, normal
+# Of a contact as the simulator gives it: bodies, links, place and normal on the second body, normal
 # force, and the two friction forces with their directions.
-_FIRST, _SECOND, _FIRST_LINK, _SECOND_LINK = 1, 2, 3, 4
+_FIRST, _SECOND, _FIRST_LINK, _SECOND_LINK, _PLACE = 1, 2, 3, 4, 6
 _NORMAL, _FORCE, _FRICTION, _OTHER_FRICTION = 7, 9, 10, 12
 
 
@@ -55,6 +57,7 @@ class ContactLog:
         # Constraints whose force on a body is a contact's as well, such as a suction cup's.
         self.cups: dict[str, int] = {}
         self.last_pairs: dict[Pair, float] = {}
+        self._last_points: Sequence[Any] = ()
         # Where bodies that are not handled stood when the log was begun.
         self.stood: dict[str, Pose] = {}
         self._origin: dict[str, Vector] = {}
@@ -122,6 +125,28 @@ class ContactLog:
             if (first in some and second in rest) or (first in rest and second in some)
         )
 
+    def contacts(self) -> tuple[Contact, ...]:
+        """Return what touched in the last frame, one contact for every pair of bodies."""
+        sums: dict[Pair, tuple[float, Vector, Vector]] = {}
+        for point in self._last_points:
+            normal_n = point[_FORCE]
+            if normal_n <= 0.0:
+                continue
+            first, second = self._pair_of(point)
+            force = -_force_on_first(point)
+            if second < first:
+                first, second, force = second, first, -force
+            total_n, place, so_far = sums.get((first, second), (0.0, np.zeros(3), np.zeros(3)))
+            sums[first, second] = (
+                total_n + normal_n,
+                place + normal_n * np.array(point[_PLACE]),
+                so_far + force,
+            )
+        return tuple(
+            Contact(pair, _point(place / total_n), _point(force))
+            for pair, (total_n, place, force) in sums.items()
+        )
+
     def unexpected_n(self) -> float:
         """Return the greatest force of an unexpected pair in the last frame [N]."""
         return max((values[-1] for values in self.pairs.values() if values), default=0.0)
@@ -142,26 +167,41 @@ class ContactLog:
     def _touching(self, forces: dict[str, Vector] | None = None) -> dict[Pair, float]:
         """Return the normal force of every pair that touches, and add up forces on bodies."""
         pairs: dict[Pair, float] = {}
-        for point in pybullet.getContactPoints(physicsClientId=self.world.client):
+        self._last_points = pybullet.getContactPoints(physicsClientId=self.world.client)
+        for point in self._last_points:
             normal_n = point[_FORCE]
             if normal_n <= 0.0:
                 continue
-            first = self._named(point[_FIRST], point[_FIRST_LINK])
-            second = self._named(point[_SECOND], point[_SECOND_LINK])
+            first, second = self._pair_of(point)
             pair = (first, second) if first <= second else (second, first)
             pairs[pair] = pairs.get(pair, 0.0) + normal_n
             if forces is None:
                 continue
-            # The normal points from the second body to the first.
-            force = normal_n * np.array(point[_NORMAL])
-            for index in (_FRICTION, _OTHER_FRICTION):
-                force = force + point[index] * np.array(point[index + 1])
+            force = _force_on_first(point)
             if first in forces:
                 forces[first] += force
             if second in forces:
                 forces[second] -= force
         return pairs
 
+    def _pair_of(self, point: Sequence[Any]) -> Pair:
+        first = self._named(point[_FIRST], point[_FIRST_LINK])
+        return first, self._named(point[_SECOND], point[_SECOND_LINK])
+
     def _named(self, number: int, link: int) -> str:
         name = self.world.names[number]
         return self.arm.link_names.get(link, ROBOT) if name == ROBOT else name
+
+
+def _force_on_first(point: Sequence[Any]) -> Vector:
+    """Return what the first body of a contact feels of the second [N]."""
+    # The normal points from the second body to the first.
+    force: Vector = point[_FORCE] * np.array(point[_NORMAL])
+    for index in (_FRICTION, _OTHER_FRICTION):
+        force = force + point[index] * np.array(point[index + 1])
+    return force
+
+
+def _point(values: Vector) -> tuple[float, float, float]:
+    x, y, z = values.tolist()
+    return x, y, z

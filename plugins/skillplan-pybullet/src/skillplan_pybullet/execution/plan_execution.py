@@ -237,6 +237,7 @@ class _PlanExecution:
             self.arm.jaw_width_m(),
             self.runner.log.unexpected_n(),
             {name: self.world.pose(name) for name in self.world.bodies if name in known},
+            self.runner.log.contacts(),
         )
 
     def _arrivals(self, state: State) -> list[Arrival]:
