@@ -391,9 +391,15 @@ class TestOtherCommands:
     @pytest.mark.parametrize(
         "words",
         [
-            ("search-optimal", "BOARD"),
+            pytest.param(
+                ("search-optimal", "BOARD"),
+                marks=pytest.mark.slow(reason="a search; an evaluation in every run"),
+            ),
             ("evaluate", "BOARD", "--sequence", "0"),
-            ("chart", "BOARD"),
+            pytest.param(
+                ("chart", "BOARD"),
+                marks=pytest.mark.slow(reason="a chart; an explanation in every run"),
+            ),
             ("explain", "BOARD", "0"),
         ],
         ids=lambda words: words[0],
@@ -487,6 +493,7 @@ class TestElsewhere:
         assert 3 == outcome.code
         assert "Back end 'slow' contradicts itself about pick(switch_1): " in outcome.err
 
+    @pytest.mark.slow(reason="two searches; one in every run")
     def test_so_it_is_in_a_comparison(
         self, cli: Any, slow: Path, bare: str, monkeypatch: pytest.MonkeyPatch
     ) -> None:

@@ -46,6 +46,7 @@ def policies(cli: Any, goals: str, tmp_path: Path) -> str:
 
 
 class TestSearch:
+    @pytest.mark.slow(reason="a search; one of a chain as a table in every run")
     def test_json_is_one_document_with_every_sequence(self, cli: Any) -> None:
         """The keys of any result, and start, goal and path of every way."""
         outcome = cli("search-optimal", POLYGONAL, "--format", "json")
@@ -147,6 +148,7 @@ class TestCompare:
                 assert TABLE_3 == [sequence["makespan"] for sequence in row["sequences"]]
                 assert 17.0 == row["cost"]
 
+    @pytest.mark.slow(reason="a whole comparison; the rule by itself in every run")
     def test_the_csp_fails_as_in_the_paper(self, cli: Any) -> None:
         outcome = cli("compare", POLYGONAL, "--solvers", "csp", "--format", "json")
         assert 1 == outcome.code

@@ -228,9 +228,17 @@ def test_a_figure_of_an_arm_is_refused_of_a_bench(cli: Any, walk: str, figure: s
     ("figure", "written"),
     [
         ("layout", {"pcb", "8, 10", "50 mm"}),
-        ("gantt", {"panda, gripper", "panda, tool change", "time [s]"}),
+        pytest.param(
+            "gantt",
+            {"panda, gripper", "panda, tool change", "time [s]"},
+            marks=pytest.mark.slow(reason="draws; two others in every run"),
+        ),
         ("precedence", {"pcb", "brace", "screw_2"}),
-        ("exploded", {"transformer", "8"}),
+        pytest.param(
+            "exploded",
+            {"transformer", "8"},
+            marks=pytest.mark.slow(reason="draws; two others in every run"),
+        ),
     ],
 )
 def test_a_board_is_drawn(

@@ -8,7 +8,7 @@ import io
 import json
 import os
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from same_process import studies_in_this_process
 from skillplan.cli.app import main
 from skillplan.training.checkpoint_file import read_checkpoint
 from tabular_learner import learner_installed
+from thinned import thinned
 
 ROOT = Path(__file__).parents[2]
 BOARD = str(ROOT / "configs" / "inverter_board.yaml")
@@ -41,12 +42,6 @@ READ = (
 )
 READ_ALWAYS = ("groups/0/checkpoint.safetensors", "runs/00/metrics.jsonl")
 SECRET = "hunter2"
-
-
-def thinned(values: Iterable[Any], *kept: Any, why: str = "two others in every run") -> list[Any]:
-    """Return parameters of which only those kept are in every run."""
-    slow = pytest.mark.slow(reason=why)
-    return [one if one in kept else pytest.param(one, marks=slow) for one in values]
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+import pytest
+
 from skillplan.pipeline.chain import solve_chain
 from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import load_problem
@@ -77,6 +79,7 @@ def test_every_decision_has_its_four_parts():
         assert "\n## Decision\n" in text, page.name
 
 
+@pytest.mark.slow(reason="searches; what they say is valid in every run")
 def test_the_examples_of_the_formats_are_solved(tmp_path):
     """The files that the reference explains have a proved optimum, or are a chain of such."""
     for kind in ("assembly", "sop", "swarmitfix"):

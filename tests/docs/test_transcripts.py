@@ -20,12 +20,15 @@ def takes_part(page, *, slow):
 
 
 LONG_PAGES = {
+    "docs/howto/boards.md",
+    "docs/howto/export.md",
     "docs/explanation/solvers.md",
     "docs/howto/compare.md",
     "docs/howto/output.md",
     "docs/howto/python.md",
     "docs/howto/sop.md",
     "docs/howto/verify.md",
+    "docs/tutorials/first_board.md",
     "docs/tutorials/swarmitfix.md",
 }
 # Of those with fences that take long, half a minute each.

@@ -176,6 +176,7 @@ class TestAgreement:
                     expected = allowed(reference, state, mask)
                     assert expected == np.flatnonzero(infos[name][place]).tolist()
 
+    @pytest.mark.slow(reason="many episodes; the suite of environments in every run")
     @given(any_task, st.integers(0, 2**32))
     def test_a_place_is_the_single_environment_of_its_seed(self, task: Task, seed: int) -> None:
         env, single = SkillVectorEnv(make_model(task), 2), SkillEnv(make_model(task))

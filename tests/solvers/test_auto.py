@@ -140,6 +140,7 @@ def test_a_plan_to_start_from_is_never_given_up_for_a_worse_one(board_task):
     assert result.cost == pytest.approx(best.cost, abs=1e-9)
 
 
+@pytest.mark.slow(reason="a process; the board needs none in every run")
 def test_a_small_board_is_solved_without_numpy():
     """As one waits for every import."""
     code = (

@@ -163,6 +163,7 @@ def test_what_a_stopped_search_says_holds(solver, polls):
     assert not solution.proved or solution.plan.cost == solution.lower_bound == 55
 
 
+@pytest.mark.slow(reason="a second search; the command line starts from plans in every run")
 def test_a_plan_to_start_from_is_where_it_begins():
     """Stopped at once it has that plan and no worse."""
     task = instance("ESC25").task

@@ -10,6 +10,7 @@ from skillplan.pipeline.preview import preview
 PROBLEM = load_problem(Path(__file__).parents[3] / "examples" / "sensor_box.yaml")
 
 
+@pytest.mark.slow(reason="one product more; files that ship in every run")
 def test_check_has_nothing_to_say_against_it() -> None:
     """Nothing that the arm cannot reach, nothing that overlaps or floats."""
     assert preview(PROBLEM).warnings == ()

@@ -358,6 +358,7 @@ def tall_shelf():
 
 
 class TestReuse:
+    @pytest.mark.slow(reason="many states; travels among what is tall in every run")
     @settings(max_examples=examples(60))
     @given(data=st.data())
     def test_a_verdict_holds_in_every_state_that_agrees_on_its_facts(self, data, board):

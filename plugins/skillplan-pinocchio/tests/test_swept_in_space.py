@@ -80,6 +80,7 @@ def test_a_drawer_is_pushed_in_from_the_side() -> None:
     assert verdict_on(task_with(), "place(drawer)", *PLACED).is_feasible
 
 
+@pytest.mark.slow(reason="a scene more; the drawer itself in every run")
 def test_what_stands_where_the_drawer_goes_in_blocks_the_insertion() -> None:
     """Straight down beside it, it would have passed."""
     box = {

@@ -45,6 +45,7 @@ def test_limits_are_never_exceeded(nodes, limits):
     assert (gains <= np.array(limits.acceleration_rad_per_s2) * (1 + 1e-9)).all()
 
 
+@pytest.mark.slow(reason="times many paths; limits kept in every run")
 @given(NODES, LIMITS)
 def test_it_is_no_slower_than_a_trapezoid_of_the_parameter(nodes, limits):
     """Constant acceleration, speed and deceleration within them, half for bends."""

@@ -20,6 +20,7 @@ from skillplan.task.task import Task
 from skillplan_pybullet.execution.support_trial import Fallen, SupportTrials
 from skillplan_pybullet.execution.workcell import Workcell
 from skillplan_pybullet.execution_settings import ExecutionSettings
+from thinned import thinned
 
 PRODUCTS = ("inverter_board", "sensor_stack", "motor_drive", "board with a mast")
 
@@ -99,7 +100,10 @@ class Situations:
         return state
 
 
-@pytest.mark.parametrize("product", PRODUCTS)
+@pytest.mark.parametrize(
+    "product",
+    thinned(PRODUCTS, "inverter_board", "sensor_stack", why="two other boards in every run"),
+)
 @settings(max_examples=examples(60))
 @given(data=st.data())
 def test_states_that_agree_have_the_same_bodies_at_the_same_poses(product, data) -> None:

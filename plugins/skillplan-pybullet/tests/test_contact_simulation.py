@@ -45,10 +45,10 @@ def after(task, *actions):
 @pytest.mark.parametrize(
     "done",
     [
-        # The brace is placed, and a screw driven into it.
+        # A screw is driven into the brace.
         done
-        if done in (9, 14)
-        else pytest.param(done, marks=pytest.mark.slow(reason="two skills of it in every run"))
+        if done == 14
+        else pytest.param(done, marks=pytest.mark.slow(reason="one of its skills in every run"))
         for done in range(len(OPTIMUM))
     ],
 )
@@ -122,7 +122,7 @@ def test_a_verdict_is_the_same_bit_for_bit_wherever_it_applies(task, detectors) 
 @pytest.mark.parametrize(
     "kind",
     [
-        "beside",
+        pytest.param("beside", marks=pytest.mark.slow(reason="other obstacles in every run")),
         pytest.param(
             "light, beside", marks=pytest.mark.slow(reason="other obstacles in every run")
         ),

@@ -195,6 +195,7 @@ def drawer(slack_m: float = 0.001, goal: Pose = PUSHED_IN) -> Task:
 class TestInsertionFromTheSide:
     STATE = ("pick(housing)", "place(housing)", "pick(drawer)")
 
+    @pytest.mark.slow(reason="an execution; a screw from the side in every run")
     def test_a_drawer_is_pushed_into_its_housing(self) -> None:
         task = drawer()
         engine, detector = verdicts(task, "place(drawer)", after(task, *self.STATE))

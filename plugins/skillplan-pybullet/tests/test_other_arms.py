@@ -59,7 +59,11 @@ def performed(task: Task, plan, **options):
     "changes",
     [
         pytest.param({}, id="the Panda's hand"),
-        pytest.param({"hand": OTHER}, id="another hand"),
+        pytest.param(
+            {"hand": OTHER},
+            marks=pytest.mark.slow(reason="two others in every run"),
+            id="another hand",
+        ),
         pytest.param(
             {"base": LEANING.position, "base_orientation": LEANING.orientation},
             id="a base that leans",

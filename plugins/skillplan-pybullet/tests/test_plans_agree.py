@@ -120,6 +120,7 @@ def assert_proved_is_performed(task, setup=PHYSICS):
     assert failed is None, f"{failed.skill}: {failed.verdict.reason}"
 
 
+@pytest.mark.slow(reason="a whole plan by physics; skills of plans in every run")
 def test_a_thin_part_from_a_feeder_on_the_table_is_picked_in_a_whole_plan() -> None:
     """It rubs on the table once the feeder lets go of it, in a plan as by itself."""
     limits = {"contact-pairs": {"threshold_n": 0.001}}

@@ -194,6 +194,7 @@ class TestDeterminism:
         )
         assert elsewhere.stdout.splitlines() == forward
 
+    @pytest.mark.slow(reason="two executions; the same twice in every run")
     def test_bodies_far_off_change_no_digit(self, task):
         engine = PybulletEngine(task)
         skill = task.skill("pick(transformer)")

@@ -103,7 +103,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     "config",
     [
         "inverter_board",
-        "inverter_ur5e",
+        pytest.param("inverter_ur5e", marks=pytest.mark.slow(reason="another arm in every run")),
         pytest.param(
             "drawer_module",
             marks=pytest.mark.slow(
@@ -173,7 +173,9 @@ def test_as_text_it_says_the_same_in_nine_digits(tmp_path: Path) -> None:
     assert {"metadata.yaml", "trajectories.mcap", "trajectories.yaml"} == {
         one.name for one in folder.iterdir()
     }
-    documents = list(yaml.safe_load_all((folder / "trajectories.yaml").read_text("utf-8")))
+    documents = list(
+        yaml.load_all((folder / "trajectories.yaml").read_text("utf-8"), yaml.CSafeLoader)
+    )
     found = trajectories(folder, "/arm/go")
     assert len(documents) == len(found)
     for document, one in zip(documents, found, strict=True):
@@ -187,6 +189,7 @@ def test_as_text_it_says_the_same_in_nine_digits(tmp_path: Path) -> None:
             assert np.allclose([p[key] for p in points], values, rtol=0, atol=6e-10)
 
 
+@pytest.mark.slow(reason="a search and two bags; limits in every run")
 def test_speed_is_that_of_swept_unless_it_is_set(tmp_path: Path) -> None:
     """Where `swept` judges the plan, it moves with the options that it was judged by."""
     (slow := tmp_path / "slow").mkdir()

@@ -352,7 +352,10 @@ class TestRewards:
         "transformed",
         [
             pytest.param({}, marks=pytest.mark.slow(reason="other rewards in every run")),
-            {"complete": 100.0, "failure": 0.1, "step_floor": 1.0},
+            pytest.param(
+                {"complete": 100.0, "failure": 0.1, "step_floor": 1.0},
+                marks=pytest.mark.slow(reason="a training; of costs in every run"),
+            ),
         ],
     )
     def test_an_episode_s_reward_is_the_environment_s(self, board, transformed):

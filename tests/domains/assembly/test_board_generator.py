@@ -201,8 +201,11 @@ def test_a_total_order_leaves_one_way() -> None:
     assert set(pairwise(placed)) <= before
 
 
+@pytest.mark.parametrize(
+    "density",
+    [pytest.param(0.0, marks=pytest.mark.slow(reason="more orders; fewer in every run")), 0.4],
+)
 @pytest.mark.parametrize("tools", [1, 2])
-@pytest.mark.parametrize("density", [0.0, 0.4])
 def test_brute_force_and_exact_search_find_the_same_optimum(tools: int, density: float) -> None:
     """Of five parts, on a board that is small enough to be searched through."""
     task = loaded(BoardGenerator(5, density, tools, 2))
@@ -212,6 +215,7 @@ def test_brute_force_and_exact_search_find_the_same_optimum(tools: int, density:
     assert proved.cost == pytest.approx(searched.cost, abs=1e-9)
 
 
+@pytest.mark.slow(reason="searches several boards; brute force in every run")
 def test_a_denser_chart_costs_no_less() -> None:
     """As what it allows is allowed by the other."""
     costs = [solve(loaded(BoardGenerator(8, density, 2, 3))).cost for density in (0, 0.2, 0.5, 1)]

@@ -301,6 +301,7 @@ class TestNodeOrder:
         )
 
 
+@pytest.mark.slow(reason="a process; the board needs none in every run")
 def test_a_sop_file_needs_no_arrays() -> None:
     """Reading, grounding and searching a small one import no numerics."""
     path = FOLDER / "ESC07.sop"
