@@ -93,7 +93,7 @@ def test_every_plugin_of_this_repository_is_in_the_reference():
     }
     written = "".join(page.read_text("utf-8") for page in DOCS.rglob("*.md"))
     for path in [ROOT / "pyproject.toml", *(ROOT / "plugins").glob("*/pyproject.toml")]:
-        groups = tomllib.loads(path.read_text("utf-8"))["project"]["entry-points"]
+        groups = tomllib.loads(path.read_text("utf-8"))["project"].get("entry-points", {})
         for group, entries in groups.items():
             kind = group.removeprefix("skillplan.")
             assert f"`{group}`" in written
