@@ -7,7 +7,11 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 
+import manifold3d
+import numpy as np
+
 from skillplan_cad.contacts import Contact
+from skillplan_cad.product import Face, Part
 from skillplan_cad.relation import Blocking, Relation, RelationPart
 
 FOLDER = Path(__file__).parents[2] / "plugins" / "skillplan-cad" / "tests" / "fixtures"
@@ -112,3 +116,34 @@ def of_fixture(name: str) -> Relation:
     names = sorted({part for part, _, _ in blockings(told["blocked"])})
     pairs = [pair for kind in told.get("contacts", {}).values() for pair in kind]
     return relation_by_hand(names, told["blocked"], pairs)
+
+
+def box(x0: float, y0: float, z0: float, x1: float, y1: float, z1: float) -> manifold3d.Manifold:
+    """Return the box between two corners [mm]."""
+    return manifold3d.Manifold.cube((x1 - x0, y1 - y0, z1 - z0)).translate((x0, y0, z0))
+
+
+def rod(x: float, y: float, z: float, radius: float, height: float) -> manifold3d.Manifold:
+    """Return an upright cylinder of 48 sides from the centre of its bottom on [mm]."""
+    return manifold3d.Manifold.cylinder(height, radius, radius, 48).translate((x, y, z))
+
+
+def part_of(name: str, solid: manifold3d.Manifold, faces: Iterable[Face] = ()) -> Part:
+    """Return a part of steel from a solid in millimetres."""
+    mesh = solid.scale((1e-3, 1e-3, 1e-3)).to_mesh64()
+    vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+    triangles = np.asarray(mesh.tri_verts, dtype=np.int64)
+    corners = vertices[triangles]
+    volumes = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+    centre = (volumes[:, None] * corners.sum(axis=1) / 4).sum(axis=0) / volumes.sum()
+    return Part(
+        name,
+        (),
+        vertices,
+        triangles,
+        tuple(faces),
+        float(volumes.sum()),
+        7850.0,
+        (float(centre[0]), float(centre[1]), float(centre[2])),
+        shape=0,
+    )

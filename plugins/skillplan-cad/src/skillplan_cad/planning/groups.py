@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from skillplan_cad.precedence import Precedence, members
+from skillplan_cad.planning.precedence import Precedence, members
 from skillplan_cad.relation import Relation
 
 
