@@ -92,7 +92,7 @@ def groups_of(relation: Relation, precedence: Precedence, fixed: int = 0) -> Gro
         parts = precedence.core(waiting.pop(), fixed)
         if not parts & (parts - 1):
             continue
-        split = _split(parts, blocked, fixed)
+        split = _smallest_split(parts, blocked, fixed)
         if split is None:
             locks.append(Lock(parts, _rounds(parts, blocked)))
         else:
@@ -121,11 +121,27 @@ def _blocked_by(relation: Relation, precedence: Precedence) -> list[list[int]]:
     for part, alternatives in enumerate(precedence.alternatives):
         for one in alternatives:
             for direction in one.directions:
-                found[direction][part] = one.blockers
+                if direction < len(found):  # those beyond are paths
+                    found[direction][part] = one.blockers
     return found
 
 
-def _split(parts: int, blocked: list[list[int]], fixed: int) -> Split | None:
+def split_of(relation: Relation, precedence: Precedence, parts: int, fixed: int) -> Split | None:
+    """Return the smallest set of some parts that goes off the others as one, or None.
+
+    Parameters
+    ----------
+    relation, precedence
+        As for `groups_of`.
+    parts
+        The set to take apart, as bits.
+    fixed
+        Parts that are not moved, as bits.
+    """
+    return _smallest_split(parts, _blocked_by(relation, precedence), fixed)
+
+
+def _smallest_split(parts: int, blocked: list[list[int]], fixed: int) -> Split | None:
     """Return the smallest set that can go off the rest; the first direction among equals."""
     best: Split | None = None
     for direction, blockers in enumerate(blocked):

@@ -101,6 +101,22 @@ class Precedence:
                     progress = True
         return left
 
+    def with_path(self, part: int, number: int, blockers: int) -> Precedence:
+        """Return this precedence with one more way for a part: a path that was found.
+
+        Parameters
+        ----------
+        part
+            Which goes along it.
+        number
+            Of the path, as a direction's; greater than those of all directions.
+        blockers
+            Parts that have to be absent.
+        """
+        mine = (*self.alternatives[part], Alternative((number,), blockers))
+        others = self.alternatives[:part], self.alternatives[part + 1 :]
+        return Precedence(self.names, (*others[0], mine, *others[1]))
+
     def orders(self, may_stand: Callable[[int], bool] | None = None) -> int:
         """Return in how many orders the parts come together, one at a time, exactly.
 
