@@ -424,6 +424,7 @@ class TestTheBoard:
         assert "1.86711" == f"{walked.cost:.5f}"
         assert "1.867" == f"{walked.cost:.3f}"
 
+    @pytest.mark.slow(reason="walks all sequences; brute force in every run")
     def test_the_worst_shortest_sequence_is_known(self, brute_force: Result) -> None:
         """Brute force reports the worst of the 15-skill sequences."""
         worst = brute_force.trace["worst_cost_by_length"]
@@ -446,6 +447,7 @@ class TestTheBoard:
         assert "1.94921" == f"{best[16]:.5f}"
         assert cost > min(board_sequences[15])[0]
 
+    @pytest.mark.slow(reason="walks all sequences; brute force in every run")
     def test_an_independent_walk_agrees_with_brute_force(
         self,
         brute_force: Result,

@@ -452,6 +452,7 @@ def _timeless(document: Any) -> Any:
 
 
 class TestElsewhere:
+    @pytest.mark.slow(reason="a search; verdicts that differ in every run")
     def test_a_verdict_that_names_too_few_facts_is_found_out(
         self, cli: Any, slow: Path, bare: str, monkeypatch: pytest.MonkeyPatch
     ) -> None:

@@ -90,6 +90,7 @@ class TestSearch:
         timeline = list(csv.DictReader(io.StringIO((folder / "timeline.csv").read_text("utf-8"))))
         assert len(saved["timeline"]) == len(timeline)
 
+    @pytest.mark.slow(reason="learns; the planner saves its own in every run")
     def test_a_learner_saves_its_policies(self, policies: str) -> None:
         """One for every goal."""
         document = json.loads(Path(policies).read_text("utf-8"))

@@ -235,6 +235,7 @@ class TestLayouts:
         assert (2, "") == (outcome.code, outcome.out)
         assert "describes no family" in outcome.err
 
+    @pytest.mark.slow(reason="draws a family; one layout in every run")
     def test_runs_of_one_board_may_be_tried_on_its_family(self, cli: Any, runs: Path) -> None:
         """The same sequence on other layouts: complete, and seldom optimal."""
         found = cli("evaluate", str(runs), "--layouts", "3", "--format", "json").document["layouts"]

@@ -185,7 +185,7 @@ class TestPlot:
     @pytest.mark.parametrize(
         "figure",
         [
-            "gantt",
+            pytest.param("gantt", marks=pytest.mark.slow(reason="a board's in every run")),
             pytest.param(
                 "placement",
                 marks=pytest.mark.slow(reason="draws two figures; another one in every run"),

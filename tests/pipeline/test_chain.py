@@ -75,6 +75,7 @@ class TestLevels:
         assert len(chain.main) == len(chain.document()["goals"])
         assert (True, "base", True) == (chain.complete, chain.stage, chain.proved_by_level)
 
+    @pytest.mark.slow(reason="a bench more; levels by search in every run")
     def test_a_plan_by_rule_is_judged_but_not_searched(self, polygonal: Problem) -> None:
         """The goals are the domain's own; the referee holds them against the proved optimum."""
         chain = solve_chain(polygonal, "exact")

@@ -64,6 +64,7 @@ def test_the_board_has_as_many_sequences_as_were_computed_independently(walked, 
     assert count_by_length(make_model(board_task, CHART)) == BY_LENGTH
 
 
+@pytest.mark.slow(reason="walks all sequences; the best in every run")
 def test_the_board_has_the_worst_and_best_costs_that_were_computed_independently(walked):
     """The worst of 15 skills costs 2.0586; with screws early the best of 16 costs 1.94921."""
     assert walked.status == "optimal"

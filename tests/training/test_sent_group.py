@@ -68,6 +68,7 @@ def kept(learner: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow(reason="two trainings; one that is lost goes on in every run")
 def test_what_is_learned_elsewhere_is_the_same_file_by_file(kept: Path, tmp_path: Path) -> None:
     """Policies, metrics and checkpoints; events up to the time of day."""
     train(tmp_path / "sent", jobs=2, executor=ELSEWHERE)

@@ -317,6 +317,7 @@ class TestPolicy:
         drawn = np.array([arrows.U[0], arrows.V[0]])  # type: ignore[attr-defined]
         assert drawn / np.linalg.norm(drawn) == pytest.approx(along / np.linalg.norm(along))
 
+    @pytest.mark.slow(reason="draws 78 positions; other figures in every run")
     def test_every_position_and_pin_is_named(self) -> None:
         """With the action beside the position."""
         written = texts(a_policy())

@@ -1,11 +1,21 @@
 """What no posture of the arm reaches, ``check`` tells of, at the key that is to change."""
 
+import itertools
+import math
 from pathlib import Path
 
 import pytest
 
+from skillplan.pipeline import never_feasible
 from skillplan.pipeline.preview import preview
 from skillplan.pipeline.setup import load_problem
+from skillplan.robots.catalogue import ARMS
+from skillplan.robots.straight_down import straight_down
+from skillplan.task.scene import Robot
+from skillplan_pinocchio.arm_model import ArmModel
+from skillplan_pinocchio.inverse_kinematics import Unreachable, elbows
+
+CONFIGS = Path(__file__).parents[3] / "configs"
 
 PILLAR = """kind: assembly
 name: pillar
@@ -41,3 +51,47 @@ def test_a_grasp_that_the_arm_cannot_reach_is_told_of_with_its_place(tmp_path: P
 def test_nothing_is_told_of_where_some_grasp_is_within_reach(tmp_path: Path, grasp: str) -> None:
     """Of several grasps one is enough."""
     assert warnings(tmp_path, grasp) == []
+
+
+def assert_points_down_all_over(name: str, steps: int, turns: int) -> None:
+    """A posture is found on a lattice over the ring's section, its borders included."""
+    model, hand = ARMS[name]
+    arm = ArmModel.of(Robot("arm", (0.0, 0.0, 0.0), 1.0, 0.2, {}, (), model, hand=hand))
+    ring = straight_down(model)
+    assert ring is not None
+    share = [number / steps for number in range(steps + 1)]
+    for out, up, turn in itertools.product(share, share, range(turns)):
+        away_m = ring.near_m + out * (ring.far_m - ring.near_m)
+        height_m = ring.low_m + up * (ring.high_m - ring.low_m) - hand.tip_m
+        bearing = 2.4 * turn
+        tip = (away_m * math.cos(bearing), away_m * math.sin(bearing), height_m)
+        found = elbows(arm, tip, bearing + turn * math.pi / turns)
+        assert any(not isinstance(posture, Unreachable) for posture in found), tip
+
+
+@pytest.mark.parametrize("name", sorted(ARMS))
+def test_where_the_arm_surely_points_down_a_posture_does(name: str) -> None:
+    """However the hand is turned about the vertical."""
+    assert_points_down_all_over(name, 2, 2)
+
+
+@pytest.mark.slow(reason="1,800 postures an arm; 18 in every run")
+@pytest.mark.parametrize("name", sorted(ARMS))
+def test_so_it_does_on_a_finer_lattice(name: str) -> None:
+    assert_points_down_all_over(name, 14, 8)
+
+
+@pytest.mark.slow(reason="every file by swept; boards that need none in every run")
+@pytest.mark.parametrize(
+    "path",
+    [path for path in sorted(CONFIGS.glob("*.yaml")) if "swarmitfix" not in path.name],
+    ids=lambda path: path.stem,
+)
+def test_what_surely_is_in_reach_swept_has_nothing_to_say_of(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Asked of all skills, it warns of the same."""
+    problem = load_problem(path)
+    found = preview(problem).warnings
+    monkeypatch.setattr(never_feasible, "surely_reached", lambda *_: False)
+    assert preview(problem).warnings == found

@@ -97,6 +97,7 @@ def test_what_stands_where_the_drawer_goes_in_blocks_the_insertion() -> None:
     assert verdict_on(task, "place(drawer)", *PLACED, "at_start(post)").is_feasible
 
 
+@pytest.mark.slow(reason="a scene more; by physics in every run")
 def test_a_screw_is_driven_along_its_axis_into_what_is_there() -> None:
     """Its head lies against the cabinet's side, which supports it along the axis."""
     task = task_with()

@@ -51,6 +51,7 @@ def test_fewer_trajectories_are_computed_than_there_are(timed_board, fastest):
     assert fastest.document()["stats"]["trajectories"] == fastest.trajectories
 
 
+@pytest.mark.slow(reason="a search; of the board in every run")
 def test_cost_by_distance_is_as_ever(timed_board):
     """Swept tells the time of its plan, and has no say in its cost."""
     by_distance = solve(load_problem(BOARD).task, "exact", SWEPT)

@@ -128,6 +128,7 @@ class TestThePapersBoard:
         # The fingers' outline is a millimetre larger in the simulator than on paper.
         assert verdict.evidence["sensed"]["jaw_width_m"] == pytest.approx(0.052, abs=0.0025)
 
+    @pytest.mark.slow(reason="an execution; a whole plan in every run")
     def test_a_tool_is_sensed_to_be_attached(self, task, engine):
         verdict = engine.check(task.skill("load(screwdriver)"), task.initial)
         assert verdict.evidence["sensed"]["tool_attached"] == "screwdriver"

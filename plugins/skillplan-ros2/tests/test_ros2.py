@@ -139,6 +139,7 @@ def test_the_cubics_through_the_points_keep_half_the_limits(config: str, tmp_pat
             assert (np.abs(gain) <= 0.5 * np.array(model.acceleration_rad_per_s2) * 1.01).all()
 
 
+@pytest.mark.slow(reason="a bag more; limits and times in every run")
 def test_each_skill_begins_where_and_when_the_one_before_ends(bag: Path) -> None:
     """To the bit, and to the nanosecond; the whole takes as long as `swept` says."""
     found = trajectories(bag)

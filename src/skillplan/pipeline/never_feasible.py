@@ -9,6 +9,7 @@ from skillplan.chart.hypothetical_state import HypotheticalStates
 from skillplan.chart.precedence_query import CheckSteps, PrecedenceQuery, run_queries
 from skillplan.domains.load import Problem
 from skillplan.errors import BackEndError, Issue, PluginError
+from skillplan.physics.certain_reach import surely_reached
 from skillplan.physics.jaws import too_wide
 from skillplan.pipeline.run import make_feasibility
 from skillplan.pipeline.setup import DEFAULT_PHYSICS, SCREEN, Setup
@@ -92,12 +93,20 @@ def _unreachable(task: Task) -> Iterator[tuple[str, Verdict]]:
         # What is too wide for jaws, the file's own checks say.
         if too_wide(task.scene, task.scene.robots[0], skill) is None
     ]
+    queries = [query for query in queries if not _surely_reached(task, query)]
+    if not queries:
+        return
     feasibility = make_feasibility(task, setup, None)
     with closing(feasibility):
         said = run_queries(feasibility, [_never(query) for query in queries])
     for query, verdict in zip(queries, said, strict=True):
         if verdict is not None and not verdict.is_feasible:
             yield query.skill.name, verdict
+
+
+def _surely_reached(task: Task, query: PrecedenceQuery) -> bool:
+    """Whether no arm model is needed to say that the arm gets there: loading one takes long."""
+    return surely_reached(task, query.skill, query.hypothetical.before(query.skill, ()))
 
 
 def _never(query: PrecedenceQuery) -> CheckSteps[Verdict]:

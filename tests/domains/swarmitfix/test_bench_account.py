@@ -87,6 +87,7 @@ class TestFiveSteps:
 
 
 class TestSupports:
+    @pytest.mark.slow(reason="a curve; goals of the paper in every run")
     def test_every_goal_is_one_of_its_candidates(self, pentagon: Account) -> None:
         for number, goal in enumerate(pentagon.document["goals"], start=1):
             assert number == goal["sequence"]

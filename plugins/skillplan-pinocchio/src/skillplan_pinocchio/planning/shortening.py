@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from skillplan_pinocchio.kinematics.joint_path import JointPath
-from skillplan_pinocchio.planning.connection import JointSpace
 from skillplan_pinocchio.planning.moving_solids import Vector
+from skillplan_pinocchio.planning.rrt_connect import JointSpace
 
 _CUTS: Final = 16
 # Steps of the golden ratio, and of the plastic number's square: even, and never the same twice.

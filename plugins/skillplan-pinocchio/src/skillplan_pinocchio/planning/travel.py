@@ -16,10 +16,10 @@ import numpy as np
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.obstacles import Obstacle
 from skillplan_pinocchio.planning.arm_bodies import ArmBodies
-from skillplan_pinocchio.planning.connection import JointSpace, connection
 from skillplan_pinocchio.planning.continuous_check import ContinuousCheck, Hit
 from skillplan_pinocchio.planning.moving_solids import Vector
 from skillplan_pinocchio.planning.posture_check import PostureCheck
+from skillplan_pinocchio.planning.rrt_connect import JointSpace, connection
 from skillplan_pinocchio.planning.shortening import rounded, shortened
 
 Holds = Callable[[str], bool]

@@ -14,13 +14,13 @@ from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.hand_sweeps import HandSweeps
 from skillplan_pinocchio.obstacles import Obstacle, obstacles_of
 from skillplan_pinocchio.planning.arm_bodies import ArmBodies
-from skillplan_pinocchio.planning.connection import JointSpace
 from skillplan_pinocchio.planning.moving_solids import (
     MovingSolid,
     Vector,
     arm_solids,
     held_solid,
 )
+from skillplan_pinocchio.planning.rrt_connect import JointSpace
 from skillplan_pinocchio.planning.travel import Holds, Travel, TravelSearch, Unfound
 
 MOST_CHECKS: Final = 5_000

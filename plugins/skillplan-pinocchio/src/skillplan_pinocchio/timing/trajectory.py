@@ -1,6 +1,6 @@
 """The fastest run along a path of the joints, from rest to rest within their limits, by toppra.
 
-toppra chooses the speed of the path's parameter on a grid; see `grid_run`. Finer grids are taken
+toppra chooses the speed of the path's parameter on a grid; see `toppra_run`. Finer grids are taken
 until the limits hold between its places, too, but for a little: by that little the whole run is
 slowed down. The limits hold everywhere, not at samples only.
 """
@@ -15,7 +15,7 @@ import numpy as np
 
 from skillplan.robots.arm_description import ArmDescription
 from skillplan_pinocchio.kinematics.joint_path import Array, JointPath
-from skillplan_pinocchio.timing.grid_run import GridRun
+from skillplan_pinocchio.timing.toppra_run import GridRun
 
 # A grid has about so many intervals, and so many between two nodes at least. Finer ones are taken
 # until a run exceeds the limits by no more than this factor.

@@ -1,0 +1,212 @@
+"""A plan taken apart again by other means than it was found with: volumes of exact solids.
+
+The plan rests on rays and on trees of shrunk triangles. Here nothing is shrunk: solids are
+intersected where a part passes, and what they share may be no thicker than the tolerance. It is
+meant for meshes of another tessellation than the plan was made with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import manifold3d
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
+from skillplan_cad.planning.motion_space import turned
+from skillplan_cad.product import Part, Product, Vector
+from skillplan_cad.relation import Relation
+
+Array = NDArray[np.float64]
+_LEAST_SAMPLES = 24
+_TURN_RAD = np.pi / 60
+_SAMPLE_SHARE = 0.1  # of the least extent of what moves
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Two parts that share room on the way.
+
+    Parameters
+    ----------
+    step
+        Number of the step, from 0, in order of assembly.
+    part, by
+        What moves, and what it runs into.
+    offset_m
+        How far it is from its place there.
+    thickness_m
+        Of what they share: twice its volume by its surface.
+    point_m
+        The middle of it.
+    """
+
+    step: int
+    part: str
+    by: str
+    offset_m: Vector
+    thickness_m: float
+    point_m: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """What a replay found.
+
+    Parameters
+    ----------
+    samples
+        How many placements were looked at.
+    faults
+        The first of each pair in each step.
+    not_solid
+        Parts whose meshes enclose no volume; nothing is known of these.
+    """
+
+    samples: int
+    faults: tuple[Fault, ...]
+    not_solid: tuple[str, ...]
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the plan stands."""
+        return not self.faults and not self.not_solid
+
+
+def replay(
+    product: Product, relation: Relation, plan: AssemblyPlan, tolerance_m: float = 1e-4
+) -> Replay:
+    """Return what is met when a plan is taken apart, the last step first.
+
+    Parameters
+    ----------
+    product
+        Its parts, with the names of the plan; best of another tessellation.
+    relation
+        Its fasteners: a thread is turned out of what it grips.
+    plan
+        The steps.
+    tolerance_m
+        How thick may be what two parts share, beside what chords of round faces explain.
+    """
+    solids = {part.name: _solid(part) for part in product}
+    broken = tuple(name for name, solid in solids.items() if solid is None)
+    sound = {name: solid for name, solid in solids.items() if solid is not None}
+    together = _together(plan)
+    allowed = tolerance_m + 2 * product.chord_m
+    samples, faults = 0, []
+    bounds = {part.name: part.bounds_m for part in product}
+    for number in reversed(range(len(plan.steps))):
+        step = plan.steps[number]
+        known: set[tuple[str, str]] = set()
+        standing = [name for name in together[number] if name in sound]
+        for matrix, offset in _placements(step, [bounds[name] for name in step.parts], bounds):
+            samples += 1
+            for part in step.parts:
+                if part not in sound:
+                    continue
+                moved = sound[part].transform(np.column_stack([matrix, offset]))
+                for by in standing:
+                    if (part, by) in known or _screwed(relation, part, by):
+                        continue
+                    fault = _shared(number, part, by, moved, sound[by], offset, allowed)
+                    if fault is not None:
+                        known.add((part, by))
+                        faults.append(fault)
+    return Replay(samples, tuple(faults), broken)
+
+
+def _solid(part: Part) -> manifold3d.Manifold | None:
+    mesh = manifold3d.Mesh64(
+        vert_properties=np.ascontiguousarray(part.vertices_m * 1e3),
+        tri_verts=np.ascontiguousarray(part.triangles, dtype=np.uint64),
+    )
+    solid = manifold3d.Manifold(mesh)
+    return None if solid.is_empty() else solid
+
+
+def _together(plan: AssemblyPlan) -> list[tuple[str, ...]]:
+    """Return for each step what it comes to."""
+    found: list[tuple[str, ...]] = []
+    groups: dict[str, list[str]] = {}
+    for step in plan.steps:
+        group = groups.setdefault(step.onto, [step.onto])
+        found.append(tuple(group))
+        group.extend(step.parts)
+    return found
+
+
+def _screwed(relation: Relation, part: str, by: str) -> bool:
+    """Return whether one of two parts is a fastener whose thread the other grips."""
+    one, other = relation.fastener(part), relation.fastener(by)
+    return (one is not None and by in one.threaded_in) or (
+        other is not None and part in other.threaded_in
+    )
+
+
+def _placements(
+    step: Step, moving: Sequence[Array], bounds: Mapping[str, Array]
+) -> Iterator[tuple[Array, Array]]:
+    """Yield rotations and offsets [mm] on the way out, the place itself left out."""
+    low = np.min([box[0] for box in moving], axis=0)
+    high = np.max([box[1] for box in moving], axis=0)
+    pace = _SAMPLE_SHARE * float((high - low).min())
+    if not step.path:
+        everything = np.stack(list(bounds.values()))
+        away = -np.asarray(step.along)
+        span = np.where(
+            away > 0, everything[:, 1].max(axis=0) - low, high - everything[:, 0].min(axis=0)
+        )
+        share = np.abs(away)
+        length = float((span[share > 1e-6] / share[share > 1e-6]).min())
+        number = max(_LEAST_SAMPLES, int(np.ceil(length / pace)))
+        for k in range(1, number + 1):
+            yield np.eye(3), away * length * k / number * 1e3
+        return
+    matrix, offset = np.eye(3), np.zeros(3)
+    for move in step.path:
+        by = np.asarray(move.offset_m)
+        steps = max(float(np.linalg.norm(by)) / pace, abs(move.angle_rad) / _TURN_RAD)
+        number = max(2, int(np.ceil(steps)))
+        begun = matrix, offset
+        for k in range(1, number + 1):
+            share_done = k / number
+            turn, shift = (np.eye(3), np.zeros(3))
+            if move.axis is not None:
+                turn, shift = turned(move.axis, share_done * move.angle_rad)
+            matrix = begun[0] @ turn
+            offset = begun[0] @ shift + begun[1] + share_done * by
+            yield matrix, offset * 1e3
+
+
+def _shared(
+    step: int,
+    part: str,
+    by: str,
+    moved: manifold3d.Manifold,
+    other: manifold3d.Manifold,
+    offset_mm: Array,
+    allowed_m: float,
+) -> Fault | None:
+    """Return the fault, where two solids share more than a film."""
+    mine, theirs = np.asarray(moved.bounding_box()), np.asarray(other.bounding_box())
+    if (mine[:3] >= theirs[3:]).any() or (theirs[:3] >= mine[3:]).any():
+        return None
+    both = moved ^ other
+    if both.is_empty():
+        return None
+    thickest, place = 0.0, np.zeros(3)
+    for piece in both.decompose():
+        surface = piece.surface_area()
+        thickness = 2 * piece.volume() / surface / 1e3 if surface > 0 else 0.0
+        if thickness > thickest:
+            box = np.asarray(piece.bounding_box())
+            thickest, place = thickness, (box[:3] + box[3:]) / 2e3
+    if thickest <= allowed_m:
+        return None
+    x, y, z = (float(one) / 1e3 for one in offset_mm)
+    return Fault(
+        step, part, by, (x, y, z), thickest, (float(place[0]), float(place[1]), float(place[2]))
+    )

@@ -1,0 +1,223 @@
+"""What stays where it is put, and what must be held: forces at contacts against weights.
+
+A part stays if forces at its contacts, within friction, balance its weight. Those forces are
+sought by a linear program, in which a hand may help every part, at a price: who needs it must be
+held. What stands on the table must also have its centre of mass over what it stands on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+from scipy.sparse import csc_array, hstack
+from scipy.spatial import ConvexHull, QhullError
+
+from skillplan_cad.contacts import Contact
+from skillplan_cad.planning.precedence import members
+from skillplan_cad.product import Product, Vector
+from skillplan_cad.relation import Relation
+
+Array = NDArray[np.float64]
+
+FRICTION = 0.3
+_MOST_POINTS = 8
+_GROUND_M = 5e-4  # what is less above the lowest point stands, too
+_TIPPING_M = 1e-4
+_HELD_SHARE = 0.02  # of its weight: less help than that is none
+_FAR = 1e6
+
+
+class Stability:
+    """Whether parts of a product stay, for any set of those that are present.
+
+    Parameters
+    ----------
+    product
+        Parts with masses.
+    relation
+        Their contacts and fasteners.
+    """
+
+    def __init__(self, product: Product, relation: Relation) -> None:
+        self._masses = np.array([part.mass_kg for part in product])
+        self._centres = np.array([part.centre_m for part in product])
+        self._product = product
+        joined = {(one.part, other) for one in relation.fasteners for other in one.threaded_in}
+        self._contacts: dict[tuple[int, int], list[tuple[Array, Array]]] = {}
+        for contact in relation.contacts:
+            one, other = (product.index(name) for name in contact.parts)
+            pair = (contact.parts, contact.parts[::-1])
+            firm = contact.kind == "thread" or any(names in joined for names in pair)
+            found = _forces(contact, firm)
+            if found:
+                self._contacts.setdefault((one, other), []).extend(found)
+        self._known: dict[tuple[int, int, Vector], bool] = {}
+        self._tipping: dict[tuple[int, Vector], bool] = {}
+        self._feet: dict[tuple[int, Vector], tuple[float, Array]] = {}
+
+    def stays(self, part: int, others: int, up: Vector) -> bool:
+        """Return whether a part stays on others, taken to be firm."""
+        touching = sum(
+            1 << other
+            for other in members(others)
+            if (part, other) in self._contacts or (other, part) in self._contacts
+        )
+        key = (part, touching, up)
+        if key not in self._known:
+            self._known[key] = not self._held([part], touching, up)
+        return self._known[key]
+
+    def must_be_held(self, present: int, base: int, up: Vector) -> tuple[int, ...]:
+        """Return the parts of a set that do not stay by themselves; the base stands firm."""
+        loose = [part for part in members(present) if part != base]
+        return self._held(loose, 1 << base, up)
+
+    def tips(self, present: int, up: Vector) -> bool:
+        """Return whether the centre of mass of a set is beside what it stands on."""
+        key = (present, up)
+        if key not in self._tipping:
+            self._tipping[key] = self._tips(present, up)
+        return self._tipping[key]
+
+    def _tips(self, present: int, up: Vector) -> bool:
+        numbers = list(members(present))
+        masses = self._masses[numbers]
+        centre = (self._centres[numbers] * masses[:, None]).sum(axis=0) / masses.sum()
+        feet = [self._foot(part, up) for part in numbers]
+        lowest = min(height for height, _ in feet)
+        points = np.concatenate([p for height, p in feet if height < lowest + _GROUND_M])
+        across = _across(up)
+        return not _is_over(centre @ across.T, points @ across.T)
+
+    def _foot(self, part: int, up: Vector) -> tuple[float, Array]:
+        """Return how low a part reaches, and its points down there."""
+        key = (part, up)
+        if key not in self._feet:
+            points = self._product.parts[part].vertices_m
+            heights = points @ np.asarray(up)
+            low = float(heights.min())
+            self._feet[key] = (low, points[heights < low + _GROUND_M])
+        return self._feet[key]
+
+    def _held(self, loose: Sequence[int], firm: int, up: Vector) -> tuple[int, ...]:
+        """Return which of the loose parts no contact forces hold against their weights."""
+        rows = {part: 6 * number for number, part in enumerate(loose)}
+        if not rows:
+            return ()
+        columns = list(self._columns(rows, firm))
+        # Help for each part: a force and a torque either way, at the price of its weight's share.
+        weights = self._masses[list(loose)] * 9.81
+        reach = np.array([np.ptp(self._product.parts[p].vertices_m, axis=0).max() for p in loose])
+        scale = np.repeat(weights, 6) * np.tile([1.0] * 3 + [0.0] * 3, len(loose))
+        scale += np.repeat(weights * reach, 6) * np.tile([0.0] * 3 + [1.0] * 3, len(loose))
+        wanted = np.zeros(6 * len(loose))
+        for number in range(len(loose)):
+            wanted[6 * number : 6 * number + 3] = weights[number] * np.asarray(up)
+        size = len(wanted)
+        matrix = _sparse(columns, size)
+        helped = csc_array(np.diag(scale))
+        whole = _beside(matrix, helped)
+        costs = np.concatenate([np.full(matrix.shape[1], 1e-9), np.ones(2 * size)])
+        found = linprog(costs, A_eq=whole, b_eq=wanted, bounds=(0, _FAR), method="highs")
+        if found.x is None:
+            return tuple(loose)
+        help_at = found.x[matrix.shape[1] :].reshape(2, len(loose), 6).sum(axis=(0, 2))
+        return tuple(part for part, need in zip(loose, help_at, strict=True) if need > _HELD_SHARE)
+
+    def _columns(self, rows: Mapping[int, int], firm: int) -> list[list[tuple[int, float]]]:
+        """Return for each force at a contact its entries: rows of forces and torques on parts."""
+        found = []
+        for (one, other), forces in self._contacts.items():
+            sides = [(part, sign) for part, sign in ((one, 1.0), (other, -1.0)) if part in rows]
+            whole = all(part in rows or firm >> part & 1 for part in (one, other))
+            if not sides or not whole:
+                continue
+            for point, force in forces:
+                entries = []
+                for part, sign in sides:
+                    torque = np.cross(point - self._centres[part], force)
+                    wrench = sign * np.concatenate([force, torque])
+                    entries += [(rows[part] + k, float(wrench[k])) for k in range(6)]
+                found.append(entries)
+        return found
+
+
+def _sparse(columns: Sequence[Sequence[tuple[int, float]]], rows: int) -> csc_array:
+    values = [value for column in columns for _, value in column]
+    at = [row for column in columns for row, _ in column]
+    ends = np.cumsum([0, *(len(column) for column in columns)])
+    return csc_array((values, at, ends), shape=(rows, len(columns)))
+
+
+def _beside(matrix: csc_array, helped: csc_array) -> csc_array:
+    return csc_array(hstack([matrix, helped, -helped]))
+
+
+def _forces(contact: Contact, firm: bool) -> list[tuple[Array, Array]]:
+    """Return (point, force on the first part) of which the forces of a contact are sums."""
+    points = _spread(np.array(contact.points_m).reshape(-1, 3))
+    if not len(points):
+        return []
+    if firm:
+        axes = np.concatenate([np.eye(3), -np.eye(3)])
+        points = np.concatenate([points[:1] + 1e-3 * np.vstack([axes, np.zeros(3)]), points])
+        return [(point, axis) for point in points for axis in axes]
+    found = []
+    for point in points:
+        for normal in _normals(contact, point):
+            across = _across((float(normal[0]), float(normal[1]), float(normal[2])))
+            # The second part pushes the first one back, against its outward normal.
+            for sideways in (across[0], -across[0], across[1], -across[1]):
+                found.append((point, -normal + FRICTION * sideways))
+    return found
+
+
+def _normals(contact: Contact, point: Array) -> list[Array]:
+    """Return the outward normals of a contact's first part at a point."""
+    listed = [np.asarray(one) for one in contact.normals]
+    if contact.kind != "cylinder" or contact.axis is None or contact.axis_point_m is None:
+        return listed
+    axis = np.asarray(contact.axis)
+    apart = point - np.asarray(contact.axis_point_m)
+    radial = apart - (apart @ axis) * axis
+    length = np.linalg.norm(radial)
+    if length < 1e-9:
+        return listed
+    radial = radial / length
+    nearest = max(listed, key=lambda one: abs(float(one @ radial)), default=radial)
+    return [radial if float(nearest @ radial) > 0 else -radial]
+
+
+def _spread(points: Array) -> Array:
+    """Return a few points that are far from each other."""
+    if len(points) <= _MOST_POINTS:
+        return points
+    chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
+    distances = np.linalg.norm(points - points[chosen[0]], axis=1)
+    while len(chosen) < _MOST_POINTS:
+        chosen.append(int(np.argmax(distances)))
+        distances = np.minimum(distances, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return points[sorted(set(chosen))]
+
+
+def _across(up: Vector) -> Array:
+    """Return two unit vectors across a third, which with it are right-handed."""
+    along = np.asarray(up)
+    least = np.eye(3)[int(np.argmin(np.abs(along)))]
+    one = np.cross(along, least)
+    one = one / np.linalg.norm(one)
+    return np.stack([one, np.cross(along, one)])
+
+
+def _is_over(point: Array, corners: Array) -> bool:
+    """Return whether a point of the plane is within the hull of others."""
+    if len(corners) < 3:
+        return False
+    try:
+        hull = ConvexHull(corners)
+    except QhullError:
+        return False
+    return bool((hull.equations[:, :2] @ point + hull.equations[:, 2] <= _TIPPING_M).all())

@@ -1,0 +1,72 @@
+"""A plan names its base and why, goes by paths where no line is free, and says what is stuck."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cad_fixtures import box, part_of, relation_by_hand
+from skillplan_cad.planning.assembly_plan import Planner, with_groups
+from skillplan_cad.product import Product
+
+TUNNEL = box(0, 0, 0, 40, 40, 12) - box(5, 5, 3, 35, 15, 9)
+BOTH = {"body": "key", "key": "body"}
+
+
+def keyed(body, lid=True):
+    """Return a key in a tunnel of a body, with a lid on top of the body."""
+    solids = {"body": body, "key": box(6, 6, 3, 14, 14, 9)}
+    blocked = {"+x": BOTH, "+y": BOTH, "+z": BOTH}
+    touches = ["body key"]
+    if lid:
+        solids["lid"] = box(0, 0, 12, 40, 40, 14)
+        blocked["+z"] = {"body": "key lid", "key": "body lid"}
+        touches.append("body lid")
+    product = Product("keyed", tuple(part_of(*item) for item in solids.items()), "mm", 0.0)
+    masses = {part.name: part.mass_kg for part in product}
+    return product, relation_by_hand(solids, blocked, touches, masses)
+
+
+def test_a_part_comes_by_the_path_that_was_found_once_what_is_in_its_way_is_absent():
+    product, relation = keyed(TUNNEL - box(25, 5, 3, 35, 40, 9))
+    plan = Planner(product, relation).plan()
+    assert (plan.base, plan.complete, plan.cheapest) == ("body", True, True)
+    assert "% of the mass and touches 2 of the 2 other parts" in plan.why_base
+    steps = {step.parts: step for step in plan.steps}
+    assert list(steps) == [("key",), ("lid",)]
+    key, lid = steps.values()
+    assert np.allclose(key.along, (0, -1, 0))
+    assert len(key.path) == 2
+    assert (lid.along, lid.path) == ((0.0, 0.0, -1.0), ())
+
+
+def test_what_is_stuck_is_named_with_the_word_and_with_what_is_in_its_way():
+    product, relation = keyed(TUNNEL, lid=False)
+    plan = Planner(product, relation, budget=40).plan()
+    (stuck,) = plan.stuck
+    assert (stuck.part, stuck.among) == ("key", ("body",))
+    assert stuck.search.outcome in ("closed", "budget spent")
+    assert [met.part for met in stuck.search.in_the_way] == ["body"]
+    assert not plan.complete
+    marked = with_groups(relation, plan)
+    assert marked.stuck == ("key",)
+    assert marked.groups == (("body", "key"),)
+
+
+def test_two_links_in_a_case_come_as_one_after_they_were_put_together():
+    solids = {
+        "case": box(0, 0, 0, 40, 40, 20) - box(5, 5, 5, 35, 35, 20),
+        "hook": box(6, 6, 5, 16, 34, 15),
+        "eye": box(17, 6, 5, 30, 34, 15),
+    }
+    inside = {"case": "hook eye", "hook": "case eye", "eye": "case hook"}
+    blocked = {"+x": inside, "+y": inside, "+z": {"case": "hook eye", "hook": "eye", "eye": "hook"}}
+    # Apart from the case one slides out of the other along x.
+    blocked["+x"] = {"case": "hook eye", "hook": "case", "eye": "case hook"}
+    product = Product("case", tuple(part_of(*item) for item in solids.items()), "mm", 0.0)
+    relation = relation_by_hand(solids, blocked, ["case hook", "case eye", "hook eye"])
+    plan = Planner(product, relation).plan("case")
+    assert plan.why_base == "It was asked for."
+    assert plan.subassemblies == (("eye", "hook"),)
+    assert [step.parts for step in plan.steps] == [("hook",), ("hook", "eye")]
+    assert [step.onto for step in plan.steps] == ["eye", "case"]
+    assert plan.steps[1].along == (0.0, 0.0, -1.0)
