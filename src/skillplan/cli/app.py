@@ -44,6 +44,7 @@ PANELS = {
     "Task files": {
         "init": "Write a commented task file to begin one's own from.",
         "check": "Validate a task file: its faults at once.",
+        "import-cad": "Find parts, screws and what blocks what in CAD; of plugin skillplan-cad.",
         "generate": "Write a task file at random: parts, precedence, tools.",
         "schema": "Print the JSON Schema of a kind of task file.",
     },

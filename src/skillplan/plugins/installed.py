@@ -12,6 +12,8 @@ _KINDS = ("domain", "physics", "collision", "solver", "executor", "exporter")
 GROUPS = {kind: f"skillplan.{kind}" for kind in _KINDS}
 # What takes a mesh apart into convex pieces: a function, not a class.
 _DECOMPOSITION = "decomposition"
+# What makes a task of a product's CAD: a function, too.
+_IMPORTER = "importer"
 
 
 def registered(kind: str) -> EntryPoints:
@@ -22,6 +24,11 @@ def registered(kind: str) -> EntryPoints:
 def decompositions() -> EntryPoints:
     """Return the entry points of what takes meshes apart into convex pieces."""
     return entry_points(group=f"skillplan.{_DECOMPOSITION}")
+
+
+def importers() -> EntryPoints:
+    """Return the entry points of what makes tasks of CAD."""
+    return entry_points(group=f"skillplan.{_IMPORTER}")
 
 
 def registered_as(plugin: type[Any]) -> EntryPoint | None:

@@ -38,6 +38,8 @@ class Contact:
         How much of that the chords of curved faces explain; more is interference.
     overlap_point_m
         Where the overlap is; None without one.
+    overlap_surface_m2
+        Surface of that volume.
     """
 
     parts: tuple[str, str]
@@ -52,6 +54,7 @@ class Contact:
     overlap_m3: float = 0.0
     overlap_allowed_m3: float = 0.0
     overlap_point_m: Vector | None = None
+    overlap_surface_m2: float = 0.0
 
     @property
     def interferes(self) -> bool:

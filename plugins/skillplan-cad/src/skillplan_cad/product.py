@@ -62,7 +62,8 @@ class Part:
     Parameters
     ----------
     name
-        Unique in the product; ``#2`` and so on ends the name of what would repeat one.
+        Unique in the product: the names of the assemblies that it stands in below the root, and
+        its own, with slashes between; ``#2`` and so on ends the name of what would repeat one.
     path
         Names of the assemblies that it stands in, from the root of the tree on, without its own.
     vertices_m, triangles
@@ -81,6 +82,9 @@ class Part:
         Number of the shape that its own is the mirror image of; None where there is none.
     bodies
         How many bodies it consists of.
+    design
+        Name of what it is an instance of, such as ``socket screw M4x10``; empty where the file
+        tells none apart.
     """
 
     name: str
@@ -94,6 +98,7 @@ class Part:
     shape: int
     mirrors: int | None = None
     bodies: int = 1
+    design: str = ""
 
     @property
     def mass_kg(self) -> float:
@@ -104,11 +109,6 @@ class Part:
     def bounds_m(self) -> Points:
         """The least and the greatest corner of its box, one a row."""
         return np.stack([self.vertices_m.min(axis=0), self.vertices_m.max(axis=0)])
-
-    @property
-    def full_name(self) -> str:
-        """The path in the tree and the name, with slashes between."""
-        return "/".join((*self.path, self.name))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

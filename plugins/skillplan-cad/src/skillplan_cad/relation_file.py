@@ -138,6 +138,7 @@ def _contact_document(contact: Contact) -> dict[str, Any]:
         "radius_difference_mm": None if difference is None else _mm(difference),
         "points_mm": [_mm3(one) for one in contact.points_m],
         "overlap_mm3": _rounded(contact.overlap_m3 * 1e9, 4),
+        "overlap_surface_mm2": _rounded(contact.overlap_surface_m2 * 1e6, 4),
         "overlap_allowed_mm3": _rounded(contact.overlap_allowed_m3 * 1e9, 4),
         "overlap_point_mm": None if point is None else _mm3(point),
         "interference": contact.interferes,
@@ -158,6 +159,7 @@ def _contact(one: Mapping[str, Any]) -> Contact:
         radius_difference_m=None if difference is None else difference / 1000,
         points_m=tuple(_metres(each) for each in one["points_mm"]),
         overlap_m3=one["overlap_mm3"] / 1e9,
+        overlap_surface_m2=one["overlap_surface_mm2"] / 1e6,
         overlap_allowed_m3=one["overlap_allowed_mm3"] / 1e9,
         overlap_point_m=None if point is None else _metres(point),
     )

@@ -1,0 +1,1 @@
+"""Which part blocks which in which direction: rays decide, shrunk meshes confirm."""

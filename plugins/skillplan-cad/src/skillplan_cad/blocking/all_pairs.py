@@ -1,0 +1,167 @@
+"""Blocking of all pairs of a product along all directions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from skillplan_cad.blocking.outline import Outline, mesh_edges
+from skillplan_cad.blocking.pair_lattice import Block, PairLattice, Side, first_contact
+from skillplan_cad.blocking.ray_mesh import Floats, RayMesh
+from skillplan_cad.product import Product, Vector
+from skillplan_cad.relation import Blocking, Sensitive
+
+Answers = tuple[list[Blocking], list[Sensitive]]
+
+
+class BlockingTest:
+    """Rays through a product.
+
+    Parameters
+    ----------
+    product
+        The product.
+    tolerance_m
+        Radius of the disc that has to be blocked before a pair is.
+
+    Attributes
+    ----------
+    meshes
+        Its parts as rays see them.
+    middle_m
+        What is the origin of these.
+    """
+
+    def __init__(self, product: Product, tolerance_m: float) -> None:
+        self._product = product
+        self._tolerance_mm = tolerance_m * 1000
+        self._chord_mm = product.chord_m * 1000
+        bounds = np.stack([part.bounds_m for part in product.parts])
+        self.middle_m = (bounds[:, 0].min(axis=0) + bounds[:, 1].max(axis=0)) / 2
+        self.meshes = [RayMesh(part, self.middle_m) for part in product.parts]
+        self._edges = [mesh_edges(part.triangles) for part in product.parts]
+
+    def along(self, direction: Vector, number: int, opposite: int) -> Answers:
+        """Return what is blocked along a direction and against it.
+
+        Parameters
+        ----------
+        direction
+            Unit vector.
+        number, opposite
+            Of the direction and of the opposite one.
+        """
+        frame = frame_of(direction)
+        sides = [
+            Side(mesh, Outline(mesh, frame, edges), flat.min(axis=0), flat.max(axis=0))
+            for mesh, edges in zip(self.meshes, self._edges, strict=True)
+            for flat in [mesh.points_mm @ frame[:2].T]
+        ]
+        found: list[Blocking] = []
+        doubtful: list[Sensitive] = []
+        for first, second in self._overlapping(sides):
+            lattice = PairLattice(sides[first], sides[second], frame, self._chord_mm)
+            for sign in (1, -1):
+                block = lattice.block(sign, self._radii())
+                if block is not None:
+                    entries, unsure = self._entries(
+                        first, second, sign, block, frame, (number, opposite)
+                    )
+                    found += entries
+                    doubtful += unsure
+        return found, doubtful
+
+    def _radii(self) -> tuple[float, ...]:
+        """Return the radii at double, whole and half the tolerance."""
+        return tuple(share * self._tolerance_mm for share in (2.0, 1.0, 0.5))
+
+    def _overlapping(self, sides: Sequence[Side]) -> Iterator[tuple[int, int]]:
+        low = np.stack([side.low for side in sides])
+        high = np.stack([side.high for side in sides])
+        for first in range(len(sides)):
+            shared = np.minimum(high, high[first]) - np.maximum(low, low[first])
+            for second in np.flatnonzero((shared > self._tolerance_mm).all(axis=1)):
+                if second > first:
+                    yield first, int(second)
+
+    def _entries(
+        self,
+        first: int,
+        second: int,
+        sign: int,
+        block: Block,
+        frame: Floats,
+        numbers: tuple[int, int],
+    ) -> Answers:
+        """Return both readings of a block: the one moved this way, or the other moved that way."""
+        number, opposite = numbers if sign > 0 else numbers[::-1]
+        names = [self._product.parts[one].name for one in (first, second)]
+        double, whole, half = self._radii()
+        pairs = ((names[0], names[1], number), (names[1], names[0], opposite))
+        if block.radius_mm == half:
+            return [], [Sensitive(*one, False, half / 1000) for one in pairs]
+        sensitive = block.radius_mm == whole
+        low, high = (first, second) if sign > 0 else (second, first)
+        distance, there, here = first_contact(
+            self.meshes[low], self.meshes[high], block.points, frame
+        )
+        # The part that lies lower along the frame is met there; the other one where it came from.
+        met = (there, here) if sign > 0 else (here, there)
+        entries = [
+            Blocking(
+                *one,
+                distance / 1000,
+                block.width_mm / 1000,
+                self._point_m(place),
+                sensitive,
+            )
+            for one, place in zip(pairs, met, strict=True)
+        ]
+        return entries, [Sensitive(*one, True, double / 1000) for one in pairs if sensitive]
+
+    def _point_m(self, point_mm: Floats) -> Vector:
+        x, y, z = (float(one) for one in point_mm / 1000 + self.middle_m)
+        return x, y, z
+
+
+def frame_of(direction: Vector) -> Floats:
+    """Return two directions across a direction, and itself, one a row."""
+    way = np.asarray(direction, dtype=np.float64)
+    way = way / np.linalg.norm(way)
+    across = np.eye(3)[int(np.argmin(np.abs(way)))]
+    across = across - (across @ way) * way
+    across /= np.linalg.norm(across)
+    return np.stack([across, np.cross(way, across), way])
+
+
+def all_blocking(
+    product: Product,
+    test: BlockingTest,
+    directions: Sequence[Vector],
+    on_done: Callable[[int, int], None] = lambda done, of: None,
+) -> tuple[tuple[Blocking, ...], tuple[Sensitive, ...]]:
+    """Return all blockings and all that hangs on the tolerance, sorted.
+
+    Parameters
+    ----------
+    product
+        The product.
+    test
+        Rays through it.
+    directions
+        Unit vectors, each directly before or after its opposite.
+    on_done
+        Told how many of how many lines of directions are done.
+    """
+    found: list[Blocking] = []
+    doubtful: list[Sensitive] = []
+    for number in range(0, len(directions), 2):
+        entries, unsure = test.along(directions[number], number, number + 1)
+        found += entries
+        doubtful += unsure
+        on_done(number // 2 + 1, len(directions) // 2)
+    order = {part.name: number for number, part in enumerate(product.parts)}
+    found.sort(key=lambda one: (one.direction, order[one.part], order[one.by]))
+    doubtful.sort(key=lambda one: (one.direction, order[one.part], order[one.by]))
+    return tuple(found), tuple(doubtful)

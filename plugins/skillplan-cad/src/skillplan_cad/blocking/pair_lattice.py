@@ -1,0 +1,253 @@
+"""Whether one part blocks another along a direction: a lattice of rays over both of them.
+
+A ray is blocked where material of the one lies ahead of material of the other. A pair is blocked
+where a whole disc of rays is, of the radius of the tolerance: parts that only touch, or whose
+tessellated walls cut into each other, block no disc.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from skillplan_cad.blocking.outline import Outline
+from skillplan_cad.blocking.ray_mesh import Floats, Heights, RayMesh
+
+# Rays a side: first few, then many; beyond the lattice, points inside outlines, so many a part.
+_COARSE, _FINE, _OUTLINE_POINTS = 16, 64, 192
+# Keeps rays off edges and diagonals, which lie at round shares of a part.
+_OFF = 0.5 + 0.0137
+_RING, _GROWN = 8, 12
+_ABOVE_MM = 1e-4
+_CHUNKS = (24, 160, 1 << 30)
+
+
+class Side(NamedTuple):
+    """One part of a pair along one direction.
+
+    Parameters
+    ----------
+    mesh
+        Its rays.
+    outline
+        Seen along the direction.
+    low, high
+        Corners of its rectangle across the direction.
+    """
+
+    mesh: RayMesh
+    outline: Outline
+    low: Floats
+    high: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """What blocks a pair.
+
+    Parameters
+    ----------
+    radius_mm
+        Largest of the radii asked for of which a disc is blocked.
+    points
+        Points across the direction that are blocked: first the middle of the disc.
+    width_mm
+        Diameter of the largest disc that was found.
+    """
+
+    radius_mm: float
+    points: Floats
+    width_mm: float
+
+
+class PairLattice:
+    """The rays through a pair along a direction and against it.
+
+    Parameters
+    ----------
+    first, second
+        The parts.
+    frame
+        Two directions across and the direction, one a row.
+    chord_mm
+        How far triangles may lie from the surfaces that they stand for.
+    """
+
+    def __init__(self, first: Side, second: Side, frame: Floats, chord_mm: float) -> None:
+        self._first, self._second, self._frame = first, second, frame
+        self._chord = chord_mm
+        self.low = np.maximum(first.low, second.low)
+        self.high = np.minimum(first.high, second.high)
+        self._grids: dict[int, tuple[Floats, Heights, Heights]] = {}
+
+    def block(self, sign: int, radii_mm: tuple[float, ...]) -> Block | None:
+        """Return what blocks the first part along the direction, or against it.
+
+        Parameters
+        ----------
+        sign
+            1 for along, -1 for against.
+        radii_mm
+            Of discs, from large to small; the first that is blocked ends the search.
+        """
+        for radius in radii_mm:
+            if ((self.high - self.low) < 2 * radius).any():
+                continue
+            for side in (_COARSE, _FINE):
+                found = self._on_lattice(sign, radius, side)
+                if found is not None:
+                    return found
+            found = self._on_outlines(sign, radius)
+            if found is not None:
+                return found
+        return None
+
+    def touches(self) -> bool:
+        """Whether any ray of the coarse lattice meets both parts."""
+        _, first, second = self._grid(_COARSE)
+        return bool((np.isfinite(first.low) & np.isfinite(second.low)).any())
+
+    def _grid(self, side: int) -> tuple[Floats, Heights, Heights]:
+        if side not in self._grids:
+            share = (np.arange(side) + _OFF) / (side + 0.0411)
+            x = self.low[0] + share * (self.high[0] - self.low[0])
+            y = self.low[1] + share * (self.high[1] - self.low[1])
+            points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+            self._grids[side] = (points, *self._heights(points))
+        return self._grids[side]
+
+    def _heights(self, points: Floats) -> tuple[Heights, Heights]:
+        first = self._first.mesh.heights(points, self._frame)
+        hit = np.isfinite(first.low)
+        if hit.all():
+            return first, self._second.mesh.heights(points, self._frame)
+        # Where the one is missed the other does not matter.
+        some = self._second.mesh.heights(points[hit], self._frame)
+        return first, Heights(*(_spread(one, hit) for one in _values(some)))
+
+    def _on_lattice(self, sign: int, radius: float, side: int) -> Block | None:
+        points, first, second = self._grid(side)
+        blocked = self._blocked(sign, radius, first, second)
+        if not blocked.any():
+            return None
+        step = (self.high - self.low) / side
+        framed = np.pad(blocked.reshape(side, side), 1)
+        depths: Any = distance_transform_edt(framed, sampling=tuple(step))
+        depth: Floats = depths[1:-1, 1:-1].reshape(-1)
+        candidates = np.flatnonzero(blocked)
+        order = candidates[np.argsort(-depth[candidates], kind="stable")]
+        centre = self._disc(sign, radius, points[order])
+        if centre is None:
+            return None
+        inner = order[depth[order] >= radius][:40]
+        found = np.concatenate([centre[None], points[inner]])
+        width = max(self._width(sign, radius, centre), 2 * float(depth.max() - step.max()))
+        return Block(radius, found, width)
+
+    def _on_outlines(self, sign: int, radius: float) -> Block | None:
+        for side in (self._first, self._second):
+            points = side.outline.points(radius * 1.02, self.low, self.high, _OUTLINE_POINTS)
+            if len(points):
+                centre = self._disc(sign, radius, points)
+                if centre is not None:
+                    return Block(radius, centre[None], self._width(sign, radius, centre))
+        return None
+
+    def _width(self, sign: int, radius: float, centre: Floats) -> float:
+        """Return the diameter of the largest disc about a point that is blocked, from below."""
+        largest = float((self.high - self.low).min()) / 2
+        if largest <= radius:
+            return 2 * radius
+        radii = np.append(radius, np.geomspace(radius, largest, _GROWN + 1)[1:])
+        ring = (radii[:, None, None] * _ring(2 * _RING)).reshape(-1, 2)
+        whole = self._blocked(sign, radius, *self._heights(centre + ring))
+        held = np.asarray(whole.reshape(len(radii), -1).all(axis=1))
+        failed = np.flatnonzero(~held[1:])
+        return float(2 * radii[failed[0] if len(failed) else -1])
+
+    def _disc(self, sign: int, radius: float, centres: Floats) -> Floats | None:
+        """Return the first of some points round which a whole disc is blocked."""
+        begin = 0
+        ring = radius * _ring(_RING)
+        for size in _CHUNKS:
+            some = centres[begin : begin + size]
+            if not len(some):
+                return None
+            middle = self._blocked(sign, radius, *self._heights(some))
+            some = some[middle]
+            if len(some):
+                around = (some[:, None] + ring).reshape(-1, 2)
+                whole = self._blocked(sign, radius, *self._heights(around))
+                good = np.flatnonzero(whole.reshape(-1, _RING).all(axis=1))
+                if len(good):
+                    return np.asarray(some[good[0]])
+            begin += size
+        return None
+
+    def _blocked(
+        self, sign: int, radius: float, first: Heights, second: Heights
+    ) -> NDArray[np.bool_]:
+        """Return which rays are blocked, by more than the tolerance square to the surfaces."""
+        mover, other = (first, second) if sign > 0 else (second, first)
+        deep = max(radius, 2 * self._chord)
+        slope = np.minimum(mover.low_slope, other.high_slope)
+        with np.errstate(invalid="ignore"):
+            return ((other.high - mover.low) * slope > deep) | (
+                (other.low >= mover.high - _ABOVE_MM) & (other.high > mover.high + _ABOVE_MM)
+            )
+
+
+def first_contact(
+    mover: RayMesh, other: RayMesh, points: Floats, frame: Floats
+) -> tuple[float, Floats, Floats]:
+    """Return how far a part moves along a direction until it meets the other, and where.
+
+    Parameters
+    ----------
+    mover, other
+        The parts.
+    points
+        Points across the direction, all of them blocked.
+    frame
+        Two directions across and the direction, one a row.
+
+    Returns
+    -------
+    tuple
+        The distance [mm], the point of the other part, and that of the moving one.
+    """
+    entries, _ = other.crossings(points, frame)
+    _, exits = mover.crossings(points, frame)
+    with np.errstate(invalid="ignore"):
+        gaps = entries[:, :, None] - exits[:, None, :]
+    gaps = np.where(np.isfinite(gaps) & (gaps > -_ABOVE_MM), np.maximum(gaps, 0.0), np.inf)
+    best = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
+    if np.isfinite(gaps[best]):
+        ray, distance = int(best[0]), float(gaps[best])
+        height = float(entries[ray, best[1]])
+    else:
+        # They overlap on every ray.
+        ray, distance = 0, 0.0
+        height = float(np.nanmin(np.where(np.isfinite(entries[0]), entries[0], np.nan)))
+    place = points[ray] @ frame[:2] + height * frame[2]
+    return distance, place, place - distance * frame[2]
+
+
+def _ring(count: int) -> Floats:
+    """Return points of the unit circle."""
+    turn = 2 * np.pi * (np.arange(count) + 0.137) / count
+    return np.stack([np.cos(turn), np.sin(turn)], axis=1)
+
+
+def _values(heights: Heights) -> tuple[Floats, Floats, Floats, Floats]:
+    return heights.low, heights.high, heights.low_slope, heights.high_slope
+
+
+def _spread(values: Floats, where: NDArray[np.bool_]) -> Floats:
+    found = np.full(len(where), np.nan)
+    found[where] = values
+    return found

@@ -1,0 +1,96 @@
+"""What `skillplan import-cad` was asked for, checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from skillplan.errors import OptionError, name_hint
+from skillplan_cad.build_relation import Threads
+from skillplan_cad.joints.directions import Source
+from skillplan_cad.reading.mesh_folder import unit_m
+from skillplan_cad.reading.product_reader import STEEL_KG_M3, ReadOptions
+
+_LEAST_MM, _MOST_MM = 0.001, 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class ImportSettings:
+    """How a product is imported.
+
+    Parameters
+    ----------
+    unit
+        Of meshes; None for STEP.
+    tolerance_mm
+        Lateral tolerance: radius of the disc that has to be blocked before a pair is.
+    chord_mm
+        How far triangles may lie from curved faces of STEP; None for half the tolerance.
+    up
+        Axis of the file that points up.
+    base
+        Part that the others are put on; None to have one chosen.
+    directions
+        Where directions come from.
+    threads
+        Whether screws are unscrewed, block as they are drawn, or block nowhere.
+    split_bodies
+        Whether bodies of one part become parts.
+    density_kg_m3
+        Of all parts.
+    keep
+        Whether stages are kept for the next run.
+    """
+
+    unit: str | None = None
+    tolerance_mm: float = 0.1
+    chord_mm: float | None = None
+    up: str = "z"
+    base: str | None = None
+    directions: Source = "cylinders"
+    threads: Threads = "unscrew"
+    split_bodies: bool = False
+    density_kg_m3: float = STEEL_KG_M3
+    keep: bool = True
+
+    def __post_init__(self) -> None:
+        if self.unit is not None:
+            unit_m(self.unit)
+        for option, value in (("--tolerance", self.tolerance_mm), ("--chord", self.chord_mm)):
+            if value is not None and not _LEAST_MM <= value <= _MOST_MM:
+                raise OptionError(
+                    f"{option} {value:g}: must be from {_LEAST_MM} to {_MOST_MM:g} mm."
+                )
+        if not 1 <= self.density_kg_m3 <= 30000:
+            raise OptionError(
+                f"--density {self.density_kg_m3:g}: must be from 1 to 30000 kg/m3; steel has "
+                f"{STEEL_KG_M3:g}."
+            )
+
+    @property
+    def reading(self) -> ReadOptions:
+        """How the file is read."""
+        chord = self.chord_mm if self.chord_mm is not None else self.tolerance_mm / 2
+        return ReadOptions(self.unit, chord / 1000, self.split_bodies, self.density_kg_m3)
+
+    @property
+    def up_vector(self) -> tuple[float, float, float]:
+        """The direction that points up, in the file's frame."""
+        sign = -1.0 if self.up.startswith("-") else 1.0
+        x, y, z = (sign if axis == self.up[-1] else 0.0 for axis in "xyz")
+        return x, y, z
+
+
+def settings_of(given: dict[str, Any]) -> ImportSettings:
+    """Return settings from what the command line gave; what is None keeps its default.
+
+    Raises
+    ------
+    OptionError
+        If a value is out of range, or an option is unknown.
+    """
+    known = ImportSettings.__dataclass_fields__
+    for name in given:
+        if name not in known:
+            raise OptionError(f"import-cad has no option {name!r}. {name_hint(name, known)}")
+    return ImportSettings(**{name: one for name, one in given.items() if one is not None})

@@ -1,0 +1,1 @@
+"""How parts meet: contacts, overlaps, fasteners, and the directions that these suggest."""

@@ -1,0 +1,122 @@
+"""Directions along which parts are moved: the file's axes, those of cylinders, and of contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan_cad.contacts import Contact
+from skillplan_cad.joints.cylinder_fits import CylinderFit
+from skillplan_cad.product import Vector
+from skillplan_cad.relation import Fastener
+
+Floats = NDArray[np.float64]
+Source = Literal["axes", "cylinders", "contacts"]
+
+# Lines that differ by less are one [rad]; so many besides the axes at most.
+_ONE_LINE_RAD, _MOST = 2e-3, 24
+
+
+def directions_of(
+    source: Source,
+    fits: Sequence[CylinderFit],
+    fasteners: Sequence[Fastener],
+    contacts: Sequence[Contact],
+) -> tuple[Vector, ...]:
+    """Return unit vectors, each followed by its opposite; first those of the file's axes.
+
+    Parameters
+    ----------
+    source
+        ``axes`` are those of the file; ``cylinders`` adds axes of fasteners and of cylinders in
+        holes, and of these a frame where it is not the file's; ``contacts`` adds normals of flat
+        contacts and the edges between two of them, along which a part slides on both.
+    fits, fasteners, contacts
+        Of the product.
+    """
+    lines: list[Floats] = list(np.eye(3))
+    if source != "axes":
+        weights: list[tuple[float, Vector]] = [
+            (fit.shaft.radius_m * fit.length_m, fit.shaft.axis) for fit in fits
+        ]
+        weights += [(one.diameter_m * one.length_m, one.axis) for one in fasteners]
+        found = _by_weight(weights)
+        _add(lines, found)
+        _add(lines, _frame(lines[3:]))
+    if source == "contacts":
+        flat = [one for one in contacts if one.kind == "plane"]
+        _add(lines, _by_weight([(one.area_m2, n) for one in flat for n in one.normals[:3]]))
+        _add(lines, _edges(contacts))
+    return tuple(sign for line in lines for sign in (_vector(line), _vector(-line)))
+
+
+def _by_weight(weighted: Iterable[tuple[float, Vector]]) -> list[Floats]:
+    """Return the distinct lines among vectors, that of most weight first."""
+    lines: list[Floats] = []
+    weights: list[float] = []
+    for weight, vector in weighted:
+        line = _canonical(np.asarray(vector))
+        for number, known in enumerate(lines):
+            if abs(known @ line) > np.cos(_ONE_LINE_RAD):
+                weights[number] += weight
+                break
+        else:
+            lines.append(line)
+            weights.append(weight)
+    order = np.argsort(-np.round(weights, 12), kind="stable")
+    return [lines[number] for number in order]
+
+
+def _add(lines: list[Floats], more: Iterable[Floats]) -> None:
+    for line in more:
+        if len(lines) >= 3 + _MOST:
+            return
+        if all(abs(known @ line) < np.cos(_ONE_LINE_RAD) for known in lines):
+            lines.append(line)
+
+
+def _frame(found: Sequence[Floats]) -> list[Floats]:
+    """Return two lines across the first of those found, along others where these are square."""
+    if not found:
+        return []
+    first = found[0]
+    square = [one for one in found[1:] if abs(one @ first) < _ONE_LINE_RAD]
+    across = square[0] if square else np.eye(3)[int(np.argmin(np.abs(first)))]
+    across = across - (across @ first) * first
+    across = across / np.linalg.norm(across)
+    return [_canonical(across), _canonical(np.cross(first, across))]
+
+
+def _edges(contacts: Sequence[Contact]) -> list[Floats]:
+    """Return the lines along which parts slide on two flat contacts at once."""
+    normals: dict[str, list[tuple[float, Vector]]] = {}
+    for contact in contacts:
+        if contact.kind == "plane":
+            for name in contact.parts:
+                own = normals.setdefault(name, [])
+                own += [(contact.area_m2, normal) for normal in contact.normals[:3]]
+    crossed: list[tuple[float, Vector]] = []
+    for own in normals.values():
+        largest = sorted(own, key=lambda one: -one[0])[:6]
+        for number, (area, one) in enumerate(largest):
+            for other_area, other in largest[number + 1 :]:
+                line = np.cross(one, other)
+                length = float(np.linalg.norm(line))
+                if length > 0.05:
+                    crossed.append((min(area, other_area), _vector(line / length)))
+    return _by_weight(crossed)
+
+
+def _canonical(line: Floats) -> Floats:
+    """Return a line's unit vector whose first component of any size is positive."""
+    unit = line / np.linalg.norm(line)
+    leading = unit[int(np.argmax(np.abs(unit) > 1e-6))]
+    return unit if leading > 0 else -unit
+
+
+def _vector(numbers: Floats) -> Vector:
+    x, y, z = (round(float(one), 9) + 0.0 for one in numbers)
+    return x, y, z

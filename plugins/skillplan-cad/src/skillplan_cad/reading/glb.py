@@ -1,0 +1,203 @@
+"""The meshes of a binary glTF that cascadio made of a STEP file, with the faces of CAD."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan_cad.product import Face, FaceKind, Vector
+from skillplan_cad.reading.raw_part import RawPart
+
+_HEADER_BYTES, _CHUNK_HEAD_BYTES = 12, 8
+_TYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
+_COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_FACES = "TM_brep_faces"
+_KINDS: tuple[FaceKind, ...] = ("plane", "cylinder", "cone", "sphere", "torus")
+
+
+def parts_of(content: bytes) -> tuple[str, list[RawPart]]:
+    """Return the name of the root and the meshes in the order of the tree.
+
+    Raises
+    ------
+    ValueError
+        If the content is no binary glTF.
+    """
+    document, data = _chunks(content)
+    roots = document["scenes"][document.get("scene", 0)].get("nodes", [])
+    found: list[RawPart] = []
+    taken: set[str] = set()
+    for root in roots:
+        name = _numbered(document["nodes"][root], taken)
+        found += _parts_under(document, data, root, np.eye(4), (), name)
+    names = [document["nodes"][root].get("name", "") for root in roots]
+    return (names[0] if len(names) == 1 else ""), found
+
+
+def _chunks(content: bytes) -> tuple[dict[str, Any], bytes]:
+    if content[:4] != b"glTF":
+        raise ValueError("no binary glTF")
+    chunks: dict[bytes, bytes] = {}
+    at = _HEADER_BYTES
+    while at + _CHUNK_HEAD_BYTES <= len(content):
+        size, kind = struct.unpack_from("<I4s", content, at)
+        at += _CHUNK_HEAD_BYTES
+        chunks.setdefault(kind, content[at : at + size])
+        at += size
+    document = json.loads(chunks[b"JSON"])
+    return document, chunks.get(b"BIN\0", b"")
+
+
+def _parts_under(
+    document: Mapping[str, Any],
+    data: bytes,
+    number: int,
+    above: NDArray[np.float64],
+    path: tuple[str, ...],
+    name: str,
+) -> Iterator[RawPart]:
+    node = document["nodes"][number]
+    pose = above @ _pose(node)
+    if "mesh" in node:
+        part = _part(document, data, node["mesh"], pose, name, path)
+        if part is not None:
+            yield part
+    taken: set[str] = set()
+    for child in node.get("children", ()):
+        yield from _parts_under(
+            document, data, child, pose, (*path, name), _numbered(document["nodes"][child], taken)
+        )
+
+
+def _numbered(node: Mapping[str, Any], taken: set[str]) -> str:
+    """Return the name of a node, numbered where a sibling before it has the same one."""
+    name = wanted = str(node.get("name", ""))
+    number = 1
+    while name in taken:
+        number += 1
+        name = f"{wanted}#{number}"
+    taken.add(name)
+    return name
+
+
+def _pose(node: Mapping[str, Any]) -> NDArray[np.float64]:
+    if "matrix" in node:
+        pose = np.asarray(node["matrix"], dtype=np.float64).reshape(4, 4).T.copy()
+        # It is rounded to single precision, which would shear a large part.
+        left, _, right = np.linalg.svd(pose[:3, :3])
+        if np.abs(left @ right - pose[:3, :3]).max() < 1e-5:
+            pose[:3, :3] = left @ right
+        return pose
+    pose = np.eye(4)
+    if "rotation" in node:
+        x, y, z, w = node["rotation"] / np.linalg.norm(node["rotation"])
+        pose[:3, :3] = [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    pose[:3, :3] *= np.asarray(node.get("scale", (1.0, 1.0, 1.0)))
+    pose[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    return pose
+
+
+def _part(
+    document: Mapping[str, Any],
+    data: bytes,
+    mesh: int,
+    pose: NDArray[np.float64],
+    name: str,
+    path: tuple[str, ...],
+) -> RawPart | None:
+    vertices, triangles, faces = [], [], []
+    so_far, triangles_so_far = 0, 0
+    for primitive in document["meshes"][mesh]["primitives"]:
+        if primitive.get("mode", 4) != 4:
+            continue
+        points = _array(document, data, primitive["attributes"]["POSITION"]).astype(np.float64)
+        if "indices" in primitive:
+            corners = _array(document, data, primitive["indices"]).astype(np.int64).reshape(-1, 3)
+        else:
+            corners = np.arange(len(points)).reshape(-1, 3)
+        vertices.append(points)
+        triangles.append(corners + so_far)
+        extension = primitive.get("extensions", {}).get(_FACES)
+        if extension is not None:
+            of_triangle = _array(document, data, extension["faceIndices"]).astype(np.int64)
+            faces += _faces(extension["faces"], of_triangle, triangles_so_far, pose)
+        so_far += len(points)
+        triangles_so_far += len(corners)
+    if not triangles_so_far:
+        return None
+    placed = np.concatenate(vertices) @ pose[:3, :3].T + pose[:3, 3]
+    design = str(document["meshes"][mesh].get("name", ""))
+    return RawPart(name or design, path, placed, np.concatenate(triangles), tuple(faces), design)
+
+
+def _faces(
+    described: list[Mapping[str, Any] | None],
+    of_triangle: NDArray[np.int64],
+    first: int,
+    pose: NDArray[np.float64],
+) -> list[Face]:
+    about = {one["face_index"]: one for one in described if one is not None}
+    order = np.argsort(of_triangle, kind="stable")
+    numbers, starts = np.unique(of_triangle[order], return_index=True)
+    return [
+        _face(about.get(int(number), {}), triangles + first, pose)
+        for number, triangles in zip(numbers, np.split(order, starts[1:]), strict=True)
+    ]
+
+
+def _face(
+    about: Mapping[str, Any], triangles: NDArray[np.int64], pose: NDArray[np.float64]
+) -> Face:
+    kind = about.get("type")
+    if kind not in _KINDS:
+        return Face("free", triangles)
+    turn, move = pose[:3, :3], pose[:3, 3]
+    origin = next((about[one] for one in ("origin", "center", "apex") if one in about), (0, 0, 0))
+    axis = turn @ np.asarray(about.get("normal", about.get("axis", (0.0, 0.0, 1.0))))
+    # A cone's distances run along its side.
+    half_angle = float(about.get("semi_angle", 0.0))
+    along = about.get("extent_height", about.get("extent_distance", (0.0, 0.0)))
+    scale = np.cos(half_angle) if kind == "cone" else 1.0
+    round_axis = about.get("extent_angle", about.get("extent_u", (0.0, 2 * np.pi)))
+    return Face(
+        kind,
+        triangles,
+        _vector(turn @ np.asarray(origin) + move),
+        _vector(axis / np.linalg.norm(axis)),
+        float(about.get("radius", about.get("major_radius", about.get("ref_radius", 0.0)))),
+        float(about.get("minor_radius", 0.0)),
+        half_angle,
+        (float(along[0]) * float(scale), float(along[1]) * float(scale)),
+        0.0 if kind == "plane" else float(abs(round_axis[1] - round_axis[0])),
+    )
+
+
+def _array(document: Mapping[str, Any], data: bytes, number: int) -> NDArray[Any]:
+    accessor = document["accessors"][number]
+    view = document["bufferViews"][accessor["bufferView"]]
+    kind, width = np.dtype(_TYPES[accessor["componentType"]]), _COUNTS[accessor["type"]]
+    start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+    count, stride = accessor["count"], view.get("byteStride", 0)
+    if stride and stride != kind.itemsize * width:
+        rows = np.frombuffer(data, np.uint8, (count - 1) * stride + kind.itemsize * width, start)
+        picked = np.lib.stride_tricks.as_strided(
+            rows, (count, kind.itemsize * width), (stride, 1)
+        ).copy()
+        values = picked.view(kind)
+    else:
+        values = np.frombuffer(data, kind, count * width, start)
+    return values.reshape(count, width) if width > 1 else values.reshape(count)
+
+
+def _vector(numbers: NDArray[np.float64]) -> Vector:
+    x, y, z = (float(one) for one in numbers)
+    return x, y, z

@@ -1,0 +1,189 @@
+"""A file or folder read as a product: closed parts with unique names, masses and shapes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from skillplan.errors import OptionError
+from skillplan.files.regular_file import is_folder, is_regular
+from skillplan_cad.product import Part, Product
+from skillplan_cad.reading.mending import Mended, centre_m, mended, split, volumes_m3
+from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
+from skillplan_cad.reading.mesh_folder import UNITS_M, read_folder
+from skillplan_cad.reading.raw_part import RawPart, RawProduct
+from skillplan_cad.reading.shapes import shapes_of
+from skillplan_cad.reading.step_file import SUFFIXES as STEP
+from skillplan_cad.reading.step_file import is_step, read_step
+from skillplan_cad.reading.surface_fit import fitted_faces, recognised
+
+STEEL_KG_M3 = 7850.0
+# Open parts that a message names at most.
+_NAMED = 6
+
+
+@dataclass(frozen=True, slots=True)
+class ReadOptions:
+    """How a product is read.
+
+    Parameters
+    ----------
+    unit
+        Of meshes, which state none; None for STEP, which does.
+    chord_m
+        How far triangles may lie from curved faces of STEP.
+    split_bodies
+        Whether bodies of one part become parts of their own.
+    density_kg_m3
+        Of all parts.
+    """
+
+    unit: str | None = None
+    chord_m: float = 5e-5
+    split_bodies: bool = False
+    density_kg_m3: float = STEEL_KG_M3
+
+
+def read_product(path: Path, options: ReadOptions) -> Product:
+    """Return the product of a STEP file, or of a folder of meshes.
+
+    Raises
+    ------
+    OptionError
+        If it cannot be read, a part is not watertight, or there are not two parts.
+    """
+    raw = _raw(path, options)
+    found = [mended(part) for part in raw.parts]
+    _refuse_open(path, found)
+    notes = [*raw.notes, *(note for one in found for note in one.notes)]
+    parts: list[RawPart] = []
+    bodies: list[int] = []
+    for one in found:
+        count = int(one.bodies.max()) + 1
+        if count > 1 and options.split_bodies:
+            parts += split(one)
+            bodies += [1] * count
+            notes.append(f"{one.part.name}: its {count} bodies are parts of their own")
+            continue
+        if count > 1:
+            notes.append(
+                f"{one.part.name}: is one part of {count} bodies; --split-bodies makes each a part"
+            )
+        parts.append(one.part)
+        bodies.append(count)
+    _refuse_single(path, parts, bodies)
+    notes.append(
+        f"masses are those of a density of {options.density_kg_m3:g} kg/m3"
+        + (", steel" if options.density_kg_m3 == STEEL_KG_M3 else "")
+    )
+    return _product(raw, parts, bodies, tuple(notes), options)
+
+
+def _raw(path: Path, options: ReadOptions) -> RawProduct:
+    if is_folder(path):
+        return read_folder(path, options.unit)
+    if not is_regular(path):
+        raise OptionError(f"{path}: there is no such file or folder.")
+    if is_step(path):
+        if options.unit is not None:
+            raise OptionError(f"--unit {options.unit}: STEP states its unit itself; leave it out.")
+        return read_step(path, options.chord_m)
+    if path.suffix.lower() in MESHES:
+        raise OptionError(
+            f"{path}: is one mesh. Give the folder of all parts, one file a part, and --unit."
+        )
+    raise OptionError(
+        f"{path}: is neither STEP ({', '.join(STEP)}) nor a folder of meshes ({', '.join(MESHES)})."
+    )
+
+
+def _refuse_open(path: Path, found: Sequence[Mended]) -> None:
+    gaps = [one for one in found if one.open_edges or not len(one.part.triangles)]
+    if not gaps:
+        return
+    named = []
+    for one in gaps[:_NAMED]:
+        at = ", ".join(f"{value * 1000:.4g}" for value in one.gap_point_m)
+        named.append(f"{_full_name(one.part)} ({one.open_edges} open edges, one at [{at}] mm)")
+    more = f" and {len(gaps) - _NAMED} more" if len(gaps) > _NAMED else ""
+    raise OptionError(
+        f"{path}: not watertight: {'; '.join(named)}{more}. Make solids of these in CAD, or leave "
+        "them out."
+    )
+
+
+def _refuse_single(path: Path, parts: Sequence[RawPart], bodies: Sequence[int]) -> None:
+    if len(parts) > 1:
+        return
+    if bodies[0] > 1:
+        raise OptionError(
+            f"{path}: holds one part, {parts[0].name}, of {bodies[0]} bodies. --split-bodies makes "
+            "each of these a part."
+        )
+    raise OptionError(
+        f"{path}: holds one part, {parts[0].name}; there is nothing to assemble. Save the assembly."
+    )
+
+
+def _product(
+    raw: RawProduct,
+    parts: Sequence[RawPart],
+    bodies: Sequence[int],
+    notes: tuple[str, ...],
+    options: ReadOptions,
+) -> Product:
+    shapes, mirrors = shapes_of(parts, raw.chord_m)
+    names = _unique_names(parts)
+    made = []
+    for number, part in enumerate(parts):
+        faces = (
+            tuple(recognised(one, part.vertices_m, part.triangles) for one in part.faces)
+            if part.faces
+            else fitted_faces(part.vertices_m, part.triangles)
+        )
+        centre = centre_m(part.vertices_m, part.triangles)
+        made.append(
+            Part(
+                name=names[number],
+                path=part.path,
+                vertices_m=part.vertices_m,
+                triangles=part.triangles,
+                faces=faces,
+                volume_m3=float(volumes_m3(part.vertices_m, part.triangles).sum()),
+                density_kg_m3=options.density_kg_m3,
+                centre_m=(float(centre[0]), float(centre[1]), float(centre[2])),
+                shape=int(shapes[number]),
+                mirrors=mirrors.get(int(shapes[number])),
+                bodies=bodies[number],
+                design=part.design,
+            )
+        )
+    repeated = sorted(name for name, count in Counter(map(_full_name, parts)).items() if count > 1)
+    if repeated:
+        shown = ", ".join(repeated[:_NAMED]) + (" and others" if len(repeated) > _NAMED else "")
+        notes = (*notes, f"names that repeat are numbered: {shown}")
+    return Product(raw.name, tuple(made), raw.unit, raw.chord_m, notes)
+
+
+def _unique_names(parts: Sequence[RawPart]) -> list[str]:
+    """Return the path of every part in the tree, from below the root on; repeats numbered."""
+    taken: set[str] = set()
+    found = []
+    for part in parts:
+        name = wanted = _full_name(part)
+        number = 1
+        while name in taken:
+            number += 1
+            name = f"{wanted}#{number}"
+        taken.add(name)
+        found.append(name)
+    return found
+
+
+def _full_name(part: RawPart) -> str:
+    return "/".join((*part.path[1:], part.name or "part"))
+
+
+__all__ = ["STEEL_KG_M3", "UNITS_M", "ReadOptions", "read_product"]

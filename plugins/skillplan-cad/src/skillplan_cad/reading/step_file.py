@@ -1,0 +1,144 @@
+"""Parts of a STEP file, read by OCCT through cascadio."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from skillplan.errors import OptionError
+from skillplan.files.regular_file import RefusedFile, read_bytes
+from skillplan_cad.reading.glb import parts_of
+from skillplan_cad.reading.raw_part import RawProduct
+
+SUFFIXES = (".step", ".stp", ".step.gz", ".stp.gz", ".stpz")
+MOST_BYTES = 128 * 1024 * 1024
+_BEGINS, _ENDS = b"ISO-10303-21;", b"END-ISO-10303-21;"
+# How sharply a chord may turn [rad]; its distance from the surface is what is asked for.
+_TURN_RAD = 0.5
+_ASSEMBLE = "Save it from CAD as STEP (AP203, AP214 or AP242)"
+
+
+def is_step(path: Path) -> bool:
+    """Whether a file is one of STEP by its name."""
+    return path.name.lower().endswith(SUFFIXES)
+
+
+def read_step(path: Path, chord_m: float) -> RawProduct:
+    """Return the parts of a STEP file.
+
+    Parameters
+    ----------
+    path
+        The file; it may be compressed by gzip.
+    chord_m
+        How far triangles may lie from curved faces.
+
+    Raises
+    ------
+    OptionError
+        If it cannot be read, is no STEP file, is cut off, or holds no solids.
+    """
+    content = _content(path)
+    unit = _unit(content)
+    name, parts = parts_of(_tessellated(path, content, chord_m))
+    if not parts:
+        raise OptionError(
+            f"{path}: holds no solids or surfaces, as a drawing or mere curves do. Save the solids."
+        )
+    return RawProduct(name or path.name.partition(".")[0], tuple(parts), unit, chord_m)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        content = read_bytes(path, MOST_BYTES)
+        if content[:2] == b"\x1f\x8b":
+            content = _unpacked(path, content)
+    except RefusedFile as refused:
+        remedy = (
+            ". Save sub-assemblies one by one, or without what is not assembled"
+            if refused.why == "large"
+            else ""
+        )
+        raise OptionError(f"{path}: cannot be read: {refused.strerror}{remedy}.") from None
+    except OSError as error:
+        raise OptionError(f"{path}: cannot be read: {error.strerror or error}.") from None
+    if content[:2] == b"PK":
+        raise OptionError(f"{path}: is a ZIP archive, whatever its name says. Unpack it first.")
+    if not content.strip():
+        raise OptionError(f"{path}: is empty. {_ASSEMBLE}.")
+    if _BEGINS not in content[:1024]:
+        raise OptionError(f"{path}: is no STEP file: it lacks {_BEGINS.decode()!r}. {_ASSEMBLE}.")
+    if _ENDS not in content[-1024:]:
+        raise OptionError(
+            f"{path}: is cut off: {_ENDS.decode()!r} is missing at its end. Save or copy it anew."
+        )
+    return content
+
+
+def _unpacked(path: Path, content: bytes) -> bytes:
+    unpacker = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16)
+    try:
+        whole = unpacker.decompress(content, MOST_BYTES + 1)
+    except zlib.error:
+        raise OptionError(f"{path}: is damaged: gzip cannot unpack it. Copy it anew.") from None
+    if len(whole) > MOST_BYTES:
+        raise RefusedFile("large", path, MOST_BYTES)
+    if not unpacker.eof:
+        raise OptionError(f"{path}: is cut off: its gzip stream does not end. Copy it anew.")
+    return whole
+
+
+def _unit(content: bytes) -> str:
+    """Return the unit of lengths that the file states; OCCT converts by it."""
+    if re.search(rb"CONVERSION_BASED_UNIT\s*\(\s*'INCH'", content, re.IGNORECASE):
+        return "inch"
+    found = re.search(rb"SI_UNIT\s*\(\s*(\$|\.[A-Z]+\.)\s*,\s*\.METRE\.\s*\)", content)
+    prefixes = {b".MILLI.": "mm", b".CENTI.": "cm", b"$": "m", b".MICRO.": "um"}
+    return prefixes.get(found[1], "mm") if found else "mm"
+
+
+def _tessellated(path: Path, content: bytes, chord_m: float) -> bytes:
+    import cascadio
+
+    with _quiet_output():
+        made: bytes = cascadio.load(
+            content,
+            "step",
+            tol_linear=chord_m * 1000,
+            tol_angular=_TURN_RAD,
+            merge_primitives=True,
+            use_parallel=False,
+            include_brep=True,
+        )
+    if not made:
+        raise OptionError(f"{path}: OCCT cannot read it as STEP. {_ASSEMBLE}.")
+    return made
+
+
+@contextmanager
+def _quiet_output() -> Iterator[None]:
+    """Send what OCCT prints nowhere: stdout belongs to the command."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = {}
+    for descriptor in (1, 2):
+        try:
+            kept[descriptor] = os.dup(descriptor)
+        except OSError:
+            # It is closed: there is nothing to be kept clean.
+            continue
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for descriptor in kept:
+            os.dup2(nowhere, descriptor)
+        yield
+    finally:
+        for descriptor, copy in kept.items():
+            os.dup2(copy, descriptor)
+            os.close(copy)
+        os.close(nowhere)

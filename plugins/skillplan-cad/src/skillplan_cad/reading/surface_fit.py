@@ -1,0 +1,164 @@
+"""What surface a patch of triangles stands for, where CAD does not say: planes and cylinders."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from skillplan_cad.product import Face, Points, Triangles, Vector
+from skillplan_cad.reading.raw_part import area_vectors_m2
+
+# Facets of one plane turn by less; those of one curved face by less than the second.
+_FLAT_RAD, _SMOOTH_RAD = 1e-3, 0.65
+# A cylinder needs so many facets, whose corners lie on it to this share of its radius.
+_LEAST_FACETS, _ROUND = 6, 0.02
+
+
+def fitted_faces(vertices_m: Points, triangles: Triangles) -> tuple[Face, ...]:
+    """Return planes, cylinders and other faces of a mesh."""
+    vectors = area_vectors_m2(vertices_m, triangles)
+    areas = np.linalg.norm(vectors, axis=1)
+    normals = vectors / np.where(areas > 0, areas, 1.0)[:, None]
+    first, second = _neighbours(triangles)
+    angle = np.arccos(np.clip(np.einsum("ij,ij->i", normals[first], normals[second]), -1, 1))
+    facet = _components(first, second, angle < _FLAT_RAD, len(triangles))
+    patch = _components(first, second, angle < _SMOOTH_RAD, len(triangles))
+    found: list[Face] = []
+    for number in np.unique(patch):
+        chosen = np.flatnonzero(patch == number)
+        found += _faces_of_patch(vertices_m, triangles, normals, areas, facet, chosen)
+    return tuple(found)
+
+
+def recognised(face: Face, vertices_m: Points, triangles: Triangles) -> Face:
+    """Return a face, with its surface found if it is a plane or cylinder in another guise."""
+    if face.kind == "free":
+        vectors = area_vectors_m2(vertices_m, triangles[face.triangles])
+        areas = np.linalg.norm(vectors, axis=1)
+        normals = vectors / np.where(areas > 0, areas, 1.0)[:, None]
+        mean = vectors.sum(axis=0)
+        length = float(np.linalg.norm(mean))
+        if length > (1 - 1e-7) * areas.sum() > 0:
+            face = _plane(vertices_m, triangles, face.triangles, mean / length)
+        else:
+            found = _cylinder(vertices_m, triangles, face.triangles, normals, areas)
+            face = found if found is not None else face
+    return measured(face, vertices_m, triangles)
+
+
+def measured(face: Face, vertices_m: Points, triangles: Triangles) -> Face:
+    """Return a face with its extent along the axis, round it, and the side it looks to."""
+    if face.kind in ("free", "sphere"):
+        return face
+    corners = vertices_m[np.unique(triangles[face.triangles])] - face.origin_m
+    axis = np.asarray(face.axis)
+    along = corners @ axis
+    extent = (float(along.min()), float(along.max()))
+    if face.kind == "plane":
+        # The mesh knows which side is outside.
+        outwards = area_vectors_m2(vertices_m, triangles[face.triangles]).sum(axis=0) @ axis
+        return replace(face, axis=_vector(axis if outwards > 0 else -axis), extent_m=(0.0, 0.0))
+    across = corners - along[:, None] * axis
+    middle = vertices_m[triangles[face.triangles]].mean(axis=1) - face.origin_m
+    middle -= (middle @ axis)[:, None] * axis
+    vectors = area_vectors_m2(vertices_m, triangles[face.triangles])
+    inwards = float(np.einsum("ij,ij->", middle, vectors)) < 0
+    return replace(face, extent_m=extent, turn_rad=_turn(across, axis), hollow=inwards)
+
+
+def _faces_of_patch(
+    vertices_m: Points,
+    triangles: Triangles,
+    normals: NDArray[np.float64],
+    areas: NDArray[np.float64],
+    facet: NDArray[np.int64],
+    chosen: NDArray[np.int64],
+) -> list[Face]:
+    """Return a patch as a cylinder, as its planes, or as a face of no such form."""
+    facets = np.unique(facet[chosen])
+    if len(facets) >= _LEAST_FACETS:
+        found = _cylinder(vertices_m, triangles, chosen, normals[chosen], areas[chosen])
+        if found is not None:
+            return [measured(found, vertices_m, triangles)]
+        if len(facets) > len(chosen) / 4:
+            return [Face("free", chosen)]
+    faces = []
+    for one in facets:
+        own = chosen[facet[chosen] == one]
+        vector = (normals[own] * areas[own, None]).sum(axis=0)
+        faces.append(_plane(vertices_m, triangles, own, vector / np.linalg.norm(vector)))
+    return faces
+
+
+def _plane(
+    vertices_m: Points, triangles: Triangles, chosen: NDArray[np.int64], normal: NDArray[np.float64]
+) -> Face:
+    return Face("plane", chosen, _vector(vertices_m[triangles[chosen[0], 0]]), _vector(normal))
+
+
+def _cylinder(
+    vertices_m: Points,
+    triangles: Triangles,
+    chosen: NDArray[np.int64],
+    normals: NDArray[np.float64],
+    areas: NDArray[np.float64],
+) -> Face | None:
+    """Return the cylinder that triangles lie on, or None: by normals its axis, then a circle."""
+    if len(chosen) < _LEAST_FACETS:
+        return None
+    _, values, rows = np.linalg.svd(normals * np.sqrt(areas / areas.sum())[:, None])
+    if values[2] > 0.02 or values[1] < 0.05:
+        return None
+    axis = rows[2]
+    corners = vertices_m[np.unique(triangles[chosen])]
+    x, y = rows[0], rows[1]
+    flat = np.stack([corners @ x, corners @ y], axis=1)
+    middle = flat.mean(axis=0)
+    flat = flat - middle
+    system = np.column_stack([2 * flat, np.ones(len(flat))])
+    solved, *_ = np.linalg.lstsq(system, (flat**2).sum(axis=1), rcond=None)
+    radius = float(np.sqrt(max(solved[2] + solved[:2] @ solved[:2], 0.0)))
+    gaps = np.abs(np.linalg.norm(flat - solved[:2], axis=1) - radius)
+    if radius <= 0 or gaps.max() > _ROUND * radius:
+        return None
+    centre = (middle + solved[:2]) @ np.stack([x, y])
+    return Face("cylinder", chosen, _vector(centre), _vector(axis), radius)
+
+
+def _turn(across: Points, axis: NDArray[np.float64]) -> float:
+    """Return how far round an axis points reach; a gap of the usual width is none."""
+    x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    x /= np.linalg.norm(x)
+    y = np.cross(axis, x)
+    angles = np.unique(np.round(np.arctan2(across @ y, across @ x), 4))
+    if len(angles) < 3:
+        return 0.0
+    gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
+    widest, usual = float(gaps.max()), float(np.median(gaps))
+    return 2 * np.pi if widest <= max(1.5 * usual, 0.7) else 2 * np.pi - widest
+
+
+def _neighbours(triangles: Triangles) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the pairs of triangles that share an edge."""
+    edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    owner = np.repeat(np.arange(len(triangles)), 3)
+    order = np.lexsort((edges[:, 1], edges[:, 0]))
+    same = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)
+    return owner[order[:-1][same]], owner[order[1:][same]]
+
+
+def _components(
+    first: NDArray[np.int64], second: NDArray[np.int64], joined: NDArray[np.bool_], count: int
+) -> NDArray[np.int64]:
+    pairs = (first[joined], second[joined])
+    graph = coo_matrix((np.ones(int(joined.sum())), pairs), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _vector(numbers: NDArray[np.float64]) -> Vector:
+    x, y, z = (float(one) for one in numbers)
+    return x, y, z

@@ -1,0 +1,119 @@
+"""What blocks what in products whose truth is known by construction."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from cad_products import ALONG, links, moved, product, related, relation, true_links, truth
+from skillplan_cad.blocking.all_pairs import BlockingTest, all_blocking
+
+SOLID = ("dovetail", "floating", "interlocked", "l_slot", "mirrored", "nested", "threads")
+LARGER = ("bracket", "eight")
+
+
+def assert_true(name, found):
+    """Hold a relation against the truth of a fixture, along all three axes."""
+    for axis, direction in ALONG.items():
+        assert true_links(name, axis) == links(found, direction), (name, axis)
+        backwards = {(by, part) for part, by in true_links(name, axis)}
+        assert backwards == links(found, direction + 1), (name, axis)
+
+
+def turned(degrees):
+    """Return the turn about x, then y, then z."""
+    made = np.eye(3)
+    for axis, angle in enumerate(np.radians(degrees)):
+        one, two = (axis + 1) % 3, (axis + 2) % 3
+        turn = np.eye(3)
+        turn[one, one] = turn[two, two] = np.cos(angle)
+        turn[two, one], turn[one, two] = np.sin(angle), -np.sin(angle)
+        made = turn @ made
+    return made
+
+
+@pytest.mark.parametrize("name", SOLID)
+def test_what_blocks_what_is_what_was_built(name):
+    """All links and no other, along each axis and against it."""
+    if "blocked" in truth(name):
+        assert_true(name, relation(name))
+
+
+@pytest.mark.slow(reason="rays through eight parts; smaller products are held in every run")
+@pytest.mark.parametrize("name", LARGER)
+def test_what_blocks_what_is_what_was_built_in_larger_products(name):
+    assert_true(name, relation(name))
+
+
+@pytest.mark.slow(reason="reads and tests a product six times; one of them in every run")
+@pytest.mark.parametrize("tolerance", [0.05, 0.1, 0.2])
+@pytest.mark.parametrize("chord", [0.1, 0.02])
+@pytest.mark.parametrize("name", ["bracket", "nested"])
+def test_tolerance_and_tessellation_change_nothing(name, tolerance, chord):
+    """None of the fixtures is made to hang on either."""
+    assert_true(name, relation(name, tolerance, chord))
+
+
+@pytest.mark.parametrize("name", ["dovetail", "l_slot"])
+def test_a_product_turned_in_space_has_the_same_links(name):
+    """Along the turned axes."""
+    turn = turned((17, 31, 43))
+    whole = moved(product(name), turn)
+    test = BlockingTest(whole, 1e-4)
+    directions = [tuple(sign * row) for row in turn.T for sign in (1, -1)]
+    entries, _ = all_blocking(whole, test, directions)
+    for axis, number in ALONG.items():
+        found = {(one.part, one.by) for one in entries if one.direction == number}
+        assert true_links(name, axis) == found
+
+
+def test_names_and_order_of_parts_change_nothing():
+    """Parts are told apart by their shapes alone."""
+    whole = product("l_slot")
+    renamed = dataclasses.replace(
+        whole,
+        parts=tuple(
+            dataclasses.replace(part, name=f"part {number}", design="")
+            for number, part in enumerate(reversed(whole.parts))
+        ),
+    )
+    names = {f"part {number}": part.name for number, part in enumerate(reversed(whole.parts))}
+    found = related(renamed)
+    for axis, direction in ALONG.items():
+        pairs = {(names[part], names[by]) for part, by in links(found, direction)}
+        assert true_links("l_slot", axis) == pairs
+
+
+def test_a_link_says_how_far_and_where_the_parts_meet():
+    """The block, 10 mm above nothing but the plate, meets it at once; the balloon only later."""
+    found = {(one.part, one.by): one for one in relation("floating").blocked if one.direction == 5}
+    parts = {part.name: part for part in product("floating").parts}
+    for (part, by), one in found.items():
+        gap = parts[part].bounds_m[0, 2] - parts[by].bounds_m[1, 2]
+        assert gap == pytest.approx(one.distance_m, abs=1e-6)
+        assert parts[by].bounds_m[1, 2] == pytest.approx(one.point_m[2], abs=1e-6)
+        assert one.width_m > 1e-3
+
+
+def test_what_hangs_on_the_tolerance_is_listed():
+    """The pin is 0.5 mm too thick: a disc of 0.2 mm fits into that ring, one of 0.4 mm does not."""
+    coarse = related(product("interfering"), 0.2)
+    assert coarse.sensitive
+    assert {"block", "pin"} == {one.part for one in coarse.sensitive}
+    assert not related(product("interfering"), 0.04).sensitive
+
+
+class TestThreads:
+    """A bolt with a modelled thread, in a block."""
+
+    def test_a_thread_blocks_the_way_out_unless_it_is_unscrewed(self):
+        """Along its axis it comes out; as a solid it does not."""
+        assert ("bolt", "block") not in links(relation("threads"), 4)
+        assert ("bolt", "block") in links(related(product("threads"), threads="solid"), 4)
+
+    def test_a_thread_blocks_across_its_axis_unless_it_is_ignored(self):
+        """It is unscrewed along the axis, and nowhere else."""
+        assert ("bolt", "block") in links(relation("threads"), 0)
+        assert ("bolt", "block") not in links(related(product("threads"), threads="ignore"), 0)

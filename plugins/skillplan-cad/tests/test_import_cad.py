@@ -1,0 +1,126 @@
+"""`skillplan import-cad` as users call it."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+
+import jsonschema
+import pytest
+import yaml
+
+from cad_products import FIXTURES, file
+from skillplan.cli.app import run
+from skillplan.plugins import installed
+from skillplan_cad.importing import import_cad
+from skillplan_cad.relation_file import read_relation
+
+DOCUMENTS = FIXTURES.parents[3] / "docs/reference/documents"
+SOURCE = str(file("threads"))
+
+
+@pytest.fixture(autouse=True)
+def registered(monkeypatch, tmp_path):
+    """Let the command find the plugin, wherever it is installed, and keep nothing elsewhere."""
+
+    class Entry:
+        name, value, dist = "cad", "skillplan_cad.importing.import_cad:import_cad", None
+        load = partial(getattr, import_cad, "import_cad")
+
+    monkeypatch.setattr(installed, "importers", lambda: [Entry()])
+    monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "cache"))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Return what an import wrote, once for all that only look at it."""
+    folder = tmp_path_factory.mktemp("imported") / "product"
+    import_cad.import_cad(SOURCE, str(folder), {"keep": False}, lambda line: None)
+    return folder
+
+
+@pytest.mark.parametrize("name", ["relation", "import"])
+def test_documents_fit_their_schemas(made, name):
+    """As the reference publishes them."""
+    schema = yaml.safe_load((DOCUMENTS / f"{name}.yaml").read_text("utf-8"))
+    written = {"relation": "relation.json", "import": "report.json"}[name]
+    jsonschema.validate(json.loads((made / written).read_text("utf-8")), schema)
+
+
+def test_a_relation_that_was_written_is_read(made):
+    """With the fastener, its thread waived."""
+    relation = read_relation(made / "relation.json")
+    assert relation.names == ("block", "cap", "bolt")
+    assert relation.fastener("bolt").threaded_in == ("block",)
+    assert relation.blockers("bolt", 4) == ()
+
+
+def test_the_same_file_makes_the_same_bytes_and_stages_are_run_once(tmp_path, made, capsys):
+    """What is kept is as good as what is made; other threads test no ray again."""
+    said = []
+    for number, more in enumerate(([], [], ["--threads", "solid"])):
+        assert run(["import-cad", SOURCE, "--out", str(tmp_path / str(number)), *more]) == 0
+        said.append(capsys.readouterr().err)
+    for name in ("relation.json", "report.json"):
+        contents = [folder / name for folder in (made, tmp_path / "0", tmp_path / "1")]
+        assert len({content.read_bytes() for content in contents}) == 1
+    assert "kept from" not in said[0]
+    assert said[1].count("kept from an earlier run") == 3
+    assert "joints ..." in said[2]
+    assert "blocking: kept from an earlier run" in said[2]
+
+
+def test_what_is_kept_and_damaged_is_made_anew(tmp_path, made, capsys):
+    """And never trusted."""
+    assert run(["import-cad", SOURCE, "--out", str(tmp_path / "one")]) == 0
+    for path in (tmp_path / "cache" / "import-cad").iterdir():
+        path.write_bytes(path.read_bytes()[:-1])
+    assert run(["import-cad", SOURCE, "--out", str(tmp_path / "two")]) == 0
+    assert "kept from" not in capsys.readouterr().err
+    assert (made / "relation.json").read_bytes() == (tmp_path / "two/relation.json").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([str(FIXTURES / "nothing.step")], "there is no such file or folder"),
+        ([str(FIXTURES / "bracket.json")], "is neither STEP"),
+        ([str(file("open_mesh"))], "not watertight: tray"),
+        ([SOURCE, "--base", "blok"], "Did you mean 'block'"),
+        ([SOURCE, "--tolerance", "20"], "must be from 0.001 to 10 mm"),
+        ([SOURCE, "--tolerance", "nan"], "finite number"),
+        ([SOURCE, "--directions", "all"], "is not one of 'axes'"),
+        ([SOURCE, "--unit", "mm"], "states its unit"),
+    ],
+)
+def test_what_is_wrong_is_said_and_nothing_is_written(tmp_path, capsys, words, said):
+    """One message, exit code 2."""
+    assert run(["import-cad", *words, "--out", str(tmp_path / "product")]) == 2
+    assert said in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "product").exists()
+
+
+def test_a_folder_with_anything_in_it_is_left_alone(made, capsys):
+    """Name a new one."""
+    assert run(["import-cad", SOURCE, "--out", str(made)]) == 2
+    assert "is not empty" in capsys.readouterr().err
+
+
+def test_overlaps_and_what_floats_are_told(tmp_path, capsys):
+    """On stderr, with names, volumes and places; and in the report."""
+    source, out = str(file("interfering")), tmp_path / "product"
+    assert run(["import-cad", source, "--out", str(out), "--format", "json"]) == 0
+    printed = capsys.readouterr()
+    assert "block and pin overlap by 38." in printed.err
+    document = json.loads(printed.out)
+    assert [one["parts"] for one in document["interference"]] == [["block", "pin"]]
+    assert document == json.loads((out / "report.json").read_text("utf-8"))
+    run(["import-cad", str(file("floating")), "--out", str(tmp_path / "other")])
+    assert "balloon: touches no other part" in capsys.readouterr().err
+
+
+def test_without_the_plugin_the_command_says_how_to_get_it(monkeypatch, capsys, tmp_path):
+    """It is listed in any case, and needs nothing until it is called."""
+    monkeypatch.setattr(installed, "importers", list)
+    assert run(["import-cad", SOURCE, "--out", str(tmp_path / "product")]) == 2
+    assert "skillplan[cad]" in capsys.readouterr().err

@@ -1,0 +1,125 @@
+"""Contacts, overlaps, fasteners and directions of products whose truth is known."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from cad_products import moved, product, relation, truth
+from skillplan_cad.build_relation import joints_of
+
+NAMES = ("bracket", "eight", "bayonet", "dovetail", "floating", "nested", "threads", "mirrored")
+
+
+@pytest.fixture(scope="module")
+def joints():
+    """Return the joints of a fixture, found once."""
+    kept = {}
+
+    def found(name):
+        if name not in kept:
+            kept[name] = joints_of(product(name), 1e-4, "axes", "unscrew")
+        return kept[name]
+
+    return found
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_fasteners_are_found_and_none_is_invented(joints, name):
+    """With what they are, and the line along which they come out."""
+    wanted = truth(name).get("fasteners", {})
+    found = {one.part: one for one in joints(name).fasteners}
+    assert set(wanted) == set(found)
+    for part, about in wanted.items():
+        assert about["kind"] == found[part].kind
+        assert abs(np.dot(about["axis"], found[part].axis)) == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["bracket", "eight"])
+def test_screws_without_a_name_are_known_by_head_and_drive(name):
+    """As are washers on them."""
+    whole = product(name)
+    plain = dataclasses.replace(
+        whole,
+        parts=tuple(
+            dataclasses.replace(part, name=f"part {number}", design="")
+            for number, part in enumerate(whole.parts)
+        ),
+    )
+    found = {one.part: one.kind for one in joints_of(plain, 1e-4, "axes", "unscrew").fasteners}
+    wanted = {
+        f"part {whole.index(part)}": about["kind"]
+        for part, about in truth(name)["fasteners"].items()
+    }
+    assert wanted == found
+
+
+def test_a_screw_comes_out_towards_its_head_and_joins_what_it_passes(joints):
+    """From the head on; its thread is in the last."""
+    screw = next(one for one in joints("bracket").fasteners if one.part == "screw_1")
+    assert screw.axis == pytest.approx((0, 0, 1), abs=1e-6)
+    assert screw.joins == ("washer_1", "angle", "plate")
+    assert screw.threaded_in == ("plate",)
+    assert screw.diameter_m == pytest.approx(0.004)
+
+
+@pytest.mark.parametrize("name", ["bracket", "eight"])
+def test_contacts_have_their_kinds(joints, name):
+    """Flat on flat, and a cylinder in a cylinder, which is a thread where a screw is gripped."""
+    kinds = {frozenset(one.parts): one.kind for one in joints(name).contacts}
+    for pair in truth(name)["contacts"]["plane"]:
+        assert kinds[frozenset(pair)] == "plane"
+    for pair in truth(name)["contacts"]["cylinder"]:
+        assert kinds[frozenset(pair)] == "thread"
+
+
+def test_parts_that_overlap_are_named_with_the_volume(joints):
+    """Beyond what chords explain."""
+    (wanted,) = truth("interfering")["interference"]
+    (found,) = [one for one in joints("interfering").contacts if one.interferes]
+    assert set(wanted["parts"]) == set(found.parts)
+    assert found.overlap_m3 * 1e9 == pytest.approx(wanted["overlap_mm3"], rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["bracket", "eight", "nested", "dovetail", "bayonet"])
+def test_parts_that_fit_are_not_said_to_overlap(joints, name):
+    """Though their tessellated cylinders cut into each other."""
+    assert [one.parts for one in joints(name).contacts if one.interferes] == []
+
+
+def test_what_floats_touches_nothing(joints):
+    """The balloon has no contact."""
+    assert {"plate", "block"} == {name for one in joints("floating").contacts for name in one.parts}
+
+
+class TestDirections:
+    def test_those_of_the_file_come_first_and_are_all_there_are_in_its_frame(self):
+        """Cylinders along z add nothing."""
+        found = joints_of(product("threads"), 1e-4, "cylinders", "unscrew").directions
+        assert len(found) == 6
+        assert found[:2] == ((1, 0, 0), (-1, 0, 0))
+
+    def test_axes_of_cylinders_are_added_with_a_frame_about_them(self):
+        """In a turned product; of the file's axes y is square to its cylinders, too."""
+        turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+        found = np.array(
+            joints_of(moved(product("threads"), turn), 1e-4, "cylinders", "unscrew").directions
+        )
+        assert len(found) == 10
+        assert np.abs(found[6:] @ turn[:, 2]).max() == pytest.approx(1, abs=1e-6)
+
+    def test_flat_contacts_add_their_normals_and_what_slides_on_two_of_them(self):
+        """A dovetail slides along y, which is an edge of its contacts; its flanks are oblique."""
+        found = np.array(joints_of(product("dovetail"), 1e-4, "contacts", "unscrew").directions)
+        assert len(found) > 6
+        assert np.linalg.norm(found, axis=1) == pytest.approx(np.ones(len(found)))
+
+
+def test_relations_name_identical_and_mirrored_parts():
+    """By the first of them."""
+    parts = {one.name: one for one in relation("mirrored").parts}
+    assert parts["left_2"].identical_to == "left_1"
+    assert parts["left_1"].identical_to is None
+    assert parts["right"].mirror_of == "left_1"

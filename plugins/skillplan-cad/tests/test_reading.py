@@ -1,0 +1,210 @@
+"""Reading STEP files and folders of meshes, and what is refused."""
+
+from __future__ import annotations
+
+import gzip
+
+import numpy as np
+import pytest
+import trimesh
+
+from cad_products import file, product, truth
+from skillplan.errors import OptionError
+from skillplan_cad.reading.mending import mended
+from skillplan_cad.reading.product_reader import ReadOptions, read_product
+from skillplan_cad.reading.raw_part import RawPart
+from skillplan_cad.reading.shapes import shapes_of
+
+
+def box(size=(10, 10, 10), at=(0, 0, 0)):
+    """Return the mesh of a box, in millimetres."""
+    mesh = trimesh.creation.box(size)
+    mesh.apply_translation(at)
+    return mesh
+
+
+def folder(path, **meshes):
+    """Write meshes, and return the folder."""
+    for name, mesh in meshes.items():
+        mesh.export(path / f"{name}.stl")
+    return path
+
+
+class TestStep:
+    @pytest.mark.parametrize("name", ["bracket", "nested", "mirrored", "threads"])
+    def test_all_parts_are_read_and_identical_ones_found(self, name):
+        """Each instance is a part."""
+        whole = product(name)
+        assert truth(name)["parts"] == len(whole)
+        shapes = {}
+        for part in whole.parts:
+            shapes.setdefault(part.shape, []).append(part.name)
+        repeated = sorted(sorted(one) for one in shapes.values() if len(one) > 1)
+        assert truth(name).get("identical", []) == repeated
+
+    def test_names_are_paths_in_the_tree(self):
+        """Below its root."""
+        assert "carriage_2/stud/pin" in [part.name for part in product("nested").parts]
+
+    def test_mirror_images_are_told_apart_from_identical_parts(self):
+        """Though volume, area and all distances are the same."""
+        whole = product("mirrored")
+        right, left = whole.parts[whole.index("right")], whole.parts[whole.index("left_1")]
+        assert right.shape != left.shape
+        assert left.shape == right.mirrors
+
+    def test_inches_are_converted(self):
+        """The same bracket, saved in inches."""
+        inch, metric = product("inch"), product("bracket")
+        assert inch.unit == "inch"
+        for one, other in zip(inch.parts, metric.parts, strict=True):
+            assert one.bounds_m == pytest.approx(other.bounds_m, abs=1e-6)
+            assert one.volume_m3 == pytest.approx(other.volume_m3, rel=1e-5)
+
+    def test_faces_have_their_surfaces(self):
+        """A washer is two planes and two cylinders, one of them hollow."""
+        whole = product("bracket")
+        faces = whole.parts[whole.index("washer_1")].faces
+        assert sorted(face.kind for face in faces) == ["cylinder", "cylinder", "plane", "plane"]
+        radii = {face.hollow: face.radius_m for face in faces if face.kind == "cylinder"}
+        assert pytest.approx(radii) == {False: 0.0045, True: 0.00225}
+        assert sum(len(face.triangles) for face in faces) == len(
+            whole.parts[whole.index("washer_1")].triangles
+        )
+
+    def test_masses_are_those_of_steel_and_said_to_be(self):
+        """9 x 4.5 x 1 mm, 7850 kg/m3."""
+        whole = product("bracket")
+        exact = np.pi * (4.5**2 - 2.25**2) * 1e-9 * 7850
+        assert whole.parts[whole.index("washer_1")].mass_kg == pytest.approx(exact, rel=0.02)
+        assert any("steel" in note for note in whole.notes)
+
+    @pytest.mark.parametrize(
+        ("content", "words"),
+        [
+            (b"", "is empty"),
+            (b"PK\x03\x04rest", "is a ZIP archive"),
+            (b"solid cube", "is no STEP file"),
+            (b"ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\n#1=", "is cut off"),
+            (b"\x1f\x8brest of no stream", "is damaged"),
+            (gzip.compress(b"ISO-10303-21;" * 99)[:-9], "is cut off"),
+            (b"ISO-10303-21;\nnothing\nEND-ISO-10303-21;\n", "STEP"),
+        ],
+    )
+    def test_what_is_no_step_file_is_refused_in_words(self, tmp_path, content, words):
+        """Whatever its name says."""
+        path = tmp_path / "product.step"
+        path.write_bytes(content)
+        with pytest.raises(OptionError, match=words) as caught:
+            read_product(path, ReadOptions())
+        assert str(path) in str(caught.value)
+
+    def test_an_open_mesh_is_refused_with_the_part_and_the_place(self):
+        """The tray lacks a side."""
+        with pytest.raises(OptionError, match=r"not watertight: tray \(4 open edges, one at"):
+            read_product(file("open_mesh"), ReadOptions())
+
+    def test_a_unit_is_refused_as_the_file_states_one(self):
+        with pytest.raises(OptionError, match="states its unit"):
+            read_product(file("threads"), ReadOptions(unit="mm"))
+
+
+class TestFolders:
+    def test_a_folder_needs_a_unit(self, tmp_path):
+        """Meshes state none."""
+        path = folder(tmp_path, one=box(), two=box(at=(10, 0, 0)))
+        with pytest.raises(OptionError, match="--unit mm"):
+            read_product(path, ReadOptions())
+        with pytest.raises(OptionError, match="Did you mean 'mm'"):
+            read_product(path, ReadOptions(unit="mmm"))
+
+    @pytest.mark.parametrize(("unit", "volume"), [("mm", 1e-6), ("inch", 1e-6 * 25.4**3)])
+    def test_meshes_are_parts_named_after_their_files(self, tmp_path, unit, volume):
+        """In the order of their names."""
+        path = folder(tmp_path, two=box(at=(10, 0, 0)), one=box())
+        whole = read_product(path, ReadOptions(unit=unit))
+        assert [part.name for part in whole.parts] == ["one", "two"]
+        assert whole.parts[0].volume_m3 == pytest.approx(volume)
+        assert whole.parts[0].shape == whole.parts[1].shape
+
+    def test_cylinders_are_found_in_meshes(self, tmp_path):
+        """By their facets."""
+        peg = trimesh.creation.cylinder(radius=3, height=20, sections=48)
+        path = folder(tmp_path, peg=peg, plate=box((30, 30, 5), (0, 0, -20)))
+        whole = read_product(path, ReadOptions(unit="mm"))
+        (round_face,) = [one for one in whole.parts[0].faces if one.kind == "cylinder"]
+        assert round_face.radius_m == pytest.approx(0.003, rel=1e-3)
+        assert np.abs(round_face.axis) == pytest.approx([0, 0, 1], abs=1e-6)
+        assert [one.kind for one in whole.parts[1].faces] == ["plane"] * 6
+
+    def test_bodies_of_a_part_are_counted_and_split_when_asked(self, tmp_path):
+        """One file with two cubes."""
+        both = trimesh.util.concatenate([box(), box(at=(30, 0, 0))])
+        path = folder(tmp_path, both=both, plate=box((90, 30, 5), (0, 0, -20)))
+        whole = read_product(path, ReadOptions(unit="mm"))
+        assert whole.parts[0].bodies == 2
+        assert any("--split-bodies" in note for note in whole.notes)
+        apart = read_product(path, ReadOptions(unit="mm", split_bodies=True))
+        assert [part.name for part in apart.parts] == ["both.1", "both.2", "plate"]
+
+    @pytest.mark.parametrize(
+        ("meshes", "words"),
+        [
+            ({}, "holds no meshes"),
+            ({"one": box()}, "nothing to assemble"),
+            (
+                {"one": trimesh.util.concatenate([box(), box(at=(30, 0, 0))])},
+                "of 2 bodies. --split-bodies",
+            ),
+        ],
+    )
+    def test_what_cannot_be_assembled_is_refused(self, tmp_path, meshes, words):
+        with pytest.raises(OptionError, match=words):
+            read_product(folder(tmp_path, **meshes), ReadOptions(unit="mm"))
+
+    def test_a_damaged_mesh_is_refused_with_its_file(self, tmp_path):
+        """And what it was read as."""
+        folder(tmp_path, one=box())
+        (tmp_path / "two.ply").write_text("nonsense")
+        with pytest.raises(OptionError, match=r"two\.ply: cannot be read as PLY"):
+            read_product(tmp_path, ReadOptions(unit="mm"))
+
+
+class TestMending:
+    def test_unmerged_vertices_inside_out_are_mended(self):
+        """As a file of loose triangles has them."""
+        mesh = box()
+        loose = mesh.triangles.reshape(-1, 3)
+        triangles = np.arange(len(loose)).reshape(-1, 3)[:, ::-1]
+        found = mended(RawPart("cube", (), loose, triangles))
+        assert found.open_edges == 0
+        assert len(found.part.vertices_m) == 8
+        corners = found.part.vertices_m[found.part.triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        assert (np.einsum("ij,ij->i", normals, corners.mean(axis=1)) > 0).all()
+
+    def test_a_cavity_is_no_body(self):
+        """A shell that looks inwards, inside another."""
+        hollow = box((4, 4, 4))
+        hollow.invert()
+        both = trimesh.util.concatenate([box(), hollow])
+        found = mended(RawPart("cube", (), np.asarray(both.vertices), np.asarray(both.faces)))
+        assert found.open_edges == 0
+        assert found.bodies.max() == 0
+
+
+def test_shapes_are_found_whatever_their_place_and_tessellation():
+    """Turned, moved, mirrored; a cube of one kind of triangles and of another."""
+    generator = np.random.default_rng(3)
+    mesh = trimesh.util.concatenate([box((10, 4, 2)), box((2, 3, 9), (4, 3.5, 5))])
+    wedge = trimesh.convex.convex_hull(np.vstack([mesh.vertices, [[9.0, 7.0, 1.0]]]))
+    parts = []
+    for number in range(3):
+        turn = trimesh.transformations.random_rotation_matrix(generator.random(3))[:3, :3]
+        turn = turn * (1, 1, -1) if number == 2 else turn
+        faces = np.asarray(wedge.faces)[:, ::-1] if number == 2 else np.asarray(wedge.faces)
+        points = np.asarray(wedge.vertices) @ turn.T + generator.random(3)
+        parts.append(RawPart(str(number), (), points, faces))
+    shapes, mirrors = shapes_of(parts, 0.0)
+    assert shapes.tolist() == [0, 0, 1]
+    assert mirrors == {1: 0}

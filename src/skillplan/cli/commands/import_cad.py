@@ -1,0 +1,212 @@
+"""``skillplan import-cad``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+import typer
+
+from skillplan.cli.options.panels import OUTPUT
+from skillplan.cli.options.values import one_of, positive_number
+
+GEOMETRY = "Geometry"
+PLANNING = "Planning"
+
+_UPS = ("x", "y", "z", "-x", "-y", "-z")
+_DIRECTIONS = ("axes", "cylinders", "contacts")
+_THREADS = ("unscrew", "solid", "ignore")
+# The plugin that is asked for by the command's name.
+_NAME = "cad"
+
+
+def command(
+    product: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE|FOLDER",
+            help="A STEP file (.step, .stp, also .gz), or a folder of STL, OBJ or PLY files, one "
+            "a part, that share one frame.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        str,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="A new folder, or an empty one, for what is written.",
+            rich_help_panel=OUTPUT,
+            show_default=False,
+        ),
+    ],
+    unit: Annotated[
+        str | None,
+        typer.Option(
+            "--unit",
+            metavar="UNIT",
+            help="Of a folder's meshes, which state none: um, mm, cm, m, inch or foot.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float,
+        typer.Option(
+            "--tolerance",
+            parser=positive_number(),
+            metavar="MM",
+            help="Lateral tolerance: two parts block each other where a disc of this radius does.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = 0.1,
+    chord: Annotated[
+        float | None,
+        typer.Option(
+            "--chord",
+            parser=positive_number(),
+            metavar="MM",
+            help="How far triangles may lie from curved faces of STEP. Default: half the "
+            "tolerance.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    directions: Annotated[
+        Literal["axes", "cylinders", "contacts"],
+        typer.Option(
+            "--directions",
+            parser=one_of(_DIRECTIONS),
+            metavar="FROM",
+            help="Along which parts are moved: the file's axes; also those of cylinders; also "
+            "those of flat contacts.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = "cylinders",
+    threads: Annotated[
+        Literal["unscrew", "solid", "ignore"],
+        typer.Option(
+            "--threads",
+            parser=one_of(_THREADS),
+            metavar="HOW",
+            help="unscrew: a screw comes out of its thread along its axis; solid: it blocks as "
+            "drawn; ignore: it and what it is screwed into never block each other.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = "unscrew",
+    split_bodies: Annotated[
+        bool,
+        typer.Option(
+            "--split-bodies",
+            help="Make each body of a part with several a part of its own.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = False,
+    density: Annotated[
+        float | None,
+        typer.Option(
+            "--density",
+            parser=positive_number(),
+            metavar="KG/M3",
+            help="Of all parts. Default: that of steel, 7850.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    up: Annotated[
+        Literal["x", "y", "z", "-x", "-y", "-z"],
+        typer.Option(
+            "--up",
+            parser=one_of(_UPS),
+            metavar="AXIS",
+            help="Axis of the file that points up: x, y, z, -x, -y or -z.",
+            rich_help_panel=PLANNING,
+        ),
+    ] = "z",
+    base: Annotated[
+        str | None,
+        typer.Option(
+            "--base",
+            metavar="PART",
+            help="The part that the others are put on. Default: one is chosen, and said why.",
+            rich_help_panel=PLANNING,
+        ),
+    ] = None,
+    no_cache: Annotated[
+        bool,
+        typer.Option(
+            "--no-cache",
+            help="Neither read nor keep stages on disk.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = False,
+    style: Annotated[
+        Literal["table", "json", "csv", "md"],
+        typer.Option(
+            "--format",
+            parser=one_of(("table", "json", "csv", "md")),
+            metavar="FORMAT",
+            help="How to print: table, json, csv or md; json is the document of report.json.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = "table",
+) -> int:
+    """Find parts, screws and what blocks what in a product's CAD.
+
+    Writes relation.json (which part, moved in which direction, is blocked by which others, and
+    where), and report.json (parts, masses, what was assumed, what overlaps). Stages that ran
+    before with the same input are not run again. Needs the plugin skillplan-cad.
+    """
+    from skillplan.cli.output import emit
+    from skillplan.cli.writing import tell
+    from skillplan.errors import exit_code
+    from skillplan.records.schemas import IMPORT
+    from skillplan.views.tables.imported import imported_table
+
+    imported = _importer()(
+        product,
+        out,
+        {
+            "unit": unit,
+            "tolerance_mm": tolerance,
+            "chord_mm": chord,
+            "up": up,
+            "base": base,
+            "directions": directions,
+            "threads": threads,
+            "split_bodies": split_bodies,
+            "density_kg_m3": density,
+            "keep": not no_cache,
+        },
+        lambda line: tell(f"skillplan: {line}"),
+    )
+    for warning in imported.warnings:
+        tell(f"skillplan: warning: {warning}")
+    document = {"schema": IMPORT, **imported.document}
+    emit(style, document, [imported_table(document, imported.lines)])
+    return exit_code()
+
+
+def _importer() -> Callable[..., Any]:
+    """Return what the plugin registered; raises PluginError where it is absent or broken."""
+    from skillplan.errors import PluginError
+    from skillplan.plugins.blame import ends_program
+    from skillplan.plugins.installed import importers
+
+    found = [one for one in importers() if one.name == _NAME]
+    if not found:
+        raise PluginError(
+            "import-cad is a command of the plugin skillplan-cad, which is not installed: "
+            "pip install 'skillplan[cad]', or in a checkout "
+            "pip install -c constraints.txt -e plugins/skillplan-cad."
+        )
+    if len(found) > 1:
+        owners = " and ".join(sorted({one.dist.name for one in found if one.dist is not None}))
+        raise PluginError(f"import-cad is provided by {owners}. Uninstall one of them.")
+    try:
+        loaded: Callable[..., Any] = found[0].load()
+    except BaseException as error:
+        if ends_program(error):
+            raise
+        raise PluginError(
+            f"import-cad cannot be imported ({found[0].value}): {type(error).__name__}: {error}. "
+            "Install skillplan-cad anew."
+        ) from error
+    return loaded

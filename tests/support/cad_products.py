@@ -1,0 +1,80 @@
+"""Fixtures as they are read, once each, and what is true of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from skillplan_cad.build_relation import blocked_of, joints_of, relation_of
+from skillplan_cad.product import Product
+from skillplan_cad.reading.product_reader import ReadOptions, read_product
+
+FIXTURES = Path(__file__).parents[2] / "plugins/skillplan-cad/tests/fixtures"
+AXES = ((1.0, 0, 0), (-1.0, 0, 0), (0, 1.0, 0), (0, -1.0, 0), (0, 0, 1.0), (0, 0, -1.0))
+ALONG = {"+x": 0, "+y": 2, "+z": 4}
+
+
+def file(name: str) -> Path:
+    """Return the STEP file of a fixture."""
+    (found,) = FIXTURES.glob(f"{name}.step*")
+    return found
+
+
+def truth(name: str) -> dict:
+    """Return what is true of a fixture by construction."""
+    return json.loads((FIXTURES / f"{name}.json").read_text("utf-8"))
+
+
+@cache
+def product(name: str, chord_mm: float = 0.05) -> Product:
+    """Return a fixture as it is read."""
+    return read_product(file(name), ReadOptions(chord_m=chord_mm / 1000))
+
+
+def related(product: Product, tolerance_mm: float = 0.1, source="axes", threads="unscrew"):
+    """Return the relation of a product."""
+    joints = joints_of(product, tolerance_mm / 1000, source, threads)
+    blocked = blocked_of(product, joints.directions, tolerance_mm / 1000)
+    return relation_of(product, joints, blocked, tolerance_mm / 1000, threads)
+
+
+@cache
+def relation(name: str, tolerance_mm: float = 0.1, chord_mm: float = 0.05):
+    """Return the relation of a fixture along the axes of its file."""
+    return related(product(name, chord_mm), tolerance_mm)
+
+
+def moved(product: Product, matrix) -> Product:
+    """Return a product whose parts are turned, or turned and mirrored, as one."""
+    turn = np.asarray(matrix)
+    parts = tuple(
+        dataclasses.replace(
+            part,
+            vertices_m=part.vertices_m @ turn.T,
+            centre_m=tuple(turn @ part.centre_m),
+            faces=tuple(
+                dataclasses.replace(
+                    face,
+                    origin_m=tuple(turn @ face.origin_m),
+                    axis=tuple(turn @ face.axis),
+                )
+                for face in part.faces
+            ),
+        )
+        for part in product.parts
+    )
+    return dataclasses.replace(product, parts=parts)
+
+
+def links(found, direction: int) -> set[tuple[str, str]]:
+    """Return the pairs (part, by) that a relation has along a direction."""
+    return {(one.part, one.by) for one in found.blocked if one.direction == direction}
+
+
+def true_links(name: str, axis: str) -> set[tuple[str, str]]:
+    """Return the pairs that are blocked by construction along an axis."""
+    return {(part, by) for part, all_by in truth(name)["blocked"][axis].items() for by in all_by}
