@@ -133,6 +133,12 @@ class TestContactPairs:
         assert (evidence["during"], evidence["at_s"]) == ("the approach to switch_2", 0.166667)
         assert evidence["limits"] == {"force_n": 0.05, "moved_mm": 1.0}
 
+    def test_what_touches_by_its_side_is_told_how_much_room_it_needs(self, task) -> None:
+        pair = ("switch_2", "transformer")
+        pressing = a_record(task, pairs_n={pair: bump(8, 0.6)}, beside=frozenset([pair]))
+        reason = ContactPairsDetector(task).verdict_on(pressing).reason
+        assert reason.endswith("; the limit is 0.05 N; leave 0.3 mm between them")
+
     def test_a_touch_of_one_frame_is_none(self, task) -> None:
         """Averaged over six frames it stays below the threshold; the figure is told."""
         touch = {("left finger", "transformer"): bump(1, 0.29)}

@@ -74,6 +74,44 @@ def test_a_part_put_through_another_is_a_collision(task, detectors) -> None:
     assert verdict.evidence["force_n"] > 1.0
 
 
+@pytest.mark.slow(reason="executes a skill; the words in every run")
+def test_a_part_that_scrapes_past_another_is_told_to_leave_room() -> None:
+    """Half a millimetre beside the middle of a slot that leaves 0.3 mm on each side."""
+    floor = {"size_m": [0.1, 0.08, 0.004], "centre_m": [0, 0, 0.002]}
+    sides = [
+        {"size_m": [0.02, 0.08, 0.04], "centre_m": [x_m, 0, 0.024]} for x_m in (-0.0303, 0.0303)
+    ]
+    case = {"tool": "cup", "mass_kg": 1.0, "boxes": [floor, *sides]}
+    block = {"tool": "gripper", "size_m": [0.04, 0.03, 0.05], "grasp": {"closing_axis": "y"}}
+    task = assembly(
+        {
+            "kind": "assembly",
+            "name": "slot",
+            "robot": {"home_m": [0.4, 0.0], "safe_height_m": 0.2},
+            "tools": {
+                "gripper": {"holder_m": [0.6, 0.4]},
+                "cup": {"type": "suction", "holder_m": [0.6, -0.4]},
+            },
+            "initial_tool": "gripper",
+            "parts": {
+                "case": {**case, "start_m": [0.45, -0.25], "goal_m": [0.5, 0.0]},
+                "block": {
+                    **block,
+                    "start_m": [0.4, 0.25],
+                    "goal_m": [0.5005, 0.0],
+                    "goal_on": "case",
+                },
+            },
+        }
+    )
+    engine, pairs = PybulletEngine(task), ContactPairsDetector(task)
+    introduce([engine, pairs])
+    held = task.facts.of("placed(case)", "held(block)", "tool(gripper)", "at(block.start)")
+    verdict = pairs.check(task.skill("place(block)"), held)
+    assert verdict.reason.startswith("block pressed on case with ")
+    assert verdict.reason.endswith("; leave 0.3 mm between them")
+
+
 @pytest.mark.slow(reason="an execution; a part put through another in every run")
 def test_what_only_ends_elsewhere_is_the_engines_business(task, detectors) -> None:
     """A switch that falls past the missing board touches nothing that it should not."""

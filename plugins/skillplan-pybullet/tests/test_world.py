@@ -45,6 +45,17 @@ def test_a_body_at_rest_stays_within_a_fiftieth_of_a_millimetre(name):
     assert pose.yaw_rad == pytest.approx(0.3, abs=1e-3)
 
 
+def test_a_round_body_that_is_let_go_off_level_stays_where_it_comes_down():
+    """It rolled away, pushed at a point of contact that stayed where it had been."""
+    lying = Pose.turned((0.4, 0.1, 0.0153), (np.pi / 2 - 0.003, 0.0, 0.0))
+    with World(0.6) as world:
+        world.add(BODIES["cylinder"], lying)
+        for _ in range(3 * STEPS_PER_S):
+            world.step()
+        pose = world.pose("cylinder")
+    assert np.allclose(pose.position[:2], lying.position[:2], atol=1e-4)
+
+
 def test_a_body_that_nothing_bears_falls_as_physics_has_it():
     with World(0.6) as world:
         world.add(BODIES["box"], Pose((0.4, 0.1, 0.5)))

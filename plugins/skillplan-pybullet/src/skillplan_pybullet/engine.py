@@ -43,7 +43,7 @@ class PybulletEngine(Engine, Performer):
     """
 
     name = "pybullet"
-    version = "8"
+    version = "9"
     expected_s = 0.6
     expensive = True
     contact_detectors = ("contact-pairs", "contact-force")

@@ -68,6 +68,8 @@ class Record:
     begin_s
         Simulated time of the first frame [s]: zero for a skill executed by itself, later for one
         of a whole plan.
+    beside
+        Pairs of ``pairs_n`` that first touched by their sides: across the way of what is handled.
     """
 
     skill: str
@@ -87,6 +89,7 @@ class Record:
     travels: tuple[Mapping[str, Any], ...] = ()
     steps: int = 0
     begin_s: float = 0.0
+    beside: frozenset[Pair] = frozenset()
 
     def phase(self, frame: int) -> str:
         """Return what the robot was at in a frame; empty before it began."""

@@ -31,6 +31,8 @@ FINGERS = ("left finger", "right finger")
 JAW_SPEED_M_PER_S = 0.05
 _OPENING_FORCE_N = 40.0
 _FINGER_FRICTION = 1.0
+# What a point of contact of a jaw resists being turned about its normal, by its force [m].
+_FINGER_SPINNING_M = 0.01
 # The joint that couples the fingers: the simulator ignores the description's own.
 _GEAR_ERP = 0.1
 _GEAR_FORCE_N = 50.0
@@ -157,7 +159,7 @@ class SimulatedArm:
                 self.number,
                 link,
                 lateralFriction=_FINGER_FRICTION,
-                spinningFriction=0.01,
+                spinningFriction=_FINGER_SPINNING_M,
                 frictionAnchor=1,
                 physicsClientId=client,
             )
@@ -275,6 +277,10 @@ class SimulatedArm:
             weight_n = np.array([0.0, 0.0, self.world.mass_kg(name) * GRAVITY_M_PER_S2])
             moment_nm += np.cross(self.world.centre(name) - tip, weight_n)
         return lift_n, moment_nm
+
+    def grip_friction(self, friction: float) -> tuple[float, float]:
+        """Return lateral [-] and torsional friction [m] between a jaw and what has a friction."""
+        return _FINGER_FRICTION * friction, _FINGER_SPINNING_M * friction
 
     def show_hand(self, visible: bool) -> None:
         """Take the hand and its fingers out of collision and sight, or put them back."""

@@ -23,6 +23,10 @@ STEPS_PER_FRAME = STEPS_PER_S // FRAMES_PER_S
 # Bodies at rest on each other lose touch now and then by less than this [m].
 _CLOSE_M = 0.0005
 
+# A body touches another by its side where it goes along it: the cosine of the angle between its way
+# and the force is below this.
+_ASIDE = 0.7
+
 # Of a contact as the simulator gives it: bodies, links, place and normal on the second body, normal
 # force, and the two friction forces with their directions.
 _FIRST, _SECOND, _FIRST_LINK, _SECOND_LINK, _PLACE = 1, 2, 3, 4, 6
@@ -47,6 +51,8 @@ class ContactLog:
         self.phases: list[tuple[int, str]] = []
         self.forces: dict[str, list[Vector]] = {name: [] for name in world.bodies}
         self.pairs: dict[Pair, list[float]] = {}
+        # Those of them that first touched across the way of what is handled.
+        self.beside: set[Pair] = set()
         self.moved: dict[str, list[float]] = {}
         self.expected: set[Pair] = set()
         # Bodies that may touch anything: what was let go, or is being driven.
@@ -103,6 +109,8 @@ class ContactLog:
             self.forces.setdefault(name, [np.zeros(3)] * self.frames).append(force)
         for pair, force_n in pairs.items():
             if pair not in self.expected and not self.free & set(pair):
+                if pair not in self.pairs and self._touch_sideways(pair):
+                    self.beside.add(pair)
                 self.pairs.setdefault(pair, [0.0] * self.frames).append(force_n)
         for name, origin in self._origin.items():
             away = np.array(self.world.pose(name).position) - origin
@@ -183,6 +191,19 @@ class ContactLog:
             if second in forces:
                 forces[second] -= force
         return pairs
+
+    def _touch_sideways(self, pair: Pair) -> bool:
+        """Whether what is handled moves along a body that it touches, not towards it."""
+        ones, others = set(pair) & self.handled, set(pair) - self.handled
+        if not ones or others & {ROBOT, TABLE, *self.arm.link_names.values()}:
+            return False
+        way = np.zeros(3) if self.arm.wanted is None else self.arm.wanted.velocity
+        towards = np.zeros(3)
+        for point in self._last_points:
+            if set(self._pair_of(point)) == set(pair):
+                towards += point[_FORCE] * np.array(point[_NORMAL])
+        both = float(np.linalg.norm(way) * np.linalg.norm(towards))
+        return both > 0.0 and abs(float(way @ towards)) < _ASIDE * both
 
     def _pair_of(self, point: Sequence[Any]) -> Pair:
         first = self._named(point[_FIRST], point[_FIRST_LINK])

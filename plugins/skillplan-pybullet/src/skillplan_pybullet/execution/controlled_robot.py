@@ -13,6 +13,7 @@ from skillplan_pybullet.arm.kinematics import Vector
 from skillplan_pybullet.arm.planned_motion import ArmMotion
 from skillplan_pybullet.arm.rotations import turn_between
 from skillplan_pybullet.arm.simulated_arm import FINGERS, HAND, ROBOT, SimulatedArm
+from skillplan_pybullet.arm.static_friction import StaticFriction
 from skillplan_pybullet.arm.straight_motion import PosturePath, StraightMotion
 from skillplan_pybullet.arm.tool_changer import ToolChanger
 from skillplan_pybullet.execution.contact_log import STEPS_PER_FRAME, ContactLog
@@ -72,6 +73,7 @@ class ControlledRobot:
         self.log = ContactLog(world, arm, ())
         self.sensed: dict[str, float | bool | str] = {}
         self._bond: int | None = None
+        self._static: StaticFriction | None = None
         self._last_step = _MOST_STEPS
         self.tools = ToolChanger(world, arm, scene, tool)
         self.carry(None)
@@ -82,8 +84,10 @@ class ControlledRobot:
         for name in (HAND, *FINGERS, ROBOT):
             for other in handled:
                 self.log.expected.add((min(name, other), max(name, other)))
-        if self.carried is not None and self._bond is not None:
-            self.log.cups[self.carried] = self._bond
+        if self.carried is not None:
+            bond = self._bond if self._static is None else self._static.constraint
+            if bond is not None:
+                self.log.cups[self.carried] = bond
         self.log.begin()
         self.sensed = {}
         self._last_step = self.world.steps + _MOST_STEPS
@@ -108,6 +112,19 @@ class ControlledRobot:
             self.world.release(self._bond)
             self._bond = None
 
+    def clasp(self, name: str) -> None:
+        """Have friction hold a body still between the jaws, for as long as it can."""
+        self._static = StaticFriction(self.world, self.arm, name)
+        if self._static.constraint is not None:
+            self.log.cups[name] = self._static.constraint
+
+    def unclasp(self) -> None:
+        """Leave what the jaws hold to its contacts."""
+        if self._static is not None:
+            self.log.cups.pop(self._static.name, None)
+            self._static.let_go()
+            self._static = None
+
     def wait(self, duration_s: float) -> None:
         """Stay where the tip is to be."""
         for _ in range(round(duration_s / STEP_S)):
@@ -128,6 +145,7 @@ class ControlledRobot:
         if self.world.steps % STEPS_PER_FRAME == 0:
             self._check_sanity()
             self.log.frame()
+            self._keep_hold()
             if self.arm.tip_error_m() > _STUCK_M:
                 raise StuckError
         self.every_step()
@@ -149,7 +167,7 @@ class ControlledRobot:
         """
         here = self.arm.wanted
         assert here is not None
-        self._go(
+        self.follow(
             StraightMotion.between(
                 here,
                 np.array(end),
@@ -167,9 +185,16 @@ class ControlledRobot:
         StuckError
             If something blocks it.
         """
-        self._go(planned.travel)
+        self.follow(planned.travel)
 
-    def _go(self, motion: StraightMotion | JointMotion) -> None:
+    def follow(self, motion: StraightMotion | JointMotion) -> None:
+        """Move as a motion has it.
+
+        Raises
+        ------
+        StuckError
+            If something blocks it.
+        """
         assert self.arm.wanted is not None
         felt = self.arm.wanted.rotation
         for step in range(1, int(motion.duration_s / STEP_S) + 2):
@@ -180,6 +205,14 @@ class ControlledRobot:
                 felt = self.arm.wanted.rotation
         if _angle(felt, self.arm.wanted.rotation) > _TURN_UNFELT_RAD:
             self._feel_anew()
+
+    def _keep_hold(self) -> None:
+        """Let what the jaws hold slip where friction cannot hold it."""
+        if self._static is None:
+            return
+        self._static.hold(STEPS_PER_FRAME * STEP_S)
+        if self._static.constraint is None:
+            self.unclasp()
 
     def _feel_anew(self) -> None:
         """Have the contacts between jaws and what they hold found anew.

@@ -107,6 +107,7 @@ class SkillRunner(ControlledRobot):
         self.arm.close(self._grip_force_n)
         self.wait(self._jaws_s + _GRIP_S)
         self.world.release(helping)
+        self.clasp(subject)
 
     def travel(self, planned: ArmMotion) -> None:
         """Move to where a motion begins, and the jaws meanwhile.
@@ -252,6 +253,8 @@ class SkillRunner(ControlledRobot):
         if subject in self._kept:
             self.world.release(self._kept.pop(subject))
             self.world.join(subject, self.world.others(subject))
+        if self._bond is None:
+            self.clasp(subject)
         self.carry(subject)
 
     def _release(self, motion: LinearMotion) -> None:
@@ -262,5 +265,6 @@ class SkillRunner(ControlledRobot):
             self.log.cups.pop(subject, None)
             self.unbind()
         else:
+            self.unclasp()
             self.arm.open(self._opening_for(motion))
         self.wait(self._jaws_s + _LET_GO_S)

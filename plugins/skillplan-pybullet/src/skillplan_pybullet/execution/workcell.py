@@ -256,6 +256,7 @@ class Workcell:
             self._expected(skill, state, motions[-1], known),
             runner.sensed,
             steps=world.steps,
+            beside=frozenset(log.beside),
         )
 
     def _expected(

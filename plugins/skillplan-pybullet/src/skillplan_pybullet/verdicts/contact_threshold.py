@@ -15,6 +15,8 @@ FORCE_N = 0.05
 FRAMES = 6
 # A body that is not handled and moves by more than this was pushed [m].
 DISPLACEMENT_M = 0.001
+# So much room on each side of a hole the shipped products have, which is enough [mm].
+CLEARANCE_MM = 0.3
 
 
 @dataclass(frozen=True, slots=True)

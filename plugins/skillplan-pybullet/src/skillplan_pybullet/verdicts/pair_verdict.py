@@ -10,6 +10,7 @@ from skillplan.task.verdict import Verdict
 from skillplan_pybullet.record import FRAMES_PER_S, Pair, Record
 from skillplan_pybullet.simulator.world import TABLE
 from skillplan_pybullet.verdicts.contact_threshold import (
+    CLEARANCE_MM,
     DISPLACEMENT_M,
     FORCE_N,
     FRAMES,
@@ -63,6 +64,8 @@ def pair_verdict(record: Record, limits: PairLimits, parts: Collection[str]) -> 
         mover, other = (name if name in parts else f"the {name}" for name in bodies)
         said = f"{mover} pressed on {other} with {_shown(press.most_n)} N"
         limit = f"{limits.force_n:g} N"
+        if press.pair in record.beside:
+            limit += f"; leave {CLEARANCE_MM:g} mm between them"
         found: dict[str, Any] = {"bodies": list(bodies), "force_n": rounded(press.most_n)}
     else:
         assert moved is not None

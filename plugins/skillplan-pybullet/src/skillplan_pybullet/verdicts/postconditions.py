@@ -14,11 +14,10 @@ from skillplan.task.scene import Pose
 from skillplan.task.skill import Skill
 from skillplan.task.verdict import Verdict
 from skillplan_pybullet.record import Record
+from skillplan_pybullet.verdicts.contact_threshold import CLEARANCE_MM
 
 # Bodies that nobody handled may creep by this much [m].
 _CREEP_M = 0.001
-# So much room on each side of a hole the shipped products have, which is enough [mm].
-_CLEARANCE_MM = 0.3
 _LEAST_SHOWN_M = 5e-5
 
 
@@ -99,7 +98,7 @@ def _fault(skill: Skill, record: Record, visit: Visit, tolerances: Tolerances) -
     if inserted_n > tolerances.insertion_n:
         return (
             f"{visit.subject} was pushed in with {inserted_n:.1f} N, "
-            f"where {tolerances.insertion_n:.1f} N are allowed; leave it {_CLEARANCE_MM:g} mm on "
+            f"where {tolerances.insertion_n:.1f} N are allowed; leave it {CLEARANCE_MM:g} mm on "
             "each side"
         )
     for name, expected in record.expected.items():
