@@ -9,6 +9,7 @@ import pytest
 
 from cad_products import ALONG, links, moved, product, related, relation, true_links, truth
 from skillplan_cad.blocking.all_pairs import BlockingTest, all_blocking
+from skillplan_cad.blocking.confirmation import Confirmation
 
 SOLID = ("dovetail", "floating", "interlocked", "l_slot", "mirrored", "nested", "threads")
 LARGER = ("bracket", "eight")
@@ -117,3 +118,30 @@ class TestThreads:
         """It is unscrewed along the axis, and nowhere else."""
         assert ("bolt", "block") in links(relation("threads"), 0)
         assert ("bolt", "block") not in links(related(product("threads"), threads="ignore"), 0)
+
+
+class TestConfirmation:
+    """Shrunk meshes that are moved, as a second opinion on rays."""
+
+    @pytest.mark.parametrize("name", ["dovetail", "floating", "interlocked", "l_slot", "threads"])
+    def test_meshes_agree_with_rays(self, name):
+        """On each pair that blocks, and each that touches and does not."""
+        found = relation(name)
+        touching = [one.parts for one in found.contacts if one.kind != "thread"]
+        confirmation = Confirmation(product(name), 1e-4)
+        assert confirmation.doubts(found.blocked, touching, found.directions) == ()
+
+    def test_what_rays_got_wrong_is_listed(self):
+        """A link that is not there, and one that is missing."""
+        found = relation("l_slot")
+        missing = Confirmation(product("l_slot"), 1e-4).doubts(
+            [], [("body", "key")], found.directions
+        )
+        assert missing
+        assert not any(one.rays_say_blocked for one in missing)
+        link = relation("floating").blocked[0]
+        invented = dataclasses.replace(link, part="balloon", by="plate", direction=0)
+        (wrong,) = Confirmation(product("floating"), 1e-4).doubts(
+            [invented], [], relation("floating").directions
+        )
+        assert wrong.rays_say_blocked
