@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cad_products import ALONG, links, moved, product, related, relation, true_links, truth
-from skillplan_cad.blocking.all_pairs import BlockingTest, all_blocking
 from skillplan_cad.blocking.confirmation import Confirmation
+from skillplan_cad.build_relation import blocked_of
 
 SOLID = ("dovetail", "floating", "interlocked", "l_slot", "mirrored", "nested", "threads")
 LARGER = ("bracket", "eight")
@@ -62,9 +62,8 @@ def test_a_product_turned_in_space_has_the_same_links(name):
     """Along the turned axes."""
     turn = turned((17, 31, 43))
     whole = moved(product(name), turn)
-    test = BlockingTest(whole, 1e-4)
     directions = [tuple(sign * row) for row in turn.T for sign in (1, -1)]
-    entries, _ = all_blocking(whole, test, directions)
+    entries = blocked_of(whole, directions, 1e-4).entries
     for axis, number in ALONG.items():
         found = {(one.part, one.by) for one in entries if one.direction == number}
         assert true_links(name, axis) == found
@@ -104,6 +103,15 @@ def test_what_hangs_on_the_tolerance_is_listed():
     assert coarse.sensitive
     assert {"block", "pin"} == {one.part for one in coarse.sensitive}
     assert not related(product("interfering"), 0.04).sensitive
+
+
+@pytest.mark.slow(reason="starts processes; orders of answers are made one in every run")
+def test_processes_change_nothing():
+    """Whichever answers first."""
+    whole = product("threads")
+    directions = relation("threads").directions
+    alone, together = (blocked_of(whole, directions, 1e-4, jobs=jobs) for jobs in (1, 3))
+    assert alone == together
 
 
 class TestThreads:
