@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from cad_products import ALONG, links, moved, product, related, relation, true_links, truth
-from skillplan_cad.blocking.all_pairs import BlockingTest, all_blocking
+from skillplan_cad.blocking.confirmation import Confirmation
+from skillplan_cad.build_relation import blocked_of
 
 SOLID = ("dovetail", "floating", "interlocked", "l_slot", "mirrored", "nested", "threads")
 LARGER = ("bracket", "eight")
@@ -61,9 +62,8 @@ def test_a_product_turned_in_space_has_the_same_links(name):
     """Along the turned axes."""
     turn = turned((17, 31, 43))
     whole = moved(product(name), turn)
-    test = BlockingTest(whole, 1e-4)
     directions = [tuple(sign * row) for row in turn.T for sign in (1, -1)]
-    entries, _ = all_blocking(whole, test, directions)
+    entries = blocked_of(whole, directions, 1e-4).entries
     for axis, number in ALONG.items():
         found = {(one.part, one.by) for one in entries if one.direction == number}
         assert true_links(name, axis) == found
@@ -105,6 +105,15 @@ def test_what_hangs_on_the_tolerance_is_listed():
     assert not related(product("interfering"), 0.04).sensitive
 
 
+@pytest.mark.slow(reason="starts processes; orders of answers are made one in every run")
+def test_processes_change_nothing():
+    """Whichever answers first."""
+    whole = product("threads")
+    directions = relation("threads").directions
+    alone, together = (blocked_of(whole, directions, 1e-4, jobs=jobs) for jobs in (1, 3))
+    assert alone == together
+
+
 class TestThreads:
     """A bolt with a modelled thread, in a block."""
 
@@ -117,3 +126,30 @@ class TestThreads:
         """It is unscrewed along the axis, and nowhere else."""
         assert ("bolt", "block") in links(relation("threads"), 0)
         assert ("bolt", "block") not in links(related(product("threads"), threads="ignore"), 0)
+
+
+class TestConfirmation:
+    """Shrunk meshes that are moved, as a second opinion on rays."""
+
+    @pytest.mark.parametrize("name", ["dovetail", "floating", "interlocked", "l_slot", "threads"])
+    def test_meshes_agree_with_rays(self, name):
+        """On each pair that blocks, and each that touches and does not."""
+        found = relation(name)
+        touching = [one.parts for one in found.contacts if one.kind != "thread"]
+        confirmation = Confirmation(product(name), 1e-4)
+        assert confirmation.doubts(found.blocked, touching, found.directions) == ()
+
+    def test_what_rays_got_wrong_is_listed(self):
+        """A link that is not there, and one that is missing."""
+        found = relation("l_slot")
+        missing = Confirmation(product("l_slot"), 1e-4).doubts(
+            [], [("body", "key")], found.directions
+        )
+        assert missing
+        assert not any(one.rays_say_blocked for one in missing)
+        link = relation("floating").blocked[0]
+        invented = dataclasses.replace(link, part="balloon", by="plate", direction=0)
+        (wrong,) = Confirmation(product("floating"), 1e-4).doubts(
+            [invented], [], relation("floating").directions
+        )
+        assert wrong.rays_say_blocked
