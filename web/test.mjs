@@ -20,7 +20,9 @@ try {
     outExtension: { ".js": ".mjs" },
   });
   const found = (await readdir(scratch)).map((name) => join(scratch, name));
-  const done = spawnSync(process.execPath, ["--test", "--test-reporter=dot", ...found], { stdio: "inherit" });
+  const done = spawnSync(process.execPath, ["--test", "--test-reporter=dot", ...found], {
+    stdio: "inherit",
+  });
   process.exitCode = done.status ?? 1;
 } finally {
   await rm(scratch, { recursive: true });
