@@ -35,8 +35,8 @@ ROWS: list[tuple[str, str, list[str]]] = [
         "{bytes}, {} elements, {} levels, {} links",
         [
             "domains.assembly.arms.urdf_file:MAX_BYTES",
-            "robots.xml_tree:MAX_ELEMENTS",
-            "robots.xml_tree:MAX_DEPTH",
+            "xml_tree:MAX_ELEMENTS",
+            "xml_tree:MAX_DEPTH",
             "robots.urdf:_MOST_LINKS",
         ],
     ),
@@ -46,8 +46,8 @@ ROWS: list[tuple[str, str, list[str]]] = [
         [
             "exporters.plan_files:MAX_BYTES",
             "exporters.plan_files:MOST_SKILLS",
-            "robots.xml_tree:MAX_ELEMENTS",
-            "robots.xml_tree:MAX_DEPTH",
+            "xml_tree:MAX_ELEMENTS",
+            "xml_tree:MAX_DEPTH",
         ],
     ),
     (

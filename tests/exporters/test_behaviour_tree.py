@@ -9,9 +9,9 @@ import pytest
 
 from skillplan.exporters.behaviour_tree import PORTS, BehaviourTreeExporter, meant, said
 from skillplan.exporters.handover import Handover
-from skillplan.robots.xml_tree import parse_xml
 from skillplan.testing import chance_task, hostile_task
 from skillplan.testing.exporter_suite import solved_lid
+from skillplan.xml_tree import parse_xml
 
 bt: Any = pytest.importorskip("behaviortreepy", reason="needs behaviortreepy: skillplan[test]")
 

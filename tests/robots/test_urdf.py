@@ -11,7 +11,7 @@ from skillplan.robots.rigid import Rigid
 from skillplan.robots.ur5e import UR5E
 from skillplan.robots.urdf import read_urdf
 from skillplan.robots.urdf_elements import UrdfError
-from skillplan.robots.xml_tree import MAX_DEPTH, MAX_ELEMENTS
+from skillplan.xml_tree import MAX_DEPTH, MAX_ELEMENTS
 from urdf_text import joint, link, urdf, urdf_of
 
 

@@ -26,6 +26,7 @@ from skillplan.task.skill import Skill
 from skillplan.testing import ExporterSuite, lid_task, shut_box_task
 from skillplan.testing.exporter_suite import solved_lid
 from skillplan_pinocchio.swept import SweptDetector
+from skillplan_ros2.message_types import TEXT_TYPE, TRAJECTORY_TYPE, message_types
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
@@ -38,6 +39,14 @@ class TestRos2(ExporterSuite):
 class TestRos2AsText(ExporterSuite):
     exporter = "ros2"
     options: ClassVar[dict[str, Any]] = {"format": "yaml"}
+
+
+@pytest.mark.parametrize("name", [TEXT_TYPE, TRAJECTORY_TYPE])
+def test_messages_are_defined_as_ros_has_them(name: str) -> None:
+    """By text and by the hash that tells a reader of another definition."""
+    own, known = message_types(), get_typestore(Stores.ROS2_HUMBLE)
+    assert known.generate_msgdef(name) == own.generate_msgdef(name)
+    assert known.hash_rihs01(name) == own.hash_rihs01(name)
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from html import escape
 from typing import ClassVar
-from xml.sax.saxutils import quoteattr
 
 from pydantic import Field
 
@@ -101,7 +101,7 @@ class BehaviourTreeExporter(Exporter):
         lines.append('<root BTCPP_format="4" main_tree_to_execute="plan">')
         lines.append('  <BehaviorTree ID="plan">\n    <Sequence>')
         for one in handover.skills:
-            ports = " ".join(f"{key}={quoteattr(value)}" for key, value in _ports(one).items())
+            ports = " ".join(f'{key}="{escape(value)}"' for key, value in _ports(one).items())
             tree, name = trees[one.skill.kind], names[one.skill.name]
             lines.append(f'      <SubTree ID="{tree}" name="{name}" {ports}/>')
         lines.append("    </Sequence>\n  </BehaviorTree>")

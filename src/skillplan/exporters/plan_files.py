@@ -16,9 +16,9 @@ from skillplan.exporters.behaviour_tree import meant
 from skillplan.exporters.plan_table import read_cell
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.strict_json import parse_json
-from skillplan.robots.xml_tree import Element, XmlError, parse_xml
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
+from skillplan.xml_tree import Element, XmlError, parse_xml
 
 MAX_BYTES: Final = 16 * 1024 * 1024
 MOST_SKILLS: Final = 100_000

@@ -20,7 +20,7 @@ from skillplan.robots.link_shapes import LinkShape
 from skillplan.robots.rigid import Mass, Rigid, together
 from skillplan.robots.urdf_elements import UrdfError, named, number, numbers, pose_of
 from skillplan.robots.urdf_shapes import shapes_of
-from skillplan.robots.xml_tree import Element, XmlError, parse_xml
+from skillplan.xml_tree import Element, XmlError, parse_xml
 
 ReadMesh = Callable[[str, Triple], tuple[Triple, ...]]
 """Returns the corners of a mesh's convex hull [m], by its name and scale."""

@@ -6,7 +6,7 @@ import math
 
 from skillplan.robots.arm_description import Triple
 from skillplan.robots.rigid import Rigid
-from skillplan.robots.xml_tree import Element
+from skillplan.xml_tree import Element
 
 
 class UrdfError(Exception):

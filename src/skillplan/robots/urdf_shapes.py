@@ -9,7 +9,7 @@ from skillplan.robots.arm_description import Triple
 from skillplan.robots.link_shapes import Capsule, Hull, LinkShape, Rod
 from skillplan.robots.rigid import Rigid
 from skillplan.robots.urdf_elements import UrdfError, number, numbers, pose_of
-from skillplan.robots.xml_tree import Element
+from skillplan.xml_tree import Element
 
 _ONE: Triple = (1.0, 1.0, 1.0)
 

@@ -9,19 +9,15 @@ from typing import Any, Final
 
 import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
+from skillplan_ros2.message_types import TEXT_TYPE, TRAJECTORY_TYPE, message_types
 from skillplan_ros2.skill_trajectory import SkillTrajectory, seconds
 from skillplan_ros2.timed_paths import TimedPlan
 
 SKILL_TOPIC: Final = "/skillplan/skill"
 HAND_TOPIC: Final = "/skillplan/hand"
-TRAJECTORY_TYPE: Final = "trajectory_msgs/msg/JointTrajectory"
-TEXT_TYPE: Final = "std_msgs/msg/String"
 
-# Its messages are those of all later versions. The version of bags is the last before one of a
-# changed syntax, so that older readers know it, too.
-_MESSAGES: Final = Stores.ROS2_HUMBLE
+# The last before one of a changed syntax, so that older readers know it, too.
 _BAG_VERSION: Final = 8
 
 
@@ -35,7 +31,7 @@ def bag_files(plan: TimedPlan, topic: str) -> dict[str, bytes]:
     topic
         Of the trajectories. Names of skills, and what the hand does, have topics of their own.
     """
-    types = get_typestore(_MESSAGES)
+    types = message_types()
     with TemporaryDirectory() as folder:
         # The file is called like the folder.
         path = Path(folder) / "trajectories"

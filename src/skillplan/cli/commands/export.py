@@ -128,7 +128,6 @@ def _read(
     """Return the task, its setup, the plan if there is one, and whether it is one of a family."""
     from skillplan.errors import OptionError
     from skillplan.pipeline import registry
-    from skillplan.pipeline.exchange.plan_input import given_plan
     from skillplan.records.stored.result_folder import is_result, run_folder
 
     registry.load("exporter", to)
@@ -148,7 +147,11 @@ def _read(
     problem = reading.problem(path, back_ends)
     task = problem.part(reading.part)
     setup = back_ends.setup(task, (to,), executor=checking.executor)
-    given = None if sequence is None else given_plan(sequence, task, setup)
+    if sequence is None:
+        return task, setup, None, problem.domain.has_family(problem.config)
+    from skillplan.pipeline.exchange.plan_input import given_plan
+
+    given = given_plan(sequence, task, setup)
     return task, setup, given, problem.domain.has_family(problem.config)
 
 

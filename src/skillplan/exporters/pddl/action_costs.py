@@ -108,7 +108,9 @@ def variants(model: SkillModel, skill: Skill) -> Iterator[Variant]:
             yield from _variant(model, skill, " ".join(labels), chosen, forbids, outcome, where)
 
 
-def scale_of(costs: Sequence[float], unit: str, skills: int) -> Scale:
+def scale_of(
+    costs: Sequence[float], unit: str, skills: int, *, accept_rounding: bool = False
+) -> Scale:
     """Return how to write costs: whole numbers as they are, others in millionths.
 
     Parameters
@@ -119,21 +121,28 @@ def scale_of(costs: Sequence[float], unit: str, skills: int) -> Scale:
         Of the task's costs.
     skills
         The most that a plan may have.
+    accept_rounding
+        Whether costs may be as small as what rounding comes to.
 
     Raises
     ------
     NoActionCosts
-        If the sum over a plan may not fit, or a cost would be rounded to nothing.
+        If the sum over a plan may not fit, or rounding may hide what a skill costs.
     """
     if all(cost == round(cost) for cost in costs):
         scale = Scale(1, unit or "unit", exact=True)
     else:
         scale = Scale(_MICRO, _UNITS.get(unit, f"millionth of a {unit or 'unit'}"), exact=False)
-    if any(cost > 0 and scale.whole(cost) == 0 for cost in costs):
-        raise NoActionCosts(
-            f"a cost of less than half a {scale.unit} would be rounded to nothing, and plans could "
-            "change places; give lengths or times in the unit of the schema"
-        )
+    # Of two plans each is off by half of one a skill.
+    if not (scale.exact or accept_rounding):
+        least = min((cost for cost in costs if cost > 0), default=math.inf)
+        if least * scale.per_unit <= skills:
+            raise NoActionCosts(
+                f"rounding to whole {scale.unit}s may shift two plans of {skills} skills by "
+                f"{skills} of them against each other, and a skill costs no more than "
+                f"{least * scale.per_unit:.3g}: plans could change places. Give lengths or times "
+                "in the unit of the schema, or accept it by -O accept_rounding=true"
+            )
     if scale.whole(max(costs, default=0.0)) * skills > MOST_SUM:
         raise NoActionCosts(
             f"a plan of {skills} skills may cost more than {MOST_SUM:,} {scale.unit}s, which "

@@ -23,6 +23,8 @@ class PlanningTask:
     ----------
     handover
         The task.
+    accept_rounding
+        Whether costs may be as small as what rounding comes to.
 
     Raises
     ------
@@ -30,8 +32,9 @@ class PlanningTask:
         By what needs costs, if they cannot be said.
     """
 
-    def __init__(self, handover: Handover) -> None:
+    def __init__(self, handover: Handover, *, accept_rounding: bool = False) -> None:
         self.handover = handover
+        self.accept_rounding = accept_rounding
         self.model: SkillModel = handover.model
         self.task: Task = handover.task
         self.vocabulary = Vocabulary(self.task)
@@ -60,7 +63,9 @@ class PlanningTask:
     def scale(self) -> Scale:
         """How costs are written as whole numbers."""
         costs = [cost for one in self.variants for cost in (one.constant, *one.origins.values())]
-        return scale_of(costs, self.task.metric.unit, self.task.step_limit)
+        limit = self.task.step_limit
+        accepted = self.accept_rounding
+        return scale_of(costs, self.task.metric.unit, limit, accept_rounding=accepted)
 
     def domain(self) -> str:
         """Return the domain."""
@@ -153,8 +158,9 @@ class PlanningTask:
         else:
             most = task.step_limit
             yield f"; Costs are in whole {scale.unit}s, rounded to the nearest. A plan of n skills"
-            yield f"; is off by at most n / 2 of them, one of {most} by {most / 2:g}; plans that"
-            yield f"; are nearer to each other than {most} of them may change places."
+            yield f"; is off by at most n / 2 of them, one of {most} by {most / 2:g}. Plans that"
+            yield f"; are nearer to each other than {most} of them may change places: the best one"
+            yield "; here may cost so much more than the best one of the task, and no more."
         yield f"; Not said here: no plan of the task has more than {task.step_limit} skills."
         yield "; Names:"
         for names in (self.actions, self.vocabulary.predicates, self.vocabulary.objects):

@@ -12,7 +12,7 @@ import logging
 import math
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -26,6 +26,15 @@ from skillplan_pinocchio.kinematics.joint_path import Array, JointPath
 # Intervals that lose more than this share of a run's time are split into so many.
 _LOST: Final = 0.0002
 _PARTS: Final = 8
+
+# What toppra imports to draw its insides, for splines of its own, and for another linear solver; a
+# path here tells its derivatives itself. With the names that it takes from there.
+_UNUSED: Final = {
+    "matplotlib": (),
+    "matplotlib.pyplot": (),
+    "scipy.interpolate": ("BPoly", "CubicSpline", "PPoly", "UnivariateSpline"),
+    "scipy.sparse": (),
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,11 +171,11 @@ def _rates(slopes: Array, bends: Array, grid: Array, limits: tuple[Array, Array]
 
 @cache
 def _toppra() -> Any:
-    """Return the package; it loads scipy, which only who asks for times needs.
+    """Return the package, without what it loads only to draw and to interpolate.
 
     It is kept quiet: a run that it does not find is looked for in parts.
     """
-    with warnings.catch_warnings(), _without_drawing():
+    with warnings.catch_warnings(), _without(_UNUSED):
         # Of docstrings with escapes that Python does not know, where it was not compiled before.
         warnings.simplefilter("ignore")
         import toppra
@@ -175,13 +184,16 @@ def _toppra() -> Any:
 
 
 @contextmanager
-def _without_drawing() -> Iterator[None]:
-    """Import what imports matplotlib only to draw its own insides, and leave matplotlib alone.
+def _without(unused: Mapping[str, tuple[str, ...]]) -> Iterator[None]:
+    """Import what imports modules for parts of it that nobody asks for, and leave these alone.
 
-    It takes as long as all the rest, and fails where the environment names a backend that is none.
+    They take several times as long as all the rest, and drawing fails where the environment names
+    a backend that is none.
     """
-    absent = [name for name in ("matplotlib", "matplotlib.pyplot") if name not in sys.modules]
-    sys.modules.update({name: ModuleType(name) for name in absent})
+    absent = {name: names for name, names in unused.items() if name not in sys.modules}
+    for name, names in absent.items():
+        sys.modules[name] = ModuleType(name)
+        vars(sys.modules[name]).update(dict.fromkeys(names))
     try:
         yield
     finally:

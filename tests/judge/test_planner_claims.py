@@ -1,0 +1,78 @@
+"""Claims of all plans before a planner of others, which adds up rounded costs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from handovers import best
+from skillplan.judge import fast_downward
+from skillplan.judge.fast_downward import PlannerAnswer
+from skillplan.judge.planner_claims import planner_claims
+from skillplan.records.certificate import Claim, Outcome
+from skillplan.records.result import Status
+from skillplan.records.stored.result_file import StoredClaims
+
+MICROMETRES = 1_867_086
+
+
+def judged(monkeypatch: pytest.MonkeyPatch, answer: PlannerAnswer, **claims: Any) -> Claim:
+    """Return what a planner that answers so makes of claims on the inverter board."""
+    monkeypatch.setattr(fast_downward, "driver", lambda: Path())
+    monkeypatch.setattr(fast_downward, "asked", lambda made, limit_s: answer)
+    none = dict.fromkeys(("cost", "lower_bound", "gap", "makespan", "makespan_s"))
+    stated = {"solver": "exact", "cost_unit": "m", "skills": [], "actions": [], "steps": []}
+    stored = StoredClaims.model_validate(
+        {**none, **stated, **claims, "status": Status(claims["status"])}
+    )
+    (claim,) = planner_claims(stored, best("inverter_board").model, 1.0, charted=True)
+    return claim
+
+
+def answer(cost: int = MICROMETRES) -> PlannerAnswer:
+    """Return the answer of a planner that finds the optimum."""
+    return PlannerAnswer(cost, tuple(one.skill.name for one in best("inverter_board").skills))
+
+
+def test_an_optimum_within_the_rounding_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a micrometre a skill."""
+    plan = best("inverter_board").plan
+    assert plan is not None
+    claim = judged(monkeypatch, answer(MICROMETRES + 7), status="optimal", cost=plan.cost)
+    assert (Outcome.HOLDS, True) == (claim.outcome, "rounded by at most 7.5e-06" in claim.detail)
+
+
+def test_rounding_hides_no_better_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An optimum that is 5 um too dear is within the rounding, and the planner's plan is not."""
+    claim = judged(monkeypatch, answer(), status="optimal", cost=MICROMETRES / 1e6 + 5e-6)
+    assert Outcome.FAILS is claim.outcome
+    assert "its plan costs 1.86708" in claim.detail
+
+
+def test_a_cost_that_no_plan_has_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    claim = judged(monkeypatch, answer(), status="optimal", cost=MICROMETRES / 1e6 - 1e-5)
+    assert (Outcome.FAILS, True) == (claim.outcome, "no plan costs so little" in claim.detail)
+
+
+@pytest.mark.parametrize(
+    ("bound", "outcome"), [(1.8, Outcome.HOLDS), (1.9, Outcome.FAILS), (None, Outcome.HOLDS)]
+)
+def test_a_search_that_was_ended_answers_for_its_bound_alone(
+    monkeypatch: pytest.MonkeyPatch, bound: float | None, outcome: Outcome
+) -> None:
+    """That the planner finds a plan and the search did not is no contradiction."""
+    assert outcome is judged(monkeypatch, answer(), status="unsolved", lower_bound=bound).outcome
+
+
+def test_a_plan_refutes_that_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    claim = judged(monkeypatch, answer(), status="infeasible")
+    assert Outcome.FAILS is claim.outcome
+
+
+def test_a_plan_that_back_ends_refuse_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The order is all that the planner knows."""
+    wrong = PlannerAnswer(MICROMETRES - 1000, answer().skills[::-1])
+    claim = judged(monkeypatch, wrong, status="optimal", cost=MICROMETRES / 1e6)
+    assert Outcome.NOT_CHECKED is claim.outcome
