@@ -30,6 +30,7 @@ from skillplan_cad.importing.kept_findings import (
 )
 from skillplan_cad.importing.kept_product import product_bytes, product_of
 from skillplan_cad.importing.kept_stages import KeptStages
+from skillplan_cad.importing.planned import planned
 from skillplan_cad.importing.report import report_document, warnings
 from skillplan_cad.importing.settings import ImportSettings, settings_of
 from skillplan_cad.product import Product
@@ -70,11 +71,14 @@ class Imported:
         What was found, in words.
     warnings
         What a user should know.
+    complete
+        Whether all parts come together by the moves that were searched.
     """
 
     document: dict[str, Any]
     lines: tuple[str, ...]
     warnings: tuple[str, ...]
+    complete: bool = True
 
 
 def import_cad(source: str, out: str, given: dict[str, Any], tell: Tell) -> Imported:
@@ -102,14 +106,20 @@ def import_cad(source: str, out: str, given: dict[str, Any], tell: Tell) -> Impo
     product, relation = findings.product, findings.relation
     if settings.base is not None and settings.base not in relation.names:
         raise OptionError(_no_base(settings.base, relation))
+    made = planned(path, product, relation, settings, tell)
+    relation = made.relation
     waived = waived_pairs(findings.joints, findings.blocked, settings.threads)
     document = report_document(product, relation, waived, settings, path.name)
+    document |= made.document
     files = {
         "relation.json": relation_text(relation),
         "report.json": json_text(IMPORT, document) + "\n",
+        **made.files,
     }
     write(folder, files)
-    return Imported(document, _lines(product, relation), tuple(warnings(relation, product)))
+    lines = (*_lines(product, relation), *made.lines)
+    told = (*warnings(relation, product), *made.warnings)
+    return Imported(document, lines, told, made.complete)
 
 
 def found_in(path: Path, settings: ImportSettings, tell: Tell) -> Findings:
@@ -158,13 +168,15 @@ def write(folder: Path, files: Mapping[str, str | bytes]) -> None:
         If they cannot be written.
     """
     with refusing("--out", folder):
-        made = not folder.exists()
-        folder.mkdir(exist_ok=True)
+        within = {(folder / name).parent for name in files}
+        made = [one for one in sorted({folder, *within}) if not one.exists()]
+        for one in made:
+            one.mkdir()
         try:
             write_as_one(folder, files, within=folder)
         except BaseException:
-            if made:
-                folder.rmdir()
+            for one in reversed(made):
+                one.rmdir()
             raise
 
 
