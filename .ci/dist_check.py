@@ -1,4 +1,4 @@
-"""Build every wheel, install them apart from the sources, and solve the board with them.
+"""Build every wheel, install them apart from the sources, solve, report and export with them.
 
 Once with Python 3.11, where every plugin runs, and once with the newest Python that is there, where
 those plugins are left out whose own dependencies have no wheels for it.
@@ -11,7 +11,9 @@ import os
 import shutil
 import subprocess
 import sys
+import tarfile
 import tempfile
+import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -20,16 +22,25 @@ BACK_ENDS = ("--physics", "pybullet", "--collision", "contact-pairs")
 # What has wheels for CPython 3.11 only, of those that the constraints name.
 UP_TO_3_11 = ("skillplan_pybullet", "skillplan_torch")
 NEWEST_TRIED = 20
+# Built from web/, and not committed.
+PLAYER = "skillplan/views/report/player"
+PLAYER_FILES = ("player.js", "player.css", "LICENCES.txt")
+PLAN = "0,1,2,3,4,5,8,9,10,11,6,7,13,14,15"
 
 
-def run(*words: str | Path, cwd: Path) -> str:
-    """Run a command without the sources on its path; end here, in its words, if it fails."""
+def run(*words: str | Path, cwd: Path, path: str | None = None) -> str:
+    """Run a command without the sources on its path; end here, in its words, if it fails.
+
+    Programs that it starts are looked for in `path`, or where this process looks.
+    """
     environment = {
         name: value
         for name, value in os.environ.items()
         if name not in ("PYTHONPATH", "VIRTUAL_ENV")
     }
     environment["PIP_CONSTRAINT"] = str(ROOT / "constraints.txt")
+    if path is not None:
+        environment["PATH"] = path
     done = subprocess.run(
         [str(word) for word in words], cwd=cwd, env=environment, capture_output=True, text=True
     )
@@ -78,8 +89,51 @@ def build(folder: Path) -> list[Path]:
     return sorted(folder.glob("*.whl"))
 
 
-def check(version: tuple[int, int], python: str, wheels: list[Path], folder: Path) -> None:
-    """Install the wheels into a fresh environment, and let the board be solved there."""
+def check_player(folder: Path) -> str:
+    """See that the core's wheel and sdist hold the player with its licences; return the script."""
+    (wheel,), (sdist,) = folder.glob("skillplan-[0-9]*.whl"), folder.glob("skillplan-[0-9]*.tar.gz")
+    with zipfile.ZipFile(wheel) as held, tarfile.open(sdist) as packed:
+        root = sdist.name.removesuffix(".tar.gz")
+        for name in PLAYER_FILES:
+            inside = f"{PLAYER}/{name}"
+            if inside not in held.namelist():
+                sys.exit(f"dist-check: {wheel.name} has no {inside}; make web builds it")
+            if f"{root}/src/{inside}" not in packed.getnames():
+                sys.exit(f"dist-check: {sdist.name} has no src/{inside}; make web builds it")
+        licences = held.read(f"{PLAYER}/LICENCES.txt").decode()
+        if "three" not in licences or "Permission is hereby granted" not in licences:
+            sys.exit(
+                f"dist-check: {wheel.name}: LICENCES.txt does not hold the licence of three.js"
+            )
+        return held.read(f"{PLAYER}/player.js").decode()
+
+
+def check_page(binaries: Path, place: Path, script: str) -> None:
+    """See that the installed wheel writes a page with 3-D where no Node is found."""
+    bench = place / "swarmitfix_polygonal.yaml"
+    shutil.copy(ROOT / "configs" / "swarmitfix_polygonal.yaml", bench)
+    page = place / "bench.html"
+    run(binaries / "skillplan", "report", bench, "--out", page, cwd=place, path=str(binaries))
+    text = page.read_text("utf-8")
+    if script not in text or "skillplan.playback/1" not in text:
+        sys.exit(f"dist-check: the page of {bench.name} has no 3-D playback")
+    print(f"the bench's page, without Node: {len(text) / 1e6:.2f} MB, with 3-D")
+
+
+def check_export(binaries: Path, place: Path, board: Path) -> None:
+    """See that a plan is handed over to ROS 2, whose bags are written by a plugin."""
+    words = ("export", board, "--sequence", PLAN, "--to", "ros2", "--out", place / "bag")
+    run(binaries / "skillplan", *words, cwd=place)
+    names = {path.name for path in (place / "bag").iterdir()}
+    if names != {"metadata.yaml", "trajectories.mcap"}:
+        sys.exit(f"dist-check: the bag holds {', '.join(sorted(names)) or 'nothing'}")
+    print("the board's plan as a bag of ROS 2")
+
+
+def check(
+    version: tuple[int, int], python: str, wheels: list[Path], folder: Path, script: str
+) -> None:
+    """Install the wheels into a fresh environment, and let them solve, report and export there."""
     name = ".".join(map(str, version))
     everything = version <= (3, 11)
     chosen = [wheel for wheel in wheels if everything or not wheel.name.startswith(UP_TO_3_11)]
@@ -107,6 +161,8 @@ def check(version: tuple[int, int], python: str, wheels: list[Path], folder: Pat
             sys.exit(f"dist-check: Python {name}: {result['status']} at {result['cost']}")
         by = " ".join(words) or "its own back ends"
         print(f"Python {name}: the board by {by}: optimal at {result['cost']:.5f} m")
+    check_page(binaries, place, script)
+    check_export(binaries, place, board)
     left_out = sorted({wheel.name.split("-")[0] for wheel in set(wheels) - set(chosen)})
     if left_out:
         print(f"Python {name}: left out, for want of wheels they need: {', '.join(left_out)}")
@@ -120,8 +176,10 @@ def main() -> None:
         built.mkdir()
         wheels = build(built)
         print(f"built {', '.join(wheel.name for wheel in wheels)}")
+        script = check_player(built)
+        print(f"player: {len(script) / 1e6:.2f} MB in wheel and sdist, with its licences")
         for version, python in interpreters().items():
-            check(version, python, wheels, folder)
+            check(version, python, wheels, folder, script)
 
 
 main()

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -45,6 +46,7 @@ from skillplan.views.figures.swarmitfix.placement_figure import placement_figure
 from skillplan.views.figures.swarmitfix.placement_marks import (
     BaseGoal,
     HeadMark,
+    colours_of,
     links_m,
     ranges_text,
 )
@@ -390,6 +392,13 @@ class TestPlacement:
         assert [(1.0, 1.0), (0.2, 0.2)] == [end for _, end in lines]
         for edge, _ in lines:
             assert math.dist(edge, BENCH.centroids_m[GOAL]) == pytest.approx(0.2 * 0.34)
+
+    def test_bases_beside_each_other_differ_in_colour(self) -> None:
+        """Where there are more of them than colours, two of one are far from each other."""
+        row = [BENCH.position(f"C{number}") for number in range(1, 13)]
+        colours = colours_of(BENCH, [BaseGoal(position, ()) for position in row])
+        assert 6 == len(set(colours.values()))
+        assert all(colours[a] != colours[b] for a, b in pairwise(row))
 
     def test_heads_are_equilateral_and_point_their_yaw(self) -> None:
         """About their centroid."""

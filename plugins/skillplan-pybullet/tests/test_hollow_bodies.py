@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from concave_shapes import as_obj
 from situations import assembly
 from skillplan.checks.single_check import introduce
+from skillplan.cli.app import main
 from skillplan.task.motion import Event, Motion, Route, Visit
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Body
@@ -21,14 +24,19 @@ from skillplan_pybullet.simulator.world import STEPS_PER_S, World
 OUTER_M, INNER_M, HEIGHT_M, FLOOR_M = 0.1, 0.09, 0.04, 0.01
 
 
-def case_mesh() -> Mesh:
-    """Return a case with four walls and a floor, open above."""
+def case_mesh(
+    outer_m: float = OUTER_M,
+    inner_m: float = INNER_M,
+    height_m: float = HEIGHT_M,
+    floor_m: float = FLOOR_M,
+) -> Mesh:
+    """Return a case with four walls and a floor, open above; in and out by half its width."""
     corners: list[tuple[float, float, float]] = []
     for half_m, z_m in (
-        (OUTER_M, 0.0),
-        (OUTER_M, HEIGHT_M),
-        (INNER_M, HEIGHT_M),
-        (INNER_M, FLOOR_M),
+        (outer_m, 0.0),
+        (outer_m, height_m),
+        (inner_m, height_m),
+        (inner_m, floor_m),
     ):
         corners += [(x * half_m, y * half_m, z_m) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     sides = [(3, 2, 1, 0), (12, 13, 14, 15)]
@@ -166,3 +174,53 @@ def test_a_case_is_moved_and_filled_in_one_plan() -> None:
     for arrival in performance.arrivals:
         # The pieces of the case are half a millimetre off where it stands.
         assert arrival.offset_m < 0.0006, arrival
+
+
+TUB = """
+kind: assembly
+name: tub
+robot: {model: ur5e, home_m: [0.40, -0.10], safe_height_m: 0.20}
+tools: {gripper: {type: gripper, opening_m: 0.080, holder_m: [0.20, 0.45]}}
+initial_tool: gripper
+parts:
+  tub:
+    tool: gripper
+    mass_kg: 0.12
+    meshes: [{file: tub.obj}]
+    grasp: {closing_axis: x, depth_m: 0.02}
+    start_m: [0.45, -0.30]
+    goal_m: [0.60, 0.05]
+  core:
+    tool: gripper
+    mass_kg: 0.05
+    size_m: [0.030, 0.030, 0.040]
+    grasp: {closing_axis: x, depth_m: 0.01}
+    start_m: [0.30, -0.30]
+    goal_m: [0.60, 0.05]
+    goal_on: tub
+"""
+
+
+@pytest.mark.slow(
+    reason="a mesh in pieces and a search by physics; bodies by themselves in every run"
+)
+def test_a_ur5e_carries_a_hollow_mesh_and_fills_it(tmp_path, capfd, monkeypatch) -> None:
+    """As a user describes it: the tub is held by its walls, and the core goes between them."""
+    pytest.importorskip("coacd", reason="pieces of what moves come from CoACD")
+    monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "cache"))
+    (tmp_path / "tub.obj").write_text(as_obj(case_mesh(0.03, 0.025, 0.035, 0.005)), "utf-8")
+    (tmp_path / "tub.yaml").write_text(TUB, "utf-8")
+    file, out = str(tmp_path / "tub.yaml"), str(tmp_path / "out")
+    chosen = ("--physics", "pybullet", "--collision", "contact-pairs")
+    documents = []
+    for words in (("search-optimal", file, *chosen, "--out", out), ("simulate", out)):
+        with pytest.raises(SystemExit) as ended:
+            main([*words, "--format", "json"])
+        printed, error = capfd.readouterr()
+        assert ended.value.code == 0, error or printed[-2000:]
+        documents.append(json.loads(printed))
+    found, done = documents
+    assert found["status"] == "optimal"
+    assert done["complete"]
+    assert done["largest_offset_mm"] < 0.5
+    assert done["largest_tilt_deg"] < 1.0

@@ -248,6 +248,10 @@ class TestFleet:
         ]
         assert alone == [r["swings_alone"] for r in document["robots"]]
         assert max(alone) <= declared
+        swings_s = document["swings_s"]
+        assert [len(moves) for moves in document["schedule"]] == list(map(len, swings_s))
+        assert [max(times_s) for times_s in swings_s] == document["steps_s"]
+        assert document["parallel_s"] == sum(document["steps_s"])
 
     @benches_expecting("parallel_makespan")
     def test_the_simulator_finds_no_pin_held_twice(self, path: Path) -> None:

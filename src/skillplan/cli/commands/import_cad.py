@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from skillplan.cli.options.panels import OUTPUT
+from skillplan.cli.options.single import Jobs
 from skillplan.cli.options.values import one_of, positive_number
 
 GEOMETRY = "Geometry"
@@ -129,6 +130,7 @@ def command(
             rich_help_panel=PLANNING,
         ),
     ] = None,
+    jobs: Jobs = 1,
     no_cache: Annotated[
         bool,
         typer.Option(
@@ -174,6 +176,7 @@ def command(
             "threads": threads,
             "split_bodies": split_bodies,
             "density_kg_m3": density,
+            "jobs": jobs,
             "keep": not no_cache,
         },
         lambda line: tell(f"skillplan: {line}"),

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 from skillplan_cad.blocking.outline import Outline, mesh_edges
 from skillplan_cad.blocking.pair_lattice import Block, PairLattice, Side, first_contact
-from skillplan_cad.blocking.ray_mesh import Floats, RayMesh
+from skillplan_cad.blocking.ray_mesh import Floats, RayMesh, RayView
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import Blocking, Sensitive
 
@@ -54,19 +54,24 @@ class BlockingTest:
         """
         frame = frame_of(direction)
         sides = [
-            Side(mesh, Outline(mesh, frame, edges), flat.min(axis=0), flat.max(axis=0))
+            Side(
+                view,
+                Outline(mesh, view, edges),
+                view.flat.min(axis=0),
+                view.flat.max(axis=0),
+            )
             for mesh, edges in zip(self.meshes, self._edges, strict=True)
-            for flat in [mesh.points_mm @ frame[:2].T]
+            for view in [RayView(mesh, frame)]
         ]
         found: list[Blocking] = []
         doubtful: list[Sensitive] = []
         for first, second in self._overlapping(sides):
-            lattice = PairLattice(sides[first], sides[second], frame, self._chord_mm)
+            lattice = PairLattice(sides[first], sides[second], self._chord_mm)
             for sign in (1, -1):
                 block = lattice.block(sign, self._radii())
                 if block is not None:
                     entries, unsure = self._entries(
-                        first, second, sign, block, frame, (number, opposite)
+                        (first, second), sides, sign, block, frame, (number, opposite)
                     )
                     found += entries
                     doubtful += unsure
@@ -87,8 +92,8 @@ class BlockingTest:
 
     def _entries(
         self,
-        first: int,
-        second: int,
+        pair: tuple[int, int],
+        sides: Sequence[Side],
         sign: int,
         block: Block,
         frame: Floats,
@@ -96,15 +101,15 @@ class BlockingTest:
     ) -> Answers:
         """Return both readings of a block: the one moved this way, or the other moved that way."""
         number, opposite = numbers if sign > 0 else numbers[::-1]
-        names = [self._product.parts[one].name for one in (first, second)]
+        names = [self._product.parts[one].name for one in pair]
         double, whole, half = self._radii()
         pairs = ((names[0], names[1], number), (names[1], names[0], opposite))
         if block.radius_mm == half:
             return [], [Sensitive(*one, False, half / 1000) for one in pairs]
         sensitive = block.radius_mm == whole
-        low, high = (first, second) if sign > 0 else (second, first)
+        low, high = pair if sign > 0 else pair[::-1]
         distance, there, here = first_contact(
-            self.meshes[low], self.meshes[high], block.points, frame
+            sides[low].view, sides[high].view, block.points, frame
         )
         # The part that lies lower along the frame is met there; the other one where it came from.
         met = (there, here) if sign > 0 else (here, there)
@@ -135,33 +140,14 @@ def frame_of(direction: Vector) -> Floats:
     return np.stack([across, np.cross(way, across), way])
 
 
-def all_blocking(
-    product: Product,
-    test: BlockingTest,
-    directions: Sequence[Vector],
-    on_done: Callable[[int, int], None] = lambda done, of: None,
-) -> tuple[tuple[Blocking, ...], tuple[Sensitive, ...]]:
-    """Return all blockings and all that hangs on the tolerance, sorted.
-
-    Parameters
-    ----------
-    product
-        The product.
-    test
-        Rays through it.
-    directions
-        Unit vectors, each directly before or after its opposite.
-    on_done
-        Told how many of how many lines of directions are done.
-    """
+def in_order(product: Product, answers: Iterable[Answers]) -> Answers:
+    """Return answers as one, sorted by direction, part and blocker."""
     found: list[Blocking] = []
     doubtful: list[Sensitive] = []
-    for number in range(0, len(directions), 2):
-        entries, unsure = test.along(directions[number], number, number + 1)
+    for entries, unsure in answers:
         found += entries
         doubtful += unsure
-        on_done(number // 2 + 1, len(directions) // 2)
     order = {part.name: number for number, part in enumerate(product.parts)}
     found.sort(key=lambda one: (one.direction, order[one.part], order[one.by]))
     doubtful.sort(key=lambda one: (one.direction, order[one.part], order[one.by]))
-    return tuple(found), tuple(doubtful)
+    return found, doubtful

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_cad.blocking.ray_mesh import Floats, RayMesh
+from skillplan_cad.blocking.ray_mesh import Floats, RayMesh, RayView
 
 # A face that faces a direction less than this stands along it.
 _ALONG = 1e-6
@@ -21,18 +21,17 @@ class Outline:
     ----------
     mesh
         The part.
-    frame
-        Two directions across and the direction, one a row.
+    view
+        The part as rays along the direction see it.
     edges
         Of the mesh: ends of each edge and its two triangles, as `mesh_edges` has them.
     """
 
-    def __init__(self, mesh: RayMesh, frame: Floats, edges: NDArray[np.int64]) -> None:
-        facing = mesh.normals @ frame[2]
+    def __init__(self, mesh: RayMesh, view: RayView, edges: NDArray[np.int64]) -> None:
+        facing, flat = view.facing, view.flat
         side = np.where(np.abs(facing) < _ALONG, 0, np.sign(facing)).astype(np.int64)
         first, second = edges[:, 2], edges[:, 3]
         turned = edges[side[first] != side[second]]
-        flat = mesh.points_mm @ frame[:2].T
         self.start, self.end = flat[turned[:, 0]], flat[turned[:, 1]]
         along = self.end - self.start
         length = np.linalg.norm(along, axis=1)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from skillplan_cad.blocking.outline import Outline
-from skillplan_cad.blocking.ray_mesh import Floats, Heights, RayMesh
+from skillplan_cad.blocking.ray_mesh import Floats, Heights, RayView
 
 # Rays a side: first few, then many; beyond the lattice, points inside outlines, so many a part.
 _COARSE, _FINE, _OUTLINE_POINTS = 16, 64, 192
@@ -31,15 +31,15 @@ class Side(NamedTuple):
 
     Parameters
     ----------
-    mesh
-        Its rays.
+    view
+        The part as rays see it.
     outline
         Seen along the direction.
     low, high
         Corners of its rectangle across the direction.
     """
 
-    mesh: RayMesh
+    view: RayView
     outline: Outline
     low: Floats
     high: Floats
@@ -71,14 +71,12 @@ class PairLattice:
     ----------
     first, second
         The parts.
-    frame
-        Two directions across and the direction, one a row.
     chord_mm
         How far triangles may lie from the surfaces that they stand for.
     """
 
-    def __init__(self, first: Side, second: Side, frame: Floats, chord_mm: float) -> None:
-        self._first, self._second, self._frame = first, second, frame
+    def __init__(self, first: Side, second: Side, chord_mm: float) -> None:
+        self._first, self._second = first, second
         self._chord = chord_mm
         self.low = np.maximum(first.low, second.low)
         self.high = np.minimum(first.high, second.high)
@@ -94,22 +92,24 @@ class PairLattice:
         radii_mm
             Of discs, from large to small; the first that is blocked ends the search.
         """
-        for radius in radii_mm:
-            if ((self.high - self.low) < 2 * radius).any():
-                continue
-            for side in (_COARSE, _FINE):
-                found = self._on_lattice(sign, radius, side)
-                if found is not None:
-                    return found
-            found = self._on_outlines(sign, radius)
+        mover, other = (self._first, self._second)[::sign]
+        if mover.view.bottom >= other.view.top - _ABOVE_MM:
+            # It moves away from what lies behind it.
+            return None
+        fitting = [one for one in radii_mm if ((self.high - self.low) >= 2 * one).all()]
+        found = None
+        for radius in fitting:
+            found = self._on_lattice(sign, radius, _COARSE) or self._on_lattice(sign, radius, _FINE)
             if found is not None:
-                return found
-        return None
-
-    def touches(self) -> bool:
-        """Whether any ray of the coarse lattice meets both parts."""
-        _, first, second = self._grid(_COARSE)
-        return bool((np.isfinite(first.low) & np.isfinite(second.low)).any())
+                break
+        # A disc along an outline is sought for where the lattice found none as large.
+        for radius in reversed(fitting):
+            if found is None or radius > found.radius_mm:
+                wider = self._on_outlines(sign, radius)
+                if wider is None:
+                    break
+                found = wider
+        return found
 
     def _grid(self, side: int) -> tuple[Floats, Heights, Heights]:
         if side not in self._grids:
@@ -121,12 +121,12 @@ class PairLattice:
         return self._grids[side]
 
     def _heights(self, points: Floats) -> tuple[Heights, Heights]:
-        first = self._first.mesh.heights(points, self._frame)
+        first = self._first.view.heights(points)
         hit = np.isfinite(first.low)
         if hit.all():
-            return first, self._second.mesh.heights(points, self._frame)
+            return first, self._second.view.heights(points)
         # Where the one is missed the other does not matter.
-        some = self._second.mesh.heights(points[hit], self._frame)
+        some = self._second.view.heights(points[hit])
         return first, Heights(*(_spread(one, hit) for one in _values(some)))
 
     def _on_lattice(self, sign: int, radius: float, side: int) -> Block | None:
@@ -202,7 +202,7 @@ class PairLattice:
 
 
 def first_contact(
-    mover: RayMesh, other: RayMesh, points: Floats, frame: Floats
+    mover: RayView, other: RayView, points: Floats, frame: Floats
 ) -> tuple[float, Floats, Floats]:
     """Return how far a part moves along a direction until it meets the other, and where.
 
@@ -220,8 +220,8 @@ def first_contact(
     tuple
         The distance [mm], the point of the other part, and that of the moving one.
     """
-    entries, _ = other.crossings(points, frame)
-    _, exits = mover.crossings(points, frame)
+    entries, _ = other.crossings(points)
+    _, exits = mover.crossings(points)
     with np.errstate(invalid="ignore"):
         gaps = entries[:, :, None] - exits[:, None, :]
     gaps = np.where(np.isfinite(gaps) & (gaps > -_ABOVE_MM), np.maximum(gaps, 0.0), np.inf)

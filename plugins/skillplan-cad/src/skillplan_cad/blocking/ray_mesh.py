@@ -7,6 +7,7 @@ it names the triangle that is hit, and where is worked out in double precision.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,13 @@ class RayMesh:
         The part.
     middle_m
         What becomes the origin.
+
+    Attributes
+    ----------
+    points_mm, triangles, normals
+        Its mesh.
+    reach_mm
+        Beyond it nothing of the part lies.
     """
 
     def __init__(self, part: Part, middle_m: Floats) -> None:
@@ -59,66 +67,20 @@ class RayMesh:
         length = np.linalg.norm(across, axis=1)
         self.normals = across / np.where(length > 0, length, 1.0)[:, None]
         self._corner = corners[:, 0]
-        self._corners = corners
         self._scene = EmbreeScene()
         self._mesh = TriangleMesh(
             self._scene,
             np.ascontiguousarray(self.points_mm, dtype=np.float32),
             np.ascontiguousarray(part.triangles, dtype=np.int32),
         )
-        self._reach = float(np.linalg.norm(self.points_mm, axis=1).max()) + 1.0
-
-    def heights(self, flat: Floats, frame: Floats) -> Heights:
-        """Return where rays through points of a plane enter first and leave last.
-
-        Parameters
-        ----------
-        flat
-            Points (n, 2) of the plane of the frame's first two rows.
-        frame
-            Two directions across and the direction of the rays, one a row.
-        """
-        count = len(flat)
-        base = flat @ frame[:2]
-        origins = np.concatenate([base - self._reach * frame[2], base + self._reach * frame[2]])
-        ways = np.repeat(np.stack([frame[2], -frame[2]]), count, axis=0)
-        hit = self._hit(origins, ways)
-        height, slope = self._at(hit, np.concatenate([base, base]), frame[2])
-        return Heights(height[:count], height[count:], slope[:count], slope[count:])
-
-    def crossings(self, flat: Floats, frame: Floats) -> tuple[Floats, Floats]:
-        """Return the heights at which each ray enters and leaves, padded by infinity."""
-        base = flat @ frame[:2]
-        at = np.full(len(base), -self._reach)
-        live = np.arange(len(base))
-        entries: list[Floats] = []
-        exits: list[Floats] = []
-        ways = np.repeat(frame[2][None], len(base), axis=0)
-        for _ in range(_MOST_HITS):
-            origins = base[live] + at[live, None] * frame[2]
-            hit = self._hit(origins, ways[live])
-            live, hit = live[hit >= 0], hit[hit >= 0]
-            if not len(live):
-                break
-            height, _ = self._at(hit, base[live], frame[2])
-            height = np.maximum(height, at[live])
-            inwards = self.normals[hit] @ frame[2] < 0
-            for rows, chosen in ((entries, inwards), (exits, ~inwards)):
-                row = np.full(len(base), np.inf)
-                row[live[chosen]] = height[chosen]
-                rows.append(row)
-            at[live] = height + _STEP_MM
-        none = np.full((1, len(base)), np.inf)
-        return np.array(entries or none).T.reshape(len(base), -1), np.array(
-            exits or none
-        ).T.reshape(len(base), -1)
+        self.reach_mm = float(np.linalg.norm(self.points_mm, axis=1).max()) + 1.0
 
     def meets(self, origins: Floats, ways: Floats) -> tuple[NDArray[np.int64], Floats]:
         """Return the triangles that rays of their own directions meet first, and how far off.
 
         A ray that meets none has -1 and infinity.
         """
-        hit = self._hit(origins, ways)
+        hit = self.first_hits(origins, ways)
         distance = np.full(len(hit), np.inf)
         struck = np.flatnonzero(hit >= 0)
         normals = self.normals[hit[struck]]
@@ -127,7 +89,8 @@ class RayMesh:
         distance[struck] = apart / np.where(np.abs(facing) > 1e-12, facing, 1.0)
         return hit, distance
 
-    def _hit(self, origins: Floats, ways: Floats) -> NDArray[np.int64]:
+    def first_hits(self, origins: NDArray[Any], ways: NDArray[Any]) -> NDArray[np.int64]:
+        """Return the triangles that rays meet first; -1 for none."""
         if not len(origins):
             return np.zeros(0, dtype=np.int64)
         found = self._scene.run(
@@ -136,16 +99,87 @@ class RayMesh:
         )
         return np.asarray(found, dtype=np.int64)
 
-    def _at(self, hit: NDArray[np.int64], base: Floats, direction: Floats) -> tuple[Floats, Floats]:
+
+class RayView:
+    """A part as rays along one direction see it.
+
+    Parameters
+    ----------
+    mesh
+        The part.
+    frame
+        Two directions across and the direction of the rays, one a row.
+
+    Attributes
+    ----------
+    flat
+        Its corners, seen along the direction.
+    bottom, top
+        Where it begins and ends along the direction.
+    facing
+        How much each triangle looks along the direction, from -1 to 1.
+    """
+
+    def __init__(self, mesh: RayMesh, frame: Floats) -> None:
+        self._mesh, self._frame = mesh, frame
+        placed = mesh.points_mm @ frame.T
+        self.flat = placed[:, :2]
+        self.bottom, self.top = float(placed[:, 2].min()), float(placed[:, 2].max())
+        normals = mesh.normals @ frame.T
+        self.facing = normals[:, 2]
+        # A triangle that stands along the direction has no one height; it is clipped to its own.
+        safe = np.where(np.abs(self.facing) <= 1e-12, 1.0, self.facing)
+        corner = placed[mesh.triangles]
+        away = np.einsum("ij,ij->i", normals, corner[:, 0])
+        self._height = np.stack([away, -normals[:, 0], -normals[:, 1]], axis=1) / safe[:, None]
+        self._low, self._high = corner[:, :, 2].min(axis=1), corner[:, :, 2].max(axis=1)
+
+    def heights(self, flat: Floats) -> Heights:
+        """Return where rays through points (n, 2) across enter first and leave last."""
+        count, reach = len(flat), self._mesh.reach_mm
+        base = flat @ self._frame[:2]
+        origins = np.empty((2 * count, 3), dtype=np.float32)
+        origins[:count] = base - reach * self._frame[2]
+        origins[count:] = base + reach * self._frame[2]
+        ways = np.empty((2 * count, 3), dtype=np.float32)
+        ways[:count], ways[count:] = self._frame[2], -self._frame[2]
+        hit = self._mesh.first_hits(origins, ways)
+        height, slope = self._at(hit, np.concatenate([flat, flat]))
+        return Heights(height[:count], height[count:], slope[:count], slope[count:])
+
+    def crossings(self, flat: Floats) -> tuple[Floats, Floats]:
+        """Return the heights at which each ray enters and leaves, padded by infinity."""
+        base = flat @ self._frame[:2]
+        at = np.full(len(base), -self._mesh.reach_mm)
+        live = np.arange(len(base))
+        entries: list[Floats] = []
+        exits: list[Floats] = []
+        ways = np.repeat(self._frame[2][None], len(base), axis=0)
+        for _ in range(_MOST_HITS):
+            origins = base[live] + at[live, None] * self._frame[2]
+            hit = self._mesh.first_hits(origins, ways[live])
+            live, hit = live[hit >= 0], hit[hit >= 0]
+            if not len(live):
+                break
+            height, _ = self._at(hit, flat[live])
+            height = np.maximum(height, at[live])
+            inwards = self.facing[hit] < 0
+            for rows, chosen in ((entries, inwards), (exits, ~inwards)):
+                row = np.full(len(base), np.inf)
+                row[live[chosen]] = height[chosen]
+                rows.append(row)
+            at[live] = height + _STEP_MM
+        none = np.full((1, len(base)), np.inf)
+        return np.array(entries or none).T, np.array(exits or none).T
+
+    def _at(self, hit: NDArray[np.int64], flat: Floats) -> tuple[Floats, Floats]:
         """Return heights and slopes at the triangles that were hit."""
         height = np.full(len(hit), np.nan)
         slope = np.zeros(len(hit))
         struck = np.flatnonzero(hit >= 0)
-        normals, corner = self.normals[hit[struck]], self._corner[hit[struck]]
-        facing = normals @ direction
-        safe = np.where(np.abs(facing) > 1e-12, facing, 1.0)
-        value = np.einsum("ij,ij->i", corner - base[struck], normals) / safe
-        span = self._corners[hit[struck]] @ direction
-        height[struck] = np.clip(value, span.min(axis=1), span.max(axis=1))
-        slope[struck] = np.abs(facing)
+        which, at = hit[struck], flat[struck]
+        terms = self._height[which]
+        value = terms[:, 0] + terms[:, 1] * at[:, 0] + terms[:, 2] * at[:, 1]
+        height[struck] = np.minimum(np.maximum(value, self._low[which]), self._high[which])
+        slope[struck] = np.abs(self.facing[which])
         return height, slope

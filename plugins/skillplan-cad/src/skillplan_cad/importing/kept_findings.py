@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+from skillplan_cad.blocking.confirmation import Doubt
 from skillplan_cad.build_relation import Blocked, Joints
 from skillplan_cad.contacts import Contact
 from skillplan_cad.relation import Blocking, Fastener, Sensitive
@@ -38,6 +40,16 @@ def blocked_from(content: bytes) -> Blocked:
         tuple(Blocking(**_tuples(one)) for one in document["entries"]),
         tuple(Sensitive(**_tuples(one)) for one in document["sensitive"]),
     )
+
+
+def doubts_bytes(doubts: Sequence[Doubt]) -> bytes:
+    """Return doubts as a document."""
+    return json.dumps([asdict(one) for one in doubts]).encode()
+
+
+def doubts_from(content: bytes) -> tuple[Doubt, ...]:
+    """Return the doubts that `doubts_bytes` wrote."""
+    return tuple(Doubt(**one) for one in json.loads(content))
 
 
 def _tuples(values: dict[str, Any]) -> dict[str, Any]:

@@ -6,19 +6,23 @@ from collections.abc import Sequence
 from typing import Any
 
 from skillplan_cad.contacts import Contact
+from skillplan_cad.importing.findings import Findings
 from skillplan_cad.importing.settings import ImportSettings
-from skillplan_cad.product import Product, Vector
+from skillplan_cad.product import Vector
 from skillplan_cad.relation import Relation
+
+# Doubts that are told one by one.
+_NAMED = 4
 
 
 def report_document(
-    product: Product,
-    relation: Relation,
+    findings: Findings,
     waived: Sequence[tuple[str, str, int]],
     settings: ImportSettings,
     source: str,
 ) -> dict[str, Any]:
     """Return the report without the name of its schema; lengths are millimetres."""
+    product, relation = findings.product, findings.relation
     return {
         "product": product.name,
         "source": source,
@@ -57,6 +61,15 @@ def report_document(
             for one in interferences(relation)
         ],
         "untouched": untouched(relation),
+        "doubts": [
+            {
+                "part": one.part,
+                "by": one.by,
+                "direction": list(relation.directions[one.direction]),
+                "rays_say_blocked": one.rays_say_blocked,
+            }
+            for one in findings.doubts
+        ],
         "waived_threads": [
             {"part": part, "by": by, "direction": list(relation.directions[number])}
             for part, by, number in waived
@@ -76,8 +89,9 @@ def untouched(relation: Relation) -> list[str]:
     return [name for name in relation.names if name not in touched]
 
 
-def warnings(relation: Relation, product: Product) -> list[str]:
+def warnings(findings: Findings) -> list[str]:
     """Return what a user should know of a product, a sentence each."""
+    product, relation = findings.product, findings.relation
     found = []
     for one in interferences(relation):
         at = ", ".join(f"{value * 1000:.4g}" for value in one.overlap_point_m or ())
@@ -103,6 +117,17 @@ def warnings(relation: Relation, product: Product) -> list[str]:
             f"half or double the tolerance says otherwise of {len(relation.sensitive)} blockings: "
             f"{shown}"
         )
+    for doubt in findings.doubts[:_NAMED]:
+        way = ", ".join(f"{value:.4g}" for value in relation.directions[doubt.direction])
+        rays, meshes = (
+            ("blocks", "lets pass") if doubt.rays_say_blocked else ("lets pass", "blocks")
+        )
+        found.append(
+            f"{doubt.by} {rays} {doubt.part} along [{way}] by rays, which decide, and {meshes} it "
+            "by shrunk meshes; try another --tolerance."
+        )
+    if len(findings.doubts) > _NAMED:
+        found.append(f"{len(findings.doubts) - _NAMED} more such doubts stand in report.json")
     return found
 
 

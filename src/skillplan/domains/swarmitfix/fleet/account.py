@@ -27,6 +27,8 @@ def fleet_account(job: Job, document: Mapping[str, Any]) -> Account:
         return Account(known)
     moves = _moves(job, {name: start for name, (start, _) in robots.items()}, plan)
     steps = parallel_steps(job, moves)
+    swings_s = _swing_times(job, steps)
+    steps_s = [max(times_s) for times_s in swings_s]
     fault = simulate(bench, robots, steps)
     known |= {
         "robots": [
@@ -50,8 +52,11 @@ def fleet_account(job: Job, document: Mapping[str, Any]) -> Account:
             ]
             for step in steps
         ],
+        # Each step is as long as its longest swing.
+        "swings_s": swings_s,
+        "steps_s": steps_s,
         "parallel_makespan": len(steps),
-        "parallel_s": _seconds(job, steps),
+        "parallel_s": sum(steps_s),
         "simulated": "valid" if fault is None else str(fault),
     }
     return Account(known, (_listing(job, known),), makespan_s=known["parallel_s"])
@@ -89,13 +94,12 @@ def parallel_steps(job: Job, moves: Sequence[Move]) -> list[list[Move]]:
     return steps
 
 
-def _seconds(job: Job, steps: Sequence[Sequence[Move]]) -> float:
-    """Return the time of synchronous steps, each as long as its longest swing [s]."""
-    bench, timings = job.bench, job.timings
-    return sum(
-        max(timings.of_swing(int(bench.swing_deg[before, action])) for _, action, before, _ in step)
-        for step in steps
-    )
+def _swing_times(job: Job, steps: Sequence[Sequence[Move]]) -> list[list[float]]:
+    """Return how long each swing of each step takes [s]."""
+    degrees, of_swing = job.bench.swing_deg, job.timings.of_swing
+    return [
+        [of_swing(int(degrees[before, action])) for _, action, before, _ in step] for step in steps
+    ]
 
 
 def _listing(job: Job, known: Mapping[str, Any]) -> Listing:

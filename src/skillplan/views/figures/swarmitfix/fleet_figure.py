@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -252,9 +253,17 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
         entry["robot"]: bench.position(entry["start"]) for entry in account.document["robots"]
     }
     swings = sum(len(moves) for moves in steps)
+    whole_s = sum(_steps_s(account.document, schedule))
     heading = Heading(
         f"Paths of {len(starts)} bases of {request.problem.name}: {swings} swings in "
-        f"{len(steps)} parallel steps",
+        f"{len(steps)} parallel steps, {whole_s:.1f} s",
         request.details(outcomes[0].run),
     )
     return fleet_figure(bench, starts, steps, heading)
+
+
+def _steps_s(known: Mapping[str, Any], schedule: Sequence[Sequence[Sequence[str]]]) -> list[float]:
+    """Return how long each step takes, of a schedule of the same swings as the known one [s]."""
+    swings = zip(chain.from_iterable(known["schedule"]), chain(*known["swings_s"]), strict=True)
+    swing_s = {tuple(move): time_s for move, time_s in swings}
+    return [max(swing_s[tuple(move)] for move in moves) for moves in schedule]

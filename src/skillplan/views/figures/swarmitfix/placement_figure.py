@@ -6,7 +6,6 @@ Veeramani and Muthuswamy 2022, Fig. 11.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -19,12 +18,11 @@ from numpy.typing import NDArray
 from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
 from skillplan.views.figures.figure_style import (
-    BLUE,
     GREEN,
     INK,
+    MUTED,
     ORANGE,
     PAPER,
-    RED,
     Heading,
     in_house_style,
 )
@@ -35,6 +33,8 @@ from skillplan.views.figures.swarmitfix.placement_marks import (
     BaseGoal,
     HeadMark,
     Point2,
+    colours_of,
+    holds_of,
     links_m,
     visits_of,
 )
@@ -94,7 +94,7 @@ def placement_figure(
     canvas.draw_lattice(pins=False)
     _draw_trajectory(canvas, points_m)
     _draw_links(canvas, goals)
-    _draw_bases(canvas, visits, between, home)
+    _draw_bases(canvas, colours_of(canvas.bench, goals), between, home)
     _draw_heads(canvas, heads)
     draw_labels(canvas, points_m, heads, goals, visits, between, home)
     canvas.add_legend(entries)
@@ -123,10 +123,11 @@ def _draw_trajectory(canvas: BenchCanvas, points_m: NDArray[np.float64]) -> None
 
 
 def _draw_links(canvas: BenchCanvas, goals: Sequence[BaseGoal]) -> None:
+    colours = colours_of(canvas.bench, goals)
     lines = LineCollection(
         links_m(canvas.bench, goals),
-        colors=RED,
-        linewidths=1.3,
+        colors=[colours[position] for position, _ in holds_of(goals)],
+        linewidths=1.1,
         zorder=3,
     )
     lines.set_gid("links")
@@ -134,14 +135,14 @@ def _draw_links(canvas: BenchCanvas, goals: Sequence[BaseGoal]) -> None:
 
 
 def _draw_bases(
-    canvas: BenchCanvas, visits: Mapping[int, Any], between: Sequence[int], home: int | None
+    canvas: BenchCanvas, goals: Mapping[int, str], between: Sequence[int], home: int | None
 ) -> None:
-    radius_m = RADIUS * canvas.bench.pitch_m
-    for position in visits:
-        _ring(canvas, position, radius_m, GREEN, "-", 2.2, f"goal-{canvas.bench.name(position)}")
+    radius_m, name = RADIUS * canvas.bench.pitch_m, canvas.bench.name
+    for position, colour in goals.items():
+        _ring(canvas, position, radius_m, colour, "-", 2.2, f"goal-{name(position)}")
     for position in between:
-        _ring(canvas, position, radius_m, BLUE, "--", 1.8, f"between-{canvas.bench.name(position)}")
-    if home is not None and home not in visits:
+        _ring(canvas, position, radius_m, MUTED, "--", 1.0, f"between-{name(position)}")
+    if home is not None and home not in goals:
         _ring(canvas, home, radius_m, ORANGE, ":", 2.2, f"home-{canvas.bench.name(home)}")
 
 
@@ -196,11 +197,11 @@ def _legend(closed: bool, between: bool, home: bool) -> list[tuple[Artist, str]]
         (Line2D([], [], color=_TRAJECTORY, linewidth=2.2), f"trajectory ({shape})"),
         (head(_TRAJECTORY), "head at a vertex (h)"),
         (head("#f4c95d"), "head between vertices (h)"),
-        (Line2D([], [], color=RED, linewidth=1.3), "base and supports that it holds"),
         (ring(GREEN, "-"), "goal position of the base (b)"),
+        (Line2D([], [], color=GREEN, linewidth=1.1), "supports held from there, in its colour"),
     ]
     if between:
-        entries.append((ring(BLUE, "--"), "intermediate position"))
+        entries.append((ring(MUTED, "--"), "intermediate position"))
     if home:
         entries.append((ring(ORANGE, ":"), "home position"))
     return entries

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan.views.figures.figure_style import INK, LEAST_PT, MUTED
+from skillplan.views.figures.figure_style import INK, LEAST_PT, MUTED, text_colour
 from skillplan.views.figures.label_placement import LabelPlacer
 from skillplan.views.figures.swarmitfix.bench_canvas import BenchCanvas
 from skillplan.views.figures.swarmitfix.placement_marks import (
@@ -16,6 +16,7 @@ from skillplan.views.figures.swarmitfix.placement_marks import (
     BaseGoal,
     HeadMark,
     Point2,
+    colours_of,
     links_m,
     ranges_text,
 )
@@ -69,10 +70,11 @@ def draw_labels(
             name = bench.name(position)
             place = placer.place(centres[position], name, name_pt, beside_in)
             _write(canvas, canvas.to_metres(place), name, name_pt, INK, bold=True)
+    colours = colours_of(canvas.bench, goals)
     for position, numbers in sorted(visits.items()):
         text = f"b{ranges_text(numbers)}"
         place = placer.place(centres[position], text, number_pt, beside_in)
-        _write(canvas, canvas.to_metres(place), text, number_pt, "#00694d")
+        _write(canvas, canvas.to_metres(place), text, number_pt, text_colour(colours[position]))
     if home is not None and home not in visits:
         place = placer.place(centres[home], "home", number_pt, beside_in)
         _write(canvas, canvas.to_metres(place), "home", number_pt, "#8a5a00")

@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.views.figures.figure_style import BLUE, GREEN, OLIVE, PURPLE, RED, SKY
 
 Point2 = tuple[float, float]
 RADIUS = 0.2
 """Radius of the circle that marks a base, in pitches."""
+_COLOURS = (GREEN, BLUE, RED, PURPLE, OLIVE, SKY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +73,18 @@ def visits_of(goals: Sequence[BaseGoal]) -> dict[int, list[int]]:
     return visits
 
 
+def colours_of(bench: Bench, goals: Sequence[BaseGoal]) -> dict[int, str]:
+    """Return a colour by the position of goals; those of one colour are far from each other."""
+    found: dict[int, str] = {}
+    for position in visits_of(goals):
+        at_m = bench.centroids_m[position]
+        apart_m = dict.fromkeys(_COLOURS, math.inf)
+        for other, colour in found.items():
+            apart_m[colour] = min(apart_m[colour], math.dist(at_m, bench.centroids_m[other]))
+        found[position] = max(_COLOURS, key=apart_m.__getitem__)
+    return found
+
+
 def ranges_text(numbers: Sequence[int]) -> str:
     """Return ascending numbers as text, such as ``1, 3-5``."""
     runs: list[list[int]] = []
@@ -84,11 +98,15 @@ def ranges_text(numbers: Sequence[int]) -> str:
     )
 
 
+def holds_of(goals: Sequence[BaseGoal]) -> list[tuple[int, Point2]]:
+    """Return the positions of goals, each with the supports held from there, once each [m]."""
+    return list(dict.fromkeys((goal.position, at) for goal in goals for at in goal.supports_m))
+
+
 def links_m(bench: Bench, goals: Sequence[BaseGoal]) -> list[tuple[Point2, Point2]]:
     """Return the lines from the circles of goals to the supports that they hold [m]."""
-    ends = dict.fromkeys((goal.position, at) for goal in goals for at in goal.supports_m)
     lines = []
-    for position, (x_m, y_m) in ends:
+    for position, (x_m, y_m) in holds_of(goals):
         from_x, from_y = map(float, bench.centroids_m[position])
         long_m = math.dist((from_x, from_y), (x_m, y_m))
         share = min(1.0, RADIUS * bench.pitch_m / long_m) if long_m else 1.0

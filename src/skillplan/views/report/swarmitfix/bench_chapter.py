@@ -10,7 +10,7 @@ from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.views.pictures.plan_bars import PlanBar
 from skillplan.views.report.chapters import ChainInput
 from skillplan.views.report.swarmitfix.bench_playback import bench_playback
-from skillplan.views.report.swarmitfix.fleet_playback import fleet_playback
+from skillplan.views.report.swarmitfix.fleet_playback import fleet_playback, swings_of
 
 _AGENTS = {"head": "head", "pkm": "PKM", "base": "base"}
 
@@ -76,10 +76,8 @@ def _bars(known: Mapping[str, Any]) -> list[PlanBar]:
             title = f"sequence {phase['sequence']}, {phase['step']}: {label}, {words}"
             bars.append(PlanBar(_AGENTS[agent], label, phase["step"], begin_s, end_s, title))
     if not bars and known.get("schedule"):
-        step_s = known["parallel_s"] / max(1, len(known["schedule"]))
-        for number, moves in enumerate(known["schedule"]):
-            for robot, action, start, end in moves:
-                title = f"step {number + 1}: {robot} {action}, {start} to {end}"
-                times = (number * step_s, (number + 1) * step_s)
-                bars.append(PlanBar(robot, end, "swing", *times, title))
+        for number, robot, action, (start, end), times in swings_of(known):
+            words = f"{start} to {end}, {times[0]:.2f} s to {times[1]:.2f} s"
+            title = f"step {number}: {robot} {action}, {words}"
+            bars.append(PlanBar(robot, end, "swing", *times, title))
     return bars
