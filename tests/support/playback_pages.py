@@ -164,14 +164,17 @@ def _hash(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
-def write_page(path: Path, document: dict[str, Any]) -> Path:
+STYLE = (
+    ":root { color-scheme: light dark; } "
+    "body { margin: 8px; font-family: sans-serif; background: Canvas; color: CanvasText; }"
+)
+
+
+def write_page(path: Path, document: dict[str, Any], style: str = STYLE) -> Path:
     """Write a page that holds a playback, and allows nothing but its own script and styles."""
     player = resources.files("skillplan") / "views" / "report" / "player"
     script = (player / "player.js").read_text("utf-8")
-    body = "body { margin: 8px; font-family: sans-serif; background: Canvas; color: CanvasText; }"
-    style = f":root {{ color-scheme: light dark; }} {body}" + (player / "player.css").read_text(
-        "utf-8"
-    )
+    style += (player / "player.css").read_text("utf-8")
     policy = f"default-src 'none'; script-src {_hash(script)}; style-src {_hash(style)}"
     data = json.dumps(document, allow_nan=False).replace("<", "\\u003c")
     path.write_text(

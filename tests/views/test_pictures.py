@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import combinations
 from xml.etree import ElementTree
 
 import pytest
@@ -15,10 +16,12 @@ from skillplan.task.task import Task
 from skillplan.views.pictures.drawing import Drawing, Label, Look, Shape, hull, shortened
 from skillplan.views.pictures.exploded_picture import exploded_picture
 from skillplan.views.pictures.gantt_picture import gantt_picture
+from skillplan.views.pictures.graph_layers import Bend, layers_of
 from skillplan.views.pictures.layout_picture import layout_picture
 from skillplan.views.pictures.plan_bars import PlanBar, plan_bars
 from skillplan.views.pictures.precedence_graph import precedence_graph
 from skillplan.views.pictures.precedence_picture import precedence_picture
+from skillplan.views.pictures.step_numbers import NUMBER_PX, number_rows
 from skillplan.views.pictures.svg_canvas import picture_svg
 
 PLAN = [0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 6, 7, 13, 14, 15]
@@ -111,6 +114,28 @@ def test_layers_follow_the_longest_chain(board: Task) -> None:
     graph = precedence_graph(board, None)
     depth = {one: k for k, layer in enumerate(graph.layers) for one in layer}
     assert (0, 1, 2, 3) == tuple(depth[one] for one in ("pcb", "clock", "brace", "screw_1"))
+
+
+def test_an_edge_that_passes_a_layer_has_a_place_of_its_own_there() -> None:
+    """So that it runs through no node of that layer."""
+    edges = [("a", "b"), ("b", "c"), ("a", "d"), ("d", "c"), ("e", "c"), ("c", "f"), ("a", "f")]
+    placed = layers_of("abcdef", edges)
+    assert [Bend(("e", "c"), 1)] == list(placed.bends["e", "c"])
+    assert [Bend(("a", "f"), 1), Bend(("a", "f"), 2)] == list(placed.bends["a", "f"])
+    assert ("a", "b") not in placed.bends
+    assert {"b", "d", Bend(("e", "c"), 1), Bend(("a", "f"), 1)} == set(placed.layers[1])
+
+
+def test_numbers_of_steps_cover_no_others() -> None:
+    """Where places are near each other the longer row goes aside, with a line to its place."""
+    ends = {(100.0, 50.0): [1], (112.0, 50.0): [2, 4, 6, 8, 10], (118.0, 52.0): [3, 5, 7]}
+    rows = number_rows(ends, (300.0, 300.0))
+    assert [(1,), (3, 5, 7), (2, 4, 6, 8, 10)] == [row.numbers for row in rows]
+    assert rows[0].at == rows[0].centre
+    for one, other in combinations(rows, 2):
+        across = abs(one.centre[0] - other.centre[0])
+        down = abs(one.centre[1] - other.centre[1])
+        assert across >= one.half_px + other.half_px or down >= 2 * NUMBER_PX
 
 
 def test_a_circle_is_drawn_all_the_same(board: Task) -> None:

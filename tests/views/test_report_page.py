@@ -14,7 +14,7 @@ from skillplan.views.report.chapters import comparison_chapter
 from skillplan.views.report.markup import Markup, tag, text
 from skillplan.views.report.page import Chapter, Section, json_in_page, page_html
 from skillplan.views.report.player_files import Player, page_style
-from skillplan.views.report.tables import number, seconds, share, table
+from skillplan.views.report.tables import number, numbers, seconds, share, table
 
 HOSTILE = "<script>alert(1)</script> \"quoted\" 'x' </title></style> \x1b[31m \u202e &amp;"
 PLAYER = Player("const a = '</script><!--';", ".player{color:red}", "MIT")
@@ -162,3 +162,9 @@ def test_texts_are_escaped_once() -> None:
 )
 def test_numbers_are_shown_as_such_and_nothing_else_is(shown: str, expected: str) -> None:
     assert expected == shown
+
+
+def test_numbers_of_a_column_have_the_same_decimals() -> None:
+    """As many as the longest needs, five at most; counts stay whole, and what is none a dash."""
+    assert numbers([0.038, 0.0816088, 1.5]) == ["0.03800", "0.08161", "1.50000"]
+    assert numbers([0.25, 2.0, None, 3]) == ["0.25", "2.00", "-", "3"]

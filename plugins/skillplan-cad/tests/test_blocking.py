@@ -6,10 +6,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+import trimesh
 
 from cad_products import ALONG, links, moved, product, related, relation, true_links, truth
-from skillplan_cad.blocking.all_pairs import BlockingTest, all_blocking
 from skillplan_cad.blocking.confirmation import Confirmation
+from skillplan_cad.build_relation import blocked_of
+from skillplan_cad.reading.product_reader import ReadOptions, read_product
 
 SOLID = ("dovetail", "floating", "interlocked", "l_slot", "mirrored", "nested", "threads")
 LARGER = ("bracket", "eight")
@@ -62,12 +64,27 @@ def test_a_product_turned_in_space_has_the_same_links(name):
     """Along the turned axes."""
     turn = turned((17, 31, 43))
     whole = moved(product(name), turn)
-    test = BlockingTest(whole, 1e-4)
     directions = [tuple(sign * row) for row in turn.T for sign in (1, -1)]
-    entries, _ = all_blocking(whole, test, directions)
+    entries = blocked_of(whole, directions, 1e-4).entries
     for axis, number in ALONG.items():
         found = {(one.part, one.by) for one in entries if one.direction == number}
         assert true_links(name, axis) == found
+
+
+@pytest.mark.parametrize("degrees", [(0, 0, 0), (17, 31, 43)])
+def test_a_link_far_narrower_than_the_parts_is_found(tmp_path, degrees):
+    """A lid of 100 mm rests on a rail by 0.4 mm, between two rays of any lattice."""
+    lid, rail = trimesh.creation.box((100, 100, 5)), trimesh.creation.box((10, 130, 10))
+    rail.apply_translation((54.6, 3.0, -7.5))
+    lid.export(tmp_path / "lid.stl")
+    rail.export(tmp_path / "rail.stl")
+    turn = turned(degrees)
+    whole = moved(read_product(tmp_path, ReadOptions(unit="mm")), turn)
+    found = blocked_of(whole, [tuple(turn[:, 2]), tuple(-turn[:, 2])], 1e-4).entries
+    assert {("lid", "rail", 1), ("rail", "lid", 0)} == {
+        (one.part, one.by, one.direction) for one in found
+    }
+    assert all(2e-4 <= one.width_m <= 4.1e-4 for one in found)
 
 
 def test_names_and_order_of_parts_change_nothing():
@@ -104,6 +121,15 @@ def test_what_hangs_on_the_tolerance_is_listed():
     assert coarse.sensitive
     assert {"block", "pin"} == {one.part for one in coarse.sensitive}
     assert not related(product("interfering"), 0.04).sensitive
+
+
+@pytest.mark.slow(reason="starts processes; orders of answers are made one in every run")
+def test_processes_change_nothing():
+    """Whichever answers first."""
+    whole = product("threads")
+    directions = relation("threads").directions
+    alone, together = (blocked_of(whole, directions, 1e-4, jobs=jobs) for jobs in (1, 3))
+    assert alone == together
 
 
 class TestThreads:

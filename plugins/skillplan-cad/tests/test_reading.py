@@ -46,6 +46,16 @@ class TestStep:
         """Below its root."""
         assert "carriage_2/stud/pin" in [part.name for part in product("nested").parts]
 
+    def test_an_instance_without_a_name_is_called_after_its_design(self, tmp_path):
+        """Exporters number such instances; what they are is told by their design."""
+        path = tmp_path / "threads.step"
+        content = gzip.decompress(file("threads").read_bytes())
+        path.write_bytes(content.replace(b"'bolt'", b"'NAUO7'"))
+        whole = read_product(path, ReadOptions())
+        named = product("threads")
+        bolt = named.index("bolt")
+        assert whole.parts[bolt].name == whole.parts[bolt].design != "NAUO7"
+
     def test_mirror_images_are_told_apart_from_identical_parts(self):
         """Though volume, area and all distances are the same."""
         whole = product("mirrored")
@@ -98,6 +108,14 @@ class TestStep:
         with pytest.raises(OptionError, match=words) as caught:
             read_product(path, ReadOptions())
         assert str(path) in str(caught.value)
+
+    def test_a_file_that_lacks_a_piece_is_refused(self, tmp_path):
+        """Though it ends as it should: parts would silently be missing."""
+        path = tmp_path / "product.step"
+        content = file("floating").read_bytes()
+        path.write_bytes(content[: len(content) // 2] + b";\nENDSEC;\nEND-ISO-10303-21;\n")
+        with pytest.raises(OptionError, match="is damaged: it refers to"):
+            read_product(path, ReadOptions())
 
     def test_an_open_mesh_is_refused_with_the_part_and_the_place(self):
         """The tray lacks a side."""

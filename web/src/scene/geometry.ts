@@ -15,6 +15,9 @@ import type { Mesh, Playback, Shape } from "../playback";
 // Faces that meet at less than this look like one surface.
 const CREASE_COSINE = Math.cos((38 * Math.PI) / 180);
 const EDGE_DEG = 30;
+// Of a coordinate of 16 bits.
+const SHIFT = 0x8000;
+const RANGE = 0x10000;
 
 export interface Solid {
   readonly geometry: BufferGeometry;
@@ -23,10 +26,14 @@ export interface Solid {
   readonly scale: Vector3;
 }
 
-/** Triangle corners in a row, with a normal each. */
-export function creased(positions: Float32Array, triangles: ArrayLike<number>): BufferGeometry {
+/** Triangle corners in a row, with a normal each; vertices are the same where their steps are. */
+export function creased(
+  steps: Int16Array,
+  positions: Float32Array,
+  triangles: ArrayLike<number>,
+): BufferGeometry {
   const faces = triangles.length / 3;
-  const corners = welded(positions);
+  const corners = welded(steps);
   const normals = new Float32Array(faces * 3);
   const touching: number[][] = [];
   const [a, b, c] = [new Vector3(), new Vector3(), new Vector3()];
@@ -62,11 +69,13 @@ export function creased(positions: Float32Array, triangles: ArrayLike<number>): 
 }
 
 /** For each vertex the first one that stands at the same place. */
-function welded(positions: Float32Array): Uint32Array {
-  const first = new Map<string, number>();
-  const found = new Uint32Array(positions.length / 3);
+function welded(steps: Int16Array): Uint32Array {
+  const first = new Map<number, number>();
+  const found = new Uint32Array(steps.length / 3);
   for (let vertex = 0; vertex < found.length; vertex++) {
-    const key = positions.subarray(vertex * 3, vertex * 3 + 3).join();
+    const [x = 0, y = 0, z = 0] = steps.subarray(vertex * 3, vertex * 3 + 3);
+    // Whole numbers of 48 bits.
+    const key = ((x + SHIFT) * RANGE + (y + SHIFT)) * RANGE + (z + SHIFT);
     const known = first.get(key) ?? vertex;
     first.set(key, known);
     found[vertex] = known;
@@ -81,7 +90,7 @@ function meshGeometry(mesh: Mesh): BufferGeometry {
     const offset = mesh.offset_m[index % 3] ?? 0;
     positions[index] = offset + mesh.scale_m * (steps[index] ?? 0);
   }
-  return creased(positions, indicesOf(mesh.triangles, mesh.wide));
+  return creased(steps, positions, indicesOf(mesh.triangles, mesh.wide));
 }
 
 /** Makes each geometry once, for bodies and ghosts alike. */

@@ -31,15 +31,27 @@ const ZOOM_STEP = 1.15;
 
 Object3D.DEFAULT_UP.set(0, 0, 1);
 
-/** Makes a renderer, or returns null where the browser has no WebGL. */
+// Renderers that have no graphics card, by what they call themselves.
+const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
+
+/** Makes a renderer, or returns null where the browser has no WebGL; shadows need a graphics card. */
 export function makeRenderer(canvas: HTMLCanvasElement): WebGLRenderer | null {
   const attributes = { antialias: true, preserveDrawingBuffer: true, alpha: false };
   const context = canvas.getContext("webgl2", attributes) as WebGL2RenderingContext | null;
   if (!context) return null;
   const renderer = new WebGLRenderer({ canvas, context, ...attributes });
-  renderer.shadowMap.enabled = true;
+  // To read how each program was linked takes the time of linking it once more.
+  renderer.debug.checkShaderErrors = false;
+  renderer.shadowMap.enabled = !isSoftware(context);
   renderer.shadowMap.type = PCFShadowMap;
   return renderer;
+}
+
+function isSoftware(context: WebGL2RenderingContext): boolean {
+  const names = context.getExtension("WEBGL_debug_renderer_info");
+  return (
+    names !== null && SOFTWARE.test(String(context.getParameter(names.UNMASKED_RENDERER_WEBGL)))
+  );
 }
 
 export class Stage {

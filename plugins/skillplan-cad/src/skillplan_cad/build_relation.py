@@ -8,7 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from skillplan_cad.blocking.all_pairs import BlockingTest, all_blocking
+from skillplan_cad.blocking.all_pairs import BlockingTest, in_order
+from skillplan_cad.blocking.line_jobs import answers_of
 from skillplan_cad.contacts import Contact
 from skillplan_cad.joints.contacts_of import contacts_of
 from skillplan_cad.joints.cylinder_fits import cylinder_fits
@@ -69,10 +70,30 @@ def blocked_of(
     directions: Sequence[Vector],
     tolerance_m: float,
     on_done: Callable[[int, int], None] = lambda done, of: None,
+    jobs: int = 1,
 ) -> Blocked:
-    """Return what blocks what along the directions."""
-    test = BlockingTest(product, tolerance_m)
-    return Blocked(*all_blocking(product, test, directions, on_done))
+    """Return what blocks what along directions, each of which is next to its opposite.
+
+    Parameters
+    ----------
+    product
+        The product.
+    directions
+        Unit vectors.
+    tolerance_m
+        Radius of the disc that has to be blocked.
+    on_done
+        Told how many of how many lines of directions are done.
+    jobs
+        How many processes may be used; nothing that is found depends on it.
+    """
+    lines = [(directions[one], one, one + 1) for one in range(0, len(directions), 2)]
+    answers = []
+    for answer in answers_of(product, tolerance_m, lines, jobs):
+        answers.append(answer)
+        on_done(len(answers), len(lines))
+    entries, sensitive = in_order(product, answers)
+    return Blocked(tuple(entries), tuple(sensitive))
 
 
 def relation_of(

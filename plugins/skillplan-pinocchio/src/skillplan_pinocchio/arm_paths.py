@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -124,6 +125,7 @@ class ArmPaths:
         self.task = task
         self.settings = settings or PathSettings()
         self.robot: Robot = task.scene.robots[0]
+        self._planned: dict[tuple[int, str | None], tuple[Any, tuple[ArmMotion, ...]]] = {}
 
     @cached_property
     def planner(self) -> MotionPlanner:
@@ -176,8 +178,17 @@ class ArmPaths:
 
     def motions(self, skill: Skill, state: State) -> tuple[ArmMotion, ...]:
         """Return the motions as the arm makes them; they do not depend on where it stands."""
-        planned = linear_motions(self.task, skill, state, self.settings.drop_height_m)
-        return tuple(self.planner.plan(motion) for motion in planned)
+        if skill.motion is None:
+            raise ValueError(f"Skill {skill.name!r} has no motion.")
+        visits = skill.motion.visits(state)
+        tool = self.robot.tool(state)
+        key = (id(visits), None if tool is None else tool.name)
+        if key not in self._planned:
+            planned = linear_motions(self.task, skill, state, self.settings.drop_height_m)
+            motions = tuple(self.planner.plan(motion) for motion in planned)
+            # With the visits, so that no others get their identity.
+            self._planned[key] = visits, motions
+        return self._planned[key][1]
 
     def stand(self, state: State) -> tuple[str, Vector | None]:
         """Return the fact that says where the arm stands, and its joint angles there [rad]."""

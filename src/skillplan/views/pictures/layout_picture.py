@@ -31,11 +31,11 @@ from skillplan.views.pictures.drawing import (
     text_width_px,
 )
 from skillplan.views.pictures.outlines import outlines
+from skillplan.views.pictures.step_numbers import NUMBER_PX, number_rows
 
 _MARGIN_PX = 26.0
 _LEGEND_PX = 44.0
 _MOST_HEIGHT_PX = 900.0
-_NUMBER_PX = 9.5
 # The base, and the rim of the reach, are shown where that makes the cell no smaller than this.
 _LEAST_SHARE = 0.65
 _STATION_PX = 13.0
@@ -115,6 +115,7 @@ class _Layout:
 
     def drawing(self) -> Drawing:
         """Return the whole picture."""
+        numbers = [*self._numbers()]
         labels = [*self._names()]
         items: list[Item] = [
             *self._reach(),
@@ -122,7 +123,7 @@ class _Layout:
             *self._footprints(self.goals, dashed=False),
             *self._stations(),
             *self._path(),
-            *self._numbers(),
+            *numbers,
             *labels,
             *self._legend(),
         ]
@@ -214,7 +215,7 @@ class _Layout:
         look = Look(stroke="ink", width_px=1.1)
         for step in self.steps:
             ends = self._pixels(step.start), self._pixels(step.goal)
-            yield from arrow(*ends, look, short_px=_NUMBER_PX + 1)
+            yield from arrow(*ends, look, short_px=NUMBER_PX + 1)
 
     def _numbers(self) -> Iterator[Item]:
         """Yield the numbers of the steps that end at each place."""
@@ -222,18 +223,16 @@ class _Layout:
         for step in self.steps:
             x, y = self._pixels(step.goal)
             ends.setdefault((round(x, 1), round(y, 1)), []).append(step.number)
-        for (x, y), numbers in ends.items():
-            words = ", ".join(map(str, numbers))
-            half = max(_NUMBER_PX, text_width_px(words, SMALL_PX) / 2 + 4)
-            title = "; ".join(f"{number}. {self.skills[number - 1]}" for number in numbers)
-            pill = _pill(x, y, half, _NUMBER_PX)
-            yield Shape(pill, Look("paper", "ink", 1.1), title=title)
-            yield Label((x, y), words, size_px=SMALL_PX, bold=True)
+        for row in number_rows(ends, (self.width_px, self.height_px - _LEGEND_PX)):
+            size = (2 * row.half_px / PIXELS_PER_IN, 2 * NUMBER_PX / PIXELS_PER_IN)
+            self.placer.avoid_box(self._on_paper(row.centre), *size)
+            names = (f"{number}. {self.skills[number - 1]}" for number in row.numbers)
+            yield from row.items("; ".join(names))
 
     def _names(self) -> Iterator[Item]:
         """Yield names of parts beside where they start, and of stations."""
         for step in self.steps:
-            self.placer.avoid_disc(self._inches(step.goal), (_NUMBER_PX + 3) / PIXELS_PER_IN)
+            self.placer.avoid_disc(self._inches(step.goal), (NUMBER_PX + 3) / PIXELS_PER_IN)
             self.placer.avoid_line([self._inches(step.start), self._inches(step.goal)])
         names: dict[str, Sequence[float]] = {
             name: pose.position for name, pose in self.starts.items()
@@ -259,11 +258,13 @@ class _Layout:
             corners = outlines(self.scene.body(name), Pose((0.0, 0.0, 0.0)))
             spread = max((math.hypot(*p) for one in corners for p in one), default=0.0)
             return min(self.scale * spread * 0.8, 60.0)
-        return _NUMBER_PX + 4
+        return NUMBER_PX + 4
 
     def _inches(self, point: Sequence[float]) -> Point:
-        x, y = self._pixels(point)
-        return (x / PIXELS_PER_IN, (self.height_px - y) / PIXELS_PER_IN)
+        return self._on_paper(self._pixels(point))
+
+    def _on_paper(self, point: Point) -> Point:
+        return (point[0] / PIXELS_PER_IN, (self.height_px - point[1]) / PIXELS_PER_IN)
 
     def _legend(self) -> Iterator[Item]:
         top = self.height_px - _LEGEND_PX + 12
@@ -317,16 +318,6 @@ def releases(task: Task, skills: Sequence[str]) -> dict[str, tuple[float, float,
 def _bounds(points: Sequence[Point]) -> tuple[Point, Point]:
     xs, ys = [x for x, _ in points], [y for _, y in points]
     return (min(xs), min(ys)), (max(xs), max(ys))
-
-
-def _pill(x: float, y: float, half: float, radius: float) -> tuple[Point, ...]:
-    """Return the outline of a rectangle with round ends."""
-    points = []
-    for turn in range(24):
-        angle = -math.pi / 2 + 2 * math.pi * (turn + 0.5) / 24
-        side = (half - radius) * (1 if math.cos(angle) > 0 else -1)
-        points.append((x + side + radius * math.cos(angle), y + radius * math.sin(angle)))
-    return tuple(points)
 
 
 def _round_length(most_m: float) -> float:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from skillplan.chart.partial_order import closure, reduction
 from skillplan.chart.precedence_chart import DerivedChart
 from skillplan.task.task import Task
-
-_SWEEPS = 8
+from skillplan.views.pictures.graph_layers import layers_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +70,8 @@ class PrecedenceGraph:
     @property
     def layers(self) -> list[list[str]]:
         """The components by the longest chain before them, neighbours near each other."""
-        return _ordered(self.components, self.edges, _levels(self.components, self.edges))
+        layers = layers_of(self.components, [(e.before, e.after) for e in self.edges]).layers
+        return [[one for one in layer if isinstance(one, str)] for layer in layers]
 
     def dot(self, name: str) -> str:
         """Return the graph in the DOT language of Graphviz."""
@@ -160,46 +160,6 @@ def _notes(chart: DerivedChart) -> list[str]:
         if skill not in spoken:
             notes.append(f"{skill} depends on more than an order: {', '.join(facts)}")
     return notes
-
-
-def _levels(components: Sequence[str], edges: Sequence[Edge]) -> dict[str, int]:
-    """Return how long the longest chain before each component is; those of a cycle as met first."""
-    before: dict[str, list[str]] = {component: [] for component in components}
-    for edge in edges:
-        before[edge.after].append(edge.before)
-    levels: dict[str, int] = {}
-    for _ in components:
-        for component in components:
-            known = [levels[one] for one in before[component] if one in levels]
-            if component not in levels and len(known) == len(before[component]):
-                levels[component] = 1 + max(known, default=-1)
-    deepest = 1 + max(levels.values(), default=-1)
-    return {component: levels.get(component, deepest) for component in components}
-
-
-def _ordered(
-    components: Sequence[str], edges: Sequence[Edge], levels: Mapping[str, int]
-) -> list[list[str]]:
-    """Return the layers, sorted by the mean place of neighbours (Sugiyama's barycentres)."""
-    layers: list[list[str]] = [[] for _ in range(1 + max(levels.values(), default=0))]
-    for component in components:
-        layers[levels[component]].append(component)
-    near: dict[str, list[str]] = {component: [] for component in components}
-    for edge in edges:
-        near[edge.before].append(edge.after)
-        near[edge.after].append(edge.before)
-    place: dict[str, float] = {}
-    for layer in layers:
-        place |= {one: (k + 0.5) / len(layer) for k, one in enumerate(layer)}
-    for sweep in range(_SWEEPS):
-        for layer in layers if sweep % 2 == 0 else reversed(layers):
-            means = {
-                one: sum(place[o] for o in near[one]) / len(near[one]) if near[one] else place[one]
-                for one in layer
-            }
-            layer.sort(key=lambda one: means[one])
-            place |= {one: (k + 0.5) / len(layer) for k, one in enumerate(layer)}
-    return layers
 
 
 def _quoted(text: str) -> str:

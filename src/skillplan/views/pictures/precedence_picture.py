@@ -19,11 +19,12 @@ from skillplan.views.pictures.drawing import (
     shortened,
     text_width_px,
 )
+from skillplan.views.pictures.graph_layers import Bend, layers_of
 from skillplan.views.pictures.precedence_graph import Edge, PrecedenceGraph
 
 _NODE_PX, _GAP_PX, _LAYER_PX, _PAD_PX = 26.0, 14.0, 78.0, 14.0
 _MOST_NAME_PX, _NOTE_PX, _CHOICE_PX = 170.0, 17.0, 9.0
-_LEAST_WIDTH_PX = 420.0
+_LEAST_WIDTH_PX, _PASSED_PX = 420.0, 16.0
 
 
 def precedence_picture(graph: PrecedenceGraph, title: str) -> Drawing:
@@ -51,20 +52,21 @@ class _Graph:
 
     def __init__(self, graph: PrecedenceGraph) -> None:
         self.graph = graph
-        self.layers = graph.layers
+        placed = layers_of(graph.components, [(e.before, e.after) for e in graph.edges])
+        self.bends = placed.bends
         self.names = {one: shortened(one, _MOST_NAME_PX) for one in graph.components}
-        widest = [
-            max(text_width_px(self.names[one]) + 18 for one in layer) for layer in self.layers
-        ]
-        tallest = max(len(layer) for layer in self.layers)
-        self.tall = tallest * (_NODE_PX + _GAP_PX)
-        self.boxes: dict[str, tuple[float, float, float]] = {}
+        heights = [sum(map(_height_px, layer)) for layer in placed.layers]
+        self.tall = max(heights)
+        self.boxes: dict[str | Bend, tuple[float, float, float]] = {}
         left = _PAD_PX
-        for layer, wide in zip(self.layers, widest, strict=True):
-            pitch = self.tall / len(layer)
-            for number, one in enumerate(layer):
-                middle = _PAD_PX + pitch * (number + 0.5)
-                self.boxes[one] = (left, left + wide, middle)
+        for layer, height in zip(placed.layers, heights, strict=True):
+            wide = max(text_width_px(self.names[one]) + 18 for one in layer if isinstance(one, str))
+            spare = (self.tall - height) / len(layer)
+            top = _PAD_PX
+            for one in layer:
+                room = _height_px(one) + spare
+                self.boxes[one] = (left, left + wide, top + room / 2)
+                top += room
             left += wide + _LAYER_PX
         self.width = max(_LEAST_WIDTH_PX, left - _LAYER_PX + _PAD_PX)
 
@@ -94,13 +96,22 @@ class _Graph:
         yield Label(((left + right) / 2, middle), self.names[one])
 
     def _edge(self, edge: Edge) -> Iterator[Item]:
-        """Yield a curve from the right side of a node to the left side of another."""
+        """Yield a curve from the right side of a node to the left side of another.
+
+        It runs level past the layers between them, beside their nodes.
+        """
         start = (self.boxes[edge.before][1], self.boxes[edge.before][2])
         end = (self.boxes[edge.after][0], self.boxes[edge.after][2])
         role = "ink" if edge.derived and edge.drawn else "blue" if edge.derived else "orange"
         look = Look(stroke=role, width_px=1.5, dashed=edge.drawn and not edge.derived)
-        bend = max(30.0, 0.45 * abs(end[0] - start[0]))
-        points = [_bezier(start, end, bend, k / 20) for k in range(21)]
+        stops = [start]
+        for bend in self.bends.get((edge.before, edge.after), ()):
+            left, right, middle = self.boxes[bend]
+            stops += [(left, middle), (right, middle)]
+        points: list[Point] = []
+        for one, other in zip(stops[::2], [*stops[1::2], end], strict=True):
+            slack = max(30.0, 0.45 * abs(other[0] - one[0]))
+            points += [_bezier(one, other, slack, k / 20) for k in range(21)]
         yield Shape(tuple(points[:-2]), look, closed=False, title=edge.why)
         yield from arrow(points[-4], end, Look(stroke=role, width_px=1.5), head_px=8)
 
@@ -130,6 +141,11 @@ class _Graph:
         if any(edge.derived != edge.drawn for edge in self.graph.edges):
             yield "black: derived and hand-made; blue: derived only; orange, dashed: hand-made only"
         yield from (shortened(note, 900, SMALL_PX) for note in self.graph.notes)
+
+
+def _height_px(one: str | Bend) -> float:
+    """Return how much room a node takes in its layer, or an edge that passes it."""
+    return _NODE_PX + _GAP_PX if isinstance(one, str) else _PASSED_PX
 
 
 def _bezier(start: Point, end: Point, bend: float, at: float) -> Point:

@@ -20,7 +20,7 @@ from skillplan.views.pictures.precedence_picture import precedence_picture
 from skillplan.views.pictures.svg_canvas import picture_svg
 from skillplan.views.report.markup import Markup, join, tag
 from skillplan.views.report.page import Section
-from skillplan.views.report.tables import note, number, seconds, table
+from skillplan.views.report.tables import note, number, numbers, seconds, table
 
 
 def figure(drawing: Drawing, name: str, caption: str, description: str = "") -> Markup:
@@ -64,6 +64,7 @@ def plan_section(
     """Return the plan step by step."""
     done = [] if performance is None else list(performance.skills)
     now_s, rows = 0.0, []
+    costs = numbers([step["cost"] for step in _steps(document)])
     for index, step in enumerate(_steps(document)):
         measured = done[index] if index < len(done) else None
         begin_s = now_s if performance is None else None if measured is None else measured.begin_s
@@ -77,7 +78,7 @@ def plan_section(
                 seconds(begin_s),
                 seconds(step["duration_s"]),
                 *([seconds(took_s)] if performance is not None else []),
-                number(step["cost"]),
+                costs[index],
                 _place(step.get("goal")),
                 *([step.get("way") or "-"] if any("way" in s for s in _steps(document)) else []),
             ]

@@ -77,6 +77,16 @@ def number(value: object, digits: int = 6) -> str:
     return f"{value:,.{digits}g}"
 
 
+def numbers(values: Sequence[object], most: int = 5) -> list[str]:
+    """Return the numbers of a column for people, all with the same decimals."""
+    written = [number(value) for value in values]
+    decimals = min(max((len(text.partition(".")[2]) for text in written), default=0), most)
+    return [
+        f"{value:,.{decimals}f}" if isinstance(value, float) and text != "-" else text
+        for value, text in zip(values, written, strict=True)
+    ]
+
+
 def seconds(value: object) -> str:
     """Return a time [s] for people; a dash where there is none."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -140,33 +140,14 @@ def frame_of(direction: Vector) -> Floats:
     return np.stack([across, np.cross(way, across), way])
 
 
-def all_blocking(
-    product: Product,
-    test: BlockingTest,
-    directions: Sequence[Vector],
-    on_done: Callable[[int, int], None] = lambda done, of: None,
-) -> tuple[tuple[Blocking, ...], tuple[Sensitive, ...]]:
-    """Return all blockings and all that hangs on the tolerance, sorted.
-
-    Parameters
-    ----------
-    product
-        The product.
-    test
-        Rays through it.
-    directions
-        Unit vectors, each directly before or after its opposite.
-    on_done
-        Told how many of how many lines of directions are done.
-    """
+def in_order(product: Product, answers: Iterable[Answers]) -> Answers:
+    """Return answers as one, sorted by direction, part and blocker."""
     found: list[Blocking] = []
     doubtful: list[Sensitive] = []
-    for number in range(0, len(directions), 2):
-        entries, unsure = test.along(directions[number], number, number + 1)
+    for entries, unsure in answers:
         found += entries
         doubtful += unsure
-        on_done(number // 2 + 1, len(directions) // 2)
     order = {part.name: number for number, part in enumerate(product.parts)}
     found.sort(key=lambda one: (one.direction, order[one.part], order[one.by]))
     doubtful.sort(key=lambda one: (one.direction, order[one.part], order[one.by]))
-    return tuple(found), tuple(doubtful)
+    return found, doubtful

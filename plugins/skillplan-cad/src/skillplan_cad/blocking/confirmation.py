@@ -18,7 +18,7 @@ from skillplan_cad.relation import Blocking
 
 # A blocked pair is tried so far beyond the first contact, in insets; a free one at so many places.
 _BEYOND = (3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 200.0, 400.0)
-_PLACES = 12
+_PLACES = 8
 
 
 @dataclass(frozen=True, slots=True)

@@ -92,17 +92,24 @@ class PairLattice:
         radii_mm
             Of discs, from large to small; the first that is blocked ends the search.
         """
-        for radius in radii_mm:
-            if ((self.high - self.low) < 2 * radius).any():
-                continue
-            for side in (_COARSE, _FINE):
-                found = self._on_lattice(sign, radius, side)
-                if found is not None:
-                    return found
-            found = self._on_outlines(sign, radius)
+        mover, other = (self._first, self._second)[::sign]
+        if mover.view.bottom >= other.view.top - _ABOVE_MM:
+            # It moves away from what lies behind it.
+            return None
+        fitting = [one for one in radii_mm if ((self.high - self.low) >= 2 * one).all()]
+        found = None
+        for radius in fitting:
+            found = self._on_lattice(sign, radius, _COARSE) or self._on_lattice(sign, radius, _FINE)
             if found is not None:
-                return found
-        return None
+                break
+        # A disc along an outline is sought for where the lattice found none as large.
+        for radius in reversed(fitting):
+            if found is None or radius > found.radius_mm:
+                wider = self._on_outlines(sign, radius)
+                if wider is None:
+                    break
+                found = wider
+        return found
 
     def _grid(self, side: int) -> tuple[Floats, Heights, Heights]:
         if side not in self._grids:

@@ -114,6 +114,8 @@ class RayView:
     ----------
     flat
         Its corners, seen along the direction.
+    bottom, top
+        Where it begins and ends along the direction.
     facing
         How much each triangle looks along the direction, from -1 to 1.
     """
@@ -122,6 +124,7 @@ class RayView:
         self._mesh, self._frame = mesh, frame
         placed = mesh.points_mm @ frame.T
         self.flat = placed[:, :2]
+        self.bottom, self.top = float(placed[:, 2].min()), float(placed[:, 2].max())
         normals = mesh.normals @ frame.T
         self.facing = normals[:, 2]
         # A triangle that stands along the direction has no one height; it is clipped to its own.

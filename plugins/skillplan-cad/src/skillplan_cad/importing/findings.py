@@ -76,7 +76,9 @@ def found_in(path: Path, settings: ImportSettings, tell: Tell) -> Findings:
         "blocking",
         {**about, "directions": joints.directions},
         lambda: blocked_bytes(
-            blocked_of(product, joints.directions, tolerance_m, _progress(tell, product))
+            blocked_of(
+                product, joints.directions, tolerance_m, _progress(tell, product), settings.jobs
+            )
         ),
     )
     blocked = blocked_from(content)

@@ -38,6 +38,8 @@ class ImportSettings:
         Whether bodies of one part become parts.
     density_kg_m3
         Of all parts.
+    jobs
+        How many processes may be used.
     keep
         Whether stages are kept for the next run.
     """
@@ -51,6 +53,7 @@ class ImportSettings:
     threads: Threads = "unscrew"
     split_bodies: bool = False
     density_kg_m3: float = STEEL_KG_M3
+    jobs: int = 1
     keep: bool = True
 
     def __post_init__(self) -> None:

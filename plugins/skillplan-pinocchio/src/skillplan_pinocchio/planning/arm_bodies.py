@@ -30,8 +30,8 @@ class ArmBodies:
         Those that stand still first.
     home_rad
         A posture in which the arm does not collide with itself, shape (joints,).
-    paired_from
-        Number of the first solid whose pairs with those nearer to the base are looked at.
+    alone
+        The arm without what it holds, if that is known already: `solids` begin with its own.
 
     Attributes
     ----------
@@ -49,27 +49,38 @@ class ArmBodies:
     pairs
         Solids that may run into each other, by number, the one nearer to the base first.
         Neighbours are left out, as their joint keeps them apart, and so is what overlaps at home.
+    pair_numbers
+        The same, shape (pairs, 2).
     pair_reach_m
         The same as `reach_m` for the motion of the second solid seen from the first, shape
         (pairs, joints).
     """
 
     def __init__(
-        self, model: Any, solids: Sequence[MovingSolid], home_rad: Vector, paired_from: int = 0
+        self,
+        model: Any,
+        solids: Sequence[MovingSolid],
+        home_rad: Vector,
+        alone: ArmBodies | None = None,
     ) -> None:
         self.model = model
         self.solids = tuple(solids)
-        self.frames = ArmFrames(model)
+        self.frames: ArmFrames = ArmFrames(model) if alone is None else alone.frames
         self.still = sum(solid.joint == 0 for solid in solids)
-        self.reach_m = np.array([_reach_m(self.frames, solid) for solid in solids])
-        self.reach_m = self.reach_m.reshape(-1, model.nv)
+        known = 0 if alone is None else len(alone.solids)
+        reach_m = [_reach_m(self.frames, solid) for solid in self.solids[known:]]
+        self.reach_m = np.array(reach_m).reshape(-1, model.nv)
         candidates = [
             (a, b)
-            for b, outer in enumerate(self.solids)
+            for b, outer in enumerate(self.solids[known:], known)
             for a, inner in enumerate(self.solids)
-            if b >= paired_from and outer.joint - inner.joint >= 2
+            if outer.joint - inner.joint >= 2
         ]
         self.pairs = _apart(self, candidates, home_rad)
+        if alone is not None:
+            self.reach_m = np.asarray(np.concatenate([alone.reach_m, self.reach_m]))
+            self.pairs = (*alone.pairs, *self.pairs)
+        self.pair_numbers: Numbers = np.array(self.pairs, dtype=np.intp).reshape(-1, 2)
         joints = np.arange(1, model.nv + 1)
         self.pair_reach_m = np.array(
             [self.reach_m[b] * (joints > self.solids[a].joint) for a, b in self.pairs]

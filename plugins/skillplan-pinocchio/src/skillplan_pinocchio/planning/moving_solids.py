@@ -63,7 +63,7 @@ def arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
     for piece in (*(LinkPiece(0, shape) for shape in base), *arm.pieces):
         centre, half = piece.box
         placed = turned if piece.link == 0 else pin.SE3.Identity()
-        centres, radius_m = _balls(centre, half)
+        centres, radius_m = balls_of_box(centre, half)
         name = f"link {piece.link} of the arm" if piece.link else "the base of the arm"
         found.append(
             MovingSolid(
@@ -98,12 +98,23 @@ def held_solid(name: str, joint: int, piece: ConvexPiece, back: Any) -> MovingSo
     low, high = corners.min(axis=0), corners.max(axis=0)
     centre = (low + high) / 2
     radius_m = float(np.linalg.norm(corners - centre, axis=1).max())
-    balls = _balls(centre, (high - low) / 2)
+    balls = balls_of_box(centre, (high - low) / 2)
     return MovingSolid(name, joint, piece.hull, back, centre, radius_m, balls)
 
 
-def _balls(centre: Vector, half: Vector) -> tuple[Vector, float]:
-    """Return centres and radius of spheres that a box lies within, one for each near-cube of it."""
+def balls_of_box(centre: Vector, half: Vector) -> tuple[Vector, float]:
+    """Return spheres that a box lies within, one for each near-cube of it.
+
+    Parameters
+    ----------
+    centre, half
+        Of the box, and half its extents [m], each of shape (3,).
+
+    Returns
+    -------
+    tuple
+        Their centres [m], shape (balls, 3), and their common radius [m].
+    """
     counts = np.clip(np.round(half / max(float(half.min()), _LEAST_HALF_M)), 1, _MOST_BALLS)
     steps = [(2 * np.arange(count) + 1) / count - 1 for count in counts.astype(int).tolist()]
     shares = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -121,7 +121,7 @@ class Outlook:
         bodies, spheres = self._bodies, self._bodies.spheres
         if not bodies.pairs:
             return []
-        pairs = np.array(bodies.pairs)
+        pairs = bodies.pair_numbers
         centres = self._placed(spheres.joints, spheres.centres_m)
         gaps_m = _apart_m(centres[:, pairs[:, 0]], centres[:, pairs[:, 1]])
         gaps_m -= spheres.radii_m[pairs].sum(axis=1) + self._least_m

@@ -9,12 +9,18 @@ from typing import Any, Final
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.arm_bodies import ArmBodies
 from skillplan_pinocchio.planning.continuous_check import LEAST_CLEARANCE_M, ContinuousCheck, Hit
-from skillplan_pinocchio.planning.moving_solids import Vector, arm_solids, held_solid
+from skillplan_pinocchio.planning.moving_solids import (
+    Vector,
+    arm_solids,
+    balls_of_box,
+    held_solid,
+)
 from skillplan_pinocchio.shapes import ConvexPiece
 
 Held = Sequence[tuple[str, tuple[ConvexPiece, ...]]]
@@ -43,18 +49,21 @@ class _End:
     piece: ConvexPiece
     back: Any
 
+    @cached_property
+    def corners(self) -> Vector:
+        """In the frame of the last joint [m], shape (corners, 3)."""
+        return np.asarray(self.piece.corners @ self.back.rotation.T + self.back.translation)
+
     @property
-    def sphere(self) -> tuple[Vector, float]:
-        """Centre in the frame of the last joint, and radius [m]."""
-        low, high = np.array(self.piece.low), np.array(self.piece.high)
-        centre = self.back.rotation @ ((low + high) / 2) + self.back.translation
-        return centre, float(np.linalg.norm(high - low)) / 2
+    def balls(self) -> tuple[Vector, float]:
+        """Centres of spheres that it lies within, in the frame of the last joint; radius [m]."""
+        low, high = self.corners.min(axis=0), self.corners.max(axis=0)
+        return balls_of_box((low + high) / 2, (high - low) / 2)
 
     @property
     def key(self) -> _Key:
         """The same for whatever is held alike."""
-        corners = self.piece.corners @ self.back.rotation.T + self.back.translation
-        return self.name, np.round(corners, _DECIMALS).tobytes()
+        return self.name, np.round(self.corners, _DECIMALS).tobytes()
 
 
 class SelfCheck:
@@ -114,32 +123,23 @@ class SelfCheck:
         return np.cumsum([0.0, *lengths_m[:1:-1]])[::-1]
 
     def _near(self, ends: list[_End], path: JointPath) -> list[_End]:
-        """Return the pieces whose spheres come near the balls about links on a path.
+        """Return the pieces that come near the balls about links on a path.
 
-        From any node until midway to the next no point moves farther, seen from any link, than
-        the joints turn times its reach.
+        First by spheres about them, then by smaller ones that each lies within. From any node until
+        midway to the next no point moves farther, seen from any link, than the joints turn times
+        its reach.
         """
         if not ends:
             return []
-        bodies = self._links.bodies
-        last = self.arm.joints
-        spheres = [end.sphere for end in ends]
-        centres = np.array([centre for centre, _ in spheres])
-        radii_m = np.array([radius_m for _, radius_m in spheres])
-        others = np.flatnonzero(bodies.spheres.ball_joints <= last - 2)
-        joints = bodies.spheres.ball_joints[others]
-        rotations, origins = bodies.frames.at(path.nodes)
-        offsets = bodies.spheres.ball_centres_m[others, :, np.newaxis]
-        balls = (rotations[:, joints] @ offsets)[..., 0] + origins[:, joints]
-        placed = centres @ np.swapaxes(rotations[:, last], 1, 2) + origins[:, last, np.newaxis]
-        squares = (placed**2).sum(axis=2)[:, :, np.newaxis] + (balls**2).sum(axis=2)[:, np.newaxis]
-        squares -= 2 * placed @ np.swapaxes(balls, 1, 2)
-        away_m = np.sqrt(np.maximum(squares, 0.0)) - bodies.spheres.ball_radii_m[others]
-        turns = path.steepest / (2 * (len(path.nodes) - 1))
-        reach_m = np.linalg.norm(centres, axis=1) + radii_m
-        moves_m = turns @ self._chain_m + turns.sum() * reach_m
-        near = away_m.min(axis=(0, 2)) < radii_m + moves_m + LEAST_CLEARANCE_M
-        return [ends[number] for number in np.flatnonzero(near).tolist()]
+        near = _Nearness(self._links.bodies, self._chain_m, path)
+        low, high = (np.array([getattr(e.piece, at) for e in ends]) for at in ("low", "high"))
+        middles = (low + high) / 2
+        centres = np.array(
+            [e.back.rotation @ at + e.back.translation for e, at in zip(ends, middles, strict=True)]
+        )
+        found = near.of(centres, np.linalg.norm(high - low, axis=1) / 2)
+        some = [ends[number] for number in np.flatnonzero(found).tolist()]
+        return [end for end in some if near.of(*end.balls).any()]
 
     def _with(self, ends: dict[_Key, _End]) -> ContinuousCheck:
         """Return the check of links, and of pieces that are held against them."""
@@ -152,6 +152,34 @@ class SelfCheck:
             ]
             solids = (*self._solids, *held)
             self._known[key] = ContinuousCheck(
-                ArmBodies(self.arm.model, solids, self.arm.home_rad), ()
+                ArmBodies(self.arm.model, solids, self.arm.home_rad, self._links.bodies), ()
             )
         return self._known[key]
+
+
+class _Nearness:
+    """Tells spheres at the end of the arm that come near a link from those that do not."""
+
+    def __init__(self, bodies: ArmBodies, chain_m: Vector, path: JointPath) -> None:
+        spheres = bodies.spheres
+        last = bodies.model.nv
+        others = np.flatnonzero(spheres.ball_joints <= last - 2)
+        joints = spheres.ball_joints[others]
+        rotations, origins = bodies.frames.at(path.nodes)
+        offsets = spheres.ball_centres_m[others, :, np.newaxis]
+        self._balls = (rotations[:, joints] @ offsets)[..., 0] + origins[:, joints]
+        self._squares = (self._balls**2).sum(axis=2)[:, np.newaxis]
+        self._radii_m = spheres.ball_radii_m[others]
+        self._rotations, self._origins = np.swapaxes(rotations[:, last], 1, 2), origins[:, last]
+        turns = path.steepest / (2 * (len(path.nodes) - 1))
+        self._chain_m, self._turn_rad = float(turns @ chain_m), float(turns.sum())
+
+    def of(self, centres: Vector, radii_m: Vector | float) -> NDArray[np.bool_]:
+        """Return which spheres come near, by centres in the frame of the last joint and radii."""
+        placed = centres @ self._rotations + self._origins[:, np.newaxis]
+        squares = (placed**2).sum(axis=2)[:, :, np.newaxis] + self._squares
+        squares -= 2 * placed @ np.swapaxes(self._balls, 1, 2)
+        away_m = np.sqrt(np.maximum(squares, 0.0)) - self._radii_m
+        reach_m = np.linalg.norm(centres, axis=1) + radii_m
+        moves_m = self._chain_m + self._turn_rad * reach_m
+        return np.asarray(away_m.min(axis=(0, 2)) < radii_m + moves_m + LEAST_CLEARANCE_M)
