@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_pybullet.arm.kinematics import ArmKinematics
-from skillplan_pybullet.arm.straight_motion import JointRates, Setpoint
+from skillplan_pinocchio.simulation.arm.kinematics import ArmKinematics
+from skillplan_pinocchio.simulation.arm.straight_motion import JointRates, Setpoint
 
 Vector = NDArray[np.float64]
 

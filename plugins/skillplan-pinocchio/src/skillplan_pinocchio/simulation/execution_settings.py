@@ -22,10 +22,6 @@ class ExecutionSettings(back_end.Options):
         le=20_000,
         description="stiffness of operational-space control by unit of mass [1/s2]",
     )
-    dynamics: Literal["pybullet", "pinocchio"] = Field(
-        default="pybullet",
-        description="what works out mass matrix, Jacobian and bias forces",
-    )
     speed_m_per_s: float = Field(
         default=0.25,
         ge=0.01,

@@ -16,19 +16,24 @@ from skillplan.task.scene import Robot
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pybullet.arm.hand_shapes import hand_of
-from skillplan_pybullet.arm.kinematics import UnreachableError
-from skillplan_pybullet.arm.simulated_arm import SimulatedArm
-from skillplan_pybullet.execution.controlled_robot import StuckError
-from skillplan_pybullet.execution.fastenings import Fastenings
-from skillplan_pybullet.execution.planned_paths import PlannedPaths, PlannedSkill
-from skillplan_pybullet.execution.skill_runner import SkillRunner
-from skillplan_pybullet.execution.support_trial import SupportTrials
-from skillplan_pybullet.execution.surroundings import Neighbourhood, Surroundings
-from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.record import Record
-from skillplan_pybullet.simulator.world import GRAVITY_M_PER_S2, UpsetError, World
-from skillplan_pybullet.verdicts.contact_threshold import FRAMES, frame_means
+from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of
+from skillplan_pinocchio.simulation.arm.kinematics import UnreachableError
+from skillplan_pinocchio.simulation.execution.controlled_robot import StuckError
+from skillplan_pinocchio.simulation.execution.fastenings import Fastenings
+from skillplan_pinocchio.simulation.execution.planned_paths import PlannedPaths, PlannedSkill
+from skillplan_pinocchio.simulation.execution.skill_runner import SkillRunner
+from skillplan_pinocchio.simulation.execution.support_trial import SupportTrials
+from skillplan_pinocchio.simulation.execution.surroundings import Neighbourhood, Surroundings
+from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
+from skillplan_pinocchio.simulation.record import Record
+from skillplan_pinocchio.simulation.simulator import (
+    GRAVITY_M_PER_S2,
+    Arm,
+    Simulator,
+    UpsetError,
+    World,
+)
+from skillplan_pinocchio.simulation.verdicts.contact_threshold import FRAMES, frame_means
 
 # The world comes to rest for so long before anything is done [s].
 SETTLE_S = 0.1
@@ -43,15 +48,17 @@ class Workcell:
         With one robot.
     settings
         How the robot moves.
+    simulator
+        Where that happens.
     """
 
-    def __init__(self, task: Task, settings: ExecutionSettings) -> None:
-        self.task, self.settings = task, settings
+    def __init__(self, task: Task, settings: ExecutionSettings, simulator: Simulator) -> None:
+        self.task, self.settings, self.simulator = task, settings, simulator
         self.robot: Robot = task.scene.robots[0]
         self.surroundings = Surroundings(task, settings.clearance_m, settings.press_travel_m)
         self.paths = PlannedPaths(task, settings)
         self.fastenings = Fastenings(task)
-        self.supports = SupportTrials(task, self.surroundings, settings.friction)
+        self.supports = SupportTrials(task, self.surroundings, simulator.world)
 
     def execute(
         self,
@@ -87,15 +94,14 @@ class Workcell:
             basis = self._rests_on(skill, state, planned)
             present, absent = fallen.present | basis[0], fallen.absent | basis[1]
             return self._draft(skill, present, absent, unsettled=fallen.reason)
-        with World(self.settings.friction) as world:
-            seen = watch is not None
-            first = planned.motions[0]
-            hand = hand_of(self.robot, first.motion.tool)
-            arm = SimulatedArm(world, self.robot, self.settings, hand, seen=seen)
+        first = planned.motions[0]
+        hand = hand_of(self.robot, first.motion.tool)
+        world, arm = self.simulator.cell(hand, seen=watch is not None)
+        with world:
             start = planned.begin_rad if planned.travels_first else first.approach[0]
             arm.stand(start, self._first_opening(first.motion))
             try:
-                return self._run(skill, state, planned, arm, around, watch)
+                return self._run(skill, state, planned, world, arm, around, watch)
             except UnreachableError as error:
                 basis = around.present, around.absent
                 return self._draft(skill, *basis, unreachable=str(error))
@@ -136,7 +142,8 @@ class Workcell:
         skill: Skill,
         state: State,
         planned: PlannedSkill,
-        arm: SimulatedArm,
+        world: World,
+        arm: Arm,
         around: Neighbourhood,
         watch: Callable[[SkillRunner], None] | None,
     ) -> Record:
@@ -148,6 +155,8 @@ class Workcell:
             What is executed, and where it starts.
         planned
             How the arm follows the skill's motions.
+        world
+            Empty.
         arm
             At rest where it begins.
         around
@@ -155,7 +164,7 @@ class Workcell:
         watch
             Called after every simulation step.
         """
-        scene, world = self.task.scene, arm.world
+        scene = self.task.scene
         plain = [one.motion for one in planned.motions]
         handled = {motion.visit.subject for motion in plain}
         colours = {body.name: index for index, body in enumerate(scene.bodies)}

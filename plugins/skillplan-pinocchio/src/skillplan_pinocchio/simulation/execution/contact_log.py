@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from itertools import combinations
-from typing import Any
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from skillplan.physics.performance import Contact
 from skillplan.task.scene import Pose
-from skillplan_pybullet.arm.simulated_arm import ROBOT, SimulatedArm
-from skillplan_pybullet.record import FRAMES_PER_S, Pair
-from skillplan_pybullet.simulator.world import STEPS_PER_S, TABLE, World
+from skillplan_pinocchio.simulation.record import FRAMES_PER_S, Pair
+from skillplan_pinocchio.simulation.simulator import ROBOT, STEPS_PER_S, TABLE, Arm, Touch, World
 
 Vector = NDArray[np.float64]
 
@@ -26,11 +23,6 @@ _CLOSE_M = 0.0005
 # A body touches another by its side where it goes along it: the cosine of the angle between its way
 # and the force is below this.
 _ASIDE = 0.7
-
-# Of a contact as the simulator gives it: bodies, links, place and normal on the second body, normal
-# force, and the two friction forces with their directions.
-_FIRST, _SECOND, _FIRST_LINK, _SECOND_LINK, _PLACE = 1, 2, 3, 4, 6
-_NORMAL, _FORCE, _FRICTION, _OTHER_FRICTION = 7, 9, 10, 12
 
 
 class ContactLog:
@@ -44,7 +36,7 @@ class ContactLog:
         Bodies that the skill handles: their displacement is no sign of anything.
     """
 
-    def __init__(self, world: World, arm: SimulatedArm, handled: Iterable[str]) -> None:
+    def __init__(self, world: World, arm: Arm, handled: Iterable[str]) -> None:
         self.world, self.arm = world, arm
         self.handled = frozenset(handled)
         self.frames = 0
@@ -63,7 +55,7 @@ class ContactLog:
         # Constraints whose force on a body is a contact's as well, such as a suction cup's.
         self.cups: dict[str, int] = {}
         self.last_pairs: dict[Pair, float] = {}
-        self._last_points: Sequence[Any] = ()
+        self._last_points: list[Touch] = []
         # Where bodies that are not handled stood when the log was begun.
         self.stood: dict[str, Pose] = {}
         self._origin: dict[str, Vector] = {}
@@ -100,11 +92,7 @@ class ContactLog:
         forces = {name: np.zeros(3) for name in self.world.bodies}
         pairs = self._touching(forces)
         for name, constraint in self.cups.items():
-            pull = pybullet.getConstraintState(constraint, physicsClientId=self.world.client)[:3]
-            # The constraint says what the body does to the hand, along the body's own axes.
-            turn, still = self.world.pose(name).orientation, (0.0, 0.0, 0.0, 1.0)
-            turned, _ = pybullet.multiplyTransforms((0, 0, 0), turn, pull, still)
-            forces[name] -= np.array(turned)
+            forces[name] += self.world.pulled_n(name, constraint)
         for name, force in forces.items():
             self.forces.setdefault(name, [np.zeros(3)] * self.frames).append(force)
         for pair, force_n in pairs.items():
@@ -137,17 +125,14 @@ class ContactLog:
         """Return what touched in the last frame, one contact for every pair of bodies."""
         sums: dict[Pair, tuple[float, Vector, Vector]] = {}
         for point in self._last_points:
-            normal_n = point[_FORCE]
-            if normal_n <= 0.0:
-                continue
-            first, second = self._pair_of(point)
-            force = -_force_on_first(point)
+            normal_n, first, second = point.normal_n, point.first, point.second
+            force = -point.force_n
             if second < first:
                 first, second, force = second, first, -force
             total_n, place, so_far = sums.get((first, second), (0.0, np.zeros(3), np.zeros(3)))
             sums[first, second] = (
                 total_n + normal_n,
-                place + normal_n * np.array(point[_PLACE]),
+                place + normal_n * point.place,
                 so_far + force,
             )
         return tuple(
@@ -163,29 +148,21 @@ class ContactLog:
         """Return the pairs of bodies that bear on each other, or may at any moment."""
         found = set()
         for first, second in combinations(sorted((TABLE, *self.world.bodies)), 2):
-            if pybullet.getClosestPoints(
-                self.world.numbers[first],
-                self.world.numbers[second],
-                _CLOSE_M,
-                physicsClientId=self.world.client,
-            ):
+            if self.world.is_near(first, second, _CLOSE_M):
                 found.add((first, second))
         return found
 
     def _touching(self, forces: dict[str, Vector] | None = None) -> dict[Pair, float]:
         """Return the normal force of every pair that touches, and add up forces on bodies."""
         pairs: dict[Pair, float] = {}
-        self._last_points = pybullet.getContactPoints(physicsClientId=self.world.client)
+        self._last_points = self.world.touches()
         for point in self._last_points:
-            normal_n = point[_FORCE]
-            if normal_n <= 0.0:
-                continue
-            first, second = self._pair_of(point)
+            first, second, normal_n = point.first, point.second, point.normal_n
             pair = (first, second) if first <= second else (second, first)
             pairs[pair] = pairs.get(pair, 0.0) + normal_n
             if forces is None:
                 continue
-            force = _force_on_first(point)
+            force = point.force_n
             if first in forces:
                 forces[first] += force
             if second in forces:
@@ -200,27 +177,10 @@ class ContactLog:
         way = np.zeros(3) if self.arm.wanted is None else self.arm.wanted.velocity
         towards = np.zeros(3)
         for point in self._last_points:
-            if set(self._pair_of(point)) == set(pair):
-                towards += point[_FORCE] * np.array(point[_NORMAL])
+            if {point.first, point.second} == set(pair):
+                towards += point.normal_n * point.normal
         both = float(np.linalg.norm(way) * np.linalg.norm(towards))
         return both > 0.0 and abs(float(way @ towards)) < _ASIDE * both
-
-    def _pair_of(self, point: Sequence[Any]) -> Pair:
-        first = self._named(point[_FIRST], point[_FIRST_LINK])
-        return first, self._named(point[_SECOND], point[_SECOND_LINK])
-
-    def _named(self, number: int, link: int) -> str:
-        name = self.world.names[number]
-        return self.arm.link_names.get(link, ROBOT) if name == ROBOT else name
-
-
-def _force_on_first(point: Sequence[Any]) -> Vector:
-    """Return what the first body of a contact feels of the second [N]."""
-    # The normal points from the second body to the first.
-    force: Vector = point[_FORCE] * np.array(point[_NORMAL])
-    for index in (_FRICTION, _OTHER_FRICTION):
-        force = force + point[index] * np.array(point[index + 1])
-    return force
 
 
 def _point(values: Vector) -> tuple[float, float, float]:

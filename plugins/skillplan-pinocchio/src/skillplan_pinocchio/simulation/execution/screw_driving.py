@@ -8,10 +8,10 @@ import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.pose import DOWN, same_direction
-from skillplan_pybullet.arm.rotations import Vector, of_quaternion, pose_of
-from skillplan_pybullet.execution.contact_log import STEPS_PER_FRAME
-from skillplan_pybullet.execution.controlled_robot import ControlledRobot
-from skillplan_pybullet.simulator.world import STEP_S, TABLE
+from skillplan_pinocchio.simulation.arm.rotations import Vector, of_quaternion, pose_of
+from skillplan_pinocchio.simulation.execution.contact_log import STEPS_PER_FRAME
+from skillplan_pinocchio.simulation.execution.controlled_robot import ControlledRobot
+from skillplan_pinocchio.simulation.simulator import STEP_S, TABLE
 
 # A screw is brought so far above where it touches, and then felt for [m].
 FEEL_FROM_M = 0.001

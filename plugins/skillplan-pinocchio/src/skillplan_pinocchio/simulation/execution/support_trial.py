@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +11,13 @@ import numpy as np
 from skillplan.task.shape import Mesh
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pybullet.execution.fastenings import Fastenings
-from skillplan_pybullet.execution.surroundings import Located, Neighbourhood, Surroundings
-from skillplan_pybullet.simulator.world import World
+from skillplan_pinocchio.simulation.execution.fastenings import Fastenings
+from skillplan_pinocchio.simulation.execution.surroundings import (
+    Located,
+    Neighbourhood,
+    Surroundings,
+)
+from skillplan_pinocchio.simulation.simulator import World
 
 # Bodies that move by more than this in so many steps do not stay [m].
 _FALLEN_M = 0.001
@@ -48,12 +53,12 @@ class SupportTrials:
         Whose bodies they are.
     surroundings
         Knows the supports.
-    friction
-        Of bodies and table [-].
+    world
+        Makes worlds.
     """
 
-    def __init__(self, task: Task, surroundings: Surroundings, friction: float) -> None:
-        self.task, self.surroundings, self.friction = task, surroundings, friction
+    def __init__(self, task: Task, surroundings: Surroundings, world: Callable[[], World]) -> None:
+        self.task, self.surroundings, self.world = task, surroundings, world
         self.fastenings = Fastenings(task)
         self._known: dict[tuple[str, int], float] = {}
 
@@ -92,7 +97,7 @@ class SupportTrials:
             return 0.0
         key = (one.body.name, beneath.present.bits)
         if key not in self._known:
-            with World(self.friction) as world:
+            with self.world() as world:
                 for other in beneath.bodies:
                     world.add(other.body, other.placement.pose, stands=other is not one)
                 self.fastenings.fasten(

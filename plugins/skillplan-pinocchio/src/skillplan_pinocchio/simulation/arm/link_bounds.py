@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.robots.link_shapes import Hull, LinkShape
-from skillplan_pybullet.arm.kinematics import ArmKinematics
+from skillplan_pinocchio.simulation.arm.kinematics import ArmKinematics
 
 Vector = NDArray[np.float64]
 

@@ -15,9 +15,9 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan_pybullet.engine import PybulletEngine
-from skillplan_pybullet.record import Record
-from skillplan_pybullet.verdicts.contact_threshold import FRAMES
+from skillplan_pinocchio.simulation.record import Record
+from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine
+from skillplan_pinocchio.simulation.verdicts.contact_threshold import FRAMES
 
 
 class WindowOptions(back_end.Options):
@@ -32,7 +32,7 @@ class WindowOptions(back_end.Options):
 
 
 class ContactDetector(Detector):
-    """Reads the simulation of a pybullet engine: the one beside it, or one of its own.
+    """Reads the simulation of an engine: the one beside it, or one of its own.
 
     An engine and detectors that get the same query share one execution. What the engine has a
     verdict on is left to it: a motion that the arm cannot follow, a world that does not stand.
@@ -44,10 +44,12 @@ class ContactDetector(Detector):
     expensive = True
 
     Options: ClassVar[type[back_end.Options]] = WindowOptions
+    # Of what kind that is.
+    engine_alone: ClassVar[type[SimulatingEngine]]
 
     def __init__(self, task: Task, options: back_end.Options | None = None) -> None:
         super().__init__(task, options)
-        self._engine: PybulletEngine | None = None
+        self._engine: SimulatingEngine | None = None
         self._is_alone = True
         # Of several detectors without an engine beside them, all read the engine of one.
         self._lender: ContactDetector = self
@@ -62,7 +64,7 @@ class ContactDetector(Detector):
 
     def beside(self, others: Sequence[BackEnd]) -> None:
         """Read the simulation of the engine beside this detector from now on."""
-        engine = next((one for one in others if isinstance(one, PybulletEngine)), None)
+        engine = next((one for one in others if isinstance(one, SimulatingEngine)), None)
         self._is_alone = engine is None
         lenders = [self, *(one for one in others if isinstance(one, ContactDetector))]
         self._lender = min(lenders, key=lambda one: one.name)
@@ -70,12 +72,12 @@ class ContactDetector(Detector):
             self._engine, self._lender = engine, self
 
     @property
-    def engine(self) -> PybulletEngine:
+    def engine(self) -> SimulatingEngine:
         """Whose simulation it reads; with default options where it is the detector's own."""
         if self._lender is not self:
             return self._lender.engine
         if self._engine is None:
-            self._engine = PybulletEngine(self.task)
+            self._engine = self.engine_alone(self.task)
         return self._engine
 
     @property

@@ -13,8 +13,8 @@ from skillplan.task.motion import Event, Visit
 from skillplan.task.scene import Pose
 from skillplan.task.skill import Skill
 from skillplan.task.verdict import Verdict
-from skillplan_pybullet.record import Record
-from skillplan_pybullet.verdicts.contact_threshold import CLEARANCE_MM
+from skillplan_pinocchio.simulation.record import Record
+from skillplan_pinocchio.simulation.verdicts.contact_threshold import CLEARANCE_MM
 
 # Bodies that nobody handled may creep by this much [m].
 _CREEP_M = 0.001

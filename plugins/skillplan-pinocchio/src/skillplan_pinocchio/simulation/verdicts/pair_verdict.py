@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from skillplan.task.verdict import Verdict
-from skillplan_pybullet.record import FRAMES_PER_S, Pair, Record
-from skillplan_pybullet.simulator.world import TABLE
-from skillplan_pybullet.verdicts.contact_threshold import (
+from skillplan_pinocchio.simulation.record import FRAMES_PER_S, Pair, Record
+from skillplan_pinocchio.simulation.simulator import TABLE
+from skillplan_pinocchio.simulation.verdicts.contact_threshold import (
     CLEARANCE_MM,
     DISPLACEMENT_M,
     FORCE_N,

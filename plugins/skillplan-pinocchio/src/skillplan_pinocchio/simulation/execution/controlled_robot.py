@@ -8,17 +8,24 @@ import numpy as np
 
 from skillplan.task.motion import Point
 from skillplan.task.scene import Scene, Tool
-from skillplan_pybullet.arm.joint_motion import JointMotion
-from skillplan_pybullet.arm.kinematics import Vector
-from skillplan_pybullet.arm.planned_motion import ArmMotion
-from skillplan_pybullet.arm.rotations import turn_between
-from skillplan_pybullet.arm.simulated_arm import FINGERS, HAND, ROBOT, SimulatedArm
-from skillplan_pybullet.arm.static_friction import StaticFriction
-from skillplan_pybullet.arm.straight_motion import PosturePath, StraightMotion
-from skillplan_pybullet.arm.tool_changer import ToolChanger
-from skillplan_pybullet.execution.contact_log import STEPS_PER_FRAME, ContactLog
-from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.simulator.world import STEP_S, UpsetError, World
+from skillplan_pinocchio.simulation.arm.joint_motion import JointMotion
+from skillplan_pinocchio.simulation.arm.kinematics import Vector
+from skillplan_pinocchio.simulation.arm.planned_motion import ArmMotion
+from skillplan_pinocchio.simulation.arm.rotations import turn_between
+from skillplan_pinocchio.simulation.arm.straight_motion import PosturePath, StraightMotion
+from skillplan_pinocchio.simulation.execution.contact_log import STEPS_PER_FRAME, ContactLog
+from skillplan_pinocchio.simulation.execution.tool_changer import ToolChanger
+from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
+from skillplan_pinocchio.simulation.simulator import (
+    FINGERS,
+    HAND,
+    ROBOT,
+    STEP_S,
+    Arm,
+    Grip,
+    UpsetError,
+    World,
+)
 
 # A tip that lags so far behind is stuck, and what comes after that is chaos [m].
 _STUCK_M = 0.012
@@ -62,7 +69,7 @@ class ControlledRobot:
     def __init__(
         self,
         world: World,
-        arm: SimulatedArm,
+        arm: Arm,
         scene: Scene,
         settings: ExecutionSettings,
         tool: Tool | None,
@@ -73,7 +80,7 @@ class ControlledRobot:
         self.log = ContactLog(world, arm, ())
         self.sensed: dict[str, float | bool | str] = {}
         self._bond: int | None = None
-        self._static: StaticFriction | None = None
+        self._static: Grip | None = None
         self._last_step = _MOST_STEPS
         self.tools = ToolChanger(world, arm, scene, tool)
         self.carry(None)
@@ -114,7 +121,7 @@ class ControlledRobot:
 
     def clasp(self, name: str) -> None:
         """Have friction hold a body still between the jaws, for as long as it can."""
-        self._static = StaticFriction(self.world, self.arm, name)
+        self._static = self.arm.clasp(name)
         if self._static.constraint is not None:
             self.log.cups[name] = self._static.constraint
 

@@ -11,10 +11,9 @@ import numpy as np
 
 from skillplan.task.motion import Point
 from skillplan.task.scene import Pose, Scene, Tool, ToolKind
-from skillplan_pybullet.arm.hand_shapes import hand_of, tool_body
-from skillplan_pybullet.arm.rotations import pose_of
-from skillplan_pybullet.arm.simulated_arm import ROBOT, SimulatedArm
-from skillplan_pybullet.simulator.world import World
+from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of, tool_body
+from skillplan_pinocchio.simulation.arm.rotations import pose_of
+from skillplan_pinocchio.simulation.simulator import ROBOT, Arm, World
 
 # Couplings that are farther apart do not engage [m].
 _MISALIGNED_M = 0.002
@@ -35,7 +34,7 @@ class ToolChanger:
         The one attached at the start, or None.
     """
 
-    def __init__(self, world: World, arm: SimulatedArm, scene: Scene, tool: Tool | None) -> None:
+    def __init__(self, world: World, arm: Arm, scene: Scene, tool: Tool | None) -> None:
         self.world, self.arm, self.scene = world, arm, scene
         self.tool = tool
         # What the arm has to carry of it beside the hand [kg].

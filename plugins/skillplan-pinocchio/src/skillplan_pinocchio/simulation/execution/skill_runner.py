@@ -13,13 +13,12 @@ from skillplan.task.motion import Event, Point
 from skillplan.task.pose import plus
 from skillplan.task.scene import WORLD, Scene, Tool
 from skillplan.task.state import State
-from skillplan_pybullet.arm.planned_motion import ArmMotion
-from skillplan_pybullet.arm.rotations import Vector, of_quaternion, pose_of
-from skillplan_pybullet.arm.simulated_arm import JAW_SPEED_M_PER_S, SimulatedArm
-from skillplan_pybullet.execution.controlled_robot import ControlledRobot
-from skillplan_pybullet.execution.screw_driving import FEEL_FROM_M, drive, put_at_bit
-from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.simulator.world import World
+from skillplan_pinocchio.simulation.arm.planned_motion import ArmMotion
+from skillplan_pinocchio.simulation.arm.rotations import Vector, of_quaternion, pose_of
+from skillplan_pinocchio.simulation.execution.controlled_robot import ControlledRobot
+from skillplan_pinocchio.simulation.execution.screw_driving import FEEL_FROM_M, drive, put_at_bit
+from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
+from skillplan_pinocchio.simulation.simulator import JAW_SPEED_M_PER_S, Arm, World
 
 # The hand stops so far above a tool's dock, which is no body [m].
 _DOCK_GAP_M = 0.002
@@ -38,7 +37,7 @@ class SkillRunner(ControlledRobot):
     def __init__(
         self,
         world: World,
-        arm: SimulatedArm,
+        arm: Arm,
         scene: Scene,
         settings: ExecutionSettings,
         tool: Tool | None,
