@@ -82,6 +82,13 @@ class TestEvaluate:
         assert 2 == outcome.code
         assert message in outcome.err
 
+    def test_the_only_task_of_a_chain_needs_no_name(self, cli: Any, tmp_path: Path) -> None:
+        """A case of the bench is one."""
+        case, out = str(CONFIGS / "swarmitfix_cases.yaml"), str(tmp_path / "out")
+        assert 0 == cli("search-optimal", case, "--out", out).code
+        outcome = cli("evaluate", out, *JSON)
+        assert (0, 4.0) == (outcome.code, outcome.document["cost"])
+
     def test_a_changed_task_is_refused_unless_told_otherwise(
         self, cli: Any, tmp_path: Path
     ) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from handovers import BY_CHART, best
 from skillplan.errors import OptionError
 from skillplan.exporters.behaviour_tree import BehaviourTreeExporter
 from skillplan.exporters.exporter import Exporter
@@ -14,11 +15,13 @@ from skillplan.exporters.handover import Handover
 from skillplan.exporters.pddl.exporter import PddlExporter
 from skillplan.exporters.plan_files import MAX_BYTES, read_plan
 from skillplan.exporters.plan_table import CsvExporter
+from skillplan.model.replay import replay
 from skillplan.pipeline.exchange.plan_input import given_plan
 from skillplan.pipeline.setup import Setup
 from skillplan.testing import hostile_task
 from skillplan.testing.exporter_suite import solved_lid
 
+CHARTED = ["battery_module", "inverter_ur5e", "relay_rail", "sensor_stack", "motor_drive"]
 TREE = '<root BTCPP_format="4"><BehaviorTree ID="plan">{}</BehaviorTree></root>'
 BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]>' + TREE.format("&b;")
 OUTSIDE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]>' + TREE.format("&a;")
@@ -33,6 +36,22 @@ def test_what_is_exported_is_read_back(board: Handover, tmp_path: Path, exporter
         (tmp_path / "plan").write_bytes(content.encode() if isinstance(content, str) else content)
         found = given_plan(f"@{tmp_path / 'plan'}", handover.task, Setup(collision=("precedence",)))
         assert [one.skill for one in handover.skills] == list(found)
+
+
+@pytest.mark.slow(reason="seconds a config; the board in every run")
+@pytest.mark.parametrize("config", CHARTED)
+@pytest.mark.parametrize("exporter", [CsvExporter(), PddlExporter(), BehaviourTreeExporter()])
+def test_what_is_read_back_costs_exactly_what_it_did(
+    tmp_path: Path, exporter: Exporter, config: str
+) -> None:
+    """Of every config that goes by its chart."""
+    handover = best(config)
+    assert handover.plan is not None
+    files = exporter.files(handover)
+    content = files.get("plan.txt") or next(iter(files.values()))
+    (tmp_path / "plan").write_bytes(content.encode() if isinstance(content, str) else content)
+    found = given_plan(f"@{tmp_path / 'plan'}", handover.task, BY_CHART)
+    assert handover.plan.cost == replay(handover.model, found).cost
 
 
 def test_a_result_and_a_list_are_read_as_json(board: Handover, tmp_path: Path) -> None:
@@ -74,12 +93,15 @@ def test_a_tree_of_somebody_else_is_followed_into_its_subtrees(
         (b'skill\n"pick\n', r": is no CSV"),
         (b"skill\n\x00\n", r":2: "),
         (b"action\n99\n", r":2: No action 99"),
-        (b"skill\n", r": holds no plan"),
+        (b"skill\n", r":1: holds no plan"),
         (b"\xff\xfe", r":1: is not UTF-8"),
-        (b"{", r": is no JSON"),
-        (b"[" * 100, r": is no JSON: it is nested deeper"),
-        (b'{"skills": {}}', r": holds no plan of inverter-board"),
-        (b'{"skills": [1.5]}', r": holds no plan of inverter-board"),
+        (b"{", r":1: is no JSON"),
+        (b'[\n"pick(pcb)"\n"place(pcb)"]', r":3: is no JSON"),
+        (b"[" * 100, r":1: is no JSON: it is nested deeper"),
+        (b'{"skills": {}}', r":1: holds no plan of inverter-board"),
+        (b'{"skills": [1.5]}', r":1: holds no plan of inverter-board"),
+        (b'["pick(pcb)",\n\n"pick(cpb)"]', r":3: Unknown skill 'pick\(cpb\)'"),
+        (b"[0,\n1,\n99]", r":3: No action 99"),
         (b"(pick_pcb\n", r":1: is no action in brackets"),
         (b"()\n", r":1: is no action in brackets"),
         (b"; c\n(fly home)\n", r":2: no action 'fly' is exported for this task"),

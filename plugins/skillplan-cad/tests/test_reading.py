@@ -46,6 +46,16 @@ class TestStep:
         """Below its root."""
         assert "carriage_2/stud/pin" in [part.name for part in product("nested").parts]
 
+    def test_an_instance_without_a_name_is_called_after_its_design(self, tmp_path):
+        """Exporters number such instances; what they are is told by their design."""
+        path = tmp_path / "threads.step"
+        content = gzip.decompress(file("threads").read_bytes())
+        path.write_bytes(content.replace(b"'bolt'", b"'NAUO7'"))
+        whole = read_product(path, ReadOptions())
+        named = product("threads")
+        bolt = named.index("bolt")
+        assert whole.parts[bolt].name == whole.parts[bolt].design != "NAUO7"
+
     def test_mirror_images_are_told_apart_from_identical_parts(self):
         """Though volume, area and all distances are the same."""
         whole = product("mirrored")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from collections.abc import Callable, Iterator
 from typing import Any, Final
 
@@ -79,7 +80,7 @@ def read_plan(path: str, task: Task, skill_of: Callable[[str], str | None]) -> t
         except OptionError as error:
             raise OptionError(f"{path}:{line}: {error}") from None
     if not skills:
-        raise OptionError(f"{path}: holds no plan. Give {FORMATS}.")
+        raise OptionError(f"{path}:1: holds no plan. Give {FORMATS}.")
     return tuple(skills)
 
 
@@ -107,18 +108,24 @@ def _of_json(path: str, text: str, task: Task) -> Iterator[Entry]:
     try:
         document: Any = parse_json(text)
     except ValueError as error:
-        raise OptionError(f"{path}: is no JSON: {error}.") from None
+        line = getattr(error, "lineno", 1)
+        raise OptionError(f"{path}:{line}: is no JSON: {error}.") from None
     if isinstance(document, dict):
         parts = [document, *(document.get("stages") or []), *(document.get("sequences") or [])]
         named = [one for one in parts if isinstance(one, dict) and one.get("name") == task.name]
         document = (named or [document])[0].get("skills")
     if not isinstance(document, list) or not all(isinstance(one, str | int) for one in document):
         raise OptionError(
-            f"{path}: holds no plan of {task.name}: a list of skills, or a document with the key "
+            f"{path}:1: holds no plan of {task.name}: a list of skills, or a document with the key "
             "skills, is wanted."
         )
+    # Where the plan begins, as steps have the same names.
+    at = max(0, text.find('"skills"'))
     for one in document:
-        yield 1, str(one)
+        written = one if isinstance(one, int) else json.dumps(one, ensure_ascii=False)
+        found = text.find(str(written), at)
+        at = at if found < 0 else found + 1
+        yield 1 + text.count("\n", 0, at), str(one)
 
 
 def _of_planner(path: str, text: str, skill_of: Callable[[str], str | None]) -> Iterator[Entry]:

@@ -105,12 +105,12 @@ class LoadedResult:
         Raises
         ------
         OptionError
-            If it holds no plan, or is of a chain none of whose tasks is named.
+            If it holds no plan, or is of a chain of several tasks none of which is named.
         """
         found = [(task, tuple(claims.skills)) for task, claims in self.plans()]
-        if not self.stored.is_chain:
-            return found[0]
         names = [task.name for task, _ in found]
+        if not self.stored.is_chain or (self.origin.part is None and len(names) == 1):
+            return found[0]
         if self.origin.part is None:
             named = ", ".join(
                 [*names[:_MOST_NAMED], *(["..."] if len(names) > _MOST_NAMED else [])]

@@ -66,6 +66,9 @@ def turned_shape(part: Part) -> TurnedShape | None:
         return None
     main = max(outer, key=lambda one: one.radius_m * _length_m(one) * one.turn_rad)
     axis, origin = np.asarray(main.axis), np.asarray(main.origin_m)
+    if np.abs(axis).max() > 1 - 1e-9:
+        # Fitted to triangles, an axis of the file is one but for rounding.
+        axis = np.round(axis) + 0.0
     shafts = [one for one in outer if _about(one, axis, origin)]
     bores = [one for one in round_faces if one.hollow and _about(one, axis, origin)]
     shank = max(shafts, key=lambda one: (round(_length_m(one), 7), -one.radius_m))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -16,6 +17,8 @@ from skillplan_cad.reading.raw_part import RawPart
 _HEADER_BYTES, _CHUNK_HEAD_BYTES = 12, 8
 _TYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 _COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+# What exporters write where an instance has no name.
+_LABEL = re.compile(r"(NAUO|nauo)?\d*|=>\[[\d:]*\]|NEXT_ASSEMBLY_USAGE_OCCURRENCE\d*")
 _FACES = "TM_brep_faces"
 _KINDS: tuple[FaceKind, ...] = ("plane", "cylinder", "cone", "sphere", "torus")
 
@@ -33,7 +36,7 @@ def parts_of(content: bytes) -> tuple[str, list[RawPart]]:
     found: list[RawPart] = []
     taken: set[str] = set()
     for root in roots:
-        name = _numbered(document["nodes"][root], taken)
+        name = _numbered(document, root, taken)
         found += _parts_under(document, data, root, np.eye(4), (), name)
     names = [document["nodes"][root].get("name", "") for root in roots]
     return (names[0] if len(names) == 1 else ""), found
@@ -70,13 +73,20 @@ def _parts_under(
     taken: set[str] = set()
     for child in node.get("children", ()):
         yield from _parts_under(
-            document, data, child, pose, (*path, name), _numbered(document["nodes"][child], taken)
+            document, data, child, pose, (*path, name), _numbered(document, child, taken)
         )
 
 
-def _numbered(node: Mapping[str, Any], taken: set[str]) -> str:
-    """Return the name of a node, numbered where a sibling before it has the same one."""
-    name = wanted = str(node.get("name", ""))
+def _numbered(document: Mapping[str, Any], number_of: int, taken: set[str]) -> str:
+    """Return the name of a node, numbered where a sibling before it has the same one.
+
+    Where the file has no name for an instance but a label that counts, its design names it.
+    """
+    node = document["nodes"][number_of]
+    name = str(node.get("name", ""))
+    if "mesh" in node and _LABEL.fullmatch(name):
+        name = str(document["meshes"][node["mesh"]].get("name", "")) or name
+    wanted = name
     number = 1
     while name in taken:
         number += 1
