@@ -109,7 +109,8 @@ def test_a_folder_with_anything_in_it_is_left_alone(made, capsys):
 def test_overlaps_and_what_floats_are_told(tmp_path, capsys):
     """On stderr, with names, volumes and places; and in the report."""
     source, out = str(file("interfering")), tmp_path / "product"
-    assert run(["import-cad", source, "--out", str(out), "--format", "json"]) == 0
+    # What overlaps is stuck, too.
+    assert run(["import-cad", source, "--out", str(out), "--format", "json"]) == 1
     printed = capsys.readouterr()
     assert "block and pin overlap by 38." in printed.err
     document = json.loads(printed.out)
@@ -117,6 +118,28 @@ def test_overlaps_and_what_floats_are_told(tmp_path, capsys):
     assert document == json.loads((out / "report.json").read_text("utf-8"))
     run(["import-cad", str(file("floating")), "--out", str(tmp_path / "other")])
     assert "balloon: touches no other part" in capsys.readouterr().err
+
+
+def test_a_plan_is_told_and_written_as_a_task(made):
+    """With its base, the replay by other means, and the names that the task has."""
+    document = json.loads((made / "report.json").read_text("utf-8"))
+    plan = document["plan"]
+    assert (plan["base"], plan["complete"], plan["replay"]["agrees"]) == ("block", True, True)
+    assert [step["parts"] for step in plan["steps"]] == [["cap"], ["bolt"]]
+    task = yaml.safe_load((made / "product.yaml").read_text("utf-8"))
+    assert list(task["parts"]) == ["block", "cap"]
+    assert task["screws"]["bolt"]["through"] == "cap"
+    assert (made / "meshes" / "cap.obj").exists()
+
+
+def test_what_is_stuck_is_named_and_no_task_is_written(tmp_path, capsys):
+    """With the part and the point that are in its way; exit code 1."""
+    out = tmp_path / "product"
+    assert run(["import-cad", str(file("interfering")), "--out", str(out)]) == 1
+    told = " ".join(capsys.readouterr().err.split())
+    assert "pin is stuck among block: no straight move, path or turn" in told
+    assert not (out / "product.yaml").exists()
+    assert json.loads((out / "relation.json").read_text("utf-8"))["stuck"] == ["pin"]
 
 
 def test_without_the_plugin_the_command_says_how_to_get_it(monkeypatch, capsys, tmp_path):

@@ -109,6 +109,14 @@ class TestStep:
             read_product(path, ReadOptions())
         assert str(path) in str(caught.value)
 
+    def test_a_file_that_lacks_a_piece_is_refused(self, tmp_path):
+        """Though it ends as it should: parts would silently be missing."""
+        path = tmp_path / "product.step"
+        content = file("floating").read_bytes()
+        path.write_bytes(content[: len(content) // 2] + b";\nENDSEC;\nEND-ISO-10303-21;\n")
+        with pytest.raises(OptionError, match="is damaged: it refers to"):
+            read_product(path, ReadOptions())
+
     def test_an_open_mesh_is_refused_with_the_part_and_the_place(self):
         """The tray lacks a side."""
         with pytest.raises(OptionError, match=r"not watertight: tray \(4 open edges, one at"):

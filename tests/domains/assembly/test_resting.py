@@ -4,10 +4,12 @@ import math
 
 import pytest
 
+from skillplan import load_problem
 from skillplan.domains.assembly import AssemblyDomain
 from skillplan.domains.assembly.layout import goal_pose, hole_of, start_pose
 from skillplan.domains.assembly.resting import TABLE, bearers_at_start, rests_at_goal
 from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.errors import TaskError
 from skillplan.task.pose import Pose
 
 QUARTER = math.pi / 2
@@ -163,3 +165,48 @@ def test_check_says_what_every_part_rests_on():
         "start": [{"on": TABLE, "area_mm2": 12_000.0}],
         "goal": [{"on": "case", "area_mm2": 12_000.0}],
     }
+
+
+DRILLED = """
+kind: assembly
+name: drilled
+robot: {{home_m: [0.3, 0.0]}}
+tools: {{gripper: {{holder_m: [0.6, 0.2]}}, driver: {{holder_m: [0.6, -0.2]}}}}
+parts:
+  plate:           # four bars about a hole of 5 mm
+    tool: gripper
+    boxes:
+      - {{size_m: [0.0175, 0.040, 0.01], centre_m: [-0.01125, 0.0, 0.005]}}
+      - {{size_m: [0.0175, 0.040, 0.01], centre_m: [0.01125, 0.0, 0.005]}}
+      - {{size_m: [0.005, 0.0175, 0.01], centre_m: [0.0, -0.01125, 0.005]}}
+      - {{size_m: [0.005, 0.0175, 0.01], centre_m: [0.0, 0.01125, 0.005]}}
+    start_m: [0.4, -0.2]
+    goal_m: [0.5, 0.0]
+screws:
+  screw: {{tool: driver, {hole}, through: plate, head_diameter_m: {head_m}}}
+"""
+UPRIGHT = "hole_m: [0.5, 0.0, 0.01]"
+ASKEW = "hole_m: [0.4825, 0.0, 0.005], axis: [1, 0, 0]"
+
+
+@pytest.mark.parametrize(
+    ("hole", "head_m", "said"),
+    [
+        (UPRIGHT, 0.0084, None),
+        (UPRIGHT, 0.0045, "the hole does not lie over the top of 'plate'"),
+        (UPRIGHT.replace("0.5", "0.517"), 0.0084, None),
+        (UPRIGHT.replace("0.01]", "0.012]"), 0.0084, "the hole does not lie over the top"),
+        (ASKEW.replace("0.4825", "0.48"), 0.006, None),
+        (ASKEW, 0.006, "the hole does not lie on a surface of 'plate'"),
+    ],
+)
+def test_a_head_rests_on_the_rim_of_a_real_hole_or_on_what_is_drawn_without_one(
+    tmp_path, hole, head_m, said
+):
+    path = tmp_path / "drilled.yaml"
+    path.write_text(DRILLED.format(hole=hole, head_m=head_m), "utf-8")
+    if said is None:
+        assert load_problem(path).task.name == "drilled"
+        return
+    with pytest.raises(TaskError, match=said):
+        load_problem(path)

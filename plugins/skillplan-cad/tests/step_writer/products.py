@@ -269,7 +269,7 @@ def eight():
     """
     base = fuse(box(-60, -50, 0, 60, 50, 12), box(-10, -26, 12, 44, 26, 32))
     base = cut(base, box(-10, -20, 12, 40, 20, 28), cylinder(-45, 30, 4, 6.5, 8))
-    slide = fuse(box(-10, -19, 12, 38, 19, 26), box(-20, -10, 12, -10, 10, 50))
+    slide = fuse(box(-22, -19, 12, 38, 19, 26), box(-32, -10, 12, -22, 10, 40))
     post = cut(box(-8, -8, 0, 8, 8, 30), cylinder(0, 0, 16, 2, 14))
     cover = cut(box(8, -50, 42, 32, 50, 47), *(cylinder(20, y, 42, 2.25, 5) for y in (40, -40)))
     screw = socket_screw(12, 4, 7, 4, 3)
@@ -301,7 +301,7 @@ def eight():
         "blocked": {
             "+x": {
                 "base": ["plug"],
-                "slide": ["base", "cover"],
+                "slide": ["base"],
                 "post_1": ["screw_1"],
                 "post_2": ["screw_2"],
                 "plug": ["base", "post_1"],

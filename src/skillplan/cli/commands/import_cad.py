@@ -153,8 +153,9 @@ def command(
     """Find parts, screws and what blocks what in a product's CAD.
 
     Writes relation.json (which part, moved in which direction, is blocked by which others, and
-    where), and report.json (parts, masses, what was assumed, what overlaps). Stages that ran
-    before with the same input are not run again. Needs the plugin skillplan-cad.
+    where), report.json (parts, masses, what was assumed, what overlaps, the plan), and, unless a
+    part is stuck, product.yaml with its meshes. Stages that ran before with the same input are not
+    run again. Needs the plugin skillplan-cad.
     """
     from skillplan.cli.output import emit
     from skillplan.cli.writing import tell
@@ -184,7 +185,7 @@ def command(
         tell(f"skillplan: warning: {warning}")
     document = {"schema": IMPORT, **imported.document}
     emit(style, document, [imported_table(document, imported.lines)])
-    return exit_code()
+    return exit_code(solved=imported.complete)
 
 
 def _importer() -> Callable[..., Any]:

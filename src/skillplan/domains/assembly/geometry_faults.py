@@ -8,7 +8,7 @@ from itertools import combinations, product
 
 from skillplan.collision.boxes import WorldBox, box_at
 from skillplan.collision.solids.solid import TOUCH_M, Solid
-from skillplan.domains.assembly.handling.holes import hole_issues, is_askew
+from skillplan.domains.assembly.handling.holes import hole_issues, is_askew, rests_upright
 from skillplan.domains.assembly.layout import (
     boxes_of,
     feeder_of,
@@ -64,12 +64,10 @@ def geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
     yield from resting_issues(config)
     yield from hole_issues(config)
     for name, screw in config.screws.items():
-        x_m, y_m = screw.hole_m[:2]
-        through = goal_solid(config, screw.through)
         if is_askew(screw):
             continue
-        top_m = through.top_m(x_m, y_m)
-        if top_m is None or abs(top_m - hole_of(config, screw)[2]) > TOUCH_M:
+        through = goal_solid(config, screw.through)
+        if not rests_upright(screw, through, hole_of(config, screw)):
             message = f"the hole does not lie over the top of {screw.through!r}. Move it"
             if "axis" not in screw.model_fields_set:
                 message += ", or give 'axis' if the screw does not go straight down"

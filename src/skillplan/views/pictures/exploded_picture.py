@@ -203,7 +203,12 @@ class _Exploded:
 
     def _names(self) -> Iterator[Item]:
         """Yield numbers and names on the right, each with a line to its part."""
-        anchors = {one.number: self._anchor(one) for one in self.pieces}
+        order = self.view.back_to_front([one.corners for one in self.pieces])
+        outlines = [self.view.outline(self.pieces[index]) for index in order]
+        anchors = {
+            self.pieces[index].number: self._anchor(self.pieces[index], outlines[place + 1 :])
+            for place, index in enumerate(order)
+        }
         wanted = sorted(self.pieces, key=lambda one: anchors[one.number][1])
         pitch = max(_LEAST_PITCH_PX, 0.0)
         ys: list[float] = []
@@ -221,17 +226,24 @@ class _Exploded:
         for one, y in zip(wanted, ys, strict=True):
             line = (anchors[one.number], (x - 26, y), (x - 10, y))
             yield Shape(line, Look(stroke="faint", width_px=0.9), closed=False)
+            yield Disc(anchors[one.number], 1.8, Look("ink"))
             yield Disc((x, y), 9.5, Look("paper", "ink", 1.1))
             yield Label((x, y), str(one.number), size_px=SMALL_PX, bold=True)
             yield Label((x + 16, y), one.body.name, anchor="start")
 
-    def _anchor(self, piece: _Piece) -> Point:
-        """Return the rightmost point of a body on paper."""
-        return max(
-            self._pixels(piece.pose.apply(corner))
+    def _anchor(self, piece: _Piece, fronts: Sequence[Sequence[Point]]) -> Point:
+        """Return the rightmost corner of a body on paper, if it can be one that is seen."""
+        corners = [
+            piece.pose.apply(corner)
             for shape in piece.body.exact_shapes
             for corner in corners_of(shape)
-        )
+        ]
+        seen = [
+            corner
+            for corner in corners
+            if not any(_inside(self.view.seen(corner), front) for front in fronts)
+        ]
+        return max(map(self._pixels, seen or corners))
 
 
 def _pieces(task: Task, skills: Sequence[str]) -> list[_Piece]:

@@ -169,7 +169,7 @@ def chain_chapter(given: ChainInput, name: str) -> Chapter:
         for part in parts
     ]
     columns = ["task", "solver", "status", "cost", "optimum", "skills", "time [s]", "path"]
-    caption = f"{len(rows)} tasks of the chain"
+    caption = f"{len(rows)} {'task' if len(rows) == 1 else 'tasks'} of the chain"
     sections.append(Section("plan", "The plan", table(caption, columns, rows, "   nnnn")))
     for index, listing in enumerate(given.listings):
         made = [table(listing.title, listing.columns, listing.rows)]

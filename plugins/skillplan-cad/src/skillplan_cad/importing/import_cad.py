@@ -14,6 +14,7 @@ from skillplan.files.output_path import output_folder, refusing
 from skillplan.records.schemas import IMPORT
 from skillplan_cad.build_relation import waived_pairs
 from skillplan_cad.importing.findings import Tell, found_in
+from skillplan_cad.importing.planned import planned
 from skillplan_cad.importing.report import report_document, warnings
 from skillplan_cad.importing.settings import settings_of
 from skillplan_cad.product import Product
@@ -33,11 +34,14 @@ class Imported:
         What was found, in words.
     warnings
         What a user should know.
+    complete
+        Whether all parts come together by the moves that were searched.
     """
 
     document: dict[str, Any]
     lines: tuple[str, ...]
     warnings: tuple[str, ...]
+    complete: bool = True
 
 
 def import_cad(source: str, out: str, given: dict[str, Any], tell: Tell) -> Imported:
@@ -65,14 +69,20 @@ def import_cad(source: str, out: str, given: dict[str, Any], tell: Tell) -> Impo
     product, relation = findings.product, findings.relation
     if settings.base is not None and settings.base not in relation.names:
         raise OptionError(_no_base(settings.base, relation))
+    made = planned(path, product, relation, settings, tell)
+    relation = made.relation
     waived = waived_pairs(findings.joints, findings.blocked, settings.threads)
     document = report_document(findings, waived, settings, path.name)
+    document |= made.document
     files = {
         "relation.json": relation_text(relation),
         "report.json": json_text(IMPORT, document) + "\n",
+        **made.files,
     }
     write(folder, files)
-    return Imported(document, _lines(product, relation), tuple(warnings(findings)))
+    lines = (*_lines(product, relation), *made.lines)
+    told = (*warnings(findings), *made.warnings)
+    return Imported(document, lines, told, made.complete)
 
 
 def write(folder: Path, files: Mapping[str, str | bytes]) -> None:
@@ -84,13 +94,15 @@ def write(folder: Path, files: Mapping[str, str | bytes]) -> None:
         If they cannot be written.
     """
     with refusing("--out", folder):
-        made = not folder.exists()
-        folder.mkdir(exist_ok=True)
+        within = {(folder / name).parent for name in files}
+        made = [one for one in sorted({folder, *within}) if not one.exists()]
+        for one in made:
+            one.mkdir()
         try:
             write_as_one(folder, files, within=folder)
         except BaseException:
-            if made:
-                folder.rmdir()
+            for one in reversed(made):
+                one.rmdir()
             raise
 
 

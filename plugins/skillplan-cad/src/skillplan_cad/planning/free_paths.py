@@ -29,6 +29,7 @@ from skillplan_cad.product import Part, Vector
 
 Outcome = Literal["free", "closed", "budget spent"]
 
+_INSET_SHARE = 0.9
 _TURN_STEPS = 24  # of a whole turn
 _BEND_SHARE = 0.1  # of the least extent of what moves: what a bend counts
 _COARSE_STEP = 4.0  # of the inset, between the placements that the search looks at
@@ -132,9 +133,9 @@ class _Space:
         self, moving: Sequence[Part], standing: Sequence[Part], tolerance_m: float
     ) -> None:
         self.fine_m = tolerance_m
-        self.surroundings = Surroundings(
-            mesh_trees(moving, tolerance_m), mesh_trees(standing, tolerance_m)
-        )
+        # What overlaps by twice the tolerance still does.
+        inset_m = _INSET_SHARE * tolerance_m
+        self.surroundings = Surroundings(mesh_trees(moving, inset_m), mesh_trees(standing, inset_m))
         self.offsets = stops(moving, standing, tolerance_m)
         points = np.concatenate([part.vertices_m for part in moving])
         self._points = points

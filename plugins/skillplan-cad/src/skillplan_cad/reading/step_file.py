@@ -77,7 +77,20 @@ def _content(path: Path) -> bytes:
         raise OptionError(
             f"{path}: is cut off: {_ENDS.decode()!r} is missing at its end. Save or copy it anew."
         )
+    lost = _lost(content)
+    if lost:
+        raise OptionError(
+            f"{path}: is damaged: it refers to {len(lost)} entities that it lacks, such as "
+            f"#{min(lost)}; parts would be missing. Save or copy it anew."
+        )
     return content
+
+
+def _lost(content: bytes) -> set[int]:
+    """Return the entities that are referred to and not there: OCCT leaves out what needs them."""
+    bare = re.sub(rb"'[^']*'|/\*.*?\*/", b"", content, flags=re.DOTALL)
+    defined = {int(one) for one in re.findall(rb"#(\d+)\s*=", bare)}
+    return {int(one) for one in re.findall(rb"#(\d+)", bare)} - defined
 
 
 def _unpacked(path: Path, content: bytes) -> bytes:

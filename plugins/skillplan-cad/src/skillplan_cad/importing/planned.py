@@ -1,0 +1,257 @@
+"""What `skillplan import-cad` makes of a relation: a plan, its replay, and a task."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from skillplan_cad.importing.settings import ImportSettings
+from skillplan_cad.planning.assembly_plan import AssemblyPlan, Planner, Step, Stuck, with_groups
+from skillplan_cad.planning.precedence import members
+from skillplan_cad.planning.replay import Replay, replay
+from skillplan_cad.product import Product, Vector
+from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
+from skillplan_cad.reading.product_reader import read_product
+from skillplan_cad.reading.step_file import is_step
+from skillplan_cad.relation import Relation
+from skillplan_cad.writing.task_document import task_of
+
+# Of the chord and the tolerance of the plan, what its replay takes.
+_FINER = 0.4
+_SHOWN = 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Planned:
+    """A plan with all that is told and written about it.
+
+    Parameters
+    ----------
+    relation
+        With sub-assemblies and stuck parts.
+    complete
+        Whether all parts come together.
+    document
+        What `report.json` says about it.
+    files
+        Contents of `product.yaml` and the meshes; none where parts are stuck.
+    lines, warnings
+        For people.
+    """
+
+    relation: Relation
+    complete: bool
+    document: Mapping[str, Any]
+    files: Mapping[str, str]
+    lines: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+
+def planned(
+    path: Path,
+    product: Product,
+    relation: Relation,
+    settings: ImportSettings,
+    tell: Callable[[str], None],
+) -> Planned:
+    """Return the plan of a product.
+
+    Parameters
+    ----------
+    path
+        What it was read from, to be read again for the replay.
+    product, relation
+        What was found.
+    settings
+        What was asked for.
+    tell
+        Told of progress.
+    """
+    tell("planning")
+    tolerance_m = settings.tolerance_mm / 1000
+    plan = Planner(product, relation, tolerance_m).plan(settings.base, settings.up_vector)
+    tell("replaying the plan with other meshes")
+    finer = _finer(path, product, settings)
+    share = 1.0 if finer is product else _FINER
+    again = replay(finer, relation, plan, share * tolerance_m)
+    document: dict[str, Any] = {"plan": plan_document(plan, again, relation)}
+    files: Mapping[str, str] = {}
+    if plan.complete:
+        task = task_of(product, relation, plan)
+        files = task.files
+        document["task_names"] = dict(task.names)
+        document["limits"] = {name: list(lines) for name, lines in task.limits.items()}
+    limits = document.get("limits", {})
+    return Planned(
+        with_groups(relation, plan),
+        plan.complete,
+        document,
+        files,
+        tuple(_lines(plan, again)),
+        (*_warnings(plan, again), *_limit_lines(limits)),
+    )
+
+
+def plan_document(plan: AssemblyPlan, again: Replay, relation: Relation) -> dict[str, Any]:
+    """Return a plan as JSON; lengths are millimetres, vectors in the file's frame."""
+    return {
+        "base": plan.base,
+        "why_base": plan.why_base,
+        "complete": plan.complete,
+        "cheapest": plan.cheapest,
+        "cost": plan.cost,
+        "steps": [_step(step) for step in plan.steps],
+        "subassemblies": [list(one) for one in plan.subassemblies],
+        "stuck": [_stuck(one, relation) for one in plan.stuck],
+        "locks": [
+            {
+                "parts": [relation.names[part] for part in members(lock.parts)],
+                "rounds": [[relation.names[part] for part in one] for one in lock.rounds],
+            }
+            for lock in plan.locks
+        ],
+        "precedence": {
+            name: [
+                {
+                    "directions": [
+                        list(relation.directions[direction])
+                        for direction in one.directions
+                        if direction < len(relation.directions)
+                    ],
+                    "absent": [relation.names[part] for part in members(one.blockers)],
+                }
+                for one in plan.precedence.minimal(number)
+            ]
+            for number, name in enumerate(relation.names)
+        },
+        "replay": {
+            "agrees": again.agrees,
+            "samples": again.samples,
+            "not_solid": list(again.not_solid),
+            "faults": [
+                {
+                    "step": fault.step,
+                    "part": fault.part,
+                    "by": fault.by,
+                    "offset_mm": _mm3(fault.offset_m),
+                    "thickness_mm": _mm(fault.thickness_m),
+                    "point_mm": _mm3(fault.point_m),
+                }
+                for fault in again.faults
+            ],
+        },
+    }
+
+
+def _finer(path: Path, product: Product, settings: ImportSettings) -> Product:
+    """Return the product of another tessellation, where it can have one."""
+    if path.suffix.lower() in MESHES or not is_step(path):
+        return product
+    reading = settings.reading
+    return read_product(path, replace(reading, chord_m=_FINER * reading.chord_m))
+
+
+def _step(step: Step) -> dict[str, Any]:
+    return {
+        "parts": list(step.parts),
+        "onto": step.onto,
+        "along": list(step.along),
+        "up": list(step.up),
+        "tool": step.tool,
+        "turn": step.turn,
+        "held": list(step.held),
+        "tips": step.tips,
+        "connected": step.connected,
+        "path": [
+            {
+                "offset_mm": _mm3(move.offset_m),
+                "angle_rad": round(move.angle_rad, 9),
+                "axis": None if move.axis is None else list(move.axis.direction),
+                "axis_point_mm": None if move.axis is None else _mm3(move.axis.point_m),
+            }
+            for move in step.path
+        ],
+    }
+
+
+def _stuck(stuck: Stuck, relation: Relation) -> dict[str, Any]:
+    among = set(stuck.among)
+    return {
+        "part": stuck.part,
+        "among": list(stuck.among),
+        "outcome": stuck.search.outcome,
+        "iterations": stuck.search.iterations,
+        "turned": stuck.search.turned,
+        "in_the_way": [
+            {"part": met.part, "point_mm": _mm3(met.point_m)} for met in stuck.search.in_the_way
+        ],
+        "blocked": [
+            {
+                "direction": list(relation.directions[number]),
+                "by": [name for name in relation.blockers(stuck.part, number) if name in among],
+            }
+            for number in range(len(relation.directions))
+        ],
+    }
+
+
+def _lines(plan: AssemblyPlan, again: Replay) -> list[str]:
+    order = [" with ".join(step.parts) for step in plan.steps]
+    turns = sum(step.turn for step in plan.steps)
+    found = [f"base {plan.base}: {plan.why_base}"]
+    if order:
+        found.append(f"order: {plan.base}, {', '.join(order)}")
+        found.append(
+            f"{turns} turn{'' if turns == 1 else 's'} of the product; "
+            + ("no order costs less" if plan.cheapest else "the best of those looked at")
+            + (
+                f"; solids that were taken apart again in {again.samples} placements agree"
+                if again.agrees
+                else ""
+            )
+        )
+    return found
+
+
+def _warnings(plan: AssemblyPlan, again: Replay) -> list[str]:
+    found = []
+    for stuck in plan.stuck:
+        where = "; ".join(
+            f"{met.part} at [{', '.join(f'{value * 1000:.4g}' for value in met.point_m)}] mm"
+            for met in stuck.search.in_the_way[:_SHOWN]
+        )
+        words = {
+            "closed": "no straight move, path or turn that was searched leads out",
+            "budget spent": f"no way out was found in {stuck.search.iterations} iterations",
+        }[stuck.search.outcome]
+        found.append(
+            f"{stuck.part} is stuck among {', '.join(stuck.among[:_SHOWN])}: {words}. In its way: "
+            f"{where or 'nothing but where it stands'}."
+        )
+    for fault in again.faults[:_SHOWN]:
+        found.append(
+            f"the replay disagrees: {fault.part} and {fault.by} share "
+            f"{fault.thickness_m * 1000:.3g} mm round [{_words(fault.point_m)}] mm in step "
+            f"{fault.step}."
+        )
+    for one in plan.subassemblies:
+        found.append(f"{' and '.join(one)} are put together apart, as nothing else is possible.")
+    return found
+
+
+def _limit_lines(limits: Mapping[str, list[str]]) -> list[str]:
+    return [f"{name} {words}." for name, lines in limits.items() for words in lines]
+
+
+def _words(point_m: Vector) -> str:
+    return ", ".join(f"{value * 1000:.4g}" for value in point_m)
+
+
+def _mm(value_m: float) -> float:
+    return round(value_m * 1000, 4) + 0.0
+
+
+def _mm3(point_m: Vector) -> list[float]:
+    return [_mm(one) for one in point_m]

@@ -1,0 +1,87 @@
+"""The product as it stands on the table: turned so that what is up in the plan is up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan_cad.product import Part, Points, Product, Vector
+
+Array = NDArray[np.float64]
+_DECIMALS = 7
+
+
+@dataclass(frozen=True, eq=False)
+class Upright:
+    """Where everything is once the product stands at a place of the table.
+
+    Parameters
+    ----------
+    matrix
+        Rotation from the product's frame to the world's.
+    offset_m
+        What is added after that.
+    """
+
+    matrix: Array
+    offset_m: Array
+
+    def point(self, point_m: Vector) -> tuple[float, float, float]:
+        """Return a point of the product in the world, to a tenth of a micrometre."""
+        return _rounded(self.matrix @ np.asarray(point_m) + self.offset_m)
+
+    def vector(self, vector: Vector) -> tuple[float, float, float]:
+        """Return a direction of the product in the world."""
+        return _rounded(self.matrix @ np.asarray(vector))
+
+    def vertices(self, part: Part) -> Points:
+        """Return the corners of a part in the world."""
+        return part.vertices_m @ self.matrix.T + self.offset_m
+
+    def bottom(self, part: Part) -> tuple[float, float, float]:
+        """Return the centre of the bottom of the box about a part."""
+        points = self.vertices(part)
+        low, high = points.min(axis=0), points.max(axis=0)
+        return _rounded(np.array([*((low + high) / 2)[:2], low[2]]))
+
+    def size(self, part: Part) -> Array:
+        """Return the extents of the box about a part."""
+        return np.asarray(np.ptp(self.vertices(part), axis=0))
+
+
+def standing(product: Product, up: Vector, place_m: tuple[float, float]) -> Upright:
+    """Return the product with its lowest point on the table, its middle over a place.
+
+    Parameters
+    ----------
+    product
+        Its parts.
+    up
+        What points up, in its frame.
+    place_m
+        Of the middle of its box on the table, x y.
+    """
+    matrix = _rotation_to_z(up)
+    points = np.concatenate([part.vertices_m for part in product]) @ matrix.T
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle = (low + high) / 2
+    return Upright(matrix, np.array([place_m[0] - middle[0], place_m[1] - middle[1], -low[2]]))
+
+
+def _rotation_to_z(up: Vector) -> Array:
+    """Return a rotation that turns a unit vector upwards, and nothing more than that takes."""
+    z = np.asarray(up) / np.linalg.norm(up)
+    if abs(z[2]) > 1 - 1e-12:
+        return np.diag([1.0, z[2], z[2]])
+    axis = np.cross(z, [0.0, 0.0, 1.0])
+    sine, cosine = float(np.linalg.norm(axis)), float(z[2])
+    x, y, w = axis / sine
+    across = np.array([[0.0, -w, y], [w, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + sine * across + (1 - cosine) * across @ across)
+
+
+def _rounded(values: Array) -> tuple[float, float, float]:
+    x, y, z = (round(float(one), _DECIMALS) + 0.0 for one in values)
+    return x, y, z
