@@ -16,15 +16,15 @@ from skillplan.robots.ur5e import UR5E
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Robot
 from skillplan_pinocchio.kinematics.joint_path import JointPath
+from skillplan_pinocchio.simulation.arm.joint_motion import JointMotion
+from skillplan_pinocchio.simulation.arm.kinematics import kinematics_of
+from skillplan_pinocchio.simulation.arm.link_bounds import LinkBounds
+from skillplan_pinocchio.simulation.arm.rotations import turn_between
 from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
 from skillplan_pybullet.arm.dynamics import PinocchioDynamics
-from skillplan_pybullet.arm.joint_motion import JointMotion
-from skillplan_pybullet.arm.kinematics import kinematics_of
-from skillplan_pybullet.arm.link_bounds import LinkBounds
 from skillplan_pybullet.arm.robot_file import JAW_LINKS
-from skillplan_pybullet.arm.rotations import turn_between
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
-from skillplan_pybullet.execution_settings import ExecutionSettings
+from skillplan_pybullet.simulation_settings import SimulationSettings
 from skillplan_pybullet.simulator.world import World
 
 ROBOT = Robot("robot", (0.0, 0.0, 0.0), 0.8, 0.2, {})
@@ -47,7 +47,7 @@ turns = st.tuples(*[st.floats(-1.8, 1.8)] * 3)
 def arm(request):
     """An arm in an empty world."""
     with World(0.6) as world:
-        yield SimulatedArm(world, request.param, ExecutionSettings())
+        yield SimulatedArm(world, request.param, SimulationSettings())
 
 
 def posture(arm, shares):
@@ -113,7 +113,7 @@ def test_a_move_along_a_path_says_how_fast_the_joints_go():
 
 def test_an_arm_that_hangs_stays_where_it_is():
     with World(0.6) as world:
-        arm = SimulatedArm(world, HANGING, ExecutionSettings())
+        arm = SimulatedArm(world, HANGING, SimulationSettings())
         arm.stand(arm.kinematics.home_rad + 0.2, 0.04)
         for _ in range(60):
             arm.actuate()

@@ -17,19 +17,25 @@ from skillplan.pipeline.setup import load_problem
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan_pybullet.execution.support_trial import Fallen, SupportTrials
-from skillplan_pybullet.execution.workcell import Workcell
-from skillplan_pybullet.execution_settings import ExecutionSettings
+from skillplan_pinocchio.simulation.execution.support_trial import Fallen, SupportTrials
+from skillplan_pinocchio.simulation.execution.workcell import Workcell
+from skillplan_pybullet.pybullet_simulator import PybulletSimulator
+from skillplan_pybullet.simulation_settings import SimulationSettings
 from thinned import thinned
 
 PRODUCTS = ("inverter_board", "sensor_stack", "motor_drive", "board with a mast")
+
+
+def made(task: Task) -> Workcell:
+    settings = SimulationSettings()
+    return Workcell(task, settings, PybulletSimulator(task.scene.robots[0], settings))
 
 
 @functools.cache
 def workcell(product: str) -> Workcell:
     """Return where a product is put together."""
     if product != "board with a mast":
-        return Workcell(load_problem(BOARD.parent / f"{product}.yaml").task, ExecutionSettings())
+        return made(load_problem(BOARD.parent / f"{product}.yaml").task)
     content = copy.deepcopy(config_content("inverter_board"))
     # Something that reaches up to where the arm travels.
     content["parts"]["mast"] = {
@@ -38,7 +44,7 @@ def workcell(product: str) -> Workcell:
         "start_m": [0.39, -0.23],
         "goal_m": [0.62, 0.16],
     }
-    return Workcell(assembly(content), ExecutionSettings())
+    return made(assembly(content))
 
 
 def handled(skill: Skill) -> set[str]:
@@ -126,7 +132,7 @@ def test_states_that_agree_on_what_fell_have_the_same_thing_fall(product, data) 
 
     def fallen(state: State) -> Fallen | None:
         # Of trials that remember nothing.
-        trials = SupportTrials(cell.task, cell.surroundings, cell.settings.friction)
+        trials = SupportTrials(cell.task, cell.surroundings, cell.simulator.world)
         return trials.fallen(cell.around(situations.skill, state), state)
 
     state = situations.first()

@@ -15,13 +15,13 @@ from skillplan.physics.linear_motions import linear_motions
 from skillplan.task.scene import Body, Box
 from skillplan.task.shape import Cylinder, Mesh
 from skillplan.task.verdict import VerdictStatus
+from skillplan_pinocchio.simulation.execution.planned_paths import PlannedPaths
+from skillplan_pinocchio.simulation.execution.skill_runner import SkillRunner
+from skillplan_pinocchio.simulation.mass_properties import mass_properties
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
-from skillplan_pybullet.execution.planned_paths import PlannedPaths
-from skillplan_pybullet.execution.skill_runner import SkillRunner
-from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.simulator.mass_properties import mass_properties
+from skillplan_pybullet.simulation_settings import SimulationSettings
 from skillplan_pybullet.simulator.world import World
 
 # A screw's head, and how far above the end of the bit the thicker shank begins.
@@ -137,7 +137,7 @@ class TestScrews:
     def test_a_driven_screw_is_solid_for_the_robot_again(self, board) -> None:
         skill, state = imagined(board, "fasten(screw_1)")
         (motion,) = linear_motions(board, skill, state)
-        settings = ExecutionSettings()
+        settings = SimulationSettings()
         with World(settings.friction) as world:
             arm = SimulatedArm(world, board.scene.robots[0], settings)
             (planned,) = PlannedPaths(board, settings).of(skill, state).motions

@@ -10,9 +10,10 @@ import pytest
 from skillplan.task.scene import Body, Box, Pose, Robot, Scene, Tool, ToolKind
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.inverse_kinematics import elbows
-from skillplan_pybullet.arm.simulated_arm import ROBOT, SimulatedArm
-from skillplan_pybullet.arm.tool_changer import ToolChanger
-from skillplan_pybullet.execution_settings import ExecutionSettings
+from skillplan_pinocchio.simulation.execution.tool_changer import ToolChanger
+from skillplan_pinocchio.simulation.simulator import ROBOT
+from skillplan_pybullet.arm.simulated_arm import SimulatedArm
+from skillplan_pybullet.simulation_settings import SimulationSettings
 from skillplan_pybullet.simulator.world import World
 
 TIP = (0.5, 0.0, 0.3)
@@ -24,7 +25,7 @@ SCREWDRIVER = Tool("screwdriver", "tool(screwdriver)", (0.0, 0.0, 0.0), kind=Too
 @pytest.fixture
 def arm() -> Iterator[SimulatedArm]:
     """Return an arm at rest in a world of its own."""
-    settings = ExecutionSettings()
+    settings = SimulationSettings()
     with World(settings.friction) as world:
         robot = Robot("robot", (0.0, 0.0, 0.0), 0.8, 0.2, {})
         made = SimulatedArm(world, robot, settings)

@@ -10,11 +10,12 @@ import pytest
 from situations import assembly
 from skillplan.checks.single_check import introduce
 from skillplan.task.task import Task
-from skillplan_pybullet.arm.hand_shapes import hand_of
-from skillplan_pybullet.arm.simulated_arm import HAND, SimulatedArm
+from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of
+from skillplan_pinocchio.simulation.simulator import HAND
+from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
-from skillplan_pybullet.execution_settings import ExecutionSettings
+from skillplan_pybullet.simulation_settings import SimulationSettings
 from skillplan_pybullet.simulator.world import World
 
 # Thin jaws, and jaws that would meet the walls beside the pin.
@@ -90,7 +91,7 @@ def test_an_arm_takes_the_jaws_of_the_gripper_that_it_couples() -> None:
     cup, tweezers, clamp = robot.tools
     assert hand_of(robot, cup) == hand_of(robot, tweezers) != hand_of(robot, clamp)
     with World(0.6) as world:
-        arm = SimulatedArm(world, robot, ExecutionSettings(), hand_of(robot, tweezers), seen=False)
+        arm = SimulatedArm(world, robot, SimulationSettings(), hand_of(robot, tweezers), seen=False)
         arm.stand(arm.kinematics.home_rad, 0.02)
         before, stood = arm.joints_rad(), arm.tip().position
         arm.fit(hand_of(robot, clamp))

@@ -11,15 +11,20 @@ import pytest
 from situations import assembly
 from skillplan.task.scene import Body, Scene
 from skillplan.task.shape import Box, Cylinder
-from skillplan_pybullet.arm.joint_motion import JointMotion
-from skillplan_pybullet.arm.rotations import Vector, of_quaternion, pose_of, turn_between
+from skillplan_pinocchio.simulation.arm.joint_motion import JointMotion
+from skillplan_pinocchio.simulation.arm.rotations import (
+    Vector,
+    of_quaternion,
+    pose_of,
+    turn_between,
+)
+from skillplan_pinocchio.simulation.execution.controlled_robot import ControlledRobot
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.arm.static_friction import Pads, utilisation
-from skillplan_pybullet.execution.controlled_robot import ControlledRobot
-from skillplan_pybullet.execution_settings import ExecutionSettings
+from skillplan_pybullet.simulation_settings import SimulationSettings
 from skillplan_pybullet.simulator.world import World
 
-SETTINGS = ExecutionSettings()
+SETTINGS = SimulationSettings()
 ROD = Cylinder(0.02, 0.08, (0.0, 0.0, 0.04))
 BLOCK = Box((0.02, 0.02, 0.08), (0.0, 0.0, 0.04))
 # How a part is turned in the hand: its x is along the closing axis.

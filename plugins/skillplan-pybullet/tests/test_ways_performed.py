@@ -4,9 +4,9 @@ import pytest
 
 from situations import assembly
 from skillplan.pipeline.taken_ways import by_ways
+from skillplan_pinocchio.simulation.execution.planned_paths import PlannedPaths
 from skillplan_pybullet.engine import PybulletEngine
-from skillplan_pybullet.execution.planned_paths import PlannedPaths
-from skillplan_pybullet.execution_settings import ExecutionSettings
+from skillplan_pybullet.simulation_settings import SimulationSettings
 from way_boards import pin_content
 
 GRANTED = "grasp top closing along x"
@@ -15,7 +15,7 @@ GRANTED = "grasp top closing along x"
 def test_pick_and_place_by_one_grasp_have_the_hand_turned_alike():
     """And each grasp has a turn of its own."""
     task = assembly(pin_content())
-    paths = PlannedPaths(task, ExecutionSettings())
+    paths = PlannedPaths(task, SimulationSettings())
     pick, place = task.skill("pick(pin)"), task.skill("place(pin)")
     for taken, left in zip(pick.ways, place.ways, strict=True):
         rotations = []

@@ -9,9 +9,10 @@ import pytest
 
 from skillplan.task.scene import Body, Pose
 from skillplan.task.shape import Box, Cylinder, Mesh
+from skillplan_pinocchio.simulation.mass_properties import mass_properties
+from skillplan_pinocchio.simulation.simulator import STEPS_PER_S
 from skillplan_pybullet.simulator.camera import Camera
-from skillplan_pybullet.simulator.mass_properties import mass_properties
-from skillplan_pybullet.simulator.world import STEPS_PER_S, World
+from skillplan_pybullet.simulator.world import World
 
 PYRAMID = Mesh(
     ((0.0, 0.0, 0.0), (0.04, 0.0, 0.0), (0.0, 0.04, 0.0), (0.04, 0.04, 0.0), (0.02, 0.02, 0.03)),

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from skillplan.task.verdict import Verdict
-from skillplan_pybullet.contact_detector import ContactDetector, WindowOptions
-from skillplan_pybullet.record import FRAMES_PER_S, Record
-from skillplan_pybullet.verdicts.contact_threshold import frame_means, rounded
+from skillplan_pinocchio.simulation.contact_detector import ContactDetector, WindowOptions
+from skillplan_pinocchio.simulation.record import FRAMES_PER_S, Record
+from skillplan_pinocchio.simulation.verdicts.contact_threshold import frame_means, rounded
+from skillplan_pybullet.engine import PybulletEngine
 
 _AXES = "xyz"
 
@@ -31,6 +32,7 @@ class ContactForceDetector(ContactDetector):
 
     name = "contact-force"
     version = "2"
+    engine_alone = PybulletEngine
 
     class Options(WindowOptions):
         """Options of the net force."""

@@ -2,37 +2,23 @@
 
 from __future__ import annotations
 
-import math
-from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from pydantic import Field
-
-from skillplan.physics.engine import Engine
-from skillplan.physics.jaws import jaw_faults
 from skillplan.physics.performance import Image, Performance, Performer, Sample
-from skillplan.task import back_end
-from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
-from skillplan.task.task import Task
-from skillplan.task.verdict import Verdict
+from skillplan_pinocchio.simulation.execution.workcell import Workcell
+from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine
 from skillplan_pybullet.arm.looks import looks_of
 from skillplan_pybullet.execution.footage import footage, picture
 from skillplan_pybullet.execution.plan_execution import Observers, Rules, execute_plan
-from skillplan_pybullet.execution.workcell import Workcell
-from skillplan_pybullet.execution_settings import ExecutionSettings
-from skillplan_pybullet.record import Record
-from skillplan_pybullet.verdicts.contact_judge import judges_among
-from skillplan_pybullet.verdicts.postconditions import Tolerances, postcondition_verdict
-
-# Engine and detectors are queried about the same skill and state, one after the other.
-_KEPT_RECORDS = 8
+from skillplan_pybullet.pybullet_simulator import PybulletSimulator
+from skillplan_pybullet.simulation_settings import SimulationSettings
 
 
-class PybulletEngine(Engine, Performer):
+class PybulletEngine(SimulatingEngine, Performer):
     """Execute the skill with an arm in pybullet and sense its postcondition.
 
     The arm is the task's, built from its description: published kinematics, limits and masses.
@@ -45,118 +31,25 @@ class PybulletEngine(Engine, Performer):
     name = "pybullet"
     version = "9"
     expected_s = 0.6
-    expensive = True
     contact_detectors = ("contact-pairs", "contact-force")
 
-    class Options(ExecutionSettings):
+    class Options(SimulatingEngine.Options, SimulationSettings):
         """Options of motion and of what counts as done."""
-
-        position_tolerance_m: float = Field(
-            default=0.0005,
-            gt=0,
-            le=0.05,
-            description="how far from its goal a part may come to rest [m]",
-        )
-        tilt_tolerance_rad: float = Field(
-            default=math.radians(1.5),
-            gt=0,
-            le=1.0,
-            description="how far a part may be turned from its goal [rad]",
-        )
-        held_tolerance_m: float = Field(
-            default=0.003,
-            gt=0,
-            le=0.05,
-            description="how far a part may slip in the hand [m]",
-        )
-        min_fastening_force_n: float = Field(
-            default=3.0,
-            gt=0,
-            le=60.0,
-            description="least force with which a screw counts as driven [N]",
-        )
-
-        max_insertion_force_n: float = Field(
-            default=20.0,
-            gt=0,
-            le=200.0,
-            description="greatest force with which a part is pushed into place [N]",
-        )
 
     options: Options
 
-    def __init__(self, task: Task, options: back_end.Options | None = None) -> None:
-        super().__init__(task, options)
-        self._workcell: Workcell | None = None
-        self._judges = judges_among((), self._parts())
-        self._records: OrderedDict[tuple[str, int], Record] = OrderedDict()
-
-    def beside(self, others: Sequence[BackEnd]) -> None:
-        """Have the contacts of whole plans, and of pictures, ruled on by the detectors beside it.
-
-        Without one, by the default limits of ``contact-pairs``.
-        """
-        self._judges = judges_among(others, self._parts())
-
-    def _parts(self) -> list[str]:
-        return [body.name for body in self.task.scene.bodies]
-
-    @property
-    def workcell(self) -> Workcell:
-        """Where skills are executed; set up when it is first needed."""
-        if self._workcell is None:
-            settings = ExecutionSettings.model_validate(
-                self.options.model_dump(include=set(ExecutionSettings.model_fields))
-            )
-            self._workcell = Workcell(self.task, settings)
-        return self._workcell
-
-    @property
-    def tolerances(self) -> Tolerances:
-        """How exactly predictions have to come true."""
-        options = self.options
-        return Tolerances(
-            options.position_tolerance_m,
-            options.tilt_tolerance_rad,
-            options.held_tolerance_m,
-            options.min_fastening_force_n,
-            options.max_insertion_force_n,
+    def make_workcell(self) -> Workcell:
+        """Return one whose every world is made anew."""
+        settings = SimulationSettings.model_validate(
+            self.options.model_dump(include=set(SimulationSettings.model_fields))
         )
+        return Workcell(self.task, settings, PybulletSimulator(self.task.scene.robots[0], settings))
 
     @property
     def basis(self) -> Mapping[str, str]:
         """The versions of what decides a simulation beside this plugin."""
         others = ["numpy", "pin", "pybullet", "skillplan", "skillplan-pinocchio"]
         return {name: version(name) for name in others}
-
-    def refuses(self) -> str | None:
-        """Refuse tasks without bodies, and several robots."""
-        scene = self.task.scene
-        if len(scene.robots) != 1:
-            return f"it simulates one arm, and the task has {len(scene.robots)} robots"
-        if not scene.bodies:
-            return "the task has no bodies to simulate"
-        return None
-
-    def faults(self) -> Mapping[str, str]:
-        """Return the parts that the hand cannot hold."""
-        return {} if self.refuses() is not None else jaw_faults(self.task)
-
-    def record(self, skill: Skill, state: State) -> Record:
-        """Return the execution of a skill, shared by all back ends that are queried about it."""
-        key = (skill.name, state.bits)
-        known = self._records.get(key)
-        if known is None:
-            known = self._records[key] = self.workcell.execute(skill, state)
-            if len(self._records) > _KEPT_RECORDS:
-                self._records.popitem(last=False)
-        return known
-
-    def check(self, skill: Skill, state: State) -> Verdict:
-        """Return the verdict on the sensed postcondition; see :meth:`BackEnd.check`."""
-        if skill.motion is None:
-            return Verdict.feasible(self.task.facts.none, self.task.facts.none)
-        return postcondition_verdict(skill, self.record(skill, state), self.tolerances)
 
     def looks(self) -> Sequence[Path | None]:
         """Return the meshes of an installed package, if it has the arm; see :class:`Performer`."""

@@ -351,8 +351,12 @@ class _Writer:
                     self._note(part, f"comes by {len(step.path)} moves, not by a straight one")
                 if step.up != up:
                     self._note(part, "comes after the product was turned over")
-            for part in step.held:
-                self._note(part, f"must be held once {', '.join(step.parts)} has come")
+        for name in (one.name for one in self.product):
+            steps = [step for step in self.plan.steps if name in step.held]
+            if steps:
+                words = [" with ".join(step.parts) for step in (steps[0], steps[-1])]
+                until = f" until that of {words[1]}" if len(steps) > 1 else ""
+                self._note(name, f"must be held from the step of {words[0]}{until}")
         for stuck in self.plan.stuck:
             self._note(stuck.part, f"cannot be taken out: {stuck.search.outcome}")
 

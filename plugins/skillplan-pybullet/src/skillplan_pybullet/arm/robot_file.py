@@ -21,9 +21,9 @@ from skillplan.robots.arm_description import ArmDescription, LinkInertia, Transf
 from skillplan.robots.hand import Hand
 from skillplan.robots.link_shapes import Capsule, Hull, Rod
 from skillplan_pinocchio.kinematics.serial_arm import placement
+from skillplan_pinocchio.simulation.arm.robot_outline import Piece, body_pieces, jaw_pieces
+from skillplan_pinocchio.simulation.arm.rotations import Vector, rpy_of
 from skillplan_pybullet.arm.looks import looks_of
-from skillplan_pybullet.arm.robot_outline import Piece, body_pieces, jaw_pieces
-from skillplan_pybullet.arm.rotations import Vector, rpy_of
 
 TIP_LINK = "hand"
 """The link of the hand, whose frame is the tip."""

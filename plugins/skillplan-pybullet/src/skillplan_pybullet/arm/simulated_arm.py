@@ -8,27 +8,30 @@ from numpy.typing import NDArray
 
 from skillplan.robots.hand import Hand
 from skillplan.task.scene import Robot
+from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of
+from skillplan_pinocchio.simulation.arm.kinematics import TipPose, kinematics_of, unreachable
+from skillplan_pinocchio.simulation.arm.rotations import points_down
+from skillplan_pinocchio.simulation.arm.straight_motion import Setpoint
+from skillplan_pinocchio.simulation.simulator import (
+    FINGERS,
+    GRAVITY_M_PER_S2,
+    HAND,
+    JAW_SPEED_M_PER_S,
+    ROBOT,
+    STEP_S,
+)
 from skillplan_pybullet.arm.dynamics import Dynamics, PinocchioDynamics, PybulletDynamics
-from skillplan_pybullet.arm.hand_shapes import hand_of
 from skillplan_pybullet.arm.joint_tracking import tracking_torques
-from skillplan_pybullet.arm.kinematics import TipPose, kinematics_of, unreachable
 from skillplan_pybullet.arm.operational_space import torques
 from skillplan_pybullet.arm.robot_file import RobotFile, robot_file
-from skillplan_pybullet.arm.rotations import points_down
-from skillplan_pybullet.arm.straight_motion import Setpoint
-from skillplan_pybullet.execution_settings import ExecutionSettings
+from skillplan_pybullet.arm.static_friction import StaticFriction
+from skillplan_pybullet.simulation_settings import SimulationSettings
 from skillplan_pybullet.simulator.quiet_output import quiet_output
-from skillplan_pybullet.simulator.world import GRAVITY_M_PER_S2, STEP_S, World
+from skillplan_pybullet.simulator.world import World
 
 Vector = NDArray[np.float64]
 
-# Names with a space, which no part of a task can have.
-ROBOT = "robot arm"
-HAND = "robot hand"
-FINGERS = ("left finger", "right finger")
-
-# How fast the jaws move [m/s], and with what force they are held open [N].
-JAW_SPEED_M_PER_S = 0.05
+# With what force jaws are held open [N].
 _OPENING_FORCE_N = 40.0
 _FINGER_FRICTION = 1.0
 # What a point of contact of a jaw resists being turned about its normal, by its force [m].
@@ -62,7 +65,7 @@ class SimulatedArm:
         self,
         world: World,
         robot: Robot,
-        settings: ExecutionSettings,
+        settings: SimulationSettings,
         hand: Hand | None = None,
         *,
         seen: bool = True,
@@ -106,6 +109,7 @@ class SimulatedArm:
         self.link_names = dict(
             zip((self.file.hand, *self.file.jaws), (HAND, *FINGERS), strict=True)
         )
+        world.link_names = self.link_names
         client = world.client
         flags = pybullet.URDF_USE_INERTIA_FROM_FILE
         if not self.seen:
@@ -322,6 +326,10 @@ class SimulatedArm:
                 physicsClientId=client,
             )
         )
+
+    def clasp(self, name: str) -> StaticFriction:
+        """Have friction hold a body that is between the jaws still."""
+        return StaticFriction(self.world, self, name)
 
     def _move_jaws(self) -> None:
         step_m = JAW_SPEED_M_PER_S * STEP_S

@@ -13,14 +13,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pybullet
 
-from skillplan_pybullet.arm.rotations import Vector
-from skillplan_pybullet.arm.simulated_arm import SimulatedArm
-from skillplan_pybullet.simulator.world import GRAVITY_M_PER_S2, World
+from skillplan_pinocchio.simulation.arm.rotations import Vector
+from skillplan_pinocchio.simulation.simulator import GRAVITY_M_PER_S2
+from skillplan_pybullet.simulator.world import World
+
+if TYPE_CHECKING:
+    from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 
 # Of what touches a body, as the simulator gives it: what and which of its links, where on the body,
 # the normal towards it, the normal force, and the two friction forces before their directions.

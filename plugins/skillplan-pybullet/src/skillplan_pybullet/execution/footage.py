@@ -9,12 +9,13 @@ from skillplan.physics.linear_motions import linear_motions
 from skillplan.physics.performance import Image
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
-from skillplan_pybullet.execution.skill_runner import SkillRunner
-from skillplan_pybullet.execution.workcell import Workcell
-from skillplan_pybullet.record import FRAMES_PER_S, Record
+from skillplan_pinocchio.simulation.execution.skill_runner import SkillRunner
+from skillplan_pinocchio.simulation.execution.workcell import Workcell
+from skillplan_pinocchio.simulation.record import FRAMES_PER_S, Record
+from skillplan_pinocchio.simulation.simulator import STEPS_PER_S
+from skillplan_pinocchio.simulation.verdicts.contact_judge import Judge, collision_in
 from skillplan_pybullet.simulator.camera import Camera, alarm
-from skillplan_pybullet.simulator.world import STEPS_PER_S
-from skillplan_pybullet.verdicts.contact_judge import Judge, collision_in
+from skillplan_pybullet.simulator.world import World
 
 # Bodies without a support are shown after so many frames, as they fall.
 _FALLING_FRAMES = 4
@@ -78,12 +79,12 @@ def picture(
 
     def watch(runner: SkillRunner) -> None:
         if runner.log.phases and frame is not None and runner.log.frames > frame:
-            alarm(runner.world, culprits)
-            taken.append(camera.take(runner.world))
+            alarm(_drawn(runner), culprits)
+            taken.append(camera.take(_drawn(runner)))
             raise _Taken
         if frame is None and runner.world.steps == record.steps:
-            alarm(runner.world, culprits)
-            taken.append(camera.take(runner.world))
+            alarm(_drawn(runner), culprits)
+            taken.append(camera.take(_drawn(runner)))
 
     try:
         workcell.execute(skill, state, watch)
@@ -110,10 +111,16 @@ def footage(workcell: Workcell, skill: Skill, state: State, frames_per_s: float)
 
     def watch(runner: SkillRunner) -> None:
         if runner.world.steps >= len(taken) * every:
-            taken.append(camera.take(runner.world))
+            taken.append(camera.take(_drawn(runner)))
 
     workcell.execute(skill, state, watch)
     yield from taken
+
+
+def _drawn(runner: SkillRunner) -> World:
+    """Return the world of a robot, of which pictures are taken."""
+    assert isinstance(runner.world, World)
+    return runner.world
 
 
 def _camera(workcell: Workcell, skill: Skill, state: State) -> Camera:

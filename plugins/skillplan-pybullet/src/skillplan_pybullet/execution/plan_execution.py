@@ -22,24 +22,24 @@ from skillplan.task.scene import WORLD, Pose
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import Verdict
-from skillplan_pybullet.arm.hand_shapes import hand_of
-from skillplan_pybullet.arm.kinematics import UnreachableError
-from skillplan_pybullet.arm.simulated_arm import SimulatedArm
-from skillplan_pybullet.execution.contact_log import STEPS_PER_FRAME
-from skillplan_pybullet.execution.controlled_robot import StuckError
-from skillplan_pybullet.execution.planned_paths import PlannedSkill
-from skillplan_pybullet.execution.skill_runner import SkillRunner
-from skillplan_pybullet.execution.workcell import SETTLE_S, Workcell
-from skillplan_pybullet.record import FRAMES_PER_S
-from skillplan_pybullet.simulator.camera import Camera
-from skillplan_pybullet.simulator.world import STEPS_PER_S, UpsetError, World
-from skillplan_pybullet.verdicts.contact_judge import Judge, collision_in
-from skillplan_pybullet.verdicts.postconditions import (
+from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of
+from skillplan_pinocchio.simulation.arm.kinematics import UnreachableError
+from skillplan_pinocchio.simulation.execution.contact_log import STEPS_PER_FRAME
+from skillplan_pinocchio.simulation.execution.controlled_robot import StuckError
+from skillplan_pinocchio.simulation.execution.planned_paths import PlannedSkill
+from skillplan_pinocchio.simulation.execution.skill_runner import SkillRunner
+from skillplan_pinocchio.simulation.execution.workcell import SETTLE_S, Workcell
+from skillplan_pinocchio.simulation.record import FRAMES_PER_S
+from skillplan_pinocchio.simulation.simulator import STEPS_PER_S, Arm, UpsetError
+from skillplan_pinocchio.simulation.verdicts.contact_judge import Judge, collision_in
+from skillplan_pinocchio.simulation.verdicts.postconditions import (
     Tolerances,
     offset_m,
     postcondition_verdict,
     tilt_rad,
 )
+from skillplan_pybullet.simulator.camera import Camera
+from skillplan_pybullet.simulator.world import World
 
 # So high above its tip a hand has to be seen [m].
 _HAND_M = 0.15
@@ -102,24 +102,23 @@ def execute_plan(
     stopped
         Whether to end before the next skill.
     """
-    with World(workcell.settings.friction) as world:
-        return _PlanExecution(workcell, rules, world, observers).play(skills, stopped)
+    robot = workcell.robot
+    hand = hand_of(robot, robot.tool(workcell.task.initial))
+    world, arm = workcell.simulator.cell(hand, seen=True)
+    assert isinstance(world, World)
+    with world:
+        return _PlanExecution(workcell, rules, world, arm, observers).play(skills, stopped)
 
 
 class _PlanExecution:
     def __init__(
-        self, workcell: Workcell, rules: Rules, world: World, observers: Observers
+        self, workcell: Workcell, rules: Rules, world: World, arm: Arm, observers: Observers
     ) -> None:
         self.workcell, self.rules, self.world = workcell, rules, world
         self.show, self.note = observers.show, observers.note
         self.task = workcell.task
         self.robot = self.task.scene.robots[0]
-        self.arm = SimulatedArm(
-            world,
-            self.robot,
-            workcell.settings,
-            hand_of(self.robot, self.robot.tool(self.task.initial)),
-        )
+        self.arm = arm
         frames_per_s = observers.frames_per_s
         self.every = STEPS_PER_S / frames_per_s if frames_per_s and self.show else None
         self.shown = 0

@@ -6,9 +6,10 @@ micrometres afterwards, and only a fresh one gives the same digits in any order,
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 import pybullet
@@ -16,23 +17,23 @@ from numpy.typing import NDArray
 
 from skillplan.task.scene import Body, Pose
 from skillplan.task.shape import Box
+from skillplan_pinocchio.simulation.mass_properties import MassProperties, mass_properties
+from skillplan_pinocchio.simulation.simulator import (
+    GRAVITY_M_PER_S2,
+    LEAST_INERTIA_KG_M2,
+    ROBOT,
+    STEP_S,
+    TABLE,
+    Touch,
+)
 from skillplan_pybullet.simulator.body_shapes import make_body
-from skillplan_pybullet.simulator.mass_properties import MassProperties, mass_properties
 from skillplan_pybullet.simulator.pair_filter import PairFilter
 from skillplan_pybullet.simulator.quiet_output import quiet_output
 
-STEPS_PER_S = 240
-STEP_S = 1 / STEPS_PER_S
-GRAVITY_M_PER_S2 = 9.81
-# Below this, parts between two jaws flicker about the vertical at 240 steps a second until they
-# fall out: light parts turn as if they had this moment of inertia.
-LEAST_INERTIA_KG_M2 = 2e-5
 # How far ahead of its middle the ground bears what rolls, by the coefficient of friction of the
 # other [m]: a few tenths of a millimetre on plastics and metals. Without it a round part rolls away
 # from where it is let go, since the simulator keeps the point of contact where it was.
 _ROLLING_M = 5e-4
-# A name with a space, which no part of a task can have.
-TABLE = "work table"
 
 _TABLE_HALF_M = (1.5, 1.5, 0.05)
 _SOLVER_ITERATIONS = 100
@@ -43,6 +44,10 @@ _FAST_M_PER_S = 50.0
 # simulator says of the two.
 _NEAR_M = 0.0005
 _DISTANCE = 8
+# Of a contact as the simulator gives it: bodies, links, place and normal on the second body, normal
+# force, and the two friction forces with their directions.
+_FIRST, _SECOND, _FIRST_LINK, _SECOND_LINK, _PLACE = 1, 2, 3, 4, 6
+_NORMAL, _FORCE, _FRICTION, _OTHER_FRICTION = 7, 9, 10, 12
 # Colours of bodies in pictures, in turn.
 _PALETTE = (
     (0.16, 0.45, 0.24, 1.0),
@@ -63,10 +68,6 @@ _PALETTE = (
 _TABLE_COLOUR = (0.88, 0.87, 0.84, 1.0)
 
 
-class UpsetError(Exception):
-    """Raised, in words, where the simulation blew up and says nothing any more."""
-
-
 class World:
     """A table and bodies under gravity, advanced 240 times a simulated second.
 
@@ -83,6 +84,8 @@ class World:
         self.steps = 0
         self.numbers: dict[str, int] = {}
         self.names: dict[int, str] = {}
+        # What the links of the arm that handle parts are called.
+        self.link_names: dict[int, str] = {}
         self._properties: dict[str, MassProperties] = {}
         self._masses: dict[str, float] = {}
         # Bodies that are not convex, their colours, and whether nothing can move them now.
@@ -340,6 +343,38 @@ class World:
             found += [(point[_DISTANCE], other) for point in points]
         return min(found)[1] if found else None
 
+    def is_near(self, one: str, other: str, distance_m: float) -> bool:
+        """Whether two bodies are no farther apart than a distance [m]."""
+        numbers = self.numbers[one], self.numbers[other]
+        return bool(pybullet.getClosestPoints(*numbers, distance_m, physicsClientId=self.client))
+
+    def touches(self) -> list[Touch]:
+        """Return where bodies press on each other, after the last step."""
+        return [
+            Touch(
+                self._named(point[_FIRST], point[_FIRST_LINK]),
+                self._named(point[_SECOND], point[_SECOND_LINK]),
+                np.array(point[_PLACE]),
+                np.array(point[_NORMAL]),
+                point[_FORCE],
+                _force_on_first(point),
+            )
+            for point in pybullet.getContactPoints(physicsClientId=self.client)
+            if point[_FORCE] > 0.0
+        ]
+
+    def pulled_n(self, name: str, constraint: int) -> NDArray[np.float64]:
+        """Return what a constraint does to a body that it fixes to the robot [N], shape (3,)."""
+        pull = pybullet.getConstraintState(constraint, physicsClientId=self.client)[:3]
+        # The constraint says what the body does to the hand, along the body's own axes.
+        turn, still = self.pose(name).orientation, (0.0, 0.0, 0.0, 1.0)
+        turned, _ = pybullet.multiplyTransforms((0, 0, 0), turn, pull, still)
+        return -np.array(turned)
+
+    def _named(self, number: int, link: int) -> str:
+        name = self.names[number]
+        return self.link_names.get(link, ROBOT) if name == ROBOT else name
+
     def fasten(self, name: str, other: str) -> None:
         """Fix a body to another as it is; the two pass through each other from now on."""
         self.part(name, [other])
@@ -388,3 +423,12 @@ class World:
 def _rolling_m(body: Body) -> float:
     """Return how a body resists being rolled; boxes do not roll, and cost less without."""
     return 0.0 if all(isinstance(shape, Box) for shape in body.shapes) else _ROLLING_M
+
+
+def _force_on_first(point: Sequence[Any]) -> NDArray[np.float64]:
+    """Return what the first body of a contact feels of the second [N]."""
+    # The normal points from the second body to the first.
+    force: NDArray[np.float64] = point[_FORCE] * np.array(point[_NORMAL])
+    for index in (_FRICTION, _OTHER_FRICTION):
+        force = force + point[index] * np.array(point[index + 1])
+    return force

@@ -1,0 +1,202 @@
+"""An arm in a simulated world: its joints, its jaws, and what it holds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.robots.hand import Hand
+from skillplan.task.scene import Robot
+from skillplan_mujoco.arm.control import ArmState, torques
+from skillplan_mujoco.simulator.cell_model import TIP, joint_name
+from skillplan_mujoco.simulator.world import World
+from skillplan_pinocchio.simulation.arm.kinematics import TipPose, kinematics_of
+from skillplan_pinocchio.simulation.arm.rotations import points_down
+from skillplan_pinocchio.simulation.arm.straight_motion import Setpoint
+from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
+from skillplan_pinocchio.simulation.simulator import (
+    FINGERS,
+    GRAVITY_M_PER_S2,
+    HAND,
+    JAW_SPEED_M_PER_S,
+    ROBOT,
+    STEP_S,
+)
+
+Vector = NDArray[np.float64]
+
+# With what force jaws are held open [N], and how firmly each follows where it is to be [N/m],
+# [N s/m]: closing on a part, it is farther off than its force allows.
+_OPENING_FORCE_N = 40.0
+_JAW_STIFFNESS_N_PER_M, _JAW_DAMPING_N_S_PER_M = 4000.0, 40.0
+
+
+@dataclass(slots=True)
+class ContactGrip:
+    """A body held by its contacts alone; see `skillplan_pinocchio.simulation.simulator.Grip`.
+
+    Parameters
+    ----------
+    name
+        Of the body.
+    """
+
+    name: str
+    constraint: int | None = None
+
+    def hold(self, elapsed_s: float) -> None:
+        """Leave it to the contacts."""
+
+    def let_go(self) -> None:
+        """Leave it to the contacts."""
+
+
+class SimulatedArm:
+    """The arm of a world; see `skillplan_pinocchio.simulation.simulator.Arm`.
+
+    Parameters
+    ----------
+    world
+        Whose arm it is.
+    robot
+        Of the task.
+    settings
+        How it is controlled.
+    hand
+        What jaws it has: those of the model.
+    """
+
+    def __init__(self, world: World, robot: Robot, settings: ExecutionSettings, hand: Hand) -> None:
+        self.world, self.robot, self.settings, self.hand = world, robot, settings, hand
+        self.kinematics = kinematics_of(robot)
+        self.link_names = {world.ids[name]: name for name in (HAND, *FINGERS)}
+        self.payload_kg = 0.0
+        self.bears: tuple[str, ...] = ()
+        self.press_n: Vector = np.zeros(3)
+        self.wanted: Setpoint | None = None
+        self.limit_nm = np.array(robot.model.torque_nm)
+        model = world.model
+        # Joints of the arm come first, and those of the jaws after them.
+        self._count = len(robot.model.joints)
+        assert int(model.joint(joint_name(self._count - 1)).dofadr[0]) == self._count - 1
+        self._jaws = [int(model.joint(name).dofadr[0]) for name in FINGERS]
+        self._site = int(model.site(TIP).id)
+        self._mass = np.zeros((model.nv, model.nv))
+        self._jaw_target_m = self._jaw_wanted_m = hand.opening_m / 2
+        self._jaw_force_n = _OPENING_FORCE_N
+
+    def fit(self, hand: Hand) -> None:
+        """Have the jaws of another hand; the model has those of one."""
+        assert hand == self.hand, "the model has the jaws of one hand"
+
+    def stand(self, joints: Vector, opening_m: float) -> None:
+        """Put the arm at rest in a posture [rad], its jaws so far open."""
+        data = self.world.data
+        data.qpos[: self._count] = joints
+        data.qpos[self._jaws] = opening_m / 2
+        data.qvel[: self._count] = 0.0
+        data.qvel[self._jaws] = 0.0
+        self._jaw_target_m = self._jaw_wanted_m = opening_m / 2
+        self.world.placed()
+        tip = self.kinematics.tip(joints)
+        self.wanted = Setpoint.at_rest(tip.position, tip.rotation, joints)
+
+    def tip(self) -> TipPose:
+        """Return where the tip is."""
+        data = self.world.data
+        rotation = np.array(data.site_xmat[self._site]).reshape(3, 3)
+        return TipPose(np.array(data.site_xpos[self._site]), rotation)
+
+    def tip_error_m(self) -> float:
+        """Return how far the tip is from where it is to be [m]."""
+        assert self.wanted is not None
+        here: list[float] = self.world.data.site_xpos[self._site].tolist()
+        return math.dist(here, self.wanted.position.tolist())
+
+    def joints_rad(self) -> tuple[float, ...]:
+        """Return the joint angles [rad]."""
+        return tuple(self.world.data.qpos[: self._count].tolist())
+
+    def jaw_width_m(self) -> float:
+        """Return the distance between the jaws [m]."""
+        left, right = self.world.data.qpos[self._jaws].tolist()
+        return float(left + right)
+
+    def open(self, opening_m: float) -> None:
+        """Begin to open the jaws to a distance."""
+        self._jaw_target_m = self.jaw_width_m() / 2
+        self._jaw_wanted_m, self._jaw_force_n = opening_m / 2, _OPENING_FORCE_N
+
+    def close(self, force_n: float) -> None:
+        """Begin to close the jaws until they grip with a force."""
+        self._jaw_target_m = self.jaw_width_m() / 2
+        self._jaw_wanted_m, self._jaw_force_n = 0.0, force_n
+
+    def actuate(self) -> None:
+        """Set torques and forces for the step to come."""
+        assert self.wanted is not None
+        self.world.prepare()
+        self._move_jaws()
+        model, data, count = self.world.model, self.world.data, self._count
+        mujoco.mj_fullM(model, data, self._mass)
+        linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        mujoco.mj_jacSite(model, data, linear, angular, self._site)
+        state = ArmState(
+            np.array(data.qpos[:count]),
+            np.array(data.qvel[:count]),
+            self.tip(),
+            np.ascontiguousarray(self._mass[:count, :count]),
+            np.concatenate([linear[:, :count], angular[:, :count]]),
+            np.array(data.qfrc_bias[:count]),
+        )
+        found = torques(state, self.wanted, self.settings.stiffness_per_s2, self._load())
+        data.qfrc_applied[:count] = np.clip(found, -self.limit_nm, self.limit_nm)
+
+    def show_hand(self, visible: bool) -> None:
+        """Take the hand and its fingers out of collision, or put them back."""
+        self.world.withdraw(ROBOT, () if visible else self.link_names)
+
+    def grip(self, name: str) -> int:
+        """Fix a body to the hand as it is; return the constraint."""
+        return self.world.bond(self.world.ids[HAND], self.world.numbers[name])
+
+    def clasp(self, name: str) -> ContactGrip:
+        """Leave a body between the jaws to its contacts: they do not creep here."""
+        return ContactGrip(name)
+
+    def _load(self) -> Vector:
+        """Return force [N] and moment [N m] that bear the payload and press, shape (6,).
+
+        Beneath a hand that points down, the moment of the payload counts for nothing.
+        """
+        assert self.wanted is not None
+        load = np.zeros(6)
+        load[2] = self.payload_kg * GRAVITY_M_PER_S2
+        if not self.wanted.tracks_joints:
+            # On a travel nothing is pressed.
+            load[:3] += self.press_n
+        if points_down(self.wanted.rotation):
+            return load
+        tip = self.tip().position
+        for name in self.bears:
+            x_m, y_m, _ = (self.world.centre(name) - tip).tolist()
+            weight_n = self.world.mass_kg(name) * GRAVITY_M_PER_S2
+            load[3] += y_m * weight_n
+            load[4] -= x_m * weight_n
+        return load
+
+    def _move_jaws(self) -> None:
+        step_m = JAW_SPEED_M_PER_S * STEP_S
+        left_m = self._jaw_wanted_m - self._jaw_target_m
+        self._jaw_target_m += max(-step_m, min(step_m, left_m))
+        data, most_n = self.world.data, self._jaw_force_n
+        for jaw in self._jaws:
+            away_m = self._jaw_target_m - float(data.qpos[jaw])
+            force_n = _JAW_STIFFNESS_N_PER_M * away_m - _JAW_DAMPING_N_S_PER_M * float(
+                data.qvel[jaw]
+            )
+            data.qfrc_applied[jaw] = max(-most_n, min(most_n, force_n)) + data.qfrc_bias[jaw]

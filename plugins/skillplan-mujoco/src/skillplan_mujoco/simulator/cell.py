@@ -1,0 +1,87 @@
+"""A compiled cell, which every world starts afresh: what worlds change of it is put back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from skillplan_pinocchio.simulation.simulator import FINGERS, HAND, ROBOT
+
+# What worlds change of a model: who touches whom, what is fixed to what, what weighs how much.
+_CHANGED = (
+    "geom_contype",
+    "geom_conaffinity",
+    "body_contype",
+    "body_conaffinity",
+    "eq_obj1id",
+    "eq_obj2id",
+    "eq_data",
+    "body_gravcomp",
+    "body_mass",
+    "body_inertia",
+    "body_subtreemass",
+    "body_invweight0",
+    "dof_invweight0",
+)
+
+
+class Cell:
+    """A model, and the names of what is in it.
+
+    Parameters
+    ----------
+    model
+        Compiled.
+    friction
+        Coefficient of lateral friction of bodies and table [-].
+    """
+
+    def __init__(self, model: Any, friction: float) -> None:
+        self.model, self.friction = model, friction
+        self._data = mujoco.MjData(model)
+        self._own = {name: np.array(getattr(model, name)) for name in _CHANGED}
+        self.ids: dict[str, int] = {
+            model.body(number).name: number for number in range(model.nbody)
+        }
+        root = self.ids[ROBOT]
+        self._arm = [number for number in self.ids.values() if model.body_rootid[number] == root]
+        # What the bodies of the model belong to.
+        self.owners = {number: name for name, number in self.ids.items()}
+        self.owners |= dict.fromkeys(self._arm, ROBOT)
+        handling = {self.ids[name]: name for name in (HAND, *FINGERS)}
+        self._labels: dict[int, str] = self.owners | handling
+        weld = mujoco.mjtEq.mjEQ_WELD
+        self.bonds = [one for one in range(model.neq) if model.eq_type[one] == weld]
+
+    def start(self) -> Any:
+        """Put back what was changed, and return the simulator's state at its start."""
+        for name, values in self._own.items():
+            getattr(self.model, name)[:] = values
+        mujoco.mj_resetData(self.model, self._data)
+        mujoco.mj_kinematics(self.model, self._data)
+        mujoco.mj_comPos(self.model, self._data)
+        return self._data
+
+    def weigh_arm(self) -> None:
+        """Have the arm's links weigh what they do."""
+        self.model.body_gravcomp[self._arm] = 0.0
+
+    def coordinates(self, name: str) -> tuple[slice, slice]:
+        """Return which coordinates and which speeds of the state are those of a body."""
+        joint = self.model.body_jntadr[self.ids[name]]
+        place, speed = int(self.model.jnt_qposadr[joint]), int(self.model.jnt_dofadr[joint])
+        return slice(place, place + 7), slice(speed, speed + 6)
+
+    def scale_mass(self, name: str, factor: float) -> None:
+        """Have a body weigh so many times as much, its mass spread as before."""
+        number, (_, speeds) = self.ids[name], self.coordinates(name)
+        for values in (self.model.body_mass, self.model.body_inertia, self.model.body_subtreemass):
+            values[number] *= factor
+        self.model.body_invweight0[number] /= factor
+        self.model.dof_invweight0[speeds] /= factor
+
+    def label(self, geom: int) -> str:
+        """Return what a geometry belongs to; of the arm, hand and fingers by their own names."""
+        return self._labels[int(self.model.geom_bodyid[geom])]

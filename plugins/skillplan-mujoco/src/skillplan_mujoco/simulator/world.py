@@ -1,0 +1,245 @@
+"""A simulated world: a fresh start of a cell's model, with some of its bodies in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from types import TracebackType
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.task.scene import Body, Pose
+from skillplan_mujoco.simulator.cell import Cell
+from skillplan_mujoco.simulator.pair_masks import PairMasks
+from skillplan_pinocchio.simulation.simulator import ROBOT, TABLE, Touch, UpsetError
+
+Vector = NDArray[np.float64]
+
+# Nothing gets so far, or so fast, in a simulation that has not blown up [m], [m/s].
+_FAR_M, _FAST_M_PER_S = 10.0, 50.0
+# Bodies that are this close bear on each other [m].
+_NEAR_M = 0.0005
+
+
+class World:
+    """A table and bodies under gravity, advanced 240 times a simulated second.
+
+    Worlds of a cell share its model: a new one ends the one before.
+
+    Parameters
+    ----------
+    cell
+        Whose model is simulated.
+    """
+
+    def __init__(self, cell: Cell) -> None:
+        self.cell, self.friction = cell, cell.friction
+        self.model, self.data, self.ids = cell.model, cell.start(), cell.ids
+        self.steps = 0
+        self.numbers: dict[str, int] = {TABLE: self.ids[TABLE]}
+        self._masses: dict[str, float] = {}
+        self._masks = PairMasks(self.model, cell.owners, self.numbers)
+        self._is_prepared = False
+        self._masks.set()
+
+    def __enter__(self) -> World:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave all as it is: the next world starts afresh."""
+
+    def show_arm(self) -> None:
+        """Put the arm into the world."""
+        self.numbers[ROBOT] = self.ids[ROBOT]
+        self.cell.weigh_arm()
+        self._masks.set()
+
+    def prepare(self) -> None:
+        """Work out what the next step begins with: places, contacts, inertia and bias."""
+        if not self._is_prepared:
+            mujoco.mj_step1(self.model, self.data)
+            self._is_prepared = True
+
+    def step(self) -> None:
+        """Advance by 1/240 s."""
+        self.prepare()
+        mujoco.mj_step2(self.model, self.data)
+        self._is_prepared = False
+        self.steps += 1
+
+    def add(self, body: Body, pose: Pose, colour: int = 0, *, stands: bool = False) -> int:
+        """Put a body at a pose, its origin at the centre of its bottom.
+
+        Parameters
+        ----------
+        body, pose
+            What, and where.
+        colour
+            Of no use here.
+        stands
+            Of no use here: whatever is in the world can be moved.
+        """
+        number = self.numbers[body.name] = self.ids[body.name]
+        self._masses[body.name] = body.mass_kg
+        self.model.body_gravcomp[number] = 0.0
+        self.put(body.name, pose)
+        self._masks.set()
+        return number
+
+    def stand(self, moving: Iterable[str]) -> None:
+        """Have what is not to be moved stand; nothing changes here."""
+
+    def put(self, name: str, pose: Pose) -> None:
+        """Move a body to a pose, at rest."""
+        x, y, z, w = pose.orientation
+        place, speed = self.cell.coordinates(name)
+        self.data.qpos[place] = (*pose.position, w, x, y, z)
+        self.data.qvel[speed] = 0.0
+        self.placed()
+
+    def placed(self) -> None:
+        """Work out where all is after something was put elsewhere."""
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        self._is_prepared = False
+
+    def pose(self, name: str) -> Pose:
+        """Return where a body is: the pose of the centre of its bottom."""
+        place, _ = self.cell.coordinates(name)
+        px, py, pz, w, x, y, z = self.data.qpos[place].tolist()
+        return Pose((px, py, pz), (x, y, z, w))
+
+    def centre(self, name: str) -> Vector:
+        """Return where the centre of mass of a body is [m], shape (3,)."""
+        return np.array(self.data.xipos[self.numbers[name]])
+
+    def is_sane(self) -> bool:
+        """Whether every body is at a finite place and none races off."""
+        for name in self._masses:
+            place, speed = self.cell.coordinates(name)
+            position, linear = self.data.qpos[place][:3], self.data.qvel[speed][:3]
+            if not np.isfinite([*position, *linear]).all():
+                return False
+            if np.abs(position).max() > _FAR_M or np.abs(linear).max() > _FAST_M_PER_S:
+                return False
+        return True
+
+    def mass_kg(self, name: str) -> float:
+        """Return the mass of a body [kg]."""
+        return self._masses[name]
+
+    def weigh(self, name: str, mass_kg: float) -> None:
+        """Change the mass of a body for a while; its shape stays."""
+        self.cell.scale_mass(name, mass_kg / self._masses[name])
+        self._masses[name] = mass_kg
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies of the scene, in the order in which they were put."""
+        return tuple(self._masses)
+
+    @property
+    def fixed(self) -> frozenset[str]:
+        """Bodies that nothing can move: none."""
+        return frozenset()
+
+    def others(self, name: str) -> list[str]:
+        """Return the names of the table and all bodies but one."""
+        return [other for other in (TABLE, *self.bodies) if other != name]
+
+    def part(self, one: str, others: Iterable[str]) -> None:
+        """Let a body pass through others."""
+        self._masks.part(one, others)
+
+    def join(self, one: str, others: Iterable[str]) -> None:
+        """Let a body touch others again."""
+        self._masks.join(one, others)
+
+    def withdraw(self, name: str, links: Iterable[int]) -> None:
+        """Let links of a body touch nothing; see :meth:`PairMasks.withdraw`."""
+        self._masks.withdraw(name, links)
+
+    def hold(self, name: str) -> int:
+        """Fix a body where it is; return the constraint, to be given to `release`."""
+        return self.bond(0, self.numbers[name])
+
+    def fasten(self, name: str, other: str) -> None:
+        """Fix a body to another as it is; the two pass through each other from now on."""
+        self.part(name, [other])
+        self.bond(0 if other == TABLE else self.numbers[other], self.numbers[name])
+
+    def bond(self, bearing: int, body: int) -> int:
+        """Fix a body of the model to another as it is; return the constraint."""
+        found = next((one for one in self.cell.bonds if not self.data.eq_active[one]), None)
+        if found is None:
+            raise UpsetError(f"more than {len(self.cell.bonds)} bodies are fixed to others at once")
+        model, data = self.model, self.data
+        back, offset, turn = np.zeros(4), np.zeros(3), np.zeros(4)
+        mujoco.mju_negQuat(back, data.xquat[bearing])
+        mujoco.mju_rotVecQuat(offset, data.xpos[body] - data.xpos[bearing], back)
+        mujoco.mju_mulQuat(turn, back, data.xquat[body])
+        model.eq_obj1id[found], model.eq_obj2id[found] = bearing, body
+        # Where it is on the body, the body in the frame of what bears it, and how turns count.
+        model.eq_data[found, :11] = (0.0, 0.0, 0.0, *offset, *turn, 1.0)
+        data.eq_active[found] = 1
+        return int(found)
+
+    def release(self, constraint: int) -> None:
+        """Undo a constraint."""
+        self.data.eq_active[constraint] = 0
+
+    def nearest(self, name: str, others: Iterable[str] | None = None) -> str | None:
+        """Return which of the others touches a body, or is nearest to it by 0.5 mm; else None."""
+        found = [
+            (distance_m, other)
+            for other in (self.others(name) if others is None else sorted(others))
+            if (distance_m := self._distance_m(name, other, _NEAR_M)) < _NEAR_M
+        ]
+        return min(found)[1] if found else None
+
+    def is_near(self, one: str, other: str, distance_m: float) -> bool:
+        """Whether two bodies are no farther apart than a distance [m]."""
+        return self._distance_m(one, other, distance_m) < distance_m
+
+    def _distance_m(self, one: str, other: str, most_m: float) -> float:
+        """Return how far two bodies are apart, and no more than so far [m]."""
+        found = (
+            mujoco.mj_geomDistance(self.model, self.data, first, second, most_m, None)
+            for first in self._masks.geoms(self.numbers[one])
+            for second in self._masks.geoms(self.numbers[other])
+        )
+        return min(map(float, found))
+
+    def touches(self) -> list[Touch]:
+        """Return where bodies press on each other, after the last step."""
+        found, pressed = [], np.zeros(6)
+        for number, contact in enumerate(self.data.contact[: self.data.ncon]):
+            if contact.efc_address < 0:
+                continue
+            mujoco.mj_contactForce(self.model, self.data, number, pressed)
+            normal_n = float(pressed[0])
+            if normal_n <= 0.0:
+                continue
+            normal, first, second = np.array(contact.frame).reshape(3, 3)
+            # The normal leads from the first geometry to the second, which feels the force.
+            force_n = normal_n * normal + pressed[1] * first + pressed[2] * second
+            ones, others = self.cell.label(contact.geom2), self.cell.label(contact.geom1)
+            found.append(Touch(ones, others, np.array(contact.pos), normal, normal_n, force_n))
+        return found
+
+    def pulled_n(self, name: str, constraint: int) -> Vector:
+        """Return what a constraint does to a body that it fixes to the robot [N], shape (3,)."""
+        data, weld = self.data, mujoco.mjtConstraint.mjCNSTR_EQUALITY
+        rows = [
+            row
+            for row in range(data.ne)
+            if data.efc_type[row] == weld and data.efc_id[row] == constraint
+        ]
+        # Three forces on what bears it, then three moments.
+        return -np.array(data.efc_force[rows[:3]]) if rows else np.zeros(3)

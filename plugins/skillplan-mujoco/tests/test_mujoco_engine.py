@@ -1,0 +1,139 @@
+"""What the arm in MuJoCo finds feasible on the paper's board, and that it says so each time."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+import pytest
+
+from board_situations import BOARD, OPTIMAL, imagined
+from skillplan.pipeline.setup import load_problem
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+from skillplan_mujoco.engine import MujocoEngine
+from skillplan_pinocchio.simulation.verdicts.pair_verdict import PairLimits, pair_verdict
+
+Query = tuple[Skill, State]
+
+
+@pytest.fixture(scope="module")
+def task() -> Task:
+    return load_problem(BOARD).task
+
+
+@pytest.fixture(scope="module")
+def engine(task) -> MujocoEngine:
+    return MujocoEngine(task)
+
+
+def on_the_optimum(task: Task, actions: Iterable[int] = OPTIMAL) -> list[Query]:
+    """Return the skills of the optimum, each where it is executed."""
+    state, found = task.initial, []
+    for action in actions:
+        skill = task.skills[action]
+        found.append((skill, state))
+        state = skill.prediction_in(state).apply(state)
+    return found
+
+
+def contacts(engine: MujocoEngine, query: Query) -> Verdict:
+    """Return the verdict of contact-pairs on an execution."""
+    parts = [body.name for body in engine.task.scene.bodies]
+    return pair_verdict(engine.record(*query), PairLimits(), parts)
+
+
+def test_a_part_is_picked_up_by_suction_and_set_down_within_a_tenth_of_a_millimetre(engine, task):
+    """The pose is sensed, and nothing touches that should not."""
+    for query in on_the_optimum(task)[:2]:
+        verdict = engine.check(*query)
+        assert verdict.is_feasible, verdict.reason
+        assert not contacts(engine, query).is_infeasible
+    assert all(abs(offset) < 0.1 for offset in verdict.evidence["offset_mm"])
+
+
+def test_friction_holds_a_part_between_the_jaws(engine, task):
+    """A switch is lifted, and is still where the hand has it."""
+    verdict = engine.check(*on_the_optimum(task)[2])
+    assert verdict.is_feasible, verdict.reason
+    assert verdict.evidence["sensed"]["jaw_width_m"] == pytest.approx(0.036, abs=0.001)
+
+
+def test_a_screw_is_pressed_with_the_force_that_is_commanded(engine, task):
+    """To a twentieth."""
+    verdict = engine.check(*on_the_optimum(task)[-2])
+    assert verdict.is_feasible, verdict.reason
+    assert verdict.evidence["sensed"]["fastening_force_n"] == pytest.approx(5.0, rel=0.05)
+
+
+def test_what_a_part_runs_into_is_named(engine, task):
+    """The brace is over where the transformer belongs."""
+    query = imagined(task, "place(transformer)", "pcb", "brace")
+    bodies = contacts(engine, query).evidence["bodies"]
+    assert set(bodies) <= {"transformer", "brace", "robot hand", "left finger", "right finger"}
+    assert "brace" in bodies
+
+
+def digest(engine: MujocoEngine, query: Query) -> str:
+    """Return a digest of all that an execution left behind."""
+    record = engine.record(*query)
+    said = json.dumps(engine.check(*query).evidence, sort_keys=True).encode()
+    values = [*record.forces_n.values(), *record.pairs_n.values(), *record.moved_m.values()]
+    return hashlib.sha256(said + b"".join(value.tobytes() for value in values)).hexdigest()
+
+
+def test_a_check_leaves_nothing_behind(task):
+    """All that is recorded is equal to the bit after another check, and by a model of its own."""
+    first, second = on_the_optimum(task)[2], on_the_optimum(task)[-1]
+    used = MujocoEngine(task)
+    used.check(*first)
+    assert digest(used, second) == digest(MujocoEngine(task), second)
+
+
+@pytest.mark.slow(reason="a process; one engine after another is left in every run")
+def test_a_new_process_records_the_same_to_the_bit(task):
+    """A pick, a place and a screw."""
+    paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    run = subprocess.run(
+        [sys.executable, "-c", "import test_mujoco_engine as it; it.main()"],
+        env={**os.environ, "PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert run.stdout.split() == digests(task)
+
+
+def digests(task: Task) -> list[str]:
+    """Return digests of a pick, a place and a screw."""
+    engine, queries = MujocoEngine(task), on_the_optimum(task)
+    return [digest(engine, queries[index]) for index in (2, 3, -1)]
+
+
+def main() -> None:
+    """Write them."""
+    sys.stdout.write(" ".join(digests(load_problem(BOARD).task)))
+
+
+def test_what_it_does_not_simulate_yet_is_refused_in_words(task, engine):
+    """Nothing is answered that it cannot know."""
+    assert engine.refuses() is None
+    refused = MujocoEngine(task, MujocoEngine.Options(control="position")).refuses()
+    assert refused is not None
+    assert "control=osc" in refused
+
+
+@pytest.mark.slow(reason="15 executions; single skills of every kind are left in every run")
+def test_every_skill_of_the_optimum_is_feasible(engine, task):
+    """And touches nothing that it should not."""
+    for query in on_the_optimum(task):
+        verdict = engine.check(*query)
+        assert verdict.is_feasible, (query[0].name, verdict.reason)
+        assert not contacts(engine, query).is_infeasible, query[0].name

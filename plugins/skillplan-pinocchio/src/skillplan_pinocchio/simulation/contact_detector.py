@@ -1,0 +1,126 @@
+"""What both detectors that read contacts share: whose simulation they read."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+from pydantic import Field
+
+from skillplan.collision.detector import Detector
+from skillplan.task import back_end
+from skillplan.task.back_end import BackEnd
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+from skillplan_pinocchio.simulation.record import Record
+from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine
+from skillplan_pinocchio.simulation.verdicts.contact_threshold import FRAMES
+
+
+class WindowOptions(back_end.Options):
+    """Options of a detector that averages over the last frames."""
+
+    frames: int = Field(
+        default=FRAMES,
+        ge=1,
+        le=60,
+        description="frames of 1/60 s that a force is averaged over [-]",
+    )
+
+
+class ContactDetector(Detector):
+    """Reads the simulation of an engine: the one beside it, or one of its own.
+
+    An engine and detectors that get the same query share one execution. What the engine has a
+    verdict on is left to it: a motion that the arm cannot follow, a world that does not stand.
+    Where no engine is beside it, the detector has a verdict on that, too.
+    """
+
+    # A little less than the engine: a collision is named before the disorder that it causes.
+    expected_s = 0.5
+    expensive = True
+
+    Options: ClassVar[type[back_end.Options]] = WindowOptions
+    # Of what kind that is.
+    engine_alone: ClassVar[type[SimulatingEngine]]
+
+    def __init__(self, task: Task, options: back_end.Options | None = None) -> None:
+        super().__init__(task, options)
+        self._engine: SimulatingEngine | None = None
+        self._is_alone = True
+        # Of several detectors without an engine beside them, all read the engine of one.
+        self._lender: ContactDetector = self
+
+    def refuses(self) -> str | None:
+        """Refuse what the engine refuses."""
+        return self.engine.refuses()
+
+    def faults(self) -> Mapping[str, str]:
+        """Return the faults that the engine finds."""
+        return self.engine.faults()
+
+    def beside(self, others: Sequence[BackEnd]) -> None:
+        """Read the simulation of the engine beside this detector from now on."""
+        engine = next((one for one in others if isinstance(one, SimulatingEngine)), None)
+        self._is_alone = engine is None
+        lenders = [self, *(one for one in others if isinstance(one, ContactDetector))]
+        self._lender = min(lenders, key=lambda one: one.name)
+        if engine is not None:
+            self._engine, self._lender = engine, self
+
+    @property
+    def engine(self) -> SimulatingEngine:
+        """Whose simulation it reads; with default options where it is the detector's own."""
+        if self._lender is not self:
+            return self._lender.engine
+        if self._engine is None:
+            self._engine = self.engine_alone(self.task)
+        return self._engine
+
+    @property
+    def basis(self) -> Mapping[str, Any]:
+        """The engine's version and options, and whether the engine is queried, too."""
+        engine = self.engine
+        return {
+            "engine": engine.name,
+            "version": engine.version,
+            "options": engine.options.model_dump(mode="json"),
+            "basis": dict(engine.basis),
+            "alone": self._is_alone,
+        }
+
+    def check(self, skill: Skill, state: State) -> Verdict:
+        """Return the verdict on the contacts of an execution; see :meth:`BackEnd.check`."""
+        if skill.motion is None:
+            return Verdict.feasible(self.task.facts.none, self.task.facts.none)
+        return self.verdict_on(self.engine.record(skill, state))
+
+    def verdict_on(self, record: Record) -> Verdict:
+        """Return the verdict on an execution.
+
+        Parameters
+        ----------
+        record
+            Of a skill of the detector's task.
+        """
+        present, absent = record.present, record.absent
+        if record.upset is None and record.unreachable is None and record.unsettled is None:
+            return self.contact_verdict(record)
+        if not self._is_alone:
+            return Verdict.feasible(present, absent)
+        if record.upset is not None:
+            return Verdict.unknown(record.upset)
+        reason = record.unreachable or record.unsettled or ""
+        return Verdict.infeasible(reason, present, absent)
+
+    @abstractmethod
+    def contact_verdict(self, record: Record) -> Verdict:
+        """Return the verdict on the contacts of an execution that ran to its end."""
+
+    @property
+    def parts(self) -> frozenset[str]:
+        """Names of the task's bodies."""
+        return frozenset(body.name for body in self.task.scene.bodies)

@@ -1,0 +1,188 @@
+"""What is logged of an execution 60 times a simulated second: contacts and displacements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.physics.performance import Contact
+from skillplan.task.scene import Pose
+from skillplan_pinocchio.simulation.record import FRAMES_PER_S, Pair
+from skillplan_pinocchio.simulation.simulator import ROBOT, STEPS_PER_S, TABLE, Arm, Touch, World
+
+Vector = NDArray[np.float64]
+
+STEPS_PER_FRAME = STEPS_PER_S // FRAMES_PER_S
+
+# Bodies at rest on each other lose touch now and then by less than this [m].
+_CLOSE_M = 0.0005
+
+# A body touches another by its side where it goes along it: the cosine of the angle between its way
+# and the force is below this.
+_ASIDE = 0.7
+
+
+class ContactLog:
+    """Frames of one execution.
+
+    Parameters
+    ----------
+    world, arm
+        What is watched.
+    handled
+        Bodies that the skill handles: their displacement is no sign of anything.
+    """
+
+    def __init__(self, world: World, arm: Arm, handled: Iterable[str]) -> None:
+        self.world, self.arm = world, arm
+        self.handled = frozenset(handled)
+        self.frames = 0
+        self.phases: list[tuple[int, str]] = []
+        self.forces: dict[str, list[Vector]] = {name: [] for name in world.bodies}
+        self.pairs: dict[Pair, list[float]] = {}
+        # Those of them that first touched across the way of what is handled.
+        self.beside: set[Pair] = set()
+        self.moved: dict[str, list[float]] = {}
+        self.expected: set[Pair] = set()
+        # Bodies that may touch anything: what was let go, or is being driven.
+        self.free: set[str] = set()
+        # What is pushed in, and how strongly what it goes into resists in every frame since [N].
+        self.inserted: str | None = None
+        self.resistance_n: list[float] = []
+        # Constraints whose force on a body is a contact's as well, such as a suction cup's.
+        self.cups: dict[str, int] = {}
+        self.last_pairs: dict[Pair, float] = {}
+        self._last_points: list[Touch] = []
+        # Where bodies that are not handled stood when the log was begun.
+        self.stood: dict[str, Pose] = {}
+        self._origin: dict[str, Vector] = {}
+        self._begun = False
+
+    def begin(self) -> None:
+        """Take what touches now as expected, and where bodies are now as their places."""
+        self._begun = True
+        self.expected |= self._close()
+        self.stood = {
+            name: self.world.pose(name) for name in self.world.bodies if name not in self.handled
+        }
+        self._origin = {name: np.array(pose.position) for name, pose in self.stood.items()}
+        self.moved = {name: [] for name in self._origin}
+
+    def insert(self, name: str) -> None:
+        """Take what a body touches from now on as what it goes into, and note how strongly."""
+        self.free.add(name)
+        self.inserted = name
+
+    def phase(self, label: str) -> None:
+        """Note what the robot is at from now on."""
+        self.phases.append((self.frames, label))
+
+    @property
+    def phase_now(self) -> str:
+        """What the robot is at."""
+        return self.phases[-1][1] if self.phases else ""
+
+    def frame(self) -> None:
+        """Log a frame; nothing before the log was begun."""
+        if not self._begun:
+            return
+        forces = {name: np.zeros(3) for name in self.world.bodies}
+        pairs = self._touching(forces)
+        for name, constraint in self.cups.items():
+            forces[name] += self.world.pulled_n(name, constraint)
+        for name, force in forces.items():
+            self.forces.setdefault(name, [np.zeros(3)] * self.frames).append(force)
+        for pair, force_n in pairs.items():
+            if pair not in self.expected and not self.free & set(pair):
+                if pair not in self.pairs and self._touch_sideways(pair):
+                    self.beside.add(pair)
+                self.pairs.setdefault(pair, [0.0] * self.frames).append(force_n)
+        for name, origin in self._origin.items():
+            away = np.array(self.world.pose(name).position) - origin
+            self.moved[name].append(float(np.linalg.norm(away)))
+        self.frames += 1
+        for values in self.pairs.values():
+            if len(values) < self.frames:
+                values.append(0.0)
+        self.last_pairs = pairs
+        if self.inserted is not None:
+            into = set(self.world.others(self.inserted)) - {self.inserted}
+            self.resistance_n.append(self.pressing_n({self.inserted}, into))
+
+    def pressing_n(self, ones: Iterable[str], others: Iterable[str]) -> float:
+        """Return the normal force between two groups of bodies in the last frame [N]."""
+        some, rest = set(ones), set(others)
+        return sum(
+            force
+            for (first, second), force in self.last_pairs.items()
+            if (first in some and second in rest) or (first in rest and second in some)
+        )
+
+    def contacts(self) -> tuple[Contact, ...]:
+        """Return what touched in the last frame, one contact for every pair of bodies."""
+        sums: dict[Pair, tuple[float, Vector, Vector]] = {}
+        for point in self._last_points:
+            normal_n, first, second = point.normal_n, point.first, point.second
+            force = -point.force_n
+            if second < first:
+                first, second, force = second, first, -force
+            total_n, place, so_far = sums.get((first, second), (0.0, np.zeros(3), np.zeros(3)))
+            sums[first, second] = (
+                total_n + normal_n,
+                place + normal_n * point.place,
+                so_far + force,
+            )
+        return tuple(
+            Contact(pair, _point(place / total_n), _point(force))
+            for pair, (total_n, place, force) in sums.items()
+        )
+
+    def unexpected_n(self) -> float:
+        """Return the greatest force of an unexpected pair in the last frame [N]."""
+        return max((values[-1] for values in self.pairs.values() if values), default=0.0)
+
+    def _close(self) -> set[Pair]:
+        """Return the pairs of bodies that bear on each other, or may at any moment."""
+        found = set()
+        for first, second in combinations(sorted((TABLE, *self.world.bodies)), 2):
+            if self.world.is_near(first, second, _CLOSE_M):
+                found.add((first, second))
+        return found
+
+    def _touching(self, forces: dict[str, Vector] | None = None) -> dict[Pair, float]:
+        """Return the normal force of every pair that touches, and add up forces on bodies."""
+        pairs: dict[Pair, float] = {}
+        self._last_points = self.world.touches()
+        for point in self._last_points:
+            first, second, normal_n = point.first, point.second, point.normal_n
+            pair = (first, second) if first <= second else (second, first)
+            pairs[pair] = pairs.get(pair, 0.0) + normal_n
+            if forces is None:
+                continue
+            force = point.force_n
+            if first in forces:
+                forces[first] += force
+            if second in forces:
+                forces[second] -= force
+        return pairs
+
+    def _touch_sideways(self, pair: Pair) -> bool:
+        """Whether what is handled moves along a body that it touches, not towards it."""
+        ones, others = set(pair) & self.handled, set(pair) - self.handled
+        if not ones or others & {ROBOT, TABLE, *self.arm.link_names.values()}:
+            return False
+        way = np.zeros(3) if self.arm.wanted is None else self.arm.wanted.velocity
+        towards = np.zeros(3)
+        for point in self._last_points:
+            if {point.first, point.second} == set(pair):
+                towards += point.normal_n * point.normal
+        both = float(np.linalg.norm(way) * np.linalg.norm(towards))
+        return both > 0.0 and abs(float(way @ towards)) < _ASIDE * both
+
+
+def _point(values: Vector) -> tuple[float, float, float]:
+    x, y, z = values.tolist()
+    return x, y, z

@@ -1,0 +1,243 @@
+"""The robot at work in a simulated world: it moves, waits, carries, and all contacts are logged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from skillplan.task.motion import Point
+from skillplan.task.scene import Scene, Tool
+from skillplan_pinocchio.simulation.arm.joint_motion import JointMotion
+from skillplan_pinocchio.simulation.arm.kinematics import Vector
+from skillplan_pinocchio.simulation.arm.planned_motion import ArmMotion
+from skillplan_pinocchio.simulation.arm.rotations import turn_between
+from skillplan_pinocchio.simulation.arm.straight_motion import PosturePath, StraightMotion
+from skillplan_pinocchio.simulation.execution.contact_log import STEPS_PER_FRAME, ContactLog
+from skillplan_pinocchio.simulation.execution.tool_changer import ToolChanger
+from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
+from skillplan_pinocchio.simulation.simulator import (
+    FINGERS,
+    HAND,
+    ROBOT,
+    STEP_S,
+    Arm,
+    Grip,
+    UpsetError,
+    World,
+)
+
+# A tip that lags so far behind is stuck, and what comes after that is chaos [m].
+_STUCK_M = 0.012
+# No skill takes so many simulation steps.
+_MOST_STEPS = 200_000
+# Contacts in the hand are found anew after it has turned by so much, and at the end of a move by
+# more than so much [rad].
+_TURN_FELT_RAD, _TURN_UNFELT_RAD = 0.3, 0.01
+
+
+class StuckError(Exception):
+    """Raised where the arm cannot go on: something blocks it."""
+
+
+class ControlledRobot:
+    """A robot with commands for where to go, what to carry and when to step.
+
+    Parameters
+    ----------
+    world, arm
+        Where, and with what.
+    scene
+        What bodies and tools there are.
+    settings
+        How it moves.
+    tool
+        The tool attached at the start; the hand itself is a tool without a body.
+    every_step
+        Called after every simulation step.
+
+    Attributes
+    ----------
+    log
+        Of the contacts of the current skill.
+    sensed
+        What sensors said during it.
+    carried
+        The body in the hand, if any.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        arm: Arm,
+        scene: Scene,
+        settings: ExecutionSettings,
+        tool: Tool | None,
+        every_step: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.world, self.arm, self.scene, self.settings = world, arm, scene, settings
+        self.every_step = every_step
+        self.log = ContactLog(world, arm, ())
+        self.sensed: dict[str, float | bool | str] = {}
+        self._bond: int | None = None
+        self._static: Grip | None = None
+        self._last_step = _MOST_STEPS
+        self.tools = ToolChanger(world, arm, scene, tool)
+        self.carry(None)
+
+    def watch(self, handled: set[str]) -> None:
+        """Begin a log for the skill to come."""
+        self.log = ContactLog(self.world, self.arm, handled)
+        for name in (HAND, *FINGERS, ROBOT):
+            for other in handled:
+                self.log.expected.add((min(name, other), max(name, other)))
+        if self.carried is not None:
+            bond = self._bond if self._static is None else self._static.constraint
+            if bond is not None:
+                self.log.cups[self.carried] = bond
+        self.log.begin()
+        self.sensed = {}
+        self._last_step = self.world.steps + _MOST_STEPS
+
+    def carry(self, name: str | None) -> None:
+        """Have the arm bear the tool and a body, or nothing besides."""
+        self.carried = name
+        carried_kg = 0.0 if name is None else self.world.mass_kg(name)
+        self.arm.payload_kg = self.tools.load_kg + carried_kg
+        tool = [self.tools.tool.name] if self.tools.tool and self.tools.load_kg else []
+        self.arm.bears = (*tool, *([] if name is None else [name]))
+
+    def bind(self, name: str) -> int:
+        """Fix a body to the robot, which it passes through from now on; return the constraint."""
+        self.world.part(name, self.tools.robot_parts)
+        self._bond = self.arm.grip(name)
+        return self._bond
+
+    def unbind(self) -> None:
+        """Undo the bond, if there is one."""
+        if self._bond is not None:
+            self.world.release(self._bond)
+            self._bond = None
+
+    def clasp(self, name: str) -> None:
+        """Have friction hold a body still between the jaws, for as long as it can."""
+        self._static = self.arm.clasp(name)
+        if self._static.constraint is not None:
+            self.log.cups[name] = self._static.constraint
+
+    def unclasp(self) -> None:
+        """Leave what the jaws hold to its contacts."""
+        if self._static is not None:
+            self.log.cups.pop(self._static.name, None)
+            self._static.let_go()
+            self._static = None
+
+    def wait(self, duration_s: float) -> None:
+        """Stay where the tip is to be."""
+        for _ in range(round(duration_s / STEP_S)):
+            self.step()
+
+    def step(self) -> None:
+        """Go on by one simulation step.
+
+        Raises
+        ------
+        StuckError
+            If something blocks the arm.
+        UpsetError
+            If the simulation blew up, or goes on and on.
+        """
+        self.arm.actuate()
+        self.world.step()
+        if self.world.steps % STEPS_PER_FRAME == 0:
+            self._check_sanity()
+            self.log.frame()
+            self._keep_hold()
+            if self.arm.tip_error_m() > _STUCK_M:
+                raise StuckError
+        self.every_step()
+
+    def move(self, end: Point, path: PosturePath | None = None) -> None:
+        """Move the tip straight to a point.
+
+        Parameters
+        ----------
+        end
+            Where to [m].
+        path
+            Of the joints on the way; the posture is kept by default.
+
+        Raises
+        ------
+        StuckError
+            If something blocks it.
+        """
+        here = self.arm.wanted
+        assert here is not None
+        self.follow(
+            StraightMotion.between(
+                here,
+                np.array(end),
+                path,
+                speed_m_per_s=self.settings.speed_m_per_s,
+                acceleration_m_per_s2=self.settings.acceleration_m_per_s2,
+            )
+        )
+
+    def transfer(self, planned: ArmMotion) -> None:
+        """Move to where a motion begins, as the path of the joints has it.
+
+        Raises
+        ------
+        StuckError
+            If something blocks it.
+        """
+        self.follow(planned.travel)
+
+    def follow(self, motion: StraightMotion | JointMotion) -> None:
+        """Move as a motion has it.
+
+        Raises
+        ------
+        StuckError
+            If something blocks it.
+        """
+        assert self.arm.wanted is not None
+        felt = self.arm.wanted.rotation
+        for step in range(1, int(motion.duration_s / STEP_S) + 2):
+            self.arm.wanted = motion.at(step * STEP_S)
+            self.step()
+            if _angle(felt, self.arm.wanted.rotation) > _TURN_FELT_RAD:
+                self._feel_anew()
+                felt = self.arm.wanted.rotation
+        if _angle(felt, self.arm.wanted.rotation) > _TURN_UNFELT_RAD:
+            self._feel_anew()
+
+    def _keep_hold(self) -> None:
+        """Let what the jaws hold slip where friction cannot hold it."""
+        if self._static is None:
+            return
+        self._static.hold(STEPS_PER_FRAME * STEP_S)
+        if self._static.constraint is None:
+            self.unclasp()
+
+    def _feel_anew(self) -> None:
+        """Have the contacts between jaws and what they hold found anew.
+
+        The simulator keeps points of contact with the directions that they had in the world, and
+        does not turn them with what is held.
+        """
+        if self.carried is not None and self._bond is None:
+            self.world.part(self.carried, [ROBOT])
+            self.world.join(self.carried, [ROBOT])
+
+    def _check_sanity(self) -> None:
+        if not (self.world.is_sane() and np.isfinite(self.arm.tip_error_m())):
+            raise UpsetError("the simulation blew up")
+        if self.world.steps > self._last_step:
+            raise UpsetError(f"the skill took more than {_MOST_STEPS:,} simulation steps")
+
+
+def _angle(one: Vector, other: Vector) -> float:
+    """Return the angle between two rotations [rad]."""
+    return 0.0 if one is other else float(np.linalg.norm(turn_between(one, other)))

@@ -1,0 +1,306 @@
+"""One skill executed in a fresh world that holds what can matter to it, and the record of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from skillplan.physics.jaws import jaw_opening_m
+from skillplan.physics.linear_motions import LinearMotion, visited_grasp
+from skillplan.task.grasp import GraspKind
+from skillplan.task.motion import Event
+from skillplan.task.pose import Pose, plus
+from skillplan.task.scene import Robot
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of
+from skillplan_pinocchio.simulation.arm.kinematics import UnreachableError
+from skillplan_pinocchio.simulation.execution.controlled_robot import StuckError
+from skillplan_pinocchio.simulation.execution.fastenings import Fastenings
+from skillplan_pinocchio.simulation.execution.planned_paths import PlannedPaths, PlannedSkill
+from skillplan_pinocchio.simulation.execution.skill_runner import SkillRunner
+from skillplan_pinocchio.simulation.execution.support_trial import SupportTrials
+from skillplan_pinocchio.simulation.execution.surroundings import Neighbourhood, Surroundings
+from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
+from skillplan_pinocchio.simulation.record import Record
+from skillplan_pinocchio.simulation.simulator import (
+    GRAVITY_M_PER_S2,
+    Arm,
+    Simulator,
+    UpsetError,
+    World,
+)
+from skillplan_pinocchio.simulation.verdicts.contact_threshold import FRAMES, frame_means
+
+# The world comes to rest for so long before anything is done [s].
+SETTLE_S = 0.1
+
+
+class Workcell:
+    """Executes skills of a task, each in a world of its own.
+
+    Parameters
+    ----------
+    task
+        With one robot.
+    settings
+        How the robot moves.
+    simulator
+        Where that happens.
+    """
+
+    def __init__(self, task: Task, settings: ExecutionSettings, simulator: Simulator) -> None:
+        self.task, self.settings, self.simulator = task, settings, simulator
+        self.robot: Robot = task.scene.robots[0]
+        self.surroundings = Surroundings(task, settings.clearance_m, settings.press_travel_m)
+        self.paths = PlannedPaths(task, settings)
+        self.fastenings = Fastenings(task)
+        self.supports = SupportTrials(task, self.surroundings, simulator.world)
+
+    def execute(
+        self,
+        skill: Skill,
+        state: State,
+        watch: Callable[[SkillRunner], None] | None = None,
+    ) -> Record:
+        """Execute a skill in a state in which it is applicable.
+
+        Parameters
+        ----------
+        skill
+            With a motion.
+        state
+            Where it starts.
+        watch
+            Called after every simulation step with the robot at work.
+        """
+        none = self.task.facts.none
+        try:
+            planned = self.paths.of(skill, state)
+        except UnreachableError as error:
+            route = self._route_facts(skill, state)
+            return self._draft(skill, route, none, unreachable=str(error))
+        if planned.unfound is not None:
+            place = self.task.facts.of(self.robot.place(state)[0])
+            present = self._route_facts(skill, state) | planned.present | place
+            return self._draft(skill, present, planned.absent, upset=planned.unfound)
+        around = self._around(skill, state, planned)
+        # After what the arm can reach, which does not depend on any body.
+        fallen = self.supports.fallen(around, state)
+        if fallen is not None and watch is None:
+            basis = self._rests_on(skill, state, planned)
+            present, absent = fallen.present | basis[0], fallen.absent | basis[1]
+            return self._draft(skill, present, absent, unsettled=fallen.reason)
+        first = planned.motions[0]
+        hand = hand_of(self.robot, first.motion.tool)
+        world, arm = self.simulator.cell(hand, seen=watch is not None)
+        with world:
+            start = planned.begin_rad if planned.travels_first else first.approach[0]
+            arm.stand(start, self._first_opening(first.motion))
+            try:
+                return self._run(skill, state, planned, world, arm, around, watch)
+            except UnreachableError as error:
+                basis = around.present, around.absent
+                return self._draft(skill, *basis, unreachable=str(error))
+            except (UpsetError, np.linalg.LinAlgError) as error:
+                return self._draft(skill, around.present, around.absent, upset=str(error))
+
+    def around(self, skill: Skill, state: State) -> Neighbourhood:
+        """Return what an execution has in its world, and the facts that all of it rests on.
+
+        Raises
+        ------
+        UnreachableError
+            If the arm cannot follow the skill's motion.
+        """
+        return self._around(skill, state, self.paths.of(skill, state))
+
+    def _around(self, skill: Skill, state: State, planned: PlannedSkill) -> Neighbourhood:
+        found = self.surroundings.around(skill, planned.motions, state)
+        return found.resting_on(*self._rests_on(skill, state, planned))
+
+    def _rests_on(self, skill: Skill, state: State, planned: PlannedSkill) -> tuple[State, State]:
+        """Return the facts that decide the paths of the joints, by their truth."""
+        facts = self._route_facts(skill, state) | planned.present
+        if planned.travels_first:
+            facts |= self.task.facts.of(self.robot.place(state)[0])
+        return facts, planned.absent
+
+    def _route_facts(self, skill: Skill, state: State) -> State:
+        """Return the facts that decide the route."""
+        assert skill.motion is not None
+        routes = skill.motion.routes
+        if len(routes) == 1:
+            return self.task.facts.none
+        return next(r.when for r in routes if state.bits & r.when.bits == r.when.bits)
+
+    def _run(
+        self,
+        skill: Skill,
+        state: State,
+        planned: PlannedSkill,
+        world: World,
+        arm: Arm,
+        around: Neighbourhood,
+        watch: Callable[[SkillRunner], None] | None,
+    ) -> Record:
+        """Execute motions, each with how the hand is turned, and return the record.
+
+        Parameters
+        ----------
+        skill, state
+            What is executed, and where it starts.
+        planned
+            How the arm follows the skill's motions.
+        world
+            Empty.
+        arm
+            At rest where it begins.
+        around
+            What else is in its world.
+        watch
+            Called after every simulation step.
+        """
+        scene = self.task.scene
+        plain = [one.motion for one in planned.motions]
+        handled = {motion.visit.subject for motion in plain}
+        colours = {body.name: index for index, body in enumerate(scene.bodies)}
+        for one in around.bodies:
+            stands = one.body.name not in handled
+            world.add(one.body, one.placement.pose, colours[one.body.name], stands=stands)
+        self.fastenings.fasten(world, ((one.body.name, one.placement) for one in around.bodies))
+        first = plain[0]
+        runner = SkillRunner(world, arm, scene, self.settings, first.tool)
+        if watch is not None:
+            runner.every_step = lambda: watch(runner)
+        stopped = None
+        try:
+            if first.visit.event is Event.RELEASE:
+                runner.take(planned.motions[0])
+            else:
+                runner.bring_out(first.visit.subject, state)
+            runner.wait(SETTLE_S)
+            runner.begin(planned.motions, state)
+            for index, motion in enumerate(planned.motions):
+                if index or planned.travels_first:
+                    runner.travel(motion)
+                runner.run(motion)
+        except StuckError:
+            stopped = runner.log.phase_now or "its way before anything was done"
+        self._sense(runner, plain[-1], stopped)
+        basis = around.present, around.absent
+        record = self._record(skill, state, plain, basis, runner)
+        return replace(record, travels=planned.travels)
+
+    def _first_opening(self, motion: LinearMotion) -> float:
+        hand = hand_of(self.robot, motion.tool)
+        if motion.visit.event not in (Event.GRASP, Event.RELEASE):
+            return hand.opening_m / 2
+        grasp = visited_grasp(self.task.scene.body(motion.visit.subject), motion.visit)
+        return jaw_opening_m(grasp, self.settings.clearance_m, motion.tool, hand)
+
+    def _sense(self, runner: SkillRunner, last: LinearMotion, stopped: str | None) -> None:
+        sensed = runner.sensed
+        if stopped is not None:
+            sensed["stuck_on"] = stopped
+        if runner.log.resistance_n:
+            resistance_n = frame_means(np.array(runner.log.resistance_n), FRAMES)
+            sensed["insertion_force_n"] = float(resistance_n.max())
+        event = last.visit.event
+        if event in (Event.GRASP, Event.RELEASE):
+            grasp = visited_grasp(self.task.scene.body(last.visit.subject), last.visit)
+            if grasp.kind is GraspKind.JAWS:
+                sensed["jaw_width_m"] = runner.arm.jaw_width_m()
+
+    def record_of(
+        self,
+        skill: Skill,
+        state: State,
+        planned: PlannedSkill,
+        runner: SkillRunner,
+        begin_s: float,
+    ) -> Record:
+        """Return the record of a skill that a robot has just executed in a larger world.
+
+        What it does not handle is expected where it stood when the skill began: how far off its
+        goal it came to rest was the matter of the skill that put it there.
+        """
+        motions = [one.motion for one in planned.motions]
+        self._sense(runner, motions[-1], None)
+        none = self.task.facts.none
+        record = self._record(skill, state, motions, (none, none), runner)
+        expected = {
+            name: runner.log.stood.get(name, pose) for name, pose in record.expected.items()
+        }
+        return replace(record, expected=expected, begin_s=begin_s, travels=planned.travels)
+
+    def _record(
+        self,
+        skill: Skill,
+        state: State,
+        motions: Sequence[LinearMotion],
+        basis: tuple[State, State],
+        runner: SkillRunner,
+    ) -> Record:
+        world, log = runner.world, runner.log
+        scene = self.task.scene
+        known = [name for name in world.bodies if any(b.name == name for b in scene.bodies)]
+        return Record(
+            skill.name,
+            *basis,
+            tuple(log.phases),
+            # What nothing can move does not say what it weighs.
+            {
+                name: np.array(log.forces.get(name, [])).reshape(-1, 3)
+                for name in known
+                if name not in world.fixed
+            },
+            {name: world.mass_kg(name) * GRAVITY_M_PER_S2 for name in known},
+            {pair: np.array(values) for pair, values in sorted(log.pairs.items())},
+            {name: np.array(values) for name, values in log.moved.items() if name in known},
+            {name: world.pose(name) for name in known},
+            self._expected(skill, state, motions[-1], known),
+            runner.sensed,
+            steps=world.steps,
+            beside=frozenset(log.beside),
+        )
+
+    def _expected(
+        self, skill: Skill, state: State, last: LinearMotion, names: Sequence[str]
+    ) -> dict[str, Pose]:
+        """Return where the prediction has bodies; what is held, above where it was picked up."""
+        after = skill.prediction_in(state).apply(state)
+        poses = self.task.scene.at(after)
+        if last.visit.event is Event.GRASP:
+            lifted = plus(last.ends_at, last.grasp_tip, -1.0)
+            poses[last.visit.subject] = last.visit.pose.moved(lifted)
+        return {name: poses[name] for name in names if name in poses}
+
+    def _draft(
+        self,
+        skill: Skill,
+        present: State,
+        absent: State,
+        *,
+        unreachable: str | None = None,
+        unsettled: str | None = None,
+        upset: str | None = None,
+    ) -> Record:
+        return Record(
+            skill.name,
+            present,
+            absent,
+            (),
+            {},
+            {},
+            {},
+            {},
+            {},
+            {},
+            unreachable=unreachable,
+            unsettled=unsettled,
+            upset=upset,
+        )

@@ -1,0 +1,146 @@
+"""What engines that execute skills with a simulated arm have in common."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+
+from pydantic import Field
+
+from skillplan.physics.engine import Engine
+from skillplan.physics.jaws import jaw_faults
+from skillplan.task import back_end
+from skillplan.task.back_end import BackEnd
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+from skillplan_pinocchio.simulation.execution.workcell import Workcell
+from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
+from skillplan_pinocchio.simulation.record import Record
+from skillplan_pinocchio.simulation.verdicts.contact_judge import judges_among
+from skillplan_pinocchio.simulation.verdicts.postconditions import (
+    Tolerances,
+    postcondition_verdict,
+)
+
+# Engine and detectors are queried about the same skill and state, one after the other.
+_KEPT_RECORDS = 8
+
+
+class SimulatingEngine(Engine):
+    """Execute the skill with a simulated arm and sense its postcondition.
+
+    The verdict rests on the facts that put bodies near the motion. It is about sensed
+    postconditions: where parts come to rest, what is in the hand, which tool is attached, the
+    force a screw is driven with. Collisions are for the detectors that read the same execution.
+    """
+
+    expensive = True
+
+    class Options(ExecutionSettings):
+        """Options of motion and of what counts as done."""
+
+        position_tolerance_m: float = Field(
+            default=0.0005,
+            gt=0,
+            le=0.05,
+            description="how far from its goal a part may come to rest [m]",
+        )
+        tilt_tolerance_rad: float = Field(
+            default=math.radians(1.5),
+            gt=0,
+            le=1.0,
+            description="how far a part may be turned from its goal [rad]",
+        )
+        held_tolerance_m: float = Field(
+            default=0.003,
+            gt=0,
+            le=0.05,
+            description="how far a part may slip in the hand [m]",
+        )
+        min_fastening_force_n: float = Field(
+            default=3.0,
+            gt=0,
+            le=60.0,
+            description="least force with which a screw counts as driven [N]",
+        )
+
+        max_insertion_force_n: float = Field(
+            default=20.0,
+            gt=0,
+            le=200.0,
+            description="greatest force with which a part is pushed into place [N]",
+        )
+
+    options: Options
+
+    def __init__(self, task: Task, options: back_end.Options | None = None) -> None:
+        super().__init__(task, options)
+        self._workcell: Workcell | None = None
+        self._judges = judges_among((), self._parts())
+        self._records: OrderedDict[tuple[str, int], Record] = OrderedDict()
+
+    def beside(self, others: Sequence[BackEnd]) -> None:
+        """Have the contacts of whole plans, and of pictures, ruled on by the detectors beside it.
+
+        Without one, by the default limits of ``contact-pairs``.
+        """
+        self._judges = judges_among(others, self._parts())
+
+    def _parts(self) -> list[str]:
+        return [body.name for body in self.task.scene.bodies]
+
+    @property
+    def workcell(self) -> Workcell:
+        """Where skills are executed; set up when it is first needed."""
+        if self._workcell is None:
+            self._workcell = self.make_workcell()
+        return self._workcell
+
+    @abstractmethod
+    def make_workcell(self) -> Workcell:
+        """Return a workcell of the engine's own."""
+
+    @property
+    def tolerances(self) -> Tolerances:
+        """How exactly predictions have to come true."""
+        options = self.options
+        return Tolerances(
+            options.position_tolerance_m,
+            options.tilt_tolerance_rad,
+            options.held_tolerance_m,
+            options.min_fastening_force_n,
+            options.max_insertion_force_n,
+        )
+
+    def refuses(self) -> str | None:
+        """Refuse tasks without bodies, and several robots."""
+        scene = self.task.scene
+        if len(scene.robots) != 1:
+            return f"it simulates one arm, and the task has {len(scene.robots)} robots"
+        if not scene.bodies:
+            return "the task has no bodies to simulate"
+        return None
+
+    def faults(self) -> Mapping[str, str]:
+        """Return the parts that the hand cannot hold."""
+        return {} if self.refuses() is not None else jaw_faults(self.task)
+
+    def record(self, skill: Skill, state: State) -> Record:
+        """Return the execution of a skill, shared by all back ends that are queried about it."""
+        key = (skill.name, state.bits)
+        known = self._records.get(key)
+        if known is None:
+            known = self._records[key] = self.workcell.execute(skill, state)
+            if len(self._records) > _KEPT_RECORDS:
+                self._records.popitem(last=False)
+        return known
+
+    def check(self, skill: Skill, state: State) -> Verdict:
+        """Return the verdict on the sensed postcondition; see :meth:`BackEnd.check`."""
+        if skill.motion is None:
+            return Verdict.feasible(self.task.facts.none, self.task.facts.none)
+        return postcondition_verdict(skill, self.record(skill, state), self.tolerances)
