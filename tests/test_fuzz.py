@@ -464,6 +464,7 @@ SPLINTERS = st.sampled_from(
 )
 
 
+@pytest.mark.slow(reason="250 edits; other oddities in every run")
 @many(250)
 @given(
     edits=st.lists(

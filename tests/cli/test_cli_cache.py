@@ -219,6 +219,7 @@ class TestShow:
         assert "slow" in table
         assert document["folder"] in table
 
+    @pytest.mark.slow(reason="a search more; what is kept is told in every run")
     def test_of_a_task_it_tells_only_what_applies_now(
         self, cli: Any, slow: Path, board: str
     ) -> None:

@@ -40,10 +40,8 @@ class TestInit:
     @pytest.mark.parametrize(
         "kind",
         [
-            pytest.param(
-                kind, marks=pytest.mark.slow(reason="solves a chain; the other kinds in every run")
-            )
-            if kind == "swarmitfix"
+            pytest.param(kind, marks=pytest.mark.slow(reason="solves; an order in every run"))
+            if kind in ("assembly", "swarmitfix")
             else kind
             for kind in registry.names("domain")
         ],

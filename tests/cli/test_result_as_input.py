@@ -254,6 +254,7 @@ class TestRuns:
         """Two runs, of which one completes it."""
         return write_runs(tmp_path / "poor", BOARD, [SWITCHED, HOPELESS])
 
+    @pytest.mark.slow(reason="two trainings; one in every run")
     def test_several_stand_side_by_side(self, cli: Any, good: Path, poor: Path) -> None:
         """In JSON each with all that is said of it alone."""
         outcome = cli("evaluate", str(good), str(poor), *JSON)

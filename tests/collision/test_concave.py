@@ -58,6 +58,7 @@ def test_points_are_as_deep_as_they_are_far_from_the_surface():
     assert found == pytest.approx([0.001, 0.0015, -0.01, -math.hypot(0.45, 0.046)], abs=1e-9)
 
 
+@pytest.mark.slow(reason="many depths; other walls in every run")
 def test_a_wall_that_a_board_goes_through_is_told_by_the_way_out():
     """Sideways through the wall, not half of its thickness."""
     board = Box((0.08, 0.06, 0.004), (0, 0, 0.002))

@@ -144,6 +144,7 @@ class TestWhatPddlCannotSay:
 class TestFastDownward:
     """An optimal planner that shares nothing with us."""
 
+    @pytest.mark.slow(reason="a planner of others; verify runs it in every run")
     def test_proves_the_board(self, planner: None, board: Handover) -> None:
         """1.867086 m, with the same skills."""
         agrees(board)

@@ -36,7 +36,7 @@ from sop_instances import BEST_KNOWN, FOLDER, instance, tsplib_text
 PROVING = ["portfolio", "subset-dp", "tree-search", "branch-and-cut"]
 CHART = Setup(collision=("precedence",))
 ASSEMBLIES = ["battery_module", "inverter_board", "motor_drive", "relay_rail", "sensor_stack"]
-LARGEST = ["motor_drive", "relay_rail"]
+LARGEST = ["motor_drive", "relay_rail", "sensor_stack"]
 
 
 class TestPortfolioSolver(SolverSuite):

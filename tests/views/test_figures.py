@@ -52,6 +52,8 @@ from skillplan.views.figures.swarmitfix.placement_marks import (
 )
 from skillplan.views.figures.swarmitfix.policy_figure import policy_figure, steps_to
 
+pytestmark = pytest.mark.slow(reason="draws; commands draw some in every run")
+
 BENCH = Bench(6, 13, 0.34)
 HEADING = Heading("A title", "task t,  solver s,  seed 0")
 GOAL, START = BENCH.position("C42"), BENCH.position("C66")

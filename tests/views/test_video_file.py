@@ -68,6 +68,7 @@ def test_only_what_changes_is_kept(tmp_path: Path) -> None:
     assert 2 * alone > path.stat().st_size
 
 
+@pytest.mark.slow(reason="films twice; one film in every run")
 @pytest.mark.parametrize("suffix", [".gif", ".mp4"])
 def test_equal_pictures_make_equal_files(tmp_path: Path, suffix: str) -> None:
     """Bit for bit."""

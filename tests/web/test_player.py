@@ -17,9 +17,10 @@ from skillplan.views.report.player_files import page_style
 PLAYER = resources.files("skillplan") / "views" / "report" / "player" / "player.js"
 TENTH_OF_A_MM = 1e-4
 NO_WEBGL = "HTMLCanvasElement.prototype.getContext = () => null"
-slow = pytest.mark.slow(reason="in a browser; that the page comes up in every run")
-
 pytestmark = [
+    pytest.mark.slow(
+        reason="starts a browser; tests/views/test_playback.py holds what it is handed in every run"
+    ),
     pytest.mark.skipif(executable() is None, reason="no Chromium on this machine"),
     pytest.mark.skipif(not PLAYER.is_file(), reason="`make web` has not built the player here"),
 ]
@@ -41,7 +42,6 @@ def test_the_page_asks_for_nothing_but_itself_and_complains_of_nothing(page: Pag
     assert page.evaluate("skillplanPlayer.webgl") is True
 
 
-@slow
 def test_the_picture_moves_with_time(page: Page) -> None:
     drawn = "document.querySelector('.player-canvas').toDataURL()"
     page.seek(1.0)
@@ -52,7 +52,6 @@ def test_the_picture_moves_with_time(page: Page) -> None:
     assert page.evaluate(drawn) == before
 
 
-@slow
 @pytest.mark.parametrize("time_s", [0.0, 2.75, 13.5, 24.0])
 def test_tip_and_parts_are_within_a_tenth_of_a_millimetre(page: Page, time_s: float) -> None:
     page.seek(time_s)
@@ -62,7 +61,6 @@ def test_tip_and_parts_are_within_a_tenth_of_a_millimetre(page: Page, time_s: fl
     np.testing.assert_allclose(board[:3], part_at(1, np.array(time_s)), atol=TENTH_OF_A_MM)
 
 
-@slow
 def test_tracks_of_some_frames_only_are_read_between_them(tmp_path: Path) -> None:
     page = Page(tmp_path / "browser")
     page.open(write_page(tmp_path / "page.html", with_keys(playback())))
@@ -76,7 +74,6 @@ def test_tracks_of_some_frames_only_are_read_between_them(tmp_path: Path) -> Non
     np.testing.assert_allclose(between[:3], ends.mean(axis=0), atol=TENTH_OF_A_MM)
 
 
-@slow
 def test_a_body_that_is_not_there_has_no_pose(page: Page) -> None:
     page.seek(5.0)
     assert page.evaluate("skillplanPlayer.poseOf('cover')") is None
@@ -84,7 +81,6 @@ def test_a_body_that_is_not_there_has_no_pose(page: Page) -> None:
     assert page.evaluate("skillplanPlayer.poseOf('cover')") is not None
 
 
-@slow
 def test_keys_play_step_and_switch(page: Page) -> None:
     page.evaluate("document.querySelector('.player-canvas').focus()")
     page.seek(0.0)
@@ -107,7 +103,6 @@ def test_keys_play_step_and_switch(page: Page) -> None:
     page.evaluate("document.querySelector('.player-help').close()")
 
 
-@slow
 def test_the_chart_leads_and_follows_and_a_screen_reader_hears_the_skill(page: Page) -> None:
     page.seek(0.0)
     page.evaluate(
@@ -121,7 +116,6 @@ def test_the_chart_leads_and_follows_and_a_screen_reader_hears_the_skill(page: P
     assert spoken == "3 of 6: pick(board), with gripper"
 
 
-@slow
 def test_nothing_sticks_out_where_the_page_is_360_pixels_wide(page: Page) -> None:
     page.resize(360, 700)
     width = page.evaluate("document.documentElement.scrollWidth")
@@ -129,7 +123,6 @@ def test_nothing_sticks_out_where_the_page_is_360_pixels_wide(page: Page) -> Non
     assert width <= 360
 
 
-@slow
 def test_without_webgl_the_page_says_so_and_the_clock_goes_on(tmp_path: Path) -> None:
     page = Page(tmp_path / "browser")
     page.open(write_page(tmp_path / "page.html", playback()), before=NO_WEBGL)
@@ -145,7 +138,6 @@ def test_without_webgl_the_page_says_so_and_the_clock_goes_on(tmp_path: Path) ->
     assert complaints == []
 
 
-@slow
 def test_every_skill_is_one_step_from_the_last(page: Page) -> None:
     page.seek(0.0)
     steps = [page.evaluate("skillplanPlayer.time()")]
@@ -156,7 +148,6 @@ def test_every_skill_is_one_step_from_the_last(page: Page) -> None:
     assert [b - a for a, b in itertools.pairwise(steps)] == [4.0] * 6
 
 
-@slow
 def test_the_page_takes_the_theme_of_its_button_and_is_printed_light(tmp_path: Path) -> None:
     """Styles of the page and of the player alike; nobody prints white on black."""
     back = "getComputedStyle(document.body).backgroundColor"

@@ -16,6 +16,8 @@ from skillplan.testing.executor_suite import ExpensiveBoxes
 from skillplan.workers.executor import Ended, Prepare, Worker
 from skillplan.workers.executor_choice import ExecutorChoice
 
+pytestmark = pytest.mark.slow(reason="processes of its own; checks in several in every run")
+
 
 class TestLocalProcesses(ExecutorSuite):
     executor = "local"

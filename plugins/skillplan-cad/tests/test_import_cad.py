@@ -55,6 +55,7 @@ def test_a_relation_that_was_written_is_read(made):
     assert relation.blockers("bolt", 4) == ()
 
 
+@pytest.mark.slow(reason="imports twice; what is damaged is made anew in every run")
 def test_the_same_file_makes_the_same_bytes_and_stages_are_run_once(tmp_path, made, capsys):
     """What is kept is as good as what is made; other threads test no ray again."""
     said = []

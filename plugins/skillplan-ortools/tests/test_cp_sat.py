@@ -112,6 +112,7 @@ def test_it_never_says_more_than_exact_search(content, spare):
         assert result.cost == pytest.approx(exact.cost, abs=1e-9)
 
 
+@pytest.mark.slow(reason="searches; with one in every run")
 @settings(max_examples=examples(60))
 @given(content=small_assemblies())
 def test_without_a_step_limit_that_binds_it_proves_or_refuses(content):

@@ -62,6 +62,7 @@ def test_no_skill_of_the_best_plan_is_taken_for_a_collision(task, detectors, don
     assert verdict.evidence["readings"]["force_n"] < 0.001
 
 
+@pytest.mark.slow(reason="an execution; a hand that hits something in every run")
 def test_a_part_put_through_another_is_a_collision(task, detectors) -> None:
     """The first touch is named, with the facts that it rests on."""
     _, pairs, _ = detectors

@@ -109,6 +109,7 @@ def bar() -> Task:
 
 
 class TestAPartThatIsTurned:
+    @pytest.mark.slow(reason="an execution; a screw from the side in every run")
     def test_it_is_picked_where_it_lies(self) -> None:
         task = bar()
         for verdict in verdicts(task, "pick(bar)", task.initial):

@@ -22,6 +22,8 @@ from skillplan.testing import SolverSuite, lid_task
 from skillplan_torch.ppo import PpoSolver
 from skillplan_torch.ppo.rollout_buffer import RolloutBuffer
 
+pytestmark = pytest.mark.slow(reason="trainings; DQN's in every run")
+
 BOARD = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"
 OPTIMUM_M = 1.86709
 SMALL = {"rollout": 96, "batch": 64, "epochs": 2, "width": 32}
