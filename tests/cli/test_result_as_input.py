@@ -243,6 +243,7 @@ class TestVerifyAndStart:
         assert trace["start"].startswith("from a plan of ")
 
 
+@pytest.mark.slow(reason="trainings; results of searches in every run")
 class TestRuns:
     @pytest.fixture
     def good(self, tmp_path: Path) -> Path:

@@ -88,6 +88,7 @@ def assert_valid(bench: Bench, robots: Robots, result: Result) -> None:
     assert trace["parallel_makespan_s"] <= (result.makespan_s or 0.0) + 1e-9
 
 
+@pytest.mark.slow(reason="two robots; how they end in every run")
 class TestTwo:
     @given(st.sampled_from(SMALL), st.integers(0, 10_000))
     @settings(max_examples=examples(40))
@@ -145,6 +146,7 @@ class TestTwo:
         assert ("optimal", 0.0, []) == (result.status, result.cost, result.trace["schedule"])
 
 
+@pytest.mark.slow(reason="many robots; how they end in every run")
 class TestMany:
     @given(
         st.sampled_from(sorted(CROWDED)),

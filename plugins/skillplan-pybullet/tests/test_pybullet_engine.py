@@ -204,6 +204,7 @@ class TestDeterminism:
         assert _text(here) == _text(there)
 
 
+@pytest.mark.slow(reason="executions with other options; the defaults in every run")
 class TestOptions:
     def made(self, task: Task, **options: object) -> PybulletEngine:
         return PybulletEngine(task, PybulletEngine.Options.model_validate(options))

@@ -146,11 +146,11 @@ class TestDqnSolver(SolverSuite):
     solver = "dqn"
     options = {"steps": 1_000, "batch": 32, "width": 128, "updates": 0.6}  # noqa: RUF012
 
-    @pytest.mark.slow(reason="a training; PPO is as honest in every run")
+    @pytest.mark.slow(reason="a training; learners in tables are as honest in every run")
     def test_it_is_honest_where_there_is_no_plan(self):
         super().test_it_is_honest_where_there_is_no_plan()
 
-    @pytest.mark.slow(reason="two trainings; runs alone and among others in every run")
+    @pytest.mark.slow(reason="two trainings; one that goes on bit for bit in every run")
     def test_the_same_seed_gives_the_same_plan(self):
         super().test_the_same_seed_gives_the_same_plan()
 
@@ -390,6 +390,7 @@ class TestRewards:
         assert all(episode.reward == pytest.approx(10.0 - episode.cost) for episode in episodes)
 
 
+@pytest.mark.slow(reason="trainings; those of its suite in every run")
 class TestPoliciesFollowed:
     @pytest.mark.parametrize("exploration", ["count", "boltzmann", "epsilon"])
     def test_only_episodes_that_follow_the_policy_throughout_are_greedy(self, exploration):
@@ -443,6 +444,7 @@ class TestPoliciesFollowed:
         assert training.learned(0).best is None
 
 
+@pytest.mark.slow(reason="trainings; one that goes on bit for bit in every run")
 class TestRunsSideBySide:
     SEEDS = (5, 3, 8, 0, 21)
 

@@ -147,6 +147,7 @@ class TestGoals:
         assert list(MAKESPANS) == expect_of(path)["makespans"]
 
 
+@pytest.mark.slow(reason="plans a bench; its goals in every run")
 class TestSupports:
     @benches_expecting("supports")
     def test_there_are_as_many_heads_as_declared(self, path: Path) -> None:
@@ -201,6 +202,7 @@ class TestSupports:
                     assert distance_m >= min(least_m, job.reach.safe_distance_m) - 1e-9
 
 
+@pytest.mark.slow(reason="plans a bench; its goals in every run")
 class TestCsp:
     @benches_expecting("csp")
     def test_the_paper_s_csp_does_what_is_declared(self, path: Path) -> None:

@@ -64,6 +64,7 @@ def near(corners: Sequence[Sequence[float]]) -> list[Any]:
     return [pytest.approx(corner, abs=1e-9) for corner in corners]
 
 
+@pytest.mark.slow(reason="drawings more; where one is placed in every run")
 class TestTheUnit:
     @pytest.mark.parametrize(
         ("insunits", "unit_m", "name"),

@@ -19,11 +19,13 @@ class TestATrajectory(DomainSuite):
     content: ClassVar[dict[str, Any]] = content_of("triangular")
 
 
+@pytest.mark.slow(reason="a bench more; a trajectory in every run")
 class TestACurve(DomainSuite):
     domain = "swarmitfix"
     content: ClassVar[dict[str, Any]] = content_of("open_curve")
 
 
+@pytest.mark.slow(reason="a bench more; a trajectory in every run")
 class TestAFleet(DomainSuite):
     domain = "swarmitfix"
     content: ClassVar[dict[str, Any]] = content_of("fleet")
