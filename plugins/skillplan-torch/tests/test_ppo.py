@@ -77,7 +77,7 @@ class TestPpoSolver(SolverSuite):
 
 
 class TestLearning:
-    @pytest.mark.slow(reason="a training; PPO solves the lid task in every run")
+    @pytest.mark.slow(reason="a training; DQN solves the lid task in every run")
     def test_the_cheaper_of_two_roads_is_learned(self):
         result = solve(two_roads_task(), solver(steps=1_500))
         assert result.cost == 3.0

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any, ClassVar
 
+import pytest
+
 from skillplan.testing import DomainSuite
 from yaml_data import yaml_data
 
