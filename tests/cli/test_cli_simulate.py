@@ -267,7 +267,7 @@ class TestSimulate:
         """It is told which can."""
         outcome = cli("simulate", board, "--sequence", "0,1", "--physics", "kinematic")
         assert (2, "") == (outcome.code, outcome.out)
-        assert "physics 'kinematic' has no bodies to move; " in outcome.err
+        assert "physics 'kinematic' performs no plans with bodies to move; " in outcome.err
 
     def test_without_an_engine_it_is_said_how_to_come_by_one(
         self, cli: Any, board: str, monkeypatch: pytest.MonkeyPatch
@@ -394,7 +394,7 @@ class TestExplainWithPictures:
         """It is said which engine has."""
         outcome = cli("explain", board, "pick(pcb)", "--picture", "moment.png")
         assert (2, "") == (outcome.code, outcome.out)
-        assert "physics 'kinematic' has no bodies to draw; " in outcome.err
+        assert "physics 'kinematic' performs no plans with bodies to draw; " in outcome.err
 
     def test_an_engine_that_cannot_draw_is_named(
         self, cli: Any, board: str, puppet: str, tmp_path: Path

@@ -45,7 +45,7 @@ def performer(back_ends: Sequence[BackEnd], to: str) -> Any:
         return engine
     installed = "pybullet" in registry.names("physics")
     instead = "use --physics pybullet" if installed else "pip install skillplan-pybullet"
-    raise OptionError(f"physics {engine.name!r} has no bodies to {to}; {instead}.")
+    raise OptionError(f"physics {engine.name!r} performs no plans with bodies to {to}; {instead}.")
 
 
 def illustrator(back_ends: Sequence[BackEnd], paths: Mapping[str, Path]) -> Any:
