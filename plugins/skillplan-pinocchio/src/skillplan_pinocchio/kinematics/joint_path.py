@@ -12,6 +12,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan_pinocchio.kinematics.fixed_order import times
+
 Array = NDArray[np.float64]
 
 
@@ -36,7 +38,7 @@ class JointPath:
         intervals = len(self.nodes) - 1
         self._step = 1 / intervals
         # Second derivatives at the nodes; none at the ends (a natural spline).
-        self._bends = _solver(intervals) @ self.nodes
+        self._bends = times(_solver(intervals), self.nodes)
 
     @property
     def joints(self) -> int:
@@ -125,9 +127,15 @@ class JointPath:
 def _solver(intervals: int) -> Array:
     """Return the matrix from nodes to second derivatives, shape (nodes, nodes)."""
     count = intervals + 1
-    left = np.eye(count)
-    right = np.zeros((count, count))
+    found = np.zeros((count, count))
+    # Row by row: m[i-1] + 4 m[i] + m[i+1] = 6 (q[i-1] - 2 q[i] + q[i+1]) / step^2, solved from the
+    # top down and back again.
+    ratios = np.zeros(count)
     for row in range(1, intervals):
-        left[row, row - 1 : row + 2] = (1, 4, 1)
-        right[row, row - 1 : row + 2] = np.array((1, -2, 1)) * 6 * intervals**2
-    return np.asarray(np.linalg.solve(left, right))
+        found[row, row - 1 : row + 2] = np.array((1, -2, 1)) * 6 * intervals**2
+        pivot = 4 - ratios[row - 1]
+        ratios[row] = 1 / pivot
+        found[row] = (found[row] - found[row - 1]) / pivot
+    for row in range(intervals - 1, 0, -1):
+        found[row] -= ratios[row] * found[row + 1]
+    return found

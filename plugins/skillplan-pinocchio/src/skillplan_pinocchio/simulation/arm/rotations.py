@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.task.pose import Pose, Quaternion
+from skillplan_pinocchio.kinematics.fixed_order import length, times
 
 Vector = NDArray[np.float64]
 
@@ -31,9 +32,7 @@ def of_quaternion(orientation: Quaternion) -> Vector:
 def pose_of(position: Vector, rotation: Vector) -> Pose:
     """Return a position [m] and a rotation, which may be off by rounding, as a pose."""
     x, y, z = position.tolist()
-    across, out = (
-        (rotation[:, axis] / np.linalg.norm(rotation[:, axis])).tolist() for axis in (1, 2)
-    )
+    across, out = ((rotation[:, axis] / length(rotation[:, axis])).tolist() for axis in (1, 2))
     return Pose.of_axes((x, y, z), tuple(across), tuple(out))
 
 
@@ -50,11 +49,11 @@ def rpy_of(rotation: Vector) -> tuple[float, float, float]:
 
 def turn_between(start: Vector, end: Vector) -> Vector:
     """Return the shortest turn about a fixed axis that takes one rotation to another [rad]."""
-    change = end @ start.T
+    change = times(end, start.T)
     axis = 0.5 * np.array(
         [change[2, 1] - change[1, 2], change[0, 2] - change[2, 0], change[1, 0] - change[0, 1]]
     )
-    sine, cosine = float(np.linalg.norm(axis)), 0.5 * (float(np.trace(change)) - 1)
+    sine, cosine = length(axis), 0.5 * (float(np.trace(change)) - 1)
     if sine > 1e-7:
         return np.asarray(axis * (math.atan2(sine, cosine) / sine))
     if cosine > 0:
@@ -63,7 +62,7 @@ def turn_between(start: Vector, end: Vector) -> Vector:
     columns = 0.5 * (change + np.eye(3))
     longest = int(np.argmax(np.diag(columns)))
     column = columns[:, longest]
-    return np.asarray(math.pi * column / np.linalg.norm(column))
+    return np.asarray(math.pi * column / length(column))
 
 
 def rotation_error(rotation: Vector, wanted: Vector) -> Vector:

@@ -12,6 +12,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan_pinocchio.kinematics.fixed_order import length
+
 Vector = NDArray[np.float64]
 
 # Of the profile of least jerk: its highest speed and acceleration, by mean speed and duration.
@@ -141,7 +143,7 @@ class StraightMotion:
         speed_m_per_s, acceleration_m_per_s2
             Limits of the tip [m/s], [m/s2], > 0.
         """
-        distance_m = float(np.linalg.norm(end - start.position))
+        distance_m = length(end - start.position)
         duration_s = max(
             _PEAK_SPEED * distance_m / speed_m_per_s,
             math.sqrt(_PEAK_ACCELERATION * distance_m / acceleration_m_per_s2),
