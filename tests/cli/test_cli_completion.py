@@ -58,6 +58,7 @@ def test_task_files(complete: Any) -> None:
         ("skillplan check --format ", ["table", "json", "csv", "md"]),
         ("skillplan explain mine.yaml --collision aabb,pre", ["aabb,precedence"]),
         ("skillplan search-optimal mine.yaml --physics k", ["kinematic"]),
+        ("skillplan search-optimal mine.yaml --physics au", ["auto"]),
         ("skillplan search-optimal mine.yaml --solver exact -O max", ["max_labels="]),
         ("skillplan search-optimal mine.yaml --solver exact -O exact.d", ["exact.dives="]),
         ("skillplan explain mine.yaml --collision aabb -O aabb.t", ["aabb.tolerance_m="]),

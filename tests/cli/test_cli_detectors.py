@@ -91,8 +91,11 @@ def test_csv_has_a_row_a_detector(cli: Any, board: str) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ((), "Give either --solvers or --detectors."),
-        (("--solvers", "exact", "--detectors", "aabb"), "Give either --solvers or --detectors."),
+        ((), "Give one of --solvers, --detectors and --engines."),
+        (
+            ("--solvers", "exact", "--detectors", "aabb"),
+            "Give one of --solvers, --detectors and --engines.",
+        ),
         (("--detectors", ","), "--detectors names no detector."),
         (("--detectors", "aab"), "Unknown collision 'aab'. Did you mean 'aabb'?"),
         (

@@ -13,10 +13,10 @@ from hypothesis.extra.numpy import arrays
 
 from situations import assembly, config_content
 from skillplan.checks.single_check import introduce
+from skillplan_pinocchio.simulation.contact_pairs import ContactPairsDetector
 from skillplan_pinocchio.simulation.record import Record
 from skillplan_pinocchio.simulation.verdicts.contact_threshold import frame_means
 from skillplan_pybullet.contact_force import ContactForceDetector
-from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
 
 DETECTORS = [ContactForceDetector, ContactPairsDetector]

@@ -17,8 +17,8 @@ from skillplan.task.pose import Pose
 from skillplan.task.scene import Body
 from skillplan.task.shape import Box, Mesh
 from skillplan.task.task import Task
+from skillplan_pinocchio.simulation.contact_pairs import ContactPairsDetector
 from skillplan_pinocchio.simulation.simulator import STEPS_PER_S
-from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
 from skillplan_pybullet.simulator.world import World
 

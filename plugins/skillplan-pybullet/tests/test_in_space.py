@@ -14,7 +14,7 @@ from skillplan.task.motion import Event, Motion, Route, Visit
 from skillplan.task.pose import DOWN, Pose
 from skillplan.task.scene import Box
 from skillplan.task.task import Task
-from skillplan_pybullet.contact_pairs import ContactPairsDetector
+from skillplan_pinocchio.simulation.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
 
 ALONG_X = (1.0, 0.0, 0.0)

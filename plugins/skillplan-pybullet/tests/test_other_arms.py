@@ -17,7 +17,7 @@ from skillplan.robots.ur5e import UR5E
 from skillplan.task.pose import Pose
 from skillplan.task.task import Task
 from skillplan.testing.tasks import lid_content
-from skillplan_pybullet.contact_pairs import ContactPairsDetector
+from skillplan_pinocchio.simulation.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
 
 # It looks along -x where its joints are at home.

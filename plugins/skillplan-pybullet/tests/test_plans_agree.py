@@ -20,7 +20,7 @@ from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.pipeline.taken_ways import by_ways
-from skillplan_pybullet.contact_pairs import ContactPairsDetector
+from skillplan_pinocchio.simulation.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
 
 PHYSICS = Setup(physics="pybullet", collision=("contact-pairs",))

@@ -19,12 +19,12 @@ from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
 from skillplan_pinocchio.simulation.arm.planned_motion import ArmMotion
+from skillplan_pinocchio.simulation.contact_pairs import ContactPairsDetector
 from skillplan_pinocchio.simulation.execution.surroundings import (
     Located,
     Neighbourhood,
     Surroundings,
 )
-from skillplan_pybullet.contact_pairs import ContactPairsDetector
 from skillplan_pybullet.engine import PybulletEngine
 
 

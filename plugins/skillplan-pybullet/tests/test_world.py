@@ -46,6 +46,41 @@ def test_a_body_at_rest_stays_within_a_fiftieth_of_a_millimetre(name):
     assert pose.yaw_rad == pytest.approx(0.3, abs=1e-3)
 
 
+TEETH = 40
+WEDGE = Mesh(
+    tuple((x, y, z) for z, half in ((0.0, 0.002), (0.02, 0.001)) for x, y in
+          ((-half, -half), (half, -half), (half, half), (-half, half))),
+    ((0, 2, 1), (0, 3, 2), (4, 5, 6), (4, 6, 7), (0, 1, 5), (0, 5, 4), (1, 2, 6), (1, 6, 5),
+     (2, 3, 7), (2, 7, 6), (3, 0, 4), (3, 4, 7)),
+)  # fmt: skip
+
+
+def tooth(kind, number):
+    x = 0.005 * (number - TEETH // 2)
+    if kind == "mesh":
+        moved = tuple((x + own, y, z) for own, y, z in WEDGE.corners)
+        return Mesh(moved, WEDGE.faces)
+    centre = (x, 0.0, 0.01)
+    return Box((0.004, 0.004, 0.02), centre) if kind == "box" else Cylinder(0.004, 0.02, centre)
+
+
+@pytest.mark.parametrize("kind", ["mesh", "box", "cylinder"])
+def test_a_body_may_have_any_number_of_pieces_and_gaps_between_them(kind):
+    """Each is a hull of its own: a blade between two touches neither, one on a tooth does."""
+    comb = Body("comb", tuple(tooth(kind, number) for number in range(TEETH)), (), 0.1)
+    blade = Body("blade", (Box((0.0006, 0.01, 0.02), (0.0, 0.0, 0.01)),), (), 0.01)
+    with World(0.6) as world:
+        world.add(comb, Pose((0.4, 0.1, 0.0)))
+        world.add(blade, Pose((0.4 + 0.0025 + 0.005 * 15, 0.1, 0.001)))
+        assert not world.is_near("blade", "comb", 1e-4)
+        world.put("blade", Pose((0.4 + 0.005 * 15, 0.1, 0.001)))
+        assert world.is_near("blade", "comb", 0.0)
+        world.put("blade", Pose((0.4, 0.0, 0.2)))
+        for _ in range(STEPS_PER_S // 4):
+            world.step()
+        assert np.allclose(world.pose("comb").position, (0.4, 0.1, 0.0), atol=5e-5)
+
+
 def test_a_round_body_that_is_let_go_off_level_stays_where_it_comes_down():
     """It rolled away, pushed at a point of contact that stayed where it had been."""
     lying = Pose.turned((0.4, 0.1, 0.0153), (np.pi / 2 - 0.003, 0.0, 0.0))

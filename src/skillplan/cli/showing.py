@@ -12,8 +12,9 @@ from skillplan.errors import BackEndError, OptionError
 from skillplan.files.output_path import output_path
 from skillplan.physics.engine import Engine
 from skillplan.physics.performance import Image, Performer
-from skillplan.pipeline import registry
+from skillplan.pipeline.presentation.performing import performing_engine
 from skillplan.plugins.blame import blame
+from skillplan.plugins.simulators import PREFERRED
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -43,8 +44,8 @@ def performer(back_ends: Sequence[BackEnd], to: str) -> Any:
     engine = next(one for one in back_ends if isinstance(one, Engine))
     if isinstance(engine, Performer):
         return engine
-    installed = "pybullet" in registry.names("physics")
-    instead = "use --physics pybullet" if installed else "pip install skillplan-pybullet"
+    able = performing_engine()
+    instead = f"use --physics {able}" if able else f"pip install skillplan-{PREFERRED[0]}"
     raise OptionError(f"physics {engine.name!r} performs no plans with bodies to {to}; {instead}.")
 
 

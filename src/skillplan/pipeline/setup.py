@@ -13,6 +13,7 @@ from skillplan.domains.load import FileChecks, Problem, load_task
 from skillplan.errors import BackEndError, Issue, OptionError, SkillplanError
 from skillplan.pipeline import registry
 from skillplan.plugins.blame import blame
+from skillplan.plugins.simulators import AUTO, PREFERRED, installed_simulator
 from skillplan.quick_dataclass import dataclass
 from skillplan.records.origin import Origin
 from skillplan.task.back_end import BackEnd
@@ -33,7 +34,8 @@ class Setup:
     Parameters
     ----------
     physics
-        An engine's name; None for the task file's choice, or else ``kinematic``.
+        An engine's name; None for the task file's choice, or else ``kinematic``. ``auto`` becomes
+        the name of the engine that executes skills, as `engine_named` has it.
     collision
         Detectors' names; empty for the task file's choice, or else its chart, or else ``swept``, or
         where that is not installed, or several robots move, ``aabb``.
@@ -51,6 +53,10 @@ class Setup:
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     screening: bool = False
     executor: ExecutorChoice = field(default_factory=ExecutorChoice)
+
+    def __post_init__(self) -> None:
+        if self.physics is not None:
+            object.__setattr__(self, "physics", engine_named(self.physics))
 
     def back_ends(self, task: Task, spare: list[BackEnd] | None = None) -> list[BackEnd]:
         """Return the back ends for a task, physics first.
@@ -156,6 +162,23 @@ class Setup:
         if refusal is not None:
             raise OptionError(f"{kind} {choice.name!r} cannot serve {task.name!r}: {refusal}")
         return back_end
+
+
+def engine_named(name: str) -> str:
+    """Return the name of an engine; of ``auto`` that of pybullet if installed, else of mujoco.
+
+    Raises
+    ------
+    OptionError
+        If it is ``auto``, and no engine that executes skills is installed.
+    """
+    if name != AUTO:
+        return name
+    found = installed_simulator()
+    if found is None:
+        known = " or ".join(f"skillplan-{engine}" for engine in PREFERRED)
+        raise OptionError(f"physics 'auto' finds no engine that moves bodies: pip install {known}.")
+    return found
 
 
 def make_executor(choice: ExecutorChoice, slots: int) -> Executor:

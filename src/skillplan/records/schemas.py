@@ -8,6 +8,7 @@ from __future__ import annotations
 # The store of verdicts lies on a lower floor, which may not import this one.
 
 # What commands print with --format json, and save.
+AGREEMENT = "skillplan.agreement/1"
 CACHE = "skillplan.cache/1"
 CHART = "skillplan.chart/1"
 CHECK = "skillplan.check/1"

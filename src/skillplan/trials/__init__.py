@@ -1,4 +1,4 @@
-"""Detectors and engines compared on executions known to be right or wrong.
+"""Detectors and engines compared on executions known to be right or wrong, and with each other.
 
 Never a part of solving.
 """

@@ -50,6 +50,26 @@ def command(
             rich_help_panel=COMPARED,
         ),
     ] = None,
+    engines: Annotated[
+        str | None,
+        typer.Option(
+            "--engines",
+            metavar="A,B",
+            autocompletion=plugin_lists("physics"),
+            help="Instead of solvers: physics engines, asked about every skill in every state that "
+            "can be reached.",
+            rich_help_panel=COMPARED,
+        ),
+    ] = None,
+    pictures: Annotated[
+        str | None,
+        typer.Option(
+            "--pictures",
+            metavar="DIR",
+            help="For --engines: draw every contradiction into DIR, by each engine that can.",
+            rich_help_panel=COMPARED,
+        ),
+    ] = None,
     staged: Annotated[
         int,
         count_option(
@@ -78,33 +98,53 @@ def command(
     limits: Limits,
     style: Style = "table",
 ) -> int:
-    """Run several solvers, or collision detectors, on TASK side by side.
+    """Run several solvers, collision detectors or physics engines on TASK side by side.
 
     Each solver starts with a cold cache of verdicts and its own time limit; one whose claimed
     bound is refuted by another's plan is marked wrong. Detectors check executions that are
     right by the hand-made chart, and collisions injected into the task: false alarms, misses
-    and the figures that decide.
+    and the figures that decide. Engines execute what is applicable in every state that one of them
+    leads to: how often they agree, and both pieces of evidence wherever they do not.
     """
     from skillplan.errors import OptionError
 
-    if (solvers is None) == (detectors is None):
-        raise OptionError("Give either --solvers or --detectors.")
-    if detectors is not None:
-        from skillplan.cli.detector_comparison import compare_detectors
-
-        if back_ends.collision is not None:
+    if [solvers, detectors, engines].count(None) != 2:
+        raise OptionError("Give one of --solvers, --detectors and --engines.")
+    if pictures is not None and engines is None:
+        raise OptionError("--pictures is for --engines.")
+    if solvers is None:
+        if detectors is not None and back_ends.collision is not None:
             raise OptionError("--collision is for --solvers; name detectors in --detectors.")
+        if engines is not None and back_ends.physics is not None:
+            raise OptionError("--physics is for --solvers; name engines in --engines.")
         given = {
             "--no-screening": no_screening,
             "--warm": warm,
-            "--jobs": jobs != 1,
-            "--executor": executor != "local",
+            "--jobs": jobs != 1 and engines is None,
+            "--executor": executor != "local" and engines is None,
             "--audit": audit is not None,
+            "--stall": limits.stall_s is not None,
+            "--memory-limit": limits.memory_limit_bytes is not None,
         }
-        given |= {"--stall": limits.stall_s is not None}
-        given["--memory-limit"] = limits.memory_limit_bytes is not None
         for option in (option for option, present in given.items() if present):
             raise OptionError(f"{option} is for --solvers.")
+    if engines is not None:
+        from skillplan.cli.engine_comparison import compare_physics
+
+        return compare_physics(
+            task,
+            engines,
+            back_ends,
+            reading,
+            jobs=jobs,
+            executor=executor,
+            pictures=pictures,
+            time_limit_s=limits.time_limit_s,
+            style=style,
+        )
+    if detectors is not None:
+        from skillplan.cli.detector_comparison import compare_detectors
+
         return compare_detectors(
             task,
             replace(back_ends, collision=detectors),

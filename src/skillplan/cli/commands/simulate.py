@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from skillplan.cli.options.completion import plugin_names, plugin_options, task_files
+from skillplan.cli.options.completion import engine_names, plugin_options, task_files
 from skillplan.cli.options.panels import BACK_ENDS, OUTPUT, TASK
 from skillplan.cli.options.shared import BackEnds, PartReading
 from skillplan.cli.options.single import Style
@@ -49,8 +49,9 @@ def command(
         typer.Option(
             "--physics",
             metavar="NAME",
-            autocompletion=plugin_names("physics"),
-            help="An engine that moves bodies; default: the task file's choice, or else pybullet.",
+            autocompletion=engine_names,
+            help="An engine that moves bodies, or auto: pybullet where it is installed, else "
+            "mujoco; default: the task file's choice, or else auto.",
             rich_help_panel=BACK_ENDS,
         ),
     ] = None,
@@ -237,16 +238,17 @@ class _Read(NamedTuple):
 
 
 def _engine(read: _Read) -> str:
-    """Return the name of the engine chosen, or the file's, or else pybullet."""
+    """Return the name of the engine chosen, or the file's, or else an installed one."""
     from skillplan.errors import OptionError
-    from skillplan.pipeline import registry
-    from skillplan.pipeline.presentation.performing import ENGINE
+    from skillplan.pipeline.presentation.performing import performing_engine
+    from skillplan.plugins.simulators import PREFERRED
 
     if read.setup.physics is not None or read.task.physics is not None:
         return read.setup.physics_choice(read.task).name
-    if ENGINE not in registry.names("physics"):
+    able = performing_engine()
+    if able is None:
         raise OptionError(
-            f"simulate needs an engine that moves bodies, such as {ENGINE!r}: "
-            f"pip install skillplan-{ENGINE}."
+            f"simulate needs an engine that moves bodies, such as {PREFERRED[0]!r}: "
+            f"pip install skillplan-{PREFERRED[0]}."
         )
-    return ENGINE
+    return able

@@ -39,6 +39,14 @@ def plugin_names(kind: str) -> Complete:
     return complete
 
 
+def engine_names(incomplete: str) -> list[str]:
+    """Return the installed engines that begin so, and ``auto``."""
+    from skillplan.plugins.simulators import AUTO, installed_simulator
+
+    auto = [AUTO] if installed_simulator() and AUTO.startswith(incomplete) else []
+    return [*auto, *plugin_names("physics")(incomplete)]
+
+
 def plugin_lists(kind: str) -> Complete:
     """Return what completes the last of several names with commas, none of them twice."""
 
@@ -89,11 +97,15 @@ def plugin_options(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]
 
 def _plugins(ctx: typer.Context) -> Iterator[tuple[str, str]]:
     """Yield kind and name of the plugins named on the line or, where none is, of the task's."""
+    from skillplan.plugins.simulators import AUTO, installed_simulator
+
     given = ctx.params
     for kind, keys in {"solver": ("solver", "solvers"), "collision": ("collision",)}.items():
         for key in keys:
             yield from ((kind, name) for name in (given.get(key) or "").split(",") if name)
     physics = given.get("physics")
+    if physics == AUTO:
+        physics = installed_simulator()
     if physics:
         yield "physics", physics
     task = _task(ctx)

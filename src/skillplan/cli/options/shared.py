@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from skillplan.cli.options.completion import plugin_lists, plugin_names, plugin_options
+from skillplan.cli.options.completion import engine_names, plugin_lists, plugin_options
 from skillplan.cli.options.panels import BACK_ENDS, TASK
 from skillplan.cli.options.single import ExecutorName, Jobs
 from skillplan.cli.options.values import parse_options, split_names
@@ -185,8 +185,9 @@ class BackEnds:
         typer.Option(
             "--physics",
             metavar="NAME",
-            autocompletion=plugin_names("physics"),
-            help="Physics engine; default: the task file's choice, or else kinematic.",
+            autocompletion=engine_names,
+            help="Physics engine, or auto: pybullet where it is installed, else mujoco; default: "
+            "the task file's choice, or else kinematic.",
             rich_help_panel=BACK_ENDS,
         ),
     ] = None
@@ -215,8 +216,13 @@ class BackEnds:
 
     def named(self) -> dict[str, list[str]]:
         """Return the names that the command line chooses, by kind."""
+        from skillplan.pipeline.setup import engine_named
+
         given = {"physics": self.physics, "collision": self.collision}
-        return {kind: split_names(names) for kind, names in given.items() if names is not None}
+        found = {kind: split_names(names) for kind, names in given.items() if names is not None}
+        if "physics" in found:
+            found["physics"] = [engine_named(name) for name in found["physics"]]
+        return found
 
     def setup(
         self,

@@ -12,15 +12,22 @@ from skillplan.pipeline import registry
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.taken_ways import by_ways
 from skillplan.plugins.blame import blame
+from skillplan.plugins.simulators import PREFERRED
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 
-ENGINE = "pybullet"
-"""The engine that moves bodies, where none is chosen."""
-
 ANY_DETECTOR = "aabb"
 """A detector that always serves, and that is not queried."""
+
+
+def performing_engine() -> str | None:
+    """Return the installed engine that performs plans where none is chosen; None without one."""
+    known = registry.names("physics")
+    able = (name for name in PREFERRED if name in known)
+    return next(
+        (name for name in able if issubclass(registry.load("physics", name), Performer)), None
+    )
 
 
 def contact_detectors(engine: str, chosen: Collection[str]) -> list[str]:
@@ -68,7 +75,7 @@ def perform_plan(
     task
         Whose plan it is.
     setup
-        Its engine is taken if it moves bodies; else pybullet, where it is installed.
+        Its engine is taken if it moves bodies; else that of `performing_engine`.
     skills
         The plan, each applicable when its turn comes.
     ways
@@ -84,9 +91,10 @@ def perform_plan(
         If the engine fails.
     """
     named = setup.physics_choice(task).name
-    engine = named if issubclass(registry.load("physics", named), Performer) else ENGINE
-    if engine not in registry.names("physics"):
-        return f"no engine that moves bodies is installed: pip install skillplan-{ENGINE}"
+    performs = issubclass(registry.load("physics", named), Performer)
+    engine = named if performs else performing_engine()
+    if engine is None:
+        return f"no engine that moves bodies is installed: pip install skillplan-{PREFERRED[0]}"
     chosen = [choice.name for choice in setup.named_collision_choices(task)]
     detectors = tuple(contact_detectors(engine, chosen)) or (ANY_DETECTOR,)
     taking = replace(setup, physics=engine, collision=detectors, screening=False)

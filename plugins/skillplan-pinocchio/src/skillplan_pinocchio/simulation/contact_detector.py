@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any, ClassVar
 
 from pydantic import Field
 
 from skillplan.collision.detector import Detector
+from skillplan.plugins.installed import registered
+from skillplan.plugins.simulators import PREFERRED
 from skillplan.task import back_end
 from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
@@ -44,8 +47,8 @@ class ContactDetector(Detector):
     expensive = True
 
     Options: ClassVar[type[back_end.Options]] = WindowOptions
-    # Of what kind that is.
-    engine_alone: ClassVar[type[SimulatingEngine]]
+    # Of what kind that is; without one, the engine that is installed.
+    engine_alone: ClassVar[type[SimulatingEngine] | None] = None
 
     def __init__(self, task: Task, options: back_end.Options | None = None) -> None:
         super().__init__(task, options)
@@ -55,7 +58,10 @@ class ContactDetector(Detector):
         self._lender: ContactDetector = self
 
     def refuses(self) -> str | None:
-        """Refuse what the engine refuses."""
+        """Refuse what the engine refuses; and everything, where no engine is installed."""
+        if self._lender is self and self._engine is None and self._alone() is None:
+            known = " or ".join(f"skillplan-{name}" for name in PREFERRED)
+            return f"it reads the contacts of an engine that moves bodies: pip install {known}"
         return self.engine.refuses()
 
     def faults(self) -> Mapping[str, str]:
@@ -77,8 +83,14 @@ class ContactDetector(Detector):
         if self._lender is not self:
             return self._lender.engine
         if self._engine is None:
-            self._engine = self.engine_alone(self.task)
+            engine = self._alone()
+            assert engine is not None, "refused: no engine is installed"
+            self._engine = engine(self.task)
         return self._engine
+
+    def _alone(self) -> type[SimulatingEngine] | None:
+        """Return of what kind the engine is where none is beside it."""
+        return self.engine_alone or _installed_engine()
 
     @property
     def basis(self) -> Mapping[str, Any]:
@@ -124,3 +136,15 @@ class ContactDetector(Detector):
     def parts(self) -> frozenset[str]:
         """Names of the task's bodies."""
         return frozenset(body.name for body in self.task.scene.bodies)
+
+
+@cache
+def _installed_engine() -> type[SimulatingEngine] | None:
+    """Return the engine that ``auto`` stands for, or else any that executes skills."""
+    known = {entry.name: entry for entry in registered("physics")}
+    first = [name for name in PREFERRED if name in known]
+    for name in [*first, *sorted(set(known) - set(first))]:
+        engine = known[name].load()
+        if isinstance(engine, type) and issubclass(engine, SimulatingEngine):
+            return engine
+    return None

@@ -6,6 +6,7 @@ import math
 from abc import abstractmethod
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -39,6 +40,8 @@ class SimulatingEngine(Engine):
     """
 
     expensive = True
+    # Detectors that rule on its contacts, the one that is taken where none is chosen first.
+    contact_detectors: ClassVar[tuple[str, ...]] = ("contact-pairs",)
 
     class Options(ExecutionSettings):
         """Options of motion and of what counts as done."""

@@ -18,6 +18,9 @@ from skillplan_pybullet.simulator.quiet_output import quiet_output
 Colour = tuple[float, float, float, float]
 
 _TYPES = {Box: pybullet.GEOM_BOX, Cylinder: pybullet.GEOM_CYLINDER, Mesh: pybullet.GEOM_MESH}
+# What a body of the simulator takes; more write past its end, and it crashes.
+_MOST_SHAPES = 16
+_SIDES = 64
 
 
 def make_body(
@@ -48,28 +51,68 @@ def make_body(
     """
     # The simulator takes meshes in files only.
     has_mesh = any(isinstance(shape, Mesh) for shape in (*solid, *seen))
-    with TemporaryDirectory() if has_mesh else nullcontext("") as folder, quiet_output():
+    is_many = max(len(solid), len(seen)) > _MOST_SHAPES
+    hits, looks = _bundles(solid), _bundles(seen)
+    with TemporaryDirectory() if has_mesh or is_many else nullcontext("") as folder, quiet_output():
         collision = pybullet.createCollisionShapeArray(
-            collisionFramePositions=_places(solid, centre),
-            flags=[_flags(shape) for shape in solid],
-            **_described(solid, Path(folder), client),
+            collisionFramePositions=_places(hits, centre),
+            flags=[_flags(bundle[0]) for bundle in hits],
+            **_described(hits, Path(folder), client),
         )
         visual = pybullet.createVisualShapeArray(
-            visualFramePositions=_places(seen, centre),
-            rgbaColors=[colour] * len(seen),
-            **_described(seen, Path(folder), client),
+            visualFramePositions=_places(looks, centre),
+            rgbaColors=[colour] * len(looks),
+            **_described(looks, Path(folder), client),
         )
         return int(pybullet.createMultiBody(mass_kg, collision, visual, physicsClientId=client))
 
 
-def _described(shapes: Sequence[Shape], folder: Path, client: int) -> dict[str, Any]:
+def _bundles(shapes: Sequence[Shape]) -> list[Sequence[Shape]]:
+    """Return shapes one by one, or of more than the simulator takes meshes that share a file.
+
+    Of a file each object becomes a hull of its own, or all of them one surface, if they are not
+    convex. Where there are too many boxes and cylinders, they become meshes, too.
+    """
+    if len(shapes) <= _MOST_SHAPES:
+        return [(shape,) for shape in shapes]
+    simple = [shape for shape in shapes if not isinstance(shape, Mesh)]
+    if len(simple) > _MOST_SHAPES - 2:
+        shapes = [_as_mesh(shape) for shape in shapes]
+        simple = []
+    meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
+    kinds = [[mesh for mesh in meshes if mesh.convex is convex] for convex in (True, False)]
+    return [*((shape,) for shape in simple), *(kind for kind in kinds if kind)]
+
+
+def _as_mesh(shape: Shape) -> Mesh:
+    """Return a shape as a mesh: a box exactly, a cylinder as a prism about as wide."""
+    if isinstance(shape, Mesh):
+        return shape
+    if isinstance(shape, Box):
+        turns, radii = np.pi / 4 + np.arange(4) * np.pi / 2, np.array(shape.size[:2]) / np.sqrt(2)
+    else:
+        turns, radii = np.arange(_SIDES) * 2 * np.pi / _SIDES, np.full(2, shape.diameter_m / 2)
+    outline = np.stack([radii[0] * np.cos(turns), radii[1] * np.sin(turns)], axis=1)
+    half, count = shape.box.size[2] / 2, len(turns)
+    rings = [np.column_stack([outline, np.full(count, z)]) for z in (-half, half)]
+    corners = np.concatenate(rings) + np.array(shape.centre)
+    after = [(one + 1) % count for one in range(count)]
+    faces = [(a, b, count + b) for a, b in enumerate(after)]
+    faces += [(a, count + b, count + a) for a, b in enumerate(after)]
+    faces += [(0, b + 1, b) for b in range(1, count - 1)]
+    faces += [(count, count + b, count + b + 1) for b in range(1, count - 1)]
+    return Mesh(tuple((float(x), float(y), float(z)) for x, y, z in corners), tuple(faces))
+
+
+def _described(bundles: Sequence[Sequence[Shape]], folder: Path, client: int) -> dict[str, Any]:
     """Return what collision and vision of shapes have in common, for the simulator."""
+    firsts = [bundle[0] for bundle in bundles]
     return {
-        "shapeTypes": [_TYPES[type(shape)] for shape in shapes],
-        "halfExtents": [[extent / 2 for extent in shape.box.size] for shape in shapes],
-        "radii": [getattr(shape, "diameter_m", 1.0) / 2 for shape in shapes],
-        "lengths": [shape.box.size[2] for shape in shapes],
-        "fileNames": [_written(shape, folder / f"{id(shape)}.obj") for shape in shapes],
+        "shapeTypes": [_TYPES[type(shape)] for shape in firsts],
+        "halfExtents": [[extent / 2 for extent in shape.box.size] for shape in firsts],
+        "radii": [getattr(shape, "diameter_m", 1.0) / 2 for shape in firsts],
+        "lengths": [shape.box.size[2] for shape in firsts],
+        "fileNames": [_written(bundle, folder) for bundle in bundles],
         "physicsClientId": client,
     }
 
@@ -80,9 +123,9 @@ def _flags(shape: Shape) -> int:
     return int(pybullet.GEOM_FORCE_CONCAVE_TRIMESH) if is_hollow else 0
 
 
-def _places(shapes: Sequence[Shape], centre: NDArray[np.float64]) -> list[list[float]]:
+def _places(bundles: Sequence[Sequence[Shape]], centre: NDArray[np.float64]) -> list[list[float]]:
     """Return where the origins of shapes are, from a centre of mass."""
-    return [(_origin(shape) - centre).tolist() for shape in shapes]
+    return [(_origin(bundle[0]) - centre).tolist() for bundle in bundles]
 
 
 def _origin(shape: Shape) -> NDArray[np.float64]:
@@ -90,12 +133,18 @@ def _origin(shape: Shape) -> NDArray[np.float64]:
     return np.zeros(3) if isinstance(shape, Mesh) else np.array(shape.centre)
 
 
-def _written(shape: Shape, path: Path) -> str:
-    """Write a mesh to a file, unless it is there, and return its name; "" for others."""
-    if not isinstance(shape, Mesh):
+def _written(bundle: Sequence[Shape], folder: Path) -> str:
+    """Write meshes to a file, unless it is there, and return its name; "" for others."""
+    meshes = [shape for shape in bundle if isinstance(shape, Mesh)]
+    if not meshes:
         return ""
+    path = folder / f"{hash(tuple(id(mesh) for mesh in meshes)):x}.obj"
     if not path.exists():
-        lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in shape.corners]
-        lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in shape.faces]
+        lines, before = [], 1
+        for number, mesh in enumerate(meshes):
+            lines += [f"o {number}"] if len(meshes) > 1 else []
+            lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.corners]
+            lines += [f"f {a + before} {b + before} {c + before}" for a, b, c in mesh.faces]
+            before += len(mesh.corners)
         path.write_text("\n".join(lines) + "\n", "utf-8")
     return str(path)

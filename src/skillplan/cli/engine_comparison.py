@@ -1,0 +1,133 @@
+"""Engines side by side: what ``skillplan compare --engines`` does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from pathlib import Path
+from time import monotonic
+
+from skillplan.checks.feasibility import Feasibility
+from skillplan.cli.counting import counting
+from skillplan.cli.options.shared import BackEnds, Reading
+from skillplan.cli.options.values import split_names
+from skillplan.cli.output import emit
+from skillplan.cli.showing import PICTURE, draw
+from skillplan.errors import OptionError, exit_code
+from skillplan.files.output_path import output_folder
+from skillplan.physics.performance import Performer
+from skillplan.pipeline.presentation.performing import contact_detectors
+from skillplan.pipeline.run import make_feasibility
+from skillplan.pipeline.setup import Setup
+from skillplan.records.execution.agreement import agreement_document
+from skillplan.task.task import Task
+from skillplan.trials.engine_agreement import EngineAgreement, compare_engines
+from skillplan.views.tables.agreement import agreement_tables
+
+# So many queries a process are given out at a time.
+_AT_ONCE = 8
+
+
+def compare_physics(
+    path: str,
+    engines: str,
+    back_ends: BackEnds,
+    reading: Reading,
+    *,
+    jobs: int,
+    executor: str,
+    pictures: str | None,
+    time_limit_s: float | None,
+    style: str,
+) -> int:
+    """Ask engines the same about a task and print where they differ; return the exit code.
+
+    Parameters
+    ----------
+    path
+        Of the task file.
+    engines
+        Their names, by commas.
+    back_ends
+        With what is asked of every engine beside it; by default the detectors that read its
+        contacts.
+    reading
+        How the task file is read.
+    jobs, executor
+        How many processes, and where.
+    pictures
+        The folder that contradictions are drawn into; None to draw none.
+    time_limit_s
+        After how long to be content with what is known [s].
+    style
+        How to print.
+
+    Raises
+    ------
+    OptionError
+        If there are not two engines, one refuses the task, or the task has no bodies.
+    """
+    names = split_names(engines)
+    if len(names) < 2:
+        raise OptionError("--engines needs two engines at least, such as pybullet,mujoco.")
+    folder = None if pictures is None else output_folder("--pictures", pictures)
+    task = reading.problem(path, replace(back_ends, physics=engines)).tasks[-1]
+    if not task.scene.bodies:
+        raise OptionError(f"{task.name!r} has no bodies: there is nothing to simulate.")
+    begin_s = monotonic()
+    with ExitStack() as open_ones, counting("questions", None) as count:
+
+        def stopped() -> bool:
+            late = time_limit_s is not None and monotonic() - begin_s > time_limit_s
+            return count.interrupted or late
+
+        checks: dict[str, Feasibility] = {}
+        for name in names:
+            setup = _setup(name, names, back_ends, task, executor)
+            checks[name] = open_ones.enter_context(
+                closing(make_feasibility(task, setup, jobs=jobs))
+            )
+        agreement = compare_engines(
+            task,
+            checks,
+            at_once=1 if jobs == 1 else _AT_ONCE * jobs,
+            note=count.one_more,
+            stopped=stopped,
+        )
+    drawn = [] if folder is None else _drawn(agreement, checks, folder)
+    emit(style, agreement_document(agreement, drawn), agreement_tables(agreement, drawn))
+    return exit_code(interrupted=count.interrupted)
+
+
+def _setup(
+    engine: str, engines: Sequence[str], back_ends: BackEnds, task: Task, executor: str
+) -> Setup:
+    """Return how one of several engines is asked, without the options of the others."""
+    others = tuple(f"{name}." for name in engines if name != engine)
+    options = [entry for entry in back_ends.options if not entry.startswith(others)]
+    collision = back_ends.collision
+    if collision is None:
+        chosen = [choice.name for choice in task.collision]
+        collision = ",".join(contact_detectors(engine, chosen)) or None
+    own = replace(back_ends, physics=engine, collision=collision, options=options)
+    return own.setup(task, executor=executor)
+
+
+def _drawn(
+    agreement: EngineAgreement, checks: dict[str, Feasibility], folder: Path
+) -> list[dict[str, str]]:
+    """Draw every contradiction by every engine that can; return the files by engine."""
+    folder.mkdir(exist_ok=True)
+    found = []
+    for number, one in enumerate(agreement.contradictions, start=1):
+        files = {}
+        for name, feasibility in checks.items():
+            drawer = next((b for b in feasibility.back_ends if isinstance(b, Performer)), None)
+            if drawer is None:
+                continue
+            taken = feasibility.taken(one.skill, one.state)
+            path = folder / f"{number:03d}-{name}.png"
+            files[name] = draw(drawer, taken, one.state, {PICTURE: path})["picture"]
+        found.append(files)
+    return found

@@ -1,0 +1,106 @@
+"""compare --engines: how often engines agree, and both pieces of evidence where they do not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import yaml
+
+DOCUMENTS = Path(__file__).parents[2] / "docs" / "reference" / "documents"
+
+# Refuses one skill, whatever the state.
+DOUBTER = '''
+    from pydantic import Field
+
+    from skillplan import Engine, Verdict
+    from skillplan.task import back_end
+
+    class Doubter(Engine):
+        """Trusts everything but one skill."""
+
+        name = "doubter"
+
+        class Options(back_end.Options):
+            """Options of the doubter."""
+
+            skill: str = Field(default="place(clock)", description="what it doubts [-]")
+
+        def check(self, skill, state):
+            none = state.facts.none
+            if skill.name == self.options.skill:
+                return Verdict.infeasible("hardly", none, none, {"doubt": 0.5})
+            return Verdict.feasible(none, none)
+'''
+
+
+@pytest.fixture
+def doubter(install: Any) -> str:
+    """An engine that differs from the kinematic one on a skill."""
+    install("physics", "doubter", "doubting_engine:Doubter", DOUBTER)
+    return "doubter"
+
+
+def compared(cli: Any, board: str, *words: str) -> Any:
+    return cli("compare", board, "--engines", "kinematic,doubter", *words)
+
+
+def test_a_contradiction_is_listed_once_with_what_both_say(
+    cli: Any, board: str, doubter: str
+) -> None:
+    """In the first state in which it was met, and how many there are; the document is described."""
+    document = compared(cli, board, "--format", "json").document
+    described = yaml.safe_load((DOCUMENTS / "agreement.yaml").read_text())
+    jsonschema.validate(document, described)
+    (found,) = document["contradictions"]
+    assert found["skill"] == "place(clock)"
+    assert found["verdicts"]["kinematic"]["status"] == "feasible"
+    said = found["verdicts"]["doubter"]
+    assert (said["reason"], said["evidence"]) == ("hardly", {"doubt": 0.5})
+    assert document["complete"]
+    assert document["questions"] == document["agree"] + found["states"]
+    assert set(document["seconds"]) == {"kinematic", "doubter"}
+
+
+def test_what_one_engine_grants_is_followed(cli: Any, board: str, doubter: str) -> None:
+    """So that as much is asked as without the doubt."""
+    trusting = compared(cli, board, "-O", "doubter.skill=none", "--format", "json").document
+    doubting = compared(cli, board, "--format", "json").document
+    assert trusting["contradictions"] == []
+    assert trusting["questions"] == trusting["agree"] == doubting["questions"]
+
+
+def test_the_table_names_engines_reasons_and_seconds(cli: Any, board: str, doubter: str) -> None:
+    """Contradictions first, the summary last."""
+    outcome = compared(cli, board)
+    contradictions, _, summary = outcome.out.partition("engines on the same questions")
+    assert outcome.code == 0
+    assert "hardly" in contradictions
+    assert "place(clock)" in contradictions
+    assert "seconds" in summary
+    assert "agree" in summary
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--engines", "kinematic"), "--engines needs two engines at least"),
+        (("--engines", "kinematic,bulet"), "Unknown physics 'bulet'."),
+        (("--engines", "a,b", "--solvers", "exact"), "Give one of --solvers, --detectors and"),
+        (
+            ("--engines", "a,b", "--physics", "kinematic"),
+            "--physics is for --solvers; name engines",
+        ),
+        (("--engines", "a,b", "--warm"), "--warm is for --solvers."),
+        (("--solvers", "exact", "--pictures", "d"), "--pictures is for --engines."),
+    ],
+)
+def test_what_does_not_go_together_is_refused(
+    cli: Any, board: str, words: tuple[str, ...], message: str
+) -> None:
+    """One message, exit code 2."""
+    outcome = cli("compare", board, *words)
+    assert (2, "") == (outcome.code, outcome.out)
+    assert message in outcome.err

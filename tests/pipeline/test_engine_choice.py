@@ -1,0 +1,44 @@
+"""Which engine `auto` stands for, and that it is said."""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint, EntryPoints
+
+import pytest
+
+from skillplan.errors import OptionError
+from skillplan.pipeline.setup import Setup
+from skillplan.plugins import simulators
+from skillplan.testing import lid_task
+
+
+@pytest.fixture
+def install(monkeypatch: pytest.MonkeyPatch):
+    """Have engines of these names installed, and no others."""
+
+    def only(*names: str) -> None:
+        found = EntryPoints(EntryPoint(name, "nowhere:It", "skillplan.physics") for name in names)
+        monkeypatch.setattr(simulators, "registered", lambda kind: found)
+
+    return only
+
+
+@pytest.mark.parametrize(
+    ("installed", "expected"),
+    [
+        (("kinematic", "mujoco", "pybullet"), "pybullet"),
+        (("kinematic", "mujoco"), "mujoco"),
+    ],
+)
+def test_auto_is_pybullet_where_it_is_installed_else_mujoco(install, installed, expected):
+    """A setup holds the name itself, so that results, tables and documents say it."""
+    install(*installed)
+    setup = Setup("auto")
+    assert (setup.physics, setup.physics_choice(lid_task()).name) == (expected, expected)
+
+
+def test_auto_without_an_engine_says_what_to_install(install):
+    """In one line, naming both."""
+    install("kinematic")
+    with pytest.raises(OptionError, match="pip install skillplan-pybullet or skillplan-mujoco"):
+        Setup("auto")
