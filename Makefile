@@ -106,7 +106,7 @@ bench: .venv/.test  ## ratios against a baseline of the same run
 	$(BIN)/python benchmarks/travels.py
 	$(BIN)/python benchmarks/scaling.py --parts 6,10,20,50 --densities 0.3 --tools 1 --seconds 2
 	$(BIN)/python benchmarks/sequencing.py --names ESC25,ft70.4,p43.1,rbg109a,ry48p.1 --seconds 2
-	if $(HAS_PYBULLET); then $(BIN)/python benchmarks/physics.py; fi
+	if $(HAS_PYBULLET); then $(BIN)/python benchmarks/physics.py && $(BIN)/python benchmarks/engines.py; fi
 	$(BIN)/python benchmarks/learning.py
 
 schema: .venv/.core  ## the JSON Schema that editors read

@@ -27,7 +27,7 @@ class MujocoEngine(SimulatingEngine):
     """
 
     name = "mujoco"
-    version = "1"
+    version = "2"
     expected_s = 0.3
 
     class Options(SimulatingEngine.Options):

@@ -29,7 +29,7 @@ class PybulletEngine(SimulatingEngine, Performer):
     """
 
     name = "pybullet"
-    version = "9"
+    version = "10"
     expected_s = 0.6
     contact_detectors = ("contact-pairs", "contact-force")
 
