@@ -1,4 +1,4 @@
-"""Two engines on the same questions: CPU seconds of checks, simulation steps a second, cold searches.
+"""Two engines on the same questions: CPU seconds of checks, steps a second, cold searches.
 
 Rounds of both take turns, and the least of each counts, so that what else the machine does bears on
 neither alone. Run from the repository: ``python benchmarks/engines.py``, with names of engines
