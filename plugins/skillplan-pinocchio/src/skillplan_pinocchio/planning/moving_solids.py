@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skillplan.quick_dataclass import dataclass
 from skillplan_pinocchio.arm_model import ArmModel
+from skillplan_pinocchio.kinematics.fixed_order import length, times
 from skillplan_pinocchio.link_pieces import LinkPiece
 from skillplan_pinocchio.shapes import ConvexPiece
 
@@ -72,8 +73,8 @@ def arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
                 piece.geometry,
                 placed * piece.frame,
                 placed.act(centre),
-                float(np.linalg.norm(half)),
-                (centres @ placed.rotation.T + placed.translation, radius_m),
+                length(half),
+                (times(centres, placed.rotation.T) + placed.translation, radius_m),
                 of_arm=True,
             )
         )
@@ -94,7 +95,7 @@ def held_solid(name: str, joint: int, piece: ConvexPiece, back: Any) -> MovingSo
     back
         Of the world in the frame of the joint at that posture, as `pinocchio.SE3`.
     """
-    corners = piece.corners @ back.rotation.T + back.translation
+    corners = times(piece.corners, back.rotation.T) + back.translation
     low, high = corners.min(axis=0), corners.max(axis=0)
     centre = (low + high) / 2
     radius_m = float(np.linalg.norm(corners - centre, axis=1).max())
@@ -118,4 +119,4 @@ def balls_of_box(centre: Vector, half: Vector) -> tuple[Vector, float]:
     counts = np.clip(np.round(half / max(float(half.min()), _LEAST_HALF_M)), 1, _MOST_BALLS)
     steps = [(2 * np.arange(count) + 1) / count - 1 for count in counts.astype(int).tolist()]
     shares = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
-    return centre + shares * half, float(np.linalg.norm(half / counts))
+    return centre + shares * half, length(half / counts)
