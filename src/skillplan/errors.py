@@ -23,8 +23,10 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import ClassVar
+
+from skillplan.quick_dataclass import dataclass
 
 # What every command ends with; `exit_code` says when.
 EXIT_SOLVED = 0

@@ -97,29 +97,49 @@ def test_a_check_leaves_nothing_behind(task):
     assert digest(used, second) == digest(MujocoEngine(task), second)
 
 
-@pytest.mark.slow(reason="a process; one engine after another is left in every run")
-def test_a_new_process_records_the_same_to_the_bit(task):
-    """A pick, a place and a screw."""
+def elsewhere(number: int, **environment: str) -> list[str]:
+    """Return the first digests that a new process comes to."""
     paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
     run = subprocess.run(
-        [sys.executable, "-c", "import test_mujoco_engine as it; it.main()"],
-        env={**os.environ, "PYTHONPATH": paths},
+        [sys.executable, "-c", f"import test_mujoco_engine as it; it.main({number})"],
+        env={**os.environ, "PYTHONPATH": paths, **environment},
         capture_output=True,
         text=True,
         check=True,
     )
-    assert run.stdout.split() == digests(task)
+    return run.stdout.split()
 
 
-def digests(task: Task) -> list[str]:
-    """Return digests of a pick, a place and a screw."""
+def test_a_new_process_with_another_blas_records_the_same_to_the_bit(task, engine):
+    """A pick; the oldest kernels of OpenBLAS add up in another order than those in use."""
+    said = digest(engine, on_the_optimum(task)[2])
+    assert elsewhere(1, OPENBLAS_CORETYPE="Prescott") == [said]
+
+
+@pytest.mark.slow(reason="processes; one of them in every run")
+@pytest.mark.parametrize(
+    "environment",
+    [
+        {"OPENBLAS_CORETYPE": "Prescott"},
+        {"OPENBLAS_CORETYPE": "Nehalem"},
+        {"NPY_DISABLE_CPU_FEATURES": "X86_V3"},
+    ],
+    ids=["prescott", "nehalem", "narrow"],
+)
+def test_no_kernel_of_a_blas_changes_a_bit(task, environment):
+    """Of a pick, a place and a screw; nor do numpy's own kernels."""
+    assert elsewhere(3, **environment) == digests(task)
+
+
+def digests(task: Task, number: int = 3) -> list[str]:
+    """Return digests of a pick, a place and a screw, or the first of them."""
     engine, queries = MujocoEngine(task), on_the_optimum(task)
-    return [digest(engine, queries[index]) for index in (2, 3, -1)]
+    return [digest(engine, queries[index]) for index in (2, 3, -1)[:number]]
 
 
-def main() -> None:
+def main(number: int) -> None:
     """Write them."""
-    sys.stdout.write(" ".join(digests(load_problem(BOARD).task)))
+    sys.stdout.write(" ".join(digests(load_problem(BOARD).task, number)))
 
 
 def test_what_it_does_not_simulate_yet_is_refused_in_words(task, engine):

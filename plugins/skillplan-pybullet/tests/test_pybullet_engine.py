@@ -4,24 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import random
 import subprocess
 import sys
-from collections.abc import Iterator
 
 import pytest
 
 from board_situations import BOARD, OPTIMAL, imagined, state_after
-from example_count import examples
 from skillplan.errors import TaskError
 from skillplan.pipeline.setup import load_problem
 from skillplan.task.grasp import AXES
 from skillplan.task.scene import Grasp, GraspKind
-from skillplan.task.skill import Skill
-from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict, VerdictStatus
-from skillplan.testing import EngineSuite
 from skillplan_pybullet.engine import PybulletEngine
 
 
@@ -33,26 +27,6 @@ def task() -> Task:
 @pytest.fixture(scope="module")
 def engine(task) -> PybulletEngine:
     return PybulletEngine(task)
-
-
-class TestConformance(EngineSuite):
-    engine = "pybullet"
-
-    def queries(self, task: Task) -> Iterator[tuple[Skill, State]]:
-        """A sample, as every question is a simulation: in every run, of one skill only."""
-        every, few = list(super().queries(task)), 2
-        count = examples(12, fewest=few)
-        if count == few:
-            every = [query for query in every if query[0].name == "pick(lid)"]
-        yield from random.Random(4).sample(every, count)
-
-    @pytest.mark.slow(reason="executions again; a reused verdict equals a fresh one in every run")
-    def test_it_answers_the_same_whatever_was_checked_before(self) -> None:
-        super().test_it_answers_the_same_whatever_was_checked_before()
-
-    @pytest.mark.slow(reason="executions again; the facts of verdicts on the board in every run")
-    def test_a_verdict_rests_on_facts_that_hold(self) -> None:
-        super().test_a_verdict_rests_on_facts_that_hold()
 
 
 class TestThePapersBoard:

@@ -8,7 +8,6 @@ want of a, or a's operation fails because b is an obstacle.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from skillplan.chart.alternatives import Alternatives, alternatives
 from skillplan.chart.conflict import conflict_lines
@@ -22,6 +21,7 @@ from skillplan.chart.precedence_query import (
     run_queries,
 )
 from skillplan.checks.feasibility import Feasibility
+from skillplan.quick_dataclass import dataclass
 from skillplan.task.task import Task
 
 _MOST_LINES = 3

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 from skillplan.errors import ModelTooLarge
 from skillplan.model.skill_model import SkillModel, Transition
+from skillplan.quick_dataclass import dataclass
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 

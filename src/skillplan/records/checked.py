@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from skillplan.domains.domain import Listing
 from skillplan.domains.load import Problem
+from skillplan.quick_dataclass import dataclass
 from skillplan.records import schemas
 from skillplan.records.preview import Preview
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from skillplan.domains.domain import Overview
+from skillplan.quick_dataclass import dataclass
 
 
 @dataclass(frozen=True)

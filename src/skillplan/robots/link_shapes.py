@@ -6,7 +6,8 @@ All of them are convex, so that every engine has its own way to compute with the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from skillplan.quick_dataclass import dataclass
 
 Triple = tuple[float, float, float]
 

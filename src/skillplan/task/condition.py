@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from skillplan.quick_dataclass import dataclass
 from skillplan.task.state import State
 
 

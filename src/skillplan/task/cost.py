@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
+from skillplan.quick_dataclass import dataclass
 from skillplan.task.motion import Motion, Point
 from skillplan.task.state import State
 

@@ -6,7 +6,8 @@ Quaternions are ``(x, y, z, w)``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from skillplan.quick_dataclass import dataclass
 
 Point = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

@@ -7,9 +7,10 @@ those that hold, packed into the bits of one integer.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from skillplan.errors import OptionError, name_hint
+from skillplan.quick_dataclass import dataclass
 
 
 @dataclass(frozen=True)

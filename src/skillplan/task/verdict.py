@@ -8,10 +8,11 @@ keeps them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from enum import StrEnum
 from typing import Any
 
+from skillplan.quick_dataclass import dataclass
 from skillplan.task.state import State
 
 

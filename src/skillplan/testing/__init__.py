@@ -22,6 +22,7 @@ _HOMES = {
     "EngineSuite": "back_end_suites",
     "ExecutorSuite": "executor_suite",
     "ExporterSuite": "exporter_suite",
+    "SimulationSuite": "simulation_suite",
     "SolverSuite": "solver_suite",
     "chance_task": "tasks",
     "hostile_task": "tasks",
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from skillplan.testing.domain_suite import DomainSuite
     from skillplan.testing.executor_suite import ExecutorSuite
     from skillplan.testing.exporter_suite import ExporterSuite
+    from skillplan.testing.simulation_suite import SimulationSuite
     from skillplan.testing.solver_suite import SolverSuite
     from skillplan.testing.tasks import (
         chance_task,
@@ -52,6 +54,7 @@ __all__ = [
     "EngineSuite",
     "ExecutorSuite",
     "ExporterSuite",
+    "SimulationSuite",
     "SolverSuite",
     "chance_task",
     "hostile_task",

@@ -23,6 +23,7 @@ from skillplan_pinocchio.arm_model import (
     closing_yaw_rad,
     pose_down,
 )
+from skillplan_pinocchio.kinematics.fixed_order import dot, length, solved, times
 from skillplan_pinocchio.kinematics.numeric_inverse import Unreached
 
 # A solution is this near, in position [m] and rotation [rad].
@@ -147,7 +148,7 @@ def postures(
     """
     found: list[Vector] = []
     for turn in (np.eye(3), _HALF_TURN):
-        turned = pin.SE3(target.rotation @ turn, target.translation)
+        turned = pin.SE3(times(target.rotation, turn), target.translation)
         if near is not None:
             closest = solve(arm, turned, near)
             found += [] if isinstance(closest, Unreachable) else [closest]
@@ -227,23 +228,24 @@ def solve(arm: ArmModel, target: Any, start: Vector, pull: float = 0.0) -> Vecto
         if stuck.any():
             free = jacobian * ~stuck
             held = np.where(stuck, np.clip(moved, low, high) - joints, 0.0)
-            step = held + _step(free, twist - jacobian @ held, 0.0, posture) * ~stuck
+            step = held + _step(free, twist - times(jacobian, held), 0.0, posture) * ~stuck
             moved = np.clip(joints + step, low, high)
         joints = moved
-    nearest_m = min(float(np.linalg.norm(one)) for one in missed)
+    nearest_m = min(length(one) for one in missed)
     return _unreachable(target, _why(arm, joints, target), nearest_m)
 
 
 def _step(jacobian: Vector, twist: Vector, pull: float, back: Vector) -> Vector:
     """Return the change of the joints [rad] that goes for the pose, then for the posture."""
     # Less damping the nearer it is, so that the end is Newton's.
-    damping = min(_DAMPING, float(twist @ twist)) + 1e-12
-    inner = jacobian @ jacobian.T + damping * _IDENTITY
+    damping = min(_DAMPING, dot(twist, twist)) + 1e-12
+    inner = times(jacobian, jacobian.T) + damping * _IDENTITY
     if pull:
         back = pull * back
-        step = back + jacobian.T @ np.linalg.solve(inner, twist - jacobian @ back)
+        left = twist - times(jacobian, back)
+        step = back + times(jacobian.T, solved(inner, left))
     else:
-        step = jacobian.T @ np.linalg.solve(inner, twist)
+        step = times(jacobian.T, solved(inner, twist))
     size = float(np.abs(step).max())
     return step if size <= _MOST_STEP_RAD else step * (_MOST_STEP_RAD / size)
 
@@ -259,7 +261,7 @@ def _why(arm: ArmModel, joints: Vector, target: Any) -> str:
         these = "joint" if len(at_limit) == 1 else "joints"
         each = "its limit" if len(at_limit) == 1 else "their limits"
         return f"{these} {' and '.join(at_limit)} at {each}"
-    away = float(np.linalg.norm(target.translation - arm.shoulder))
+    away = length(target.translation - arm.shoulder)
     return f"it is {away:.3f} m from the shoulder, beyond what the arm spans"
 
 

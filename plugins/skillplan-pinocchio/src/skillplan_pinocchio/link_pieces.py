@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from skillplan.robots.arm_description import ArmDescription
 from skillplan.robots.link_shapes import Capsule, Hull, LinkShape
+from skillplan_pinocchio.kinematics.fixed_order import length, times
 
 Array = NDArray[np.float64]
 
@@ -77,7 +78,7 @@ class LinkPiece:
             for angle in angles
         ]
         frame = self.frame
-        return np.asarray(np.array(corners) @ frame.rotation.T + frame.translation)
+        return np.asarray(times(np.array(corners), frame.rotation.T) + frame.translation)
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
@@ -102,9 +103,9 @@ def link_pieces(arm: ArmDescription) -> tuple[LinkPiece, ...]:
 
 def _turned(along: Array) -> Array:
     """Return a rotation that turns z along a vector, shape (3, 3)."""
-    z = along / np.linalg.norm(along)
+    z = along / length(along)
     # Whichever axis is farther from it.
     aside = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.7 else np.array([0.0, 1.0, 0.0])
     x = np.cross(aside, z)
-    x /= np.linalg.norm(x)
+    x /= length(x)
     return np.column_stack([x, np.cross(z, x), z])

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from skillplan.task.motion import Point
 from skillplan.task.scene import Body, Pose
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
+from skillplan_pinocchio.kinematics.fixed_order import times
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -171,14 +172,14 @@ def placed_at(corners: Array, pose: Pose) -> Array:
     """Return corners of a frame in the frame that its pose is given in, shape (corners, 3)."""
     if pose.is_upright:
         return placed(corners, pose.position, pose.yaw_rad)
-    return np.asarray(corners @ np.array(pose.rotation).T + np.array(pose.position))
+    return np.asarray(times(corners, np.array(pose.rotation).T) + np.array(pose.position))
 
 
 def placed(corners: Array, origin: Sequence[float], yaw_rad: float) -> Array:
     """Return corners in the world, turned about the vertical and displaced, shape (corners, 3)."""
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(corners @ turn + np.array(origin))
+    return np.asarray(times(corners, turn) + np.array(origin))
 
 
 def corners_of(shape: Shape) -> Array:

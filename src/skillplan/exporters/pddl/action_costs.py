@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import product
 
 from skillplan.exporters.pddl.whole_state import whole_state
 from skillplan.model.skill_model import SkillModel
+from skillplan.quick_dataclass import dataclass
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import State
 

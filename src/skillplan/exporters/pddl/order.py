@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from skillplan.chart.hypothetical_state import HypotheticalStates
 from skillplan.chart.precedence_chart import DerivedChart, derive_chart
 from skillplan.exporters.handover import Handover
 from skillplan.exporters.pddl.whole_state import whole_state
 from skillplan.model.skill_model import SkillModel
+from skillplan.quick_dataclass import dataclass
 
 _MOST_NAMED = 4
 

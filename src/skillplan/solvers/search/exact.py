@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 from pydantic import Field
 
 from skillplan.model.skill_model import SkillModel
+from skillplan.quick_dataclass import dataclass
 from skillplan.solvers.search.landmark_bound import LandmarkBound, from_units, to_units
 from skillplan.solvers.search.lookahead import Ranked, questions_ahead
 from skillplan.solvers.solution import Plan, Solution

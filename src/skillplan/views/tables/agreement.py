@@ -41,7 +41,7 @@ def agreement_tables(agreement: EngineAgreement, pictures: Pictures = ()) -> lis
     if not agreement.contradictions:
         return [summary]
     drawn = pictures or [{}] * len(agreement.contradictions)
-    rows = [
+    said = [
         (
             one.skill.name,
             str(one.states),
@@ -59,4 +59,4 @@ def agreement_tables(agreement: EngineAgreement, pictures: Pictures = ()) -> lis
     columns += [
         Column(heading, below=True) for heading in ("reason", "evidence", "where", "picture")
     ]
-    return [Table(f"{task.name}: contradictions", columns, rows), summary]
+    return [Table(f"{task.name}: contradictions", columns, said), summary]

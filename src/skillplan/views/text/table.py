@@ -6,7 +6,9 @@ import csv
 import io
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
+
+from skillplan.quick_dataclass import dataclass
 
 
 @dataclass(frozen=True)

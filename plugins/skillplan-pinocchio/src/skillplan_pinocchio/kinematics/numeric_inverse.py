@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan_pinocchio.kinematics.fixed_order import dot, length, solved, times
 from skillplan_pinocchio.kinematics.serial_arm import SerialArm, Vector
 
 # A solution is this near, in position [m] and rotation [rad].
@@ -171,7 +172,7 @@ class NumericInverse:
         best, waited = math.inf, 0
         for _ in range(_MOST_ITERATIONS):
             twist, jacobian = self.arm.error(joints, target)
-            square = float(twist @ twist)
+            square = dot(twist, twist)
             if square < ACCURACY**2:
                 return joints, twist
             if square < _GAIN * best:
@@ -187,16 +188,16 @@ class NumericInverse:
                 # A joint that would leave its limits stays at them, and the others do the work.
                 held = np.where(stuck, np.clip(moved, low, high) - joints, 0.0)
                 free = jacobian * ~stuck
-                step = held + self._step(free, twist - jacobian @ held, square)
+                step = held + self._step(free, twist - times(jacobian, held), square)
                 moved = np.minimum(np.maximum(joints + step, low), high)
             joints = moved
         return None, twist
 
     def _step(self, jacobian: Vector, twist: Vector, square: float) -> Vector:
         """Return the change of the joints [rad]; the nearer, the less damped (Sugihara 2011)."""
-        inner = jacobian @ jacobian.T
+        inner = times(jacobian, jacobian.T)
         inner.flat[::7] += _DAMPING * square + 1e-12
-        step = jacobian.T @ np.linalg.solve(inner, twist)
+        step = times(jacobian.T, solved(inner, twist))
         size = float(np.abs(step).max())
         return step if size <= _MOST_STEP_RAD else step * (_MOST_STEP_RAD / size)
 
@@ -207,7 +208,7 @@ def _feature(pose: Any) -> Vector:
 
 
 def _size(twist: Vector) -> tuple[float, float]:
-    return float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:]))
+    return length(twist[:3]), length(twist[3:])
 
 
 def _even_points(count: int, dimensions: int) -> Vector:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from skillplan_pinocchio.kinematics.fixed_order import times
 from skillplan_pinocchio.planning.moving_solids import Vector
 
 
@@ -37,7 +38,7 @@ class ArmFrames:
         self._still, quarter, half = turned
         self._half = (half - self._still) / 2
         self._quarter = quarter - self._still - self._half
-        cross = np.swapaxes(self._still, 1, 2) @ self._quarter
+        cross = times(np.swapaxes(self._still, 1, 2), self._quarter)
         self.axes = np.stack([cross[:, 2, 1], cross[:, 0, 2], cross[:, 1, 0]], axis=1)
         self._offsets_m = np.array([one.translation for one in data.liMi][1:])
         # Before the first joint there is none.
@@ -70,6 +71,7 @@ class ArmFrames:
         origins = np.empty((count, joints + 1, 3))
         rotations[:, 0], origins[:, 0] = np.eye(3), 0.0
         for joint in range(joints):
-            rotations[:, joint + 1] = rotations[:, joint] @ turns[:, joint]
-            origins[:, joint + 1] = origins[:, joint] + rotations[:, joint] @ self._offsets_m[joint]
+            rotations[:, joint + 1] = times(rotations[:, joint], turns[:, joint])
+            moved = times(rotations[:, joint], self._offsets_m[joint])
+            origins[:, joint + 1] = origins[:, joint] + moved
         return rotations, origins

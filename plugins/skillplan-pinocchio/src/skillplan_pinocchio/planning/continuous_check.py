@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from skillplan.task.motion import Point
+from skillplan_pinocchio.kinematics.fixed_order import times
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.obstacles import Obstacle
 from skillplan_pinocchio.planning.arm_bodies import ArmBodies
@@ -240,7 +241,7 @@ class _Run:
     def _own_hit(self, pair: NearPair, place: float) -> Hit:
         one, other = (self._check.bodies.solids[number] for number in (pair.solid, pair.other))
         rotations, origins = self._check.bodies.frames.at(self._path.at(place)[np.newaxis])
-        centre = rotations[0, one.joint] @ one.centre + origins[0, one.joint]
+        centre = times(rotations[0, one.joint], one.centre) + origins[0, one.joint]
         x, y, z = (round(float(value), 6) for value in centre)
         where = round(place, 6)
         return Hit(ITSELF, None, one.name, one.of_arm, where, (x, y, z), other.name)

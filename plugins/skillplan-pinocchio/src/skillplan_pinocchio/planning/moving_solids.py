@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from skillplan_pinocchio.arm_model import ArmModel
+from skillplan_pinocchio.kinematics.fixed_order import length, times
 from skillplan_pinocchio.link_pieces import LinkPiece
 from skillplan_pinocchio.shapes import ConvexPiece
 
@@ -74,8 +75,8 @@ def arm_solids(arm: ArmModel) -> tuple[MovingSolid, ...]:
                 piece.geometry,
                 placed * piece.frame,
                 placed.act(centre),
-                float(np.linalg.norm(half)),
-                (centres @ placed.rotation.T + placed.translation, radius_m),
+                length(half),
+                (times(centres, placed.rotation.T) + placed.translation, radius_m),
                 of_arm=True,
             )
         )
@@ -96,7 +97,7 @@ def held_solid(name: str, joint: int, piece: ConvexPiece, back: Any) -> MovingSo
     back
         Of the world in the frame of the joint at that posture, as `pinocchio.SE3`.
     """
-    corners = piece.corners @ back.rotation.T + back.translation
+    corners = times(piece.corners, back.rotation.T) + back.translation
     low, high = corners.min(axis=0), corners.max(axis=0)
     centre = (low + high) / 2
     radius_m = float(np.linalg.norm(corners - centre, axis=1).max())

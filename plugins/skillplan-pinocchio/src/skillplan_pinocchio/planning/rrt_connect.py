@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from skillplan_pinocchio.kinematics.fixed_order import length
 from skillplan_pinocchio.planning.moving_solids import Vector
 
 # How far apart postures of an edge are checked, and how far a tree grows at once: in metres, by
@@ -40,7 +41,7 @@ class JointSpace:
 
     def length_m(self, one_rad: Vector, other_rad: Vector) -> float:
         """Return how far apart two postures are [m]."""
-        return float(np.linalg.norm((other_rad - one_rad) * self.reach_m))
+        return length((other_rad - one_rad) * self.reach_m)
 
     def edge_is_free(
         self, is_free: Callable[[Vector], bool], one_rad: Vector, other_rad: Vector

@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from skillplan_pinocchio.arm_model import ArmModel
+from skillplan_pinocchio.kinematics.fixed_order import times
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.planning.arm_bodies import ArmBodies
 from skillplan_pinocchio.planning.continuous_check import LEAST_CLEARANCE_M, ContinuousCheck, Hit
@@ -52,7 +53,7 @@ class _End:
     @cached_property
     def corners(self) -> Vector:
         """In the frame of the last joint [m], shape (corners, 3)."""
-        return np.asarray(self.piece.corners @ self.back.rotation.T + self.back.translation)
+        return np.asarray(times(self.piece.corners, self.back.rotation.T) + self.back.translation)
 
     @property
     def balls(self) -> tuple[Vector, float]:

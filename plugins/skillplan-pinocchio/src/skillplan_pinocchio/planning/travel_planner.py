@@ -12,6 +12,7 @@ from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.scene import Robot, Scene
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.hand_sweeps import HandSweeps
+from skillplan_pinocchio.kinematics.fixed_order import length
 from skillplan_pinocchio.obstacles import Obstacle, obstacles_of
 from skillplan_pinocchio.planning.arm_bodies import ArmBodies
 from skillplan_pinocchio.planning.moving_solids import (
@@ -131,7 +132,7 @@ def joint_space(model: Any, low_rad: Vector, high_rad: Vector) -> JointSpace:
     """
     tip = model.frames[model.getFrameId("tip")].placement.translation
     links = [*(placement.translation for placement in list(model.jointPlacements)[2:]), tip]
-    lengths_m = [float(np.linalg.norm(link)) for link in links]
+    lengths_m = [length(link) for link in links]
     reach_m = np.cumsum(lengths_m[::-1])[::-1]
     # What is about the last joint's own axis is moved by it, too.
     return JointSpace(low_rad, high_rad, np.maximum(reach_m, 0.1))

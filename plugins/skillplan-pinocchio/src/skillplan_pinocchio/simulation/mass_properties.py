@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skillplan.task.scene import Body
 from skillplan.task.shape import Cylinder, Mesh, Shape
+from skillplan_pinocchio.kinematics.fixed_order import times
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +38,7 @@ def mass_properties(body: Body) -> MassProperties:
     solids = [_solid(shape) for shape in body.shapes]
     volumes = np.array([solid.volume_m3 for solid in solids])
     masses = body.mass_kg * volumes / volumes.sum()
-    centre = masses @ np.array([solid.centre for solid in solids]) / body.mass_kg
+    centre = times(masses[np.newaxis], np.array([one.centre for one in solids]))[0] / body.mass_kg
     inertia = np.zeros(3)
     for mass, solid in zip(masses, solids, strict=True):
         apart = solid.centre - centre
@@ -72,9 +73,10 @@ def _polyhedron(mesh: Mesh) -> _Solid:
     corners = np.array(mesh.corners)
     origin = corners.mean(axis=0)
     faces = corners[np.array(mesh.faces)] - origin
-    volumes = np.linalg.det(faces) / 6
+    volumes = (np.cross(faces[:, 0], faces[:, 1]) * faces[:, 2]).sum(axis=1) / 6
     volume = float(volumes.sum())
     sums = faces.sum(axis=1)
-    centre = volumes @ sums / (4 * volume)
-    squares = volumes @ (sums**2 + (faces**2).sum(axis=1)) / (20 * volume)
+    centre = times(volumes[np.newaxis], sums)[0] / (4 * volume)
+    spread = sums**2 + (faces**2).sum(axis=1)
+    squares = times(volumes[np.newaxis], spread)[0] / (20 * volume)
     return _Solid(volume, origin + centre, squares - centre**2)

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan_pinocchio.kinematics.fixed_order import times
 from skillplan_pinocchio.simulation.arm.kinematics import ArmKinematics
 from skillplan_pinocchio.simulation.arm.straight_motion import JointRates, Setpoint
 
@@ -61,7 +62,7 @@ class SlowedRun:
             return run
         joints = [run.at(number * step_s)[0] for number in range(_SAMPLES + 1)]
         tips = [kinematics.tip(one) for one in joints]
-        points = np.array([(tip.position + _HELD_M @ tip.rotation.T) for tip in tips])
+        points = np.array([(tip.position + times(_HELD_M, tip.rotation.T)) for tip in tips])
         gains = np.linalg.norm(np.diff(points, n=2, axis=0), axis=2) / step_s**2
         excess = math.sqrt(float(gains.max()) / acceleration_m_per_s2)
         return run if excess <= 1.0 else cls(run, excess)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.robots.link_shapes import Hull, LinkShape
+from skillplan_pinocchio.kinematics.fixed_order import times
 from skillplan_pinocchio.simulation.arm.kinematics import ArmKinematics
 
 Vector = NDArray[np.float64]
@@ -46,7 +47,7 @@ class LinkBounds:
             return np.stack([pairs.min(axis=1) - _RADIUS_M, pairs.max(axis=1) + _RADIUS_M], axis=1)
         found = []
         for (points, radius), frame in zip(self._links, frames, strict=False):
-            placed = points @ frame.rotation.T + frame.translation
+            placed = times(points, frame.rotation.T) + frame.translation
             found.append(((placed - radius).min(axis=0), (placed + radius).max(axis=0)))
         return np.array(found)
 

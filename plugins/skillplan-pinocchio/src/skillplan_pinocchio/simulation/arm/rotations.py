@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.task.pose import Pose, Quaternion
+from skillplan_pinocchio.kinematics.fixed_order import length, times
 
 Vector = NDArray[np.float64]
 
@@ -31,9 +32,7 @@ def of_quaternion(orientation: Quaternion) -> Vector:
 def pose_of(position: Vector, rotation: Vector) -> Pose:
     """Return a position [m] and a rotation, which may be off by rounding, as a pose."""
     x, y, z = position.tolist()
-    across, out = (
-        (rotation[:, axis] / np.linalg.norm(rotation[:, axis])).tolist() for axis in (1, 2)
-    )
+    across, out = ((rotation[:, axis] / length(rotation[:, axis])).tolist() for axis in (1, 2))
     return Pose.of_axes((x, y, z), tuple(across), tuple(out))
 
 
@@ -50,11 +49,11 @@ def rpy_of(rotation: Vector) -> tuple[float, float, float]:
 
 def turn_between(start: Vector, end: Vector) -> Vector:
     """Return the shortest turn about a fixed axis that takes one rotation to another [rad]."""
-    change = end @ start.T
+    change = times(end, start.T)
     axis = 0.5 * np.array(
         [change[2, 1] - change[1, 2], change[0, 2] - change[2, 0], change[1, 0] - change[0, 1]]
     )
-    sine, cosine = float(np.linalg.norm(axis)), 0.5 * (float(np.trace(change)) - 1)
+    sine, cosine = length(axis), 0.5 * (float(np.trace(change)) - 1)
     if sine > 1e-7:
         return np.asarray(axis * (math.atan2(sine, cosine) / sine))
     if cosine > 0:
@@ -63,18 +62,19 @@ def turn_between(start: Vector, end: Vector) -> Vector:
     columns = 0.5 * (change + np.eye(3))
     longest = int(np.argmax(np.diag(columns)))
     column = columns[:, longest]
-    return np.asarray(math.pi * column / np.linalg.norm(column))
+    return np.asarray(math.pi * column / length(column))
 
 
 def rotation_error(rotation: Vector, wanted: Vector) -> Vector:
     """Return the rotation that is left to be made, as an axis times the sine of the angle."""
-    across = _cross(rotation, wanted)
-    error: Vector = 0.5 * (across[:, 0] + across[:, 1] + across[:, 2])
-    return error
-
-
-def _cross(ones: Vector, others: Vector) -> Vector:
-    """Return the cross products of columns: of three rows it is quicker than `numpy.cross`."""
-    a, b, c = ones
-    x, y, z = others
-    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
+    # Half the sum of what the axes of the hand lack, each a cross product; numbers are quicker here
+    # than arrays of three.
+    (a, d, g), (b, e, h), (c, f, i) = rotation.tolist()
+    (p, s, v), (q, t, w), (r, u, x) = wanted.tolist()
+    return np.array(
+        [
+            0.5 * ((b * r - c * q) + (e * u - f * t) + (h * x - i * w)),
+            0.5 * ((c * p - a * r) + (f * s - d * u) + (i * v - g * x)),
+            0.5 * ((a * q - b * p) + (d * t - e * s) + (g * w - h * v)),
+        ]
+    )

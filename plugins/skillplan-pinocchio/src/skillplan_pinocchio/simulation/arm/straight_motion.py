@@ -12,6 +12,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan_pinocchio.kinematics.fixed_order import length
+
 Vector = NDArray[np.float64]
 
 # Of the profile of least jerk: its highest speed and acceleration, by mean speed and duration.
@@ -25,8 +27,8 @@ class PosturePath(Protocol):
     def at(self, place: float) -> Vector:
         """Return the joint angles [rad] after a share of it, shape (joints,)."""
 
-    def derivatives(self, places: Vector) -> tuple[Vector, Vector]:
-        """Return the first and second derivative by the share, shape (places, joints) each."""
+    def rates(self, place: float) -> tuple[Vector, Vector]:
+        """Return the first and second derivative by the share, shape (joints,) each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +143,7 @@ class StraightMotion:
         speed_m_per_s, acceleration_m_per_s2
             Limits of the tip [m/s], [m/s2], > 0.
         """
-        distance_m = float(np.linalg.norm(end - start.position))
+        distance_m = length(end - start.position)
         duration_s = max(
             _PEAK_SPEED * distance_m / speed_m_per_s,
             math.sqrt(_PEAK_ACCELERATION * distance_m / acceleration_m_per_s2),
@@ -162,8 +164,8 @@ class StraightMotion:
         posture, joints = start.posture, None
         if self.path is not None:
             posture = self.path.at(share)
-            slopes, bends = self.path.derivatives(np.array([share]))
-            joints = JointRates(rate * slopes[0], change * slopes[0] + rate**2 * bends[0])
+            slope, bend = self.path.rates(share)
+            joints = JointRates(rate * slope, change * slope + rate**2 * bend)
         return Setpoint(
             start.position + share * way,
             start.rotation,

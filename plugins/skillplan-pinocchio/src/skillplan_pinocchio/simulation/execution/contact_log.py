@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skillplan.physics.performance import Contact
 from skillplan.task.scene import Pose
+from skillplan_pinocchio.kinematics.fixed_order import dot, length
 from skillplan_pinocchio.simulation.record import FRAMES_PER_S, Pair
 from skillplan_pinocchio.simulation.simulator import ROBOT, STEPS_PER_S, TABLE, Arm, Touch, World
 
@@ -102,7 +103,7 @@ class ContactLog:
                 self.pairs.setdefault(pair, [0.0] * self.frames).append(force_n)
         for name, origin in self._origin.items():
             away = np.array(self.world.pose(name).position) - origin
-            self.moved[name].append(float(np.linalg.norm(away)))
+            self.moved[name].append(length(away))
         self.frames += 1
         for values in self.pairs.values():
             if len(values) < self.frames:
@@ -179,8 +180,8 @@ class ContactLog:
         for point in self._last_points:
             if {point.first, point.second} == set(pair):
                 towards += point.normal_n * point.normal
-        both = float(np.linalg.norm(way) * np.linalg.norm(towards))
-        return both > 0.0 and abs(float(way @ towards)) < _ASIDE * both
+        both = length(way) * length(towards)
+        return both > 0.0 and abs(dot(way, towards)) < _ASIDE * both
 
 
 def _point(values: Vector) -> tuple[float, float, float]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from skillplan.task.motion import Point
 from skillplan.task.scene import Scene, Tool
+from skillplan_pinocchio.kinematics.fixed_order import length
 from skillplan_pinocchio.simulation.arm.joint_motion import JointMotion
 from skillplan_pinocchio.simulation.arm.kinematics import Vector
 from skillplan_pinocchio.simulation.arm.planned_motion import ArmMotion
@@ -240,4 +241,4 @@ class ControlledRobot:
 
 def _angle(one: Vector, other: Vector) -> float:
     """Return the angle between two rotations [rad]."""
-    return 0.0 if one is other else float(np.linalg.norm(turn_between(one, other)))
+    return 0.0 if one is other else length(turn_between(one, other))

@@ -8,6 +8,7 @@ import numpy as np
 
 from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.pose import DOWN, same_direction
+from skillplan_pinocchio.kinematics.fixed_order import dot, times
 from skillplan_pinocchio.simulation.arm.rotations import Vector, of_quaternion, pose_of
 from skillplan_pinocchio.simulation.execution.contact_log import STEPS_PER_FRAME
 from skillplan_pinocchio.simulation.execution.controlled_robot import ControlledRobot
@@ -42,8 +43,8 @@ def put_at_bit(robot: ControlledRobot, driven: LinearMotion, turned: Vector) -> 
         return
     world, body, tip = robot.world, robot.scene.body(screw), robot.arm.tip()
     # As it will be in its hole once it is driven.
-    in_hand = turned.T @ of_quaternion(driven.visit.pose.orientation)
-    rotation = tip.rotation @ in_hand
+    in_hand = times(turned.T, of_quaternion(driven.visit.pose.orientation))
+    rotation = times(tip.rotation, in_hand)
     end = tip.position - body.height_m * rotation[:, 2]
     world.add(body, pose_of(end, rotation), len(world.bodies))
     world.weigh(screw, _HELD_SCREW_KG)
@@ -74,7 +75,7 @@ def drive(robot: ControlledRobot, motion: LinearMotion) -> None:
     # It lands on whatever is there; what else the robot touches meanwhile is not meant to be.
     robot.log.free.add(screw)
     contact = np.array(motion.tip)
-    depth = float(along @ (arm.wanted.position - contact))
+    depth = dot(along, arm.wanted.position - contact)
     while depth < settings.press_travel_m and robot.log.pressing_n({screw}, through) < _FELT_N:
         depth += _FEEL_SPEED_M_PER_S * STEP_S
         _hold(robot, contact + depth * along)
@@ -85,7 +86,7 @@ def drive(robot: ControlledRobot, motion: LinearMotion) -> None:
     for step in range(steps):
         if settings.control == "osc":
             # A force is commanded, and the depth yields to it.
-            depth = float(along @ (arm.tip().position - contact))
+            depth = dot(along, arm.tip().position - contact)
         elif robot.log.pressing_n({screw}, through) < settings.press_force_n:
             depth += _PRESS_SPEED_M_PER_S * STEP_S
         _hold(robot, contact + depth * along)

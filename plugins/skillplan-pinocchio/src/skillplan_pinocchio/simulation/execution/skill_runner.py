@@ -13,6 +13,7 @@ from skillplan.task.motion import Event, Point
 from skillplan.task.pose import plus
 from skillplan.task.scene import WORLD, Scene, Tool
 from skillplan.task.state import State
+from skillplan_pinocchio.kinematics.fixed_order import times
 from skillplan_pinocchio.simulation.arm.planned_motion import ArmMotion
 from skillplan_pinocchio.simulation.arm.rotations import Vector, of_quaternion, pose_of
 from skillplan_pinocchio.simulation.execution.controlled_robot import ControlledRobot
@@ -91,10 +92,10 @@ class SkillRunner(ControlledRobot):
         grasp = self._held(motion)
         tip = self.arm.tip()
         # In the hand as it will be where it belongs, but for the gap of a cup.
-        turned = tip.rotation @ planned.rotation.T
-        rotation = turned @ of_quaternion(visit.pose.orientation)
+        turned = times(tip.rotation, planned.rotation.T)
+        rotation = times(turned, of_quaternion(visit.pose.orientation))
         away = np.array(grasp.tip)
-        origin = tip.position - rotation @ away + self._gap_m(motion) * tip.rotation[:, 2]
+        origin = tip.position - times(rotation, away) + self._gap_m(motion) * tip.rotation[:, 2]
         if subject not in self.world.numbers:
             body = self.scene.body(subject)
             self.world.add(body, pose_of(origin, rotation), len(self.world.bodies))

@@ -11,6 +11,7 @@ import numpy as np
 from skillplan.task.shape import Mesh
 from skillplan.task.state import State
 from skillplan.task.task import Task
+from skillplan_pinocchio.kinematics.fixed_order import length
 from skillplan_pinocchio.simulation.execution.fastenings import Fastenings
 from skillplan_pinocchio.simulation.execution.surroundings import (
     Located,
@@ -110,5 +111,5 @@ class SupportTrials:
                     return math.inf
                 now = np.array(world.pose(one.body.name).position)
                 away = now - np.array(one.placement.pose.position)
-                self._known[key] = float(np.linalg.norm(away))
+                self._known[key] = length(away)
         return self._known[key]

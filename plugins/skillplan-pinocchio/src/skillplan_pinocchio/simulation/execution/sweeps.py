@@ -20,6 +20,7 @@ from skillplan.task.motion import Event, Point
 from skillplan.task.pose import Pose, plus
 from skillplan.task.scene import Box
 from skillplan.task.task import Task
+from skillplan_pinocchio.kinematics.fixed_order import times
 from skillplan_pinocchio.simulation.arm.hand_shapes import (
     hand_boxes,
     hand_of,
@@ -126,9 +127,9 @@ class Sweeps:
         postures = planned.travel.postures()
         target = self.kinematics.tip(planned.approach[-1])
         corners = np.array([_corners(box) for box in self._at_target(planned.motion)])
-        held = (corners - target.position) @ target.rotation
+        held = times(corners - target.position, target.rotation)
         tips = [self.kinematics.tip(joints) for joints in postures]
-        placed = [held @ tip.rotation.T + tip.position for tip in tips]
+        placed = [times(held, tip.rotation.T) + tip.position for tip in tips]
         for begin, end in pairwise(placed):
             lows = np.minimum(begin.min(axis=1), end.min(axis=1)).tolist()
             highs = np.maximum(begin.max(axis=1), end.max(axis=1)).tolist()

@@ -11,6 +11,7 @@ import numpy as np
 
 from skillplan.task.motion import Point
 from skillplan.task.scene import Pose, Scene, Tool, ToolKind
+from skillplan_pinocchio.kinematics.fixed_order import length
 from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of, tool_body
 from skillplan_pinocchio.simulation.arm.rotations import pose_of
 from skillplan_pinocchio.simulation.simulator import ROBOT, Arm, World
@@ -83,7 +84,7 @@ class ToolChanger:
 
         Nothing is attached where it is too far off.
         """
-        apart_m = float(np.linalg.norm(self.arm.tip().position - np.array(dock)))
+        apart_m = length(self.arm.tip().position - np.array(dock))
         if apart_m <= _MISALIGNED_M:
             tools = [item for robot in self.scene.robots for item in robot.tools]
             self.tool = next(item for item in tools if item.name == name)

@@ -13,6 +13,7 @@ from skillplan.task.motion import Event, Visit
 from skillplan.task.scene import Pose
 from skillplan.task.skill import Skill
 from skillplan.task.verdict import Verdict
+from skillplan_pinocchio.kinematics.fixed_order import length
 from skillplan_pinocchio.simulation.record import Record
 from skillplan_pinocchio.simulation.verdicts.contact_threshold import CLEARANCE_MM
 
@@ -71,8 +72,8 @@ def tilt_rad(final: Pose, expected: Pose) -> float:
     """Return the angle of the rotation between two poses [rad], in [0, pi]."""
     aligned = abs(sum(a * b for a, b in zip(final.orientation, expected.orientation, strict=True)))
     # The arc cosine is blind near one.
-    axis = np.linalg.norm(_relative_axis(final, expected))
-    return 2 * math.atan2(float(axis), aligned)
+    axis = length(_relative_axis(final, expected))
+    return 2 * math.atan2(axis, aligned)
 
 
 def _relative_axis(final: Pose, expected: Pose) -> Any:
