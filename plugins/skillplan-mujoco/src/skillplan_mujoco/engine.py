@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.metadata import version
 
 from skillplan.task.motion import Event
 from skillplan.task.pose import DOWN, same_direction
@@ -12,7 +11,7 @@ from skillplan_mujoco.mujoco_simulator import MujocoSimulator
 from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of
 from skillplan_pinocchio.simulation.execution.workcell import Workcell
 from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
-from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine
+from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine, versions
 
 
 class MujocoEngine(SimulatingEngine):
@@ -27,7 +26,7 @@ class MujocoEngine(SimulatingEngine):
     """
 
     name = "mujoco"
-    version = "1"
+    version = "2"
     expected_s = 0.3
 
     class Options(SimulatingEngine.Options):
@@ -46,7 +45,7 @@ class MujocoEngine(SimulatingEngine):
     def basis(self) -> Mapping[str, str]:
         """The versions of what decides a simulation beside this plugin."""
         others = ["mujoco-core", "numpy", "pin", "skillplan", "skillplan-pinocchio"]
-        return {name: version(name) for name in others}
+        return versions(*others)
 
     def refuses(self) -> str | None:
         """Refuse what it does not simulate yet, beside what no engine does."""

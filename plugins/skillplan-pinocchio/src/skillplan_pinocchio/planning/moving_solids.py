@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from skillplan.quick_dataclass import dataclass
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.kinematics.fixed_order import length, times
 from skillplan_pinocchio.link_pieces import LinkPiece

@@ -14,13 +14,13 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
 
+from skillplan.quick_dataclass import dataclass
 from skillplan_pinocchio.kinematics.joint_path import Array, JointPath
 
 # Intervals that lose more than this share of a run's time are split into so many.
@@ -30,6 +30,7 @@ _PARTS: Final = 8
 # What toppra imports to draw its insides, for splines of its own, and for another linear solver; a
 # path here tells its derivatives itself. With the names that it takes from there.
 _UNUSED: Final = {
+    "scipy": (),
     "matplotlib": (),
     "matplotlib.pyplot": (),
     "scipy.interpolate": ("BPoly", "CubicSpline", "PPoly", "UnivariateSpline"),
@@ -156,10 +157,7 @@ def _rates(slopes: Array, bends: Array, grid: Array, limits: tuple[Array, Array]
     )
     unit_rad = np.maximum(np.maximum(steepest, sharpest), 1e-6 * gain * unit_s**2)
     toppra = _toppra()
-    bounds = [
-        toppra.constraint.JointVelocityConstraint(speed * unit_s / unit_rad),
-        toppra.constraint.JointAccelerationConstraint(gain * unit_s**2 / unit_rad),
-    ]
+    bounds = _bounds(speed * unit_s / unit_rad, gain * unit_s**2 / unit_rad)
     geometry = _Geometry(slopes / unit_rad, bends / unit_rad)
     solver = toppra.algorithm.TOPPRA(bounds, geometry, gridpoints=grid, solver_wrapper="seidel")
     solver.compute_parameterization(0.0, 0.0)
@@ -167,6 +165,21 @@ def _rates(slopes: Array, bends: Array, grid: Array, limits: tuple[Array, Array]
     if rates is None or not bool(np.isfinite(rates).all() and (rates[1:-1] > 0).all()):
         return None
     return np.asarray(rates) / unit_s
+
+
+def _bounds(speed: Array, gain: Array) -> list[Any]:
+    """Return toppra's constraints of speed and acceleration by joint.
+
+    They are made of one joint and widened: toppra would write down a line of words for each joint,
+    which takes as long as to find the run.
+    """
+    constraints, one = _toppra().constraint, np.ones(1)
+    velocity = constraints.JointVelocityConstraint(one)
+    acceleration = constraints.JointAccelerationConstraint(one)
+    velocity.dof = acceleration.dof = len(speed)
+    velocity.vlim = np.stack([-speed, speed], axis=1)
+    acceleration.alim = np.stack([-gain, gain], axis=1)
+    return [velocity, acceleration]
 
 
 @cache
