@@ -134,6 +134,15 @@ def test_what_finds_no_place_is_named():
     assert tray((0.12, 0.10, 0.05), items, reach_m=0.855).without
 
 
+def test_the_task_is_of_the_arm_that_was_asked_for(eight, written):
+    """Its name, its reach, what it carries."""
+    document = task_of(*eight, robot="ur5e").document
+    assert (document["robot"]["name"], document["robot"]["model"]) == ("ur5e", "ur5e")
+    assert document["parts"].keys() == written.document["parts"].keys()
+    starts = [part["start_m"] for part in document["parts"].values() if "start_m" in part]
+    assert all(math.hypot(*place) < 0.85 for place in starts)
+
+
 def test_names_of_cad_become_names_of_a_task():
     names = task_names(["Körper #2", "a/b", "a b", "3rd", "gripper"], taken=["gripper"])
     assert list(names.values()) == ["K_rper_2", "a_b", "a_b_2", "part_3rd", "gripper_2"]
