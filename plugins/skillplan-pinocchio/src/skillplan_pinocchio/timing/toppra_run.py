@@ -156,44 +156,30 @@ def _rates(slopes: Array, bends: Array, grid: Array, limits: tuple[Array, Array]
         math.sqrt(float((np.maximum(steepest, sharpest) / gain).max())),
     )
     unit_rad = np.maximum(np.maximum(steepest, sharpest), 1e-6 * gain * unit_s**2)
-    toppra = _toppra()
-    bounds = _bounds(speed * unit_s / unit_rad, gain * unit_s**2 / unit_rad)
+    problem = _problem()
+    speeds = problem.SpeedLimits(speed * unit_s / unit_rad)
+    accelerations = problem.AccelerationLimits(gain * unit_s**2 / unit_rad)
     geometry = _Geometry(slopes / unit_rad, bends / unit_rad)
-    solver = toppra.algorithm.TOPPRA(bounds, geometry, gridpoints=grid, solver_wrapper="seidel")
-    solver.compute_parameterization(0.0, 0.0)
-    rates = solver.problem_data.sd_vec
+    run = problem.FastestRun(speeds, accelerations, geometry, grid)
+    run.compute_parameterization(0.0, 0.0)
+    rates = run.problem_data.sd_vec
     if rates is None or not bool(np.isfinite(rates).all() and (rates[1:-1] > 0).all()):
         return None
     return np.asarray(rates) / unit_s
 
 
-def _bounds(speed: Array, gain: Array) -> list[Any]:
-    """Return toppra's constraints of speed and acceleration by joint.
-
-    They are made of one joint and widened: toppra would write down a line of words for each joint,
-    which takes as long as to find the run.
-    """
-    constraints, one = _toppra().constraint, np.ones(1)
-    velocity = constraints.JointVelocityConstraint(one)
-    acceleration = constraints.JointAccelerationConstraint(one)
-    velocity.dof = acceleration.dof = len(speed)
-    velocity.vlim = np.stack([-speed, speed], axis=1)
-    acceleration.alim = np.stack([-gain, gain], axis=1)
-    return [velocity, acceleration]
-
-
 @cache
-def _toppra() -> Any:
-    """Return the package, without what it loads only to draw and to interpolate.
+def _problem() -> Any:
+    """Return what builds toppra's problems; toppra leaves out what only draws and interpolates.
 
     It is kept quiet: a run that it does not find is looked for in parts.
     """
     with warnings.catch_warnings(), _without(_UNUSED):
         # Of docstrings with escapes that Python does not know, where it was not compiled before.
         warnings.simplefilter("ignore")
-        import toppra
+        from skillplan_pinocchio.timing import toppra_problem
     logging.getLogger("toppra").setLevel(logging.CRITICAL)
-    return toppra
+    return toppra_problem
 
 
 @contextmanager
