@@ -27,8 +27,16 @@ from skillplan.solvers.ordering.local_search.order_moves import (
 )
 
 # The exchanges of three arcs of an order A B C D. Ends of the strings are numbered along the
-# order; of each exchange, to which end the new arc from each goes, whether B and C are swapped, and
-# whether B and C are reversed.
+# order; of each exchange the new arcs, with which end that joins each, whether B and C are swapped,
+# and whether B and C are reversed.
+_ARCS = np.array(
+    [
+        [[0, 3], [4, 1], [2, 5]],
+        [[0, 3], [4, 2], [1, 5]],
+        [[0, 4], [3, 1], [2, 5]],
+        [[0, 2], [1, 4], [3, 5]],
+    ]
+)
 _MATES = np.array([[3, 4, 5, 0, 1, 2], [3, 5, 4, 0, 2, 1], [4, 3, 5, 1, 0, 2], [2, 4, 0, 5, 1, 3]])
 _CHANGES = np.array([[1, 0, 0], [1, 1, 0], [1, 0, 1], [0, 1, 1]], dtype=np.bool_)
 # New arcs go to so many of the nearest nodes.
@@ -94,12 +102,10 @@ def _exchanged(
     p, q, r = cuts
     swapped, first, second = _CHANGES[kind]
     added = 0.0
-    for end in range(6):
-        cut, mate = cuts[end // 2], _MATES[kind, end]
-        if end % 2 == 0:
-            added -= costs[order[cut], order[cut + 1]]
-        if end < mate:
-            added += costs[order[cut + end % 2], order[cuts[mate // 2] + mate % 2]]
+    for k in range(3):
+        begin, end = _ARCS[kind, k]
+        added += costs[order[cuts[begin // 2] + begin % 2], order[cuts[end // 2] + end % 2]]
+        added -= costs[order[cuts[k]], order[cuts[k] + 1]]
     if first:
         added += turning[q] - turning[p + 1]
     if second:
