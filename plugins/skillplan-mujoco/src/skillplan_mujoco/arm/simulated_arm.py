@@ -67,11 +67,11 @@ class SimulatedArm:
     settings
         How it is controlled.
     hand
-        What jaws it has: those of the model.
+        What jaws it has: some of those of the model.
     """
 
     def __init__(self, world: World, robot: Robot, settings: ExecutionSettings, hand: Hand) -> None:
-        self.world, self.robot, self.settings, self.hand = world, robot, settings, hand
+        self.world, self.robot, self.settings = world, robot, settings
         self.kinematics = kinematics_of(robot)
         self.link_names = {world.ids[name]: name for name in (HAND, *FINGERS)}
         self.payload_kg = 0.0
@@ -86,12 +86,23 @@ class SimulatedArm:
         self._jaws = [int(model.joint(name).dofadr[0]) for name in FINGERS]
         self._site = int(model.site(TIP).id)
         self._mass = np.zeros((model.nv, model.nv))
-        self._jaw_target_m = self._jaw_wanted_m = hand.opening_m / 2
-        self._jaw_force_n = _OPENING_FORCE_N
+        self._take(hand)
 
     def fit(self, hand: Hand) -> None:
-        """Have the jaws of another hand; the model has those of one."""
-        assert hand == self.hand, "the model has the jaws of one hand"
+        """Have the jaws of another hand, wide open; nothing may be fixed to the arm."""
+        if hand == self.hand:
+            return
+        self._take(hand)
+        data = self.world.data
+        data.qpos[self._jaws] = self._jaw_wanted_m
+        data.qvel[self._jaws] = 0.0
+        self.world.placed()
+
+    def _take(self, hand: Hand) -> None:
+        self.hand = hand
+        self.world.fit(hand)
+        self._jaw_target_m = self._jaw_wanted_m = hand.opening_m / 2
+        self._jaw_force_n = _OPENING_FORCE_N
 
     def stand(self, joints: Vector, opening_m: float) -> None:
         """Put the arm at rest in a posture [rad], its jaws so far open."""
