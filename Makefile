@@ -9,7 +9,7 @@ PAGE := runs/board.html
 HAS_PYBULLET = $(BIN)/python -c 'import sys; sys.exit(sys.version_info >= (3, 12))'
 SEED := 1
 SCALE := 1
-PHYSICS := --physics pybullet --collision contact-pairs
+ENGINES = $$($(HAS_PYBULLET) && echo pybullet) mujoco
 SOURCES := src tests benchmarks examples plugins docs .ci
 # Each process takes a run of neighbours, which share what they set up.
 PYTEST := $(BIN)/pytest -n auto --dist worksteal -q
@@ -43,7 +43,8 @@ demo: .venv/.demo try-web  ## the board to its proven optimum, also by physics a
 	$(SKILLPLAN) compare $(BENCH) --solvers csp,sarsa,monte-carlo,policy-iteration
 	$(SKILLPLAN) search-optimal $(BOARD)
 	$(SKILLPLAN) search-optimal configs/br17.10.sop
-	if $(HAS_PYBULLET); then $(SKILLPLAN) search-optimal $(BOARD) $(PHYSICS) --no-cache; fi
+	for engine in $(ENGINES); do \
+	  $(SKILLPLAN) search-optimal $(BOARD) --physics $$engine --collision contact-pairs --no-cache || exit; done
 	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && \
 	  $(SKILLPLAN) train $(BOARD) --solver dqn --runs 2 --steps 20000 --out "$$out/runs"
 	@mkdir -p $(dir $(PAGE)) && rm -f $(PAGE)
@@ -52,9 +53,9 @@ demo: .venv/.demo try-web  ## the board to its proven optimum, also by physics a
 	  '  chart           the order of parts follows from their geometry, and equals the hand-made one' \
 	  '  compare         all orders tried, and a search with proof: the same optimum' \
 	  '  compare         the bench: planned, learned and solved by dynamic programming' \
-	  '  search-optimal  the board, 1.86709 m, proved; a file of TSPLIB; the board by physics' \
+	  '  search-optimal  the board, 1.86709 m, proved; a file of TSPLIB; the board by physics, of two engines where pybullet is' \
 	  '  train           DQN learns the board, and is held to the proved optimum' \
-	  '  report          one page on the board, its plan executed by the simulated arm if pybullet is here' \
+	  '  report          one page on the board, its plan executed by a simulated arm' \
 	  '' 'Open the page: file://$(abspath $(PAGE))'
 
 test: .venv/.test try-web  ## the suite, without what takes minutes
@@ -107,6 +108,7 @@ bench: .venv/.test  ## ratios against a baseline of the same run
 	$(BIN)/python benchmarks/scaling.py --parts 6,10,20,50 --densities 0.3 --tools 1 --seconds 2
 	$(BIN)/python benchmarks/sequencing.py --names ESC25,ft70.4,p43.1,rbg109a,ry48p.1 --seconds 2
 	if $(HAS_PYBULLET); then $(BIN)/python benchmarks/physics.py; fi
+	$(BIN)/python benchmarks/engines.py $(ENGINES)
 	$(BIN)/python benchmarks/learning.py
 
 schema: .venv/.core  ## the JSON Schema that editors read
@@ -139,13 +141,14 @@ clean:  ## all that these targets make
 .venv/.demo: .venv/.core
 	$(SKILLPLAN) warm-up & kernels=$$!; \
 	  $(PIP) --editable plugins/skillplan-pinocchio --editable plugins/skillplan-torch \
+	    --editable plugins/skillplan-mujoco \
 	    $$($(HAS_PYBULLET) && echo --editable plugins/skillplan-pybullet) && wait $$kernels
 	touch $@
 
 .venv/.test: .venv/.demo
 	$(PIP) --editable '.[test]' --editable plugins/skillplan-template \
 	  --editable plugins/skillplan-ortools --editable plugins/skillplan-ray \
-	  --editable plugins/skillplan-ros2 --editable plugins/skillplan-cad --editable plugins/skillplan-mujoco
+	  --editable plugins/skillplan-ros2 --editable plugins/skillplan-cad
 	touch $@
 
 .venv/.check: .venv/.core

@@ -18,7 +18,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 OPTIMUM_M = 1.86709
-BACK_ENDS = ("--physics", "pybullet", "--collision", "contact-pairs")
+PHYSICS = ("--collision", "contact-pairs", "--physics")
+# What is executed in the engine that every Python has, to the last digit the same on each.
+EXECUTED = ("place(switch_1)", "--after", "0,1,2", *PHYSICS, "mujoco", "--no-cache")
 # What has wheels for CPython 3.11 only, of those that the constraints name.
 UP_TO_3_11 = ("skillplan_pybullet", "skillplan_torch")
 NEWEST_TRIED = 20
@@ -132,8 +134,11 @@ def check_export(binaries: Path, place: Path, board: Path) -> None:
 
 def check(
     version: tuple[int, int], python: str, wheels: list[Path], folder: Path, script: str
-) -> None:
-    """Install the wheels into a fresh environment, and let them solve, report and export there."""
+) -> str:
+    """Install the wheels into a fresh environment, and let them solve, report and export there.
+
+    Returns what an execution in MuJoCo left behind.
+    """
     name = ".".join(map(str, version))
     everything = version <= (3, 11)
     chosen = [wheel for wheel in wheels if everything or not wheel.name.startswith(UP_TO_3_11)]
@@ -152,13 +157,18 @@ def check(
     broken = [f"{p['kind']} {p['name']}: {p['problem']}" for p in listed["plugins"] if p["problem"]]
     if broken:
         sys.exit(f"dist-check: broken under Python {name}: {'; '.join(broken)}")
-    for words in ((), ("--collision", "swept"), *([BACK_ENDS] if everything else [])):
+    # What `auto` stands for, and MuJoCo beside it.
+    engines = ("auto", "mujoco") if everything else ("auto",)
+    physics = tuple((*PHYSICS, engine) for engine in engines)
+    for words in ((), ("--collision", "swept"), *physics):
         answer = run(
             binaries / "skillplan", "search-optimal", board, *words, "--format", "json", cwd=place
         )
         result = json.loads(answer)
         if result["status"] != "optimal" or abs(result["cost"] - OPTIMUM_M) > 5e-6:
             sys.exit(f"dist-check: Python {name}: {result['status']} at {result['cost']}")
+        if "auto" in words and result["physics"] != ("pybullet" if everything else "mujoco"):
+            sys.exit(f"dist-check: Python {name}: auto stood for {result['physics']}")
         by = " ".join(words) or "its own back ends"
         print(f"Python {name}: the board by {by}: optimal at {result['cost']:.5f} m")
     check_page(binaries, place, script)
@@ -166,6 +176,8 @@ def check(
     left_out = sorted({wheel.name.split("-")[0] for wheel in set(wheels) - set(chosen)})
     if left_out:
         print(f"Python {name}: left out, for want of wheels they need: {', '.join(left_out)}")
+    told = run(binaries / "skillplan", "explain", board, *EXECUTED, "--format", "json", cwd=place)
+    return json.dumps(json.loads(told)["stages"])
 
 
 def main() -> None:
@@ -178,8 +190,12 @@ def main() -> None:
         print(f"built {', '.join(wheel.name for wheel in wheels)}")
         script = check_player(built)
         print(f"player: {len(script) / 1e6:.2f} MB in wheel and sdist, with its licences")
-        for version, python in interpreters().items():
+        told = {
             check(version, python, wheels, folder, script)
+            for version, python in interpreters().items()
+        }
+        if len(told) > 1:
+            sys.exit("dist-check: MuJoCo executes a skill differently on another Python")
 
 
 main()

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.metadata import version
 
 from skillplan_mujoco.mujoco_simulator import MujocoSimulator
 from skillplan_pinocchio.simulation.execution.workcell import Workcell
 from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
-from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine
+from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine, versions
 
 
 class MujocoEngine(SimulatingEngine):
@@ -23,7 +22,7 @@ class MujocoEngine(SimulatingEngine):
     """
 
     name = "mujoco"
-    version = "1"
+    version = "2"
     expected_s = 0.3
 
     class Options(SimulatingEngine.Options):
@@ -42,4 +41,12 @@ class MujocoEngine(SimulatingEngine):
     def basis(self) -> Mapping[str, str]:
         """The versions of what decides a simulation beside this plugin."""
         others = ["mujoco-core", "numpy", "pin", "skillplan", "skillplan-pinocchio"]
-        return {name: version(name) for name in others}
+        return versions(*others)
+
+    def refuses(self) -> str | None:
+        """Refuse what it does not simulate yet, beside what no engine does."""
+        refused = super().refuses()
+        hollow = next((body.name for body in self.task.scene.bodies if body.surfaces), None)
+        if refused is None and hollow is not None:
+            return f"it does not simulate bodies that are not convex yet, such as {hollow}"
+        return refused

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 
 from skillplan.physics.performance import Image, Performance, Performer, Sample
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan_pinocchio.simulation.execution.workcell import Workcell
-from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine
+from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine, versions
 from skillplan_pybullet.arm.looks import looks_of
 from skillplan_pybullet.execution.footage import footage, picture
 from skillplan_pybullet.execution.plan_execution import Observers, Rules, execute_plan
@@ -29,7 +28,7 @@ class PybulletEngine(SimulatingEngine, Performer):
     """
 
     name = "pybullet"
-    version = "9"
+    version = "10"
     expected_s = 0.6
     contact_detectors = ("contact-pairs", "contact-force")
 
@@ -49,7 +48,7 @@ class PybulletEngine(SimulatingEngine, Performer):
     def basis(self) -> Mapping[str, str]:
         """The versions of what decides a simulation beside this plugin."""
         others = ["numpy", "pin", "pybullet", "skillplan", "skillplan-pinocchio"]
-        return {name: version(name) for name in others}
+        return versions(*others)
 
     def looks(self) -> Sequence[Path | None]:
         """Return the meshes of an installed package, if it has the arm; see :class:`Performer`."""

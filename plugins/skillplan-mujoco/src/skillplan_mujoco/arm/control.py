@@ -12,15 +12,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_mujoco.simulator.fixed_order import Factor, times
+from skillplan_mujoco.simulator.fixed_order import product, times, times_transposed
+from skillplan_pinocchio.kinematics.fixed_order import solved
 from skillplan_pinocchio.simulation.arm.kinematics import TipPose
 from skillplan_pinocchio.simulation.arm.rotations import rotation_error
 from skillplan_pinocchio.simulation.arm.straight_motion import Setpoint
+from skillplan_pinocchio.simulation.simulator import STEPS_PER_S
 
 Vector = NDArray[np.float64]
 
 # How firmly the arm is drawn to its posture [1/s2].
 _NULLSPACE_STIFFNESS_PER_S2 = 400.0
+# So much of what a joint lags behind is to be gone after one step, under control by position [-].
+_SERVO_SHARE = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,28 +73,44 @@ def torques(state: ArmState, wanted: Setpoint, stiffness_per_s2: float, load: Ve
             + stiffness_per_s2 * (wanted.posture - state.angles)
             + 2 * math.sqrt(stiffness_per_s2) * (wanted.joints.speeds_rad_per_s - state.rates)
         )
-        return times(state.mass, gain) + state.bias + times(state.jacobian.T, load)
+        return times(state.mass, gain) + state.bias + times_transposed(state.jacobian, load)
     jacobian = state.jacobian
-    mass = Factor(state.mass)
-    mobility = Factor(np.array([times(jacobian, mass.solve(row)) for row in jacobian]))
-    wrench = mobility.solve(_acceleration(state, wanted, stiffness_per_s2)) + load
+    # Each column how the joints are accelerated by a force or moment at the tip.
+    yielding = solved(state.mass, jacobian.T)
     pull = _pull(state, wanted)
     # What of the pull would move the tip is taken from it.
-    wrench -= mobility.solve(times(jacobian, pull))
-    return times(jacobian.T, wrench) + state.bias + times(state.mass, pull)
+    lacking = _acceleration(state, wanted, stiffness_per_s2) - times(jacobian, pull)
+    wrench = solved(product(jacobian, yielding), lacking) + load
+    return times_transposed(jacobian, wrench) + state.bias + times(state.mass, pull)
+
+
+def posture_torques(state: ArmState, posture: Vector, load: Vector) -> Vector:
+    """Return joint torques that follow a posture as servos do, one for every joint [N m].
+
+    Each has its joint turn, after one step, as fast as takes away a share of what it lags behind.
+
+    Parameters
+    ----------
+    state
+        Of the arm.
+    posture
+        Where the joints are to be [rad], shape (joints,).
+    load
+        Force [N] and moment [N m] that the tip exerts besides, shape (6,).
+    """
+    speeds = _SERVO_SHARE * STEPS_PER_S * (posture - state.angles)
+    gain = STEPS_PER_S * (speeds - state.rates)
+    return times(state.mass, gain) + state.bias + times_transposed(state.jacobian, load)
 
 
 def _acceleration(state: ArmState, wanted: Setpoint, stiffness_per_s2: float) -> Vector:
     """Return how the tip is to be accelerated, linear before angular, shape (6,)."""
-    error = np.concatenate(
-        [
-            wanted.position - state.tip.position,
-            rotation_error(state.tip.rotation, wanted.rotation),
-        ]
-    )
-    velocity = np.concatenate([wanted.velocity, wanted.spin_rad_per_s])
-    lag = velocity - times(state.jacobian, state.rates)
-    found: Vector = stiffness_per_s2 * error + 2 * math.sqrt(stiffness_per_s2) * lag
+    found, lag = np.empty(6), -times(state.jacobian, state.rates)
+    found[:3] = wanted.position - state.tip.position
+    found[3:] = rotation_error(state.tip.rotation, wanted.rotation)
+    lag[:3] += wanted.velocity
+    lag[3:] += wanted.spin_rad_per_s
+    found = stiffness_per_s2 * found + 2 * math.sqrt(stiffness_per_s2) * lag
     found[:3] += wanted.acceleration
     return found
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -11,10 +12,10 @@ from numpy.typing import NDArray
 
 from skillplan.robots.hand import Hand
 from skillplan.task.scene import Robot
-from skillplan_mujoco.arm.control import ArmState, torques
+from skillplan_mujoco.arm.control import ArmState, posture_torques, torques
 from skillplan_mujoco.simulator.cell_model import TIP, joint_name
 from skillplan_mujoco.simulator.world import World
-from skillplan_pinocchio.simulation.arm.kinematics import TipPose, kinematics_of
+from skillplan_pinocchio.simulation.arm.kinematics import TipPose, kinematics_of, unreachable
 from skillplan_pinocchio.simulation.arm.rotations import points_down
 from skillplan_pinocchio.simulation.arm.straight_motion import Setpoint
 from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
@@ -85,7 +86,15 @@ class SimulatedArm:
         assert int(model.joint(joint_name(self._count - 1)).dofadr[0]) == self._count - 1
         self._jaws = [int(model.joint(name).dofadr[0]) for name in FINGERS]
         self._site = int(model.site(TIP).id)
-        self._mass = np.zeros((model.nv, model.nv))
+        data, count = world.data, self._count
+        # Parts of the simulator's state, which every step writes anew in the same place.
+        self._angles, self._rates = data.qpos[:count], data.qvel[:count]
+        self._bias, self._applied = data.qfrc_bias[:count], data.qfrc_applied[:count]
+        self._tip_at = data.site_xpos[self._site]
+        self._tip_turned = data.site_xmat[self._site].reshape(3, 3)
+        self._jacobian = np.zeros((6, model.nv))
+        self._entries = mass_entries(model, count)
+        self._posture: Vector = self.kinematics.home_rad
         self._take(hand)
 
     def fit(self, hand: Hand) -> None:
@@ -113,24 +122,23 @@ class SimulatedArm:
         data.qvel[self._jaws] = 0.0
         self._jaw_target_m = self._jaw_wanted_m = opening_m / 2
         self.world.placed()
+        self._posture = joints
         tip = self.kinematics.tip(joints)
         self.wanted = Setpoint.at_rest(tip.position, tip.rotation, joints)
 
     def tip(self) -> TipPose:
         """Return where the tip is."""
-        data = self.world.data
-        rotation = np.array(data.site_xmat[self._site]).reshape(3, 3)
-        return TipPose(np.array(data.site_xpos[self._site]), rotation)
+        return TipPose(np.array(self._tip_at), np.array(self._tip_turned))
 
     def tip_error_m(self) -> float:
         """Return how far the tip is from where it is to be [m]."""
         assert self.wanted is not None
-        here: list[float] = self.world.data.site_xpos[self._site].tolist()
+        here: list[float] = self._tip_at.tolist()
         return math.dist(here, self.wanted.position.tolist())
 
     def joints_rad(self) -> tuple[float, ...]:
         """Return the joint angles [rad]."""
-        return tuple(self.world.data.qpos[: self._count].tolist())
+        return tuple(self._angles.tolist())
 
     def jaw_width_m(self) -> float:
         """Return the distance between the jaws [m]."""
@@ -152,20 +160,32 @@ class SimulatedArm:
         assert self.wanted is not None
         self.world.prepare()
         self._move_jaws()
-        model, data, count = self.world.model, self.world.data, self._count
-        mujoco.mj_fullM(model, data, self._mass)
-        linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-        mujoco.mj_jacSite(model, data, linear, angular, self._site)
+        jacobian, count = self._jacobian, self._count
+        mujoco.mj_jacSite(self.world.model, self.world.data, jacobian[:3], jacobian[3:], self._site)
         state = ArmState(
-            np.array(data.qpos[:count]),
-            np.array(data.qvel[:count]),
-            self.tip(),
-            np.ascontiguousarray(self._mass[:count, :count]),
-            np.concatenate([linear[:, :count], angular[:, :count]]),
-            np.array(data.qfrc_bias[:count]),
+            self._angles,
+            self._rates,
+            TipPose(self._tip_at, self._tip_turned),
+            self.world.data.M[self._entries],
+            np.array(jacobian[:, :count]),
+            self._bias,
         )
-        found = torques(state, self.wanted, self.settings.stiffness_per_s2, self._load())
-        data.qfrc_applied[:count] = np.clip(found, -self.limit_nm, self.limit_nm)
+        if self.settings.control == "position":
+            self._posture = self._posture_for(self.wanted)
+            found = posture_torques(state, self._posture, self._load())
+        else:
+            found = torques(state, self.wanted, self.settings.stiffness_per_s2, self._load())
+        self._applied[:] = np.minimum(np.maximum(found, -self.limit_nm), self.limit_nm)
+
+    def _posture_for(self, wanted: Setpoint) -> Vector:
+        """Return joint angles near the last ones that bring the tip where it is to be."""
+        if wanted.tracks_joints:
+            return wanted.posture
+        x, y, z = wanted.position.tolist()
+        found = self.kinematics.follow((x, y, z), wanted.rotation, self._posture)
+        if found is None:
+            raise unreachable((x, y, z), wanted.rotation)
+        return found
 
     def show_hand(self, visible: bool) -> None:
         """Take the hand and its fingers out of collision, or put them back."""
@@ -192,9 +212,8 @@ class SimulatedArm:
             load[:3] += self.press_n
         if points_down(self.wanted.rotation):
             return load
-        tip = self.tip().position
         for name in self.bears:
-            x_m, y_m, _ = (self.world.centre(name) - tip).tolist()
+            x_m, y_m, _ = (self.world.centre(name) - self._tip_at).tolist()
             weight_n = self.world.mass_kg(name) * GRAVITY_M_PER_S2
             load[3] += y_m * weight_n
             load[4] -= x_m * weight_n
@@ -211,3 +230,18 @@ class SimulatedArm:
                 data.qvel[jaw]
             )
             data.qfrc_applied[jaw] = max(-most_n, min(most_n, force_n)) + data.qfrc_bias[jaw]
+
+
+def mass_entries(model: Any, count: int) -> NDArray[np.intp]:
+    """Return where the mass matrix of the first joints is in the simulator's own, row by row.
+
+    That holds the lower triangle, of each row only what is not zero; no joint of an arm is apart
+    from another.
+    """
+    found = np.zeros((count, count), dtype=np.intp)
+    for row in range(count):
+        begin = int(model.M_rowadr[row])
+        columns = model.M_colind[begin : begin + int(model.M_rownnz[row])].tolist()
+        for column in range(row + 1):
+            found[row, column] = found[column, row] = begin + columns.index(column)
+    return found

@@ -47,6 +47,7 @@ class Cell:
     def __init__(self, model: Any, hands: Sequence[Hand], friction: float) -> None:
         self.model, self.hands, self.friction = model, tuple(hands), friction
         self._data = mujoco.MjData(model)
+        self._coordinates: dict[str, tuple[slice, slice]] = {}
         self._own = {name: np.array(getattr(model, name)) for name in _CHANGED}
         self.ids: dict[str, int] = {
             model.body(number).name: number for number in range(model.nbody)
@@ -57,7 +58,9 @@ class Cell:
         self.owners = {number: name for name, number in self.ids.items()}
         self.owners |= dict.fromkeys(self._arm, ROBOT)
         handling = {self.ids[name]: name for name in (HAND, *FINGERS)}
-        self._labels: dict[int, str] = self.owners | handling
+        # What every geometry belongs to; of the arm, hand and fingers by their own names.
+        known = self.owners | handling
+        self.labels: list[str] = [known[body] for body in model.geom_bodyid.tolist()]
         weld = mujoco.mjtEq.mjEQ_WELD
         self.bonds = [one for one in range(model.neq) if model.eq_type[one] == weld]
 
@@ -96,9 +99,12 @@ class Cell:
 
     def coordinates(self, name: str) -> tuple[slice, slice]:
         """Return which coordinates and which speeds of the state are those of a body."""
+        if name in self._coordinates:
+            return self._coordinates[name]
         joint = self.model.body_jntadr[self.ids[name]]
         place, speed = int(self.model.jnt_qposadr[joint]), int(self.model.jnt_dofadr[joint])
-        return slice(place, place + 7), slice(speed, speed + 6)
+        found = self._coordinates[name] = slice(place, place + 7), slice(speed, speed + 6)
+        return found
 
     def scale_mass(self, name: str, factor: float) -> None:
         """Have a body weigh so many times as much, its mass spread as before."""
@@ -107,7 +113,3 @@ class Cell:
             values[number] *= factor
         self.model.body_invweight0[number] /= factor
         self.model.dof_invweight0[speeds] /= factor
-
-    def label(self, geom: int) -> str:
-        """Return what a geometry belongs to; of the arm, hand and fingers by their own names."""
-        return self._labels[int(self.model.geom_bodyid[geom])]

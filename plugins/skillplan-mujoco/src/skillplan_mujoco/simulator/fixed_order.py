@@ -15,26 +15,20 @@ Vector = NDArray[np.float64]
 
 def times(matrix: Vector, vector: Vector) -> Vector:
     """Return a matrix times a vector, shapes (rows, columns) and (columns,)."""
-    found = np.zeros(matrix.shape[0])
-    mujoco.mju_mulMatVec(found, np.ascontiguousarray(matrix), vector)
+    found = np.empty(matrix.shape[0])
+    mujoco.mju_mulMatVec(found, matrix, vector)
     return found
 
 
-class Factor:
-    """The Cholesky factor of a symmetric positive definite matrix.
+def times_transposed(matrix: Vector, vector: Vector) -> Vector:
+    """Return a transposed matrix times a vector, shapes (rows, columns) and (rows,)."""
+    found = np.empty(matrix.shape[1])
+    mujoco.mju_mulMatTVec(found, matrix, vector)
+    return found
 
-    Parameters
-    ----------
-    matrix
-        Shape (n, n).
-    """
 
-    def __init__(self, matrix: Vector) -> None:
-        self._factor = np.array(matrix)
-        mujoco.mju_cholFactor(self._factor, 0.0)
-
-    def solve(self, vector: Vector) -> Vector:
-        """Return the inverse of the matrix times a vector, shape (n,)."""
-        found = np.zeros(len(vector))
-        mujoco.mju_cholSolve(found, self._factor, vector)
-        return found
+def product(left: Vector, right: Vector) -> Vector:
+    """Return a product of matrices, shapes (rows, inner) and (inner, columns)."""
+    found = np.empty((left.shape[0], right.shape[1]))
+    mujoco.mju_mulMatMat(found, left, right)
+    return found

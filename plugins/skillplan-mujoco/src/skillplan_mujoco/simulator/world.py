@@ -127,12 +127,12 @@ class World:
 
     def is_sane(self) -> bool:
         """Whether every body is at a finite place and none races off."""
-        for name in self._masses:
-            place, speed = self.cell.coordinates(name)
-            position, linear = self.data.qpos[place][:3], self.data.qvel[speed][:3]
-            if not np.isfinite([*position, *linear]).all():
-                return False
-            if np.abs(position).max() > _FAR_M or np.abs(linear).max() > _FAST_M_PER_S:
+        qpos, qvel = self.data.qpos, self.data.qvel
+        for place, speed in map(self.cell.coordinates, self._masses):
+            # What is no number is not within limits, either.
+            position = [abs(value) < _FAR_M for value in qpos[place][:3].tolist()]
+            linear = [abs(value) < _FAST_M_PER_S for value in qvel[speed][:3].tolist()]
+            if not (all(position) and all(linear)):
                 return False
         return True
 
@@ -224,20 +224,31 @@ class World:
 
     def touches(self) -> list[Touch]:
         """Return where bodies press on each other, after the last step."""
-        found, pressed = [], np.zeros(6)
-        for number, contact in enumerate(self.data.contact[: self.data.ncon]):
-            if contact.efc_address < 0:
-                continue
-            mujoco.mj_contactForce(self.model, self.data, number, pressed)
-            normal_n = float(pressed[0])
-            if normal_n <= 0.0:
-                continue
-            normal, first, second = np.array(contact.frame).reshape(3, 3)
-            # The normal leads from the first geometry to the second, which feels the force.
-            force_n = normal_n * normal + pressed[1] * first + pressed[2] * second
-            ones, others = self.cell.label(contact.geom2), self.cell.label(contact.geom1)
-            found.append(Touch(ones, others, np.array(contact.pos), normal, normal_n, force_n))
-        return found
+        data = self.data
+        if not data.ncon:
+            return []
+        contacts, force_n = data.contact, np.array(data.efc_force)
+        rows: Vector = contacts.efc_address
+        # A contact's rows are its normal force, two of friction, and a moment about the normal.
+        pressing = [n for n, row in enumerate(rows.tolist()) if row >= 0 and force_n[row] > 0.0]
+        if not pressing:
+            return []
+        first_row = rows[pressing]
+        frames = contacts.frame[pressing].reshape(-1, 3, 3)
+        along = (force_n[first_row + axis, np.newaxis] * frames[:, axis] for axis in range(3))
+        normal, one, other = along
+        # The normal leads from the first geometry to the second, which feels the force.
+        felt_n, places = normal + one + other, contacts.pos[pressing]
+        labels = self.cell.labels
+        names = zip(
+            contacts.geom2[pressing].tolist(), contacts.geom1[pressing].tolist(), strict=True
+        )
+        return [
+            Touch(labels[feels], labels[gives], places[n], frames[n, 0], size_n, felt_n[n])
+            for n, ((feels, gives), size_n) in enumerate(
+                zip(names, force_n[first_row].tolist(), strict=True)
+            )
+        ]
 
     def pulled_n(self, name: str, constraint: int) -> Vector:
         """Return what a constraint does to a body that it fixes to the robot [N], shape (3,)."""

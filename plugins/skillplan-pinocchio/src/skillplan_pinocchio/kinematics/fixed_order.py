@@ -49,6 +49,6 @@ def solved(matrix: Array, right: Array) -> Array:
     matrix
         Shape (n, n); where it has no inverse, what is returned is not finite.
     right
-        Shape (n,).
+        Shape (n,) or (n, columns).
     """
     return np.asarray(eigenpy.PartialPivLU(matrix).solve(right))

@@ -6,6 +6,8 @@ import math
 from abc import abstractmethod
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.metadata import version
 from typing import ClassVar
 
 from pydantic import Field
@@ -147,3 +149,15 @@ class SimulatingEngine(Engine):
         if skill.motion is None:
             return Verdict.feasible(self.task.facts.none, self.task.facts.none)
         return postcondition_verdict(skill, self.record(skill, state), self.tolerances)
+
+
+@cache
+def versions(*distributions: str) -> Mapping[str, str]:
+    """Return the installed versions of distributions, read once a process: each has a README in it.
+
+    Parameters
+    ----------
+    *distributions
+        Their names.
+    """
+    return {name: version(name) for name in distributions}

@@ -115,8 +115,8 @@ class Trajectory:
         passed_s = time_s - self.times_s[number]
         rate = slow + gain * passed_s
         place = min(max(begin + (slow + gain * passed_s / 2) * passed_s, begin), end)
-        slopes, bends = self.path.derivatives(np.array([place]))
-        return self.path.at(place), slopes[0] * rate, slopes[0] * gain + bends[0] * rate**2
+        slope, bend = self.path.rates(place)
+        return self.path.at(place), slope * rate, slope * gain + bend * rate**2
 
 
 def fastest_trajectory(path: JointPath, limits: JointLimits) -> Trajectory:

@@ -27,8 +27,8 @@ class PosturePath(Protocol):
     def at(self, place: float) -> Vector:
         """Return the joint angles [rad] after a share of it, shape (joints,)."""
 
-    def derivatives(self, places: Vector) -> tuple[Vector, Vector]:
-        """Return the first and second derivative by the share, shape (places, joints) each."""
+    def rates(self, place: float) -> tuple[Vector, Vector]:
+        """Return the first and second derivative by the share, shape (joints,) each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,8 +164,8 @@ class StraightMotion:
         posture, joints = start.posture, None
         if self.path is not None:
             posture = self.path.at(share)
-            slopes, bends = self.path.derivatives(np.array([share]))
-            joints = JointRates(rate * slopes[0], change * slopes[0] + rate**2 * bends[0])
+            slope, bend = self.path.rates(share)
+            joints = JointRates(rate * slope, change * slope + rate**2 * bend)
         return Setpoint(
             start.position + share * way,
             start.rotation,
