@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from skillplan_mujoco.mujoco_simulator import MujocoSimulator
 from skillplan_pinocchio.simulation.execution.workcell import Workcell
 from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
+from skillplan_pinocchio.simulation.performing.performing_engine import PerformingEngine
 from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine, versions
 
 
-class MujocoEngine(SimulatingEngine):
+class MujocoEngine(PerformingEngine):
     """Execute the skill with an arm in MuJoCo and sense its postcondition.
 
     The arm is the task's, built from its description: published kinematics, limits and masses.
@@ -42,11 +43,3 @@ class MujocoEngine(SimulatingEngine):
         """The versions of what decides a simulation beside this plugin."""
         others = ["mujoco-core", "numpy", "pin", "skillplan", "skillplan-pinocchio"]
         return versions(*others)
-
-    def refuses(self) -> str | None:
-        """Refuse what it does not simulate yet, beside what no engine does."""
-        refused = super().refuses()
-        hollow = next((body.name for body in self.task.scene.bodies if body.surfaces), None)
-        if refused is None and hollow is not None:
-            return f"it does not simulate bodies that are not convex yet, such as {hollow}"
-        return refused

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from skillplan.physics.view import View
 from skillplan.robots.hand import Hand
-from skillplan.task.scene import Body
+from skillplan.task.scene import Body, Scene
 from skillplan.task.task import Task
 from skillplan_mujoco.arm.simulated_arm import SimulatedArm
+from skillplan_mujoco.simulator.camera import Camera
 from skillplan_mujoco.simulator.cell import Cell
 from skillplan_mujoco.simulator.cell_model import cell_spec
 from skillplan_mujoco.simulator.world import World
@@ -42,6 +44,10 @@ class MujocoSimulator:
         world = self.world()
         world.show_arm()
         return world, SimulatedArm(world, self.robot, self.settings, hand)
+
+    def camera(self, scene: Scene, view: View, *, labels: bool = False) -> Camera:
+        """Return a camera."""
+        return Camera(scene, view, labels=labels)
 
     def _bodies(self, hand: Hand) -> list[Body]:
         """Return all that can ever be in a world beside arm and table."""

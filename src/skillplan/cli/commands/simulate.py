@@ -18,6 +18,7 @@ from skillplan.cli.result_input import RESULT_HELP, load
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.cli.counting import Count
     from skillplan.physics.performance import Sample
+    from skillplan.physics.view import Angle
     from skillplan.pipeline.setup import Setup
     from skillplan.task.skill import Skill
     from skillplan.task.task import Task
@@ -105,6 +106,24 @@ def command(
             rich_help_panel=OUTPUT,
         ),
     ] = None,
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            "--camera",
+            metavar="ANGLE",
+            help="From where it is filmed: front, side, top, or AZIMUTH,ELEVATION,DISTANCE in "
+            "degrees and m; arm and board are in the picture. By default from a corner.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    labels: Annotated[
+        bool,
+        typer.Option(
+            "--labels",
+            help="Film it with name tags at bodies, feeders and docks; only mujoco can write.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = False,
     style: Style = "table",
 ) -> int:
     """Execute a whole plan of TASK, or that of RESULT, in one continuous simulated world.
@@ -137,6 +156,7 @@ def command(
     engine = performer(made, "move")
     possible, obstacle = applicable_part(loaded, skills)
     film = None if video is None else output_path("--video", video, VIDEOS, "videos")
+    angle = _angle(camera)
     table = None if trace is None else output_path("--trace", trace, SUFFIXES, "traces")
     with ExitStack() as stack:
         show = row = None
@@ -157,6 +177,8 @@ def command(
                     show=show,
                     note=note,
                     stopped=lambda: count.interrupted,
+                    angle=angle,
+                    labels=labels,
                 )
         wall_s = time.perf_counter() - begin_s
         stopped = count.interrupted and len(performance.skills) < len(possible)
@@ -252,3 +274,20 @@ def _engine(read: _Read) -> str:
             f"pip install skillplan-{PREFERRED[0]}."
         )
     return able
+
+
+def _angle(camera: str | None) -> Angle | None:
+    """Return from which side is filmed.
+
+    Raises
+    ------
+    OptionError
+        If that is no angle.
+    """
+    from skillplan.errors import OptionError
+    from skillplan.physics.view import Angle
+
+    try:
+        return None if camera is None else Angle.parse(camera)
+    except ValueError as error:
+        raise OptionError(f"--camera: {error}") from None

@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.physics.view import FIELD_OF_VIEW_DEG, HEIGHT, WIDTH
 from skillplan.robots.arm_description import Joint
 from skillplan.robots.hand import Hand
 from skillplan.task.scene import Body, Robot
@@ -64,6 +65,7 @@ def cell_spec(robot: Robot, hands: Sequence[Hand], bodies: Sequence[Body], frict
     option.iterations = _SOLVER_STEPS
     spec.compiler.balanceinertia = True
     spec.compiler.degree = False
+    _light(spec)
     world = spec.worldbody
     table = world.add_body(name=TABLE, pos=(0.0, 0.0, -_TABLE_HALF_M[2]))
     touch(table.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=_TABLE_HALF_M), friction)
@@ -77,6 +79,29 @@ def cell_spec(robot: Robot, hands: Sequence[Hand], bodies: Sequence[Body], frict
         bond.active = False
         bond.solref, bond.solimp = STIFF, BOND_SHARE
     return spec
+
+
+def _light(spec: Any) -> None:
+    """Have pictures be as large as a view is made for, and lit from before the arm."""
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = WIDTH, HEIGHT
+    spec.visual.global_.fovy = FIELD_OF_VIEW_DEG
+    spec.visual.map.znear, spec.visual.map.zfar = 0.002, 2.0
+    spec.visual.headlight.ambient = (0.35, 0.35, 0.35)
+    spec.visual.headlight.diffuse = (0.35, 0.35, 0.35)
+    spec.visual.headlight.specular = (0.0, 0.0, 0.0)
+    light = spec.worldbody.add_light(pos=(1.2, -1.0, 2.5), dir=(-0.35, 0.45, -1.0))
+    light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    light.diffuse, light.specular = (0.5, 0.5, 0.5), (0.1, 0.1, 0.1)
+    light.castshadow = False
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+        rgb1=(0.95, 0.96, 0.98),
+        rgb2=(0.95, 0.96, 0.98),
+        width=16,
+        height=96,
+    )
 
 
 def joint_name(number: int) -> str:
