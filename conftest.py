@@ -11,6 +11,8 @@ import os
 import pytest
 from hypothesis import HealthCheck, settings
 
+from list_slow import Collector
+
 repeatable = settings(
     derandomize=True,
     deadline=None,
@@ -30,11 +32,15 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 gc.disable()
 
 
+def pytest_configure(config):
+    """One test compares the slow tests of this run with the list of them."""
+    config.pluginmanager.register(Collector(), Collector.__name__)
+
+
 def pytest_collection_finish(session):
     """Thousands of tests are alive from here on: no garbage collection need look at them again."""
-    gc.enable()
-    gc.collect()
     gc.freeze()
+    gc.enable()
     gc.set_threshold(100_000, 20, 20)
 
 

@@ -10,10 +10,12 @@ from skillplan.pipeline.setup import load_problem
 CONFIGS = Path(__file__).parents[1] / "configs"
 
 
-@pytest.fixture(autouse=True)
-def _no_columns(monkeypatch):
+@pytest.fixture(scope="session", autouse=True)
+def _no_columns():
     """No test depends on the width of the terminal that it is started from."""
-    monkeypatch.delenv("COLUMNS", raising=False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("COLUMNS", raising=False)
+        yield
 
 
 def pytest_addoption(parser):

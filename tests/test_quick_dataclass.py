@@ -203,6 +203,14 @@ def test_a_frozen_dataclass_of_either_make_inherits_from_it(maker: Any) -> None:
         made("arm").name = "leg"
 
 
+@pytest.mark.parametrize("maker", [quick, standard], ids=["ours", "the standard library's"])
+def test_one_without_equality_is_the_same_only_as_itself(maker: Any, slots: bool) -> None:
+    made = maker(frozen=True, eq=False, slots=slots)(_plain())
+    one = made("pcb")
+    assert one != made("pcb")
+    assert {one} == {one, one}
+
+
 def test_each_instance_has_a_default_of_its_own() -> None:
     made = quick(frozen=True, slots=True)(_full())
     assert made("a").parts is not made("b").parts

@@ -23,30 +23,30 @@ if TYPE_CHECKING:  # who reads types sees the standard library's
     from dataclasses import dataclass as dataclass
 else:
 
-    def dataclass(cls=None, /, *, frozen=False, slots=False, **others):
+    def dataclass(cls=None, /, *, frozen=False, slots=False, eq=True, **others):
         """Return a class, or a decorator, as `dataclasses.dataclass`.
 
         It makes itself what is not frozen, has no docstring, inherits from a dataclass or asks
-        for more than slots. There are no pseudo-fields `InitVar`.
+        for more than slots and equality. There are no pseudo-fields `InitVar`.
 
         Parameters
         ----------
         cls
             The class; None where the decorator is called with arguments.
-        frozen, slots, others
+        frozen, slots, eq, others
             As `dataclasses.dataclass` takes them.
         """
 
         def made(plain):
             inherits = any(map(dataclasses.is_dataclass, plain.__mro__[1:]))
             if frozen and plain.__doc__ and not inherits and not others:
-                return _frozen(plain, slots)
-            return dataclasses.dataclass(plain, frozen=frozen, slots=slots, **others)
+                return _frozen(plain, slots, eq)
+            return dataclasses.dataclass(plain, frozen=frozen, slots=slots, eq=eq, **others)
 
         return made if cls is None else made(cls)
 
 
-def _frozen(plain: type[Any], slots: bool) -> Any:
+def _frozen(plain: type[Any], slots: bool, eq: bool) -> Any:
     own = dict(vars(plain))
     made: Any = dataclasses.dataclass(init=False, repr=False, eq=False, slots=slots)(plain)
     made.__dataclass_params__.frozen = True  # for dataclasses that inherit from it
@@ -54,7 +54,7 @@ def _frozen(plain: type[Any], slots: bool) -> Any:
     methods = {
         "__init__": _initializer(plain, fields, slots),
         "__repr__": _representation(fields),
-        **_comparison(fields),
+        **(_comparison(fields) if eq else {}),
         **(_pickling(fields) if slots else {}),
         **_freezing(made, fields),
     }

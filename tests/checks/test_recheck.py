@@ -1,5 +1,7 @@
 """Kept verdicts checked again."""
 
+import shutil
+
 import pytest
 
 from expensive_back_ends import ExpensiveEngine
@@ -20,10 +22,18 @@ def engine():
     return ExpensiveEngine(TASK)
 
 
+@pytest.fixture(scope="module")
+def answered(tmp_path_factory):
+    """What an engine says of the task, on disk."""
+    folder = tmp_path_factory.mktemp("answered")
+    enumerate_feasibility(Feasibility(TASK, [engine()], DiskVerdictCache(folder)))
+    return folder
+
+
 @pytest.fixture
-def folder(tmp_path):
-    """A folder with what an engine says of the task."""
-    enumerate_feasibility(Feasibility(TASK, [engine()], DiskVerdictCache(tmp_path)))
+def folder(answered, tmp_path):
+    """The same, to be changed freely."""
+    shutil.copytree(answered, tmp_path, dirs_exist_ok=True)
     return VerdictFolder(tmp_path)
 
 

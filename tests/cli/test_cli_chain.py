@@ -27,22 +27,19 @@ RESULT_KEYS = {
 }
 
 
-@pytest.fixture
-def goals(tmp_path: Path) -> str:
+@pytest.fixture(scope="module")
+def goals(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Two ways: C66 to C42 to C29."""
-    path = tmp_path / "goals.yaml"
+    path = tmp_path_factory.mktemp("goals") / "goals.yaml"
     path.write_text("kind: swarmitfix\nname: goals\nbase: {home: C66, goals: [C42, C29]}\n")
     return str(path)
 
 
-@pytest.fixture
-def policies(cli: Any, goals: str, tmp_path: Path) -> str:
+@pytest.fixture(scope="module")
+def policies(solved: Any, goals: str, tmp_path_factory: pytest.TempPathFactory) -> str:
     """What policy iteration learned for both goals."""
-    folder = tmp_path / "learned"
-    assert (
-        0 == cli("search-optimal", goals, "--solver", "policy-iteration", "--out", str(folder)).code
-    )
-    return str(folder / "policies.json")
+    folder = tmp_path_factory.mktemp("learned") / "run"
+    return str(solved(folder, goals, "--solver", "policy-iteration") / "policies.json")
 
 
 class TestSearch:

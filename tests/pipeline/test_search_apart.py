@@ -271,7 +271,11 @@ class TestWhatItsSearchRestedOn:
                 r"'too-few' contradicts itself about place\(lid\): .* resting on no fact, .*"
                 r"should have named .*placed\(fuse\)",
             ),
-            ("Fickle", "'fickle' answers differently the second time: "),
+            pytest.param(
+                "Fickle",
+                "'fickle' answers differently the second time: ",
+                marks=pytest.mark.slow(reason="a process; another fault in every run"),
+            ),
         ],
     )
     def test_is_asked_again_here(

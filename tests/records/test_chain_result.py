@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import pytest
@@ -30,9 +31,22 @@ from swarm_situations import base_task
 TWO, ONE = base_task(66, 42), base_task(42, 29)
 
 
+@cache
+def _proved(way: int) -> Result:
+    return solve((TWO, ONE)[way])
+
+
+def proved(task: Task) -> Result:
+    """Return the optimum of a task; those of the two ways are searched once."""
+    for index, way in enumerate((TWO, ONE)):
+        if task is way:
+            return _proved(index)
+    return solve(task)
+
+
 def result(task: Task, status: Status = Status.OPTIMAL, **changes: Any) -> Result:
     """Return a row of a way, as the referee might have granted it."""
-    best = solve(task)
+    best = proved(task)
     if status in (Status.OPTIMAL, Status.SOLVED):
         figures: dict[str, Any] = {
             "cost": best.cost,
@@ -49,7 +63,7 @@ def result(task: Task, status: Status = Status.OPTIMAL, **changes: Any) -> Resul
 def part(
     task: Task, status: Status = Status.OPTIMAL, *, reused: bool = False, **more: Any
 ) -> ChainPart:
-    optimum = more.pop("optimum", solve(task).cost)
+    optimum = more.pop("optimum", proved(task).cost)
     return ChainPart(task, result(task, status, **more), optimum, reused)
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from skillplan import __version__
+from skillplan.domains.load import Problem
 from skillplan.env.observation import Observation
 from skillplan.files.json_file import json_text
 from skillplan.model.replay import replay
@@ -60,6 +62,13 @@ def lookup_network(task: Task, kind: str, sequence: str) -> NetworkPolicy:
     return NetworkPolicy((first[0], second), (first[1].astype(np.float32), biases))
 
 
+@cache
+def problem_of(task_file: str, content: bytes) -> Problem:
+    """Return what a file sets, read once as long as its content is the same."""
+    assert content
+    return load_problem(task_file)
+
+
 def write_runs(
     path: Path,
     task_file: str,
@@ -91,7 +100,7 @@ def write_runs(
     path.mkdir(parents=True)
     if copy:
         task_file = str(shutil.copy(task_file, path.parent / "learned.yaml"))
-    problem = load_problem(task_file)
+    problem = problem_of(task_file, Path(task_file).read_bytes())
     task, setup = problem.task, Setup()
     options = {"steps": steps, "observation": observation, "mask": mask, "objective": "reward"}
     manifest = RunManifest(

@@ -80,14 +80,20 @@ def test_every_cut_and_every_changed_byte_is_one_clear_error(tmp_path: Path) -> 
     path = tmp_path / "checkpoint.safetensors"
     write_checkpoint(path, KEPT)
     whole = path.read_bytes()
+
+    def damaged(content: bytes) -> Path:
+        # A new file each time: a disk is waited for where one is cut to nothing and written again.
+        path.unlink()
+        path.write_bytes(content)
+        return path
+
     for length in range(len(whole)):
-        path.write_bytes(whole[:length])
         with pytest.raises(OptionError, match=r"is damaged: .*Delete it, and --resume begins"):
-            read_checkpoint(path)
+            read_checkpoint(damaged(whole[:length]))
     for at in range(len(whole)):
-        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+        changed = whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :]
         with pytest.raises(OptionError, match=re.escape(str(path))):
-            read_checkpoint(path)
+            read_checkpoint(damaged(changed))
 
 
 def test_a_checkpoint_of_another_version_is_named(

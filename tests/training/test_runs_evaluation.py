@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from run_folders import HOPELESS, OPTIMAL, SWITCHED, changed, write_runs
+from run_folders import HOPELESS, OPTIMAL, SWITCHED, changed, problem_of, write_runs
 from skillplan.errors import OptionError
 from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import Setup, load_problem
@@ -23,7 +23,7 @@ DRAWN = Sampling(40, 0.01, 0)
 
 
 def evaluated(path: Path, task_file: str = BOARD, drawn: Sampling = DRAWN) -> TrainingResult:
-    task = load_problem(task_file).task
+    task = problem_of(task_file, Path(task_file).read_bytes()).task
     evaluation = RunsEvaluation(RunFolder(path), task, drawn, changed_task=task_file != BOARD)
     return evaluation.evaluate(make_model(task), Setup(), Optimum(1.8670860141568904))
 

@@ -88,6 +88,7 @@ def test_what_is_kept_and_damaged_is_made_anew(tmp_path, made, capsys):
         ([str(FIXTURES / "bracket.json")], "is neither STEP"),
         ([str(file("open_mesh"))], "not watertight: tray"),
         ([SOURCE, "--base", "blok"], "Did you mean 'block'"),
+        ([SOURCE, "--robot", "pandas"], "must be one of panda, ur5e. Did you mean 'panda'"),
         ([SOURCE, "--tolerance", "20"], "must be from 0.001 to 10 mm"),
         ([SOURCE, "--tolerance", "nan"], "finite number"),
         ([SOURCE, "--directions", "all"], "is not one of 'axes'"),

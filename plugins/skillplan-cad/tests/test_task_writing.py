@@ -24,14 +24,19 @@ from skillplan_cad.writing.upright import standing
 TOLERANCE_M = 1e-4
 
 
-@pytest.fixture(scope="module")
-def eight():
-    """Eight parts from STEP: product, relation and plan."""
-    product = read_product(step_path("eight"), ReadOptions())
+def planned(name):
+    """Return a product from STEP, its relation and its plan."""
+    product = read_product(step_path(name), ReadOptions())
     joints = joints_of(product, TOLERANCE_M, "axes", "unscrew")
     blocked = blocked_of(product, joints.directions, TOLERANCE_M)
     relation = relation_of(product, joints, blocked, TOLERANCE_M, "unscrew")
     return product, relation, Planner(product, relation).plan()
+
+
+@pytest.fixture(scope="module")
+def eight():
+    """Eight parts: product, relation and plan."""
+    return planned("eight")
 
 
 @pytest.fixture(scope="module")
@@ -97,14 +102,28 @@ def test_the_file_is_what_the_document_says_and_the_same_every_time(eight, writt
     assert task_of(*eight).files == written.files
 
 
-@pytest.mark.slow(reason="20 s to take concave meshes apart; the document is left in every run")
-def test_the_written_task_is_valid(written, tmp_path):
-    for name, content in written.files.items():
+@pytest.mark.parametrize(
+    ("product", "skills"),
+    [
+        pytest.param(
+            "dovetail", 5, marks=pytest.mark.slow(reason="a plan; the document is in every run")
+        ),
+        pytest.param(
+            "eight",
+            16,
+            marks=pytest.mark.release(
+                reason="half a minute to take concave meshes apart; two parts in the whole suite"
+            ),
+        ),
+    ],
+)
+def test_the_written_task_is_valid(product, skills, tmp_path):
+    for name, content in task_of(*planned(product)).files.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(content, "utf-8")
     task = load_problem(tmp_path / "product.yaml").task
-    assert task.name == "eight"
-    assert len(task.skills) == 16
+    assert task.name == product
+    assert len(task.skills) == skills
 
 
 def test_a_knob_is_a_mesh_of_its_own_by_which_the_part_is_held():
@@ -132,6 +151,15 @@ def test_a_tray_keeps_parts_apart_and_within_reach():
 def test_what_finds_no_place_is_named():
     items = [Item(f"panel_{n}", (0.40, 0.40, 0.02)) for n in range(6)]
     assert tray((0.12, 0.10, 0.05), items, reach_m=0.855).without
+
+
+def test_the_task_is_of_the_arm_that_was_asked_for(eight, written):
+    """Its name, its reach, what it carries."""
+    document = task_of(*eight, robot="ur5e").document
+    assert (document["robot"]["name"], document["robot"]["model"]) == ("ur5e", "ur5e")
+    assert document["parts"].keys() == written.document["parts"].keys()
+    starts = [part["start_m"] for part in document["parts"].values() if "start_m" in part]
+    assert all(math.hypot(*place) < 0.85 for place in starts)
 
 
 def test_names_of_cad_become_names_of_a_task():

@@ -11,8 +11,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from board_situations import BOARD, OPTIMAL, imagined
+from example_count import examples
 from skillplan.pipeline.setup import load_problem
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -95,6 +98,17 @@ def test_a_check_leaves_nothing_behind(task):
     used = MujocoEngine(task)
     used.check(*first)
     assert digest(used, second) == digest(MujocoEngine(task), second)
+
+
+@pytest.mark.slow(reason="executions in a random order, each again afresh; one in every run")
+@settings(max_examples=examples(4, fewest=2), deadline=None)
+@given(order=st.lists(st.integers(0, 14), min_size=2, max_size=4))
+def test_whatever_was_checked_before_a_fresh_model_records_the_same_to_the_bit(task, order):
+    """Of any skills of the optimum, in any order, also twice."""
+    used, queries = MujocoEngine(task), on_the_optimum(task)
+    for number in order:
+        said = digest(used, queries[number])
+    assert said == digest(MujocoEngine(task), queries[order[-1]])
 
 
 def elsewhere(number: int, **environment: str) -> list[str]:

@@ -36,6 +36,7 @@ class TestRos2(ExporterSuite):
     exporter = "ros2"
 
 
+@pytest.mark.slow(reason="a trajectory a test; bags, and one text beside a bag, in every run")
 class TestRos2AsText(ExporterSuite):
     exporter = "ros2"
     options: ClassVar[dict[str, Any]] = {"format": "yaml"}

@@ -193,7 +193,9 @@ class TestLearning:
     @pytest.mark.parametrize(
         "seeds",
         [
-            pytest.param([3], marks=pytest.mark.slow(reason="a run of 20,000 steps")),
+            pytest.param(
+                [3], marks=pytest.mark.release(reason="20,000 steps; the lid in the whole suite")
+            ),
             pytest.param(
                 [*range(10)], marks=pytest.mark.release(reason="ten runs of 20,000 steps")
             ),
@@ -206,7 +208,7 @@ class TestLearning:
                 {"mask": "none", "observation": "paper"},
                 0.9,
                 0.80,
-                marks=pytest.mark.release(reason="with a mask in the whole suite"),
+                marks=pytest.mark.release(reason="without a mask; the lid in the whole suite"),
             ),
             ({"mask": "applicable", "observation": "markov"}, 1.0, 0.99),
         ],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 from skillplan.checks.verdict_cache import VerdictCache
@@ -14,6 +14,7 @@ from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.result_origin import found_origin, origin_problem
 from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup
+from skillplan.quick_dataclass import dataclass
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.origin import Origin
 from skillplan.records.result import Result, Status

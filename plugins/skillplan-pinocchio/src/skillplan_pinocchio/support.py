@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
+from skillplan.quick_dataclass import dataclass
 from skillplan_pinocchio.obstacles import Obstacle
 from skillplan_pinocchio.shapes import ConvexPiece, SurfacePiece
 

@@ -130,6 +130,15 @@ def command(
             rich_help_panel=PLANNING,
         ),
     ] = None,
+    robot: Annotated[
+        str,
+        typer.Option(
+            "--robot",
+            metavar="ARM",
+            help="Arm of the task that is written: panda or ur5e.",
+            rich_help_panel=PLANNING,
+        ),
+    ] = "panda",
     jobs: Jobs = 1,
     no_cache: Annotated[
         bool,
@@ -172,6 +181,7 @@ def command(
             "chord_mm": chord,
             "up": up,
             "base": base,
+            "robot": robot,
             "directions": directions,
             "threads": threads,
             "split_bodies": split_bodies,

@@ -79,7 +79,7 @@ def planned(
     document: dict[str, Any] = {"plan": plan_document(plan, again, relation)}
     files: Mapping[str, str] = {}
     if plan.complete:
-        task = task_of(product, relation, plan)
+        task = task_of(product, relation, plan, settings.robot)
         files = task.files
         document["task_names"] = dict(task.names)
         document["limits"] = {name: list(lines) for name, lines in task.limits.items()}

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skillplan.errors import OptionError, name_hint
+from skillplan.robots.catalogue import ARMS, DEFAULT_ARM
 from skillplan_cad.build_relation import Threads
 from skillplan_cad.joints.directions import Source
 from skillplan_cad.reading.mesh_folder import unit_m
@@ -30,6 +31,8 @@ class ImportSettings:
         Axis of the file that points up.
     base
         Part that the others are put on; None to have one chosen.
+    robot
+        Name of the arm of the task that is written.
     directions
         Where directions come from.
     threads
@@ -49,6 +52,7 @@ class ImportSettings:
     chord_mm: float | None = None
     up: str = "z"
     base: str | None = None
+    robot: str = DEFAULT_ARM
     directions: Source = "cylinders"
     threads: Threads = "unscrew"
     split_bodies: bool = False
@@ -64,6 +68,11 @@ class ImportSettings:
                 raise OptionError(
                     f"{option} {value:g}: must be from {_LEAST_MM} to {_MOST_MM:g} mm."
                 )
+        if self.robot not in ARMS:
+            raise OptionError(
+                f"--robot {self.robot}: must be one of {', '.join(ARMS)}. "
+                f"{name_hint(self.robot, ARMS)}"
+            )
         if not 1 <= self.density_kg_m3 <= 30000:
             raise OptionError(
                 f"--density {self.density_kg_m3:g}: must be from 1 to 30000 kg/m3; steel has "

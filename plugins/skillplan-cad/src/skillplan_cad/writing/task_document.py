@@ -27,8 +27,9 @@ _MOST_WAYS = 3
 _FLAT = 0.999
 _LEAST_SAFE_M = 0.15
 _ABOVE_PRODUCT_M = 0.05
-_REACH_M = 0.855
-_MOST_CARRIED_KG = 3.0
+# What their makers have arms carry, the hand of 0.7 kg included.
+_CARRIES_KG = {"panda": 3.0, "ur5e": 5.0}
+_HAND_KG = 0.7
 
 _HEADER = """\
 # yaml-language-server: $schema=assembly.schema.json
@@ -177,7 +178,7 @@ class _Writer:
                 items.setdefault(name, Item(name, (x, y, z)))
         points = np.concatenate([self.upright.vertices(part) for part in self.product])
         x, y, z = (float(one) for one in np.ptp(points, axis=0))
-        layout = tray((x, y, z), list(items.values()), _REACH_M)
+        layout = tray((x, y, z), list(items.values()), ARMS[self.robot][0].works_within_m)
         for part in self.product:
             if groups.get(part.name, self.names[part.name]) in layout.without:
                 self._note(part.name, "finds no place within the arm's reach")
@@ -219,8 +220,10 @@ class _Writer:
         whole = ((local, part.triangles),)
         size = np.ptp(local, axis=0)
         opening_m = ARMS[self.robot][1].opening_m
-        if part.mass_kg > _MOST_CARRIED_KG:
-            self._note(part.name, f"weighs {part.mass_kg:.1f} kg, more than the arm carries")
+        carries_kg = _CARRIES_KG.get(self.robot, min(_CARRIES_KG.values())) - _HAND_KG
+        if part.mass_kg > carries_kg:
+            words = f"weighs {part.mass_kg:.1f} kg, and {self.robot} carries {carries_kg:.1f} kg"
+            self._note(part.name, f"{words} in its hand")
         held = top_grasp(local, part.triangles, opening_m)
         if held is not None:
             grasps = list(held.grasps)

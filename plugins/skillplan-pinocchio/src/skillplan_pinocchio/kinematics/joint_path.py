@@ -116,12 +116,12 @@ class JointPath:
         slope = rise + step / 6 * ((1 - 3 * v**2) * m0 + (3 * u**2 - 1) * m1)
         return slope, v * m0 + u * m1
 
-    @property
+    @cached_property
     def steepest(self) -> Array:
         """Greatest size of the first derivative of every joint, shape (joints,)."""
         return np.asarray(self.steepest_by_interval.max(axis=0))
 
-    @property
+    @cached_property
     def steepest_by_interval(self) -> Array:
         """The same between every two neighbouring nodes, shape (intervals, joints)."""
         step, bends = self._step, self._bends

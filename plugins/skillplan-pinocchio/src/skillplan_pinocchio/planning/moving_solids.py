@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from skillplan.quick_dataclass import dataclass
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.kinematics.fixed_order import length, times
 from skillplan_pinocchio.link_pieces import LinkPiece
@@ -116,7 +118,15 @@ def balls_of_box(centre: Vector, half: Vector) -> tuple[Vector, float]:
     tuple
         Their centres [m], shape (balls, 3), and their common radius [m].
     """
-    counts = np.clip(np.round(half / max(float(half.min()), _LEAST_HALF_M)), 1, _MOST_BALLS)
-    steps = [(2 * np.arange(count) + 1) / count - 1 for count in counts.astype(int).tolist()]
-    shares = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
-    return centre + shares * half, length(half / counts)
+    x, y, z = half.tolist()
+    least = max(min(x, y, z), _LEAST_HALF_M)
+    counts = tuple(min(max(round(one / least), 1), _MOST_BALLS) for one in (x, y, z))
+    radius_m = math.hypot(x / counts[0], y / counts[1], z / counts[2])
+    return centre + _middles(counts) * half, radius_m
+
+
+@cache
+def _middles(counts: tuple[int, ...]) -> Vector:
+    """Return the middles of a box from -1 to 1 that is cut so often along each axis."""
+    steps = [(2 * np.arange(count) + 1) / count - 1 for count in counts]
+    return np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -7,12 +7,12 @@ random numbers start anew at a fixed seed, and the end is counted in postures ch
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
 
 import numpy as np
 
+from skillplan.quick_dataclass import dataclass
 from skillplan_pinocchio.kinematics.fixed_order import length
 from skillplan_pinocchio.planning.moving_solids import Vector
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
 
@@ -11,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from skillplan.quick_dataclass import dataclass
 from skillplan_pinocchio.arm_model import ArmModel
 from skillplan_pinocchio.kinematics.fixed_order import times
 from skillplan_pinocchio.kinematics.joint_path import JointPath
@@ -126,21 +126,18 @@ class SelfCheck:
     def _near(self, ends: list[_End], path: JointPath) -> list[_End]:
         """Return the pieces that come near the balls about links on a path.
 
-        First by spheres about them, then by smaller ones that each lies within. From any node until
-        midway to the next no point moves farther, seen from any link, than the joints turn times
-        its reach.
+        By spheres that each lies within. From any node until midway to the next no point moves
+        farther, seen from any link, than the joints turn times its reach.
         """
         if not ends:
             return []
         near = _Nearness(self._links.bodies, self._chain_m, path)
-        low, high = (np.array([getattr(e.piece, at) for e in ends]) for at in ("low", "high"))
-        middles = (low + high) / 2
-        centres = np.array(
-            [e.back.rotation @ at + e.back.translation for e, at in zip(ends, middles, strict=True)]
-        )
-        found = near.of(centres, np.linalg.norm(high - low, axis=1) / 2)
-        some = [ends[number] for number in np.flatnonzero(found).tolist()]
-        return [end for end in some if near.of(*end.balls).any()]
+        balls = [end.balls for end in ends]
+        counts = [len(centres) for centres, _ in balls]
+        centres = np.concatenate([centres for centres, _ in balls])
+        found = near.of(centres, np.repeat([radius_m for _, radius_m in balls], counts))
+        some = np.logical_or.reduceat(found, np.cumsum([0, *counts[:-1]]))
+        return [ends[number] for number in np.flatnonzero(some).tolist()]
 
     def _with(self, ends: dict[_Key, _End]) -> ContinuousCheck:
         """Return the check of links, and of pieces that are held against them."""
@@ -175,7 +172,7 @@ class _Nearness:
         turns = path.steepest / (2 * (len(path.nodes) - 1))
         self._chain_m, self._turn_rad = float(turns @ chain_m), float(turns.sum())
 
-    def of(self, centres: Vector, radii_m: Vector | float) -> NDArray[np.bool_]:
+    def of(self, centres: Vector, radii_m: Vector) -> NDArray[np.bool_]:
         """Return which spheres come near, by centres in the frame of the last joint and radii."""
         placed = centres @ self._rotations + self._origins[:, np.newaxis]
         squares = (placed**2).sum(axis=2)[:, :, np.newaxis] + self._squares

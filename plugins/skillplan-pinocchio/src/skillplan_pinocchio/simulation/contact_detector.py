@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from functools import cache
 from typing import Any, ClassVar
 
 from pydantic import Field
@@ -138,7 +137,6 @@ class ContactDetector(Detector):
         return frozenset(body.name for body in self.task.scene.bodies)
 
 
-@cache
 def _installed_engine() -> type[SimulatingEngine] | None:
     """Return the engine that ``auto`` stands for, or else any that executes skills."""
     known = {entry.name: entry for entry in registered("physics")}

@@ -14,13 +14,13 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
 
+from skillplan.quick_dataclass import dataclass
 from skillplan_pinocchio.kinematics.joint_path import Array, JointPath
 
 # Intervals that lose more than this share of a run's time are split into so many.
@@ -30,6 +30,7 @@ _PARTS: Final = 8
 # What toppra imports to draw its insides, for splines of its own, and for another linear solver; a
 # path here tells its derivatives itself. With the names that it takes from there.
 _UNUSED: Final = {
+    "scipy": (),
     "matplotlib": (),
     "matplotlib.pyplot": (),
     "scipy.interpolate": ("BPoly", "CubicSpline", "PPoly", "UnivariateSpline"),
@@ -155,32 +156,30 @@ def _rates(slopes: Array, bends: Array, grid: Array, limits: tuple[Array, Array]
         math.sqrt(float((np.maximum(steepest, sharpest) / gain).max())),
     )
     unit_rad = np.maximum(np.maximum(steepest, sharpest), 1e-6 * gain * unit_s**2)
-    toppra = _toppra()
-    bounds = [
-        toppra.constraint.JointVelocityConstraint(speed * unit_s / unit_rad),
-        toppra.constraint.JointAccelerationConstraint(gain * unit_s**2 / unit_rad),
-    ]
+    problem = _problem()
+    speeds = problem.SpeedLimits(speed * unit_s / unit_rad)
+    accelerations = problem.AccelerationLimits(gain * unit_s**2 / unit_rad)
     geometry = _Geometry(slopes / unit_rad, bends / unit_rad)
-    solver = toppra.algorithm.TOPPRA(bounds, geometry, gridpoints=grid, solver_wrapper="seidel")
-    solver.compute_parameterization(0.0, 0.0)
-    rates = solver.problem_data.sd_vec
+    run = problem.FastestRun(speeds, accelerations, geometry, grid)
+    run.compute_parameterization(0.0, 0.0)
+    rates = run.problem_data.sd_vec
     if rates is None or not bool(np.isfinite(rates).all() and (rates[1:-1] > 0).all()):
         return None
     return np.asarray(rates) / unit_s
 
 
 @cache
-def _toppra() -> Any:
-    """Return the package, without what it loads only to draw and to interpolate.
+def _problem() -> Any:
+    """Return what builds toppra's problems; toppra leaves out what only draws and interpolates.
 
     It is kept quiet: a run that it does not find is looked for in parts.
     """
     with warnings.catch_warnings(), _without(_UNUSED):
         # Of docstrings with escapes that Python does not know, where it was not compiled before.
         warnings.simplefilter("ignore")
-        import toppra
+        from skillplan_pinocchio.timing import toppra_problem
     logging.getLogger("toppra").setLevel(logging.CRITICAL)
-    return toppra
+    return toppra_problem
 
 
 @contextmanager
