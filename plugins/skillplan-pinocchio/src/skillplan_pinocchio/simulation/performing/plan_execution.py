@@ -265,7 +265,7 @@ class _PlanExecution:
         return found
 
     def _extent(self) -> list[Point]:
-        """Return corners about all places of parts, and of the hand that carries them and the arm [m]."""
+        """Return corners about the arm, all places of parts, and the hand that carries them [m]."""
         corners = [
             corner
             for body in self.task.scene.bodies
