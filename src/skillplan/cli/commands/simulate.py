@@ -16,6 +16,9 @@ from skillplan.cli.options.values import positive_number
 from skillplan.cli.result_input import RESULT_HELP, load
 
 if TYPE_CHECKING:  # --help pays for no imports
+    from contextlib import AbstractContextManager
+    from pathlib import Path
+
     from skillplan.cli.counting import Count
     from skillplan.physics.performance import Sample
     from skillplan.physics.view import Angle
@@ -146,7 +149,7 @@ def command(
     from skillplan.physics.performance import Performance
     from skillplan.pipeline.taken_ways import by_ways
     from skillplan.records.execution.simulation import Simulation, applicable_part
-    from skillplan.records.execution.trace_file import SUFFIXES, trace_file
+    from skillplan.records.execution.trace_file import SUFFIXES
     from skillplan.views.tables.simulation import simulation_tables
     from skillplan.views.video_file import VIDEOS, video_file
 
@@ -159,12 +162,10 @@ def command(
     angle = _angle(camera)
     table = None if trace is None else output_path("--trace", trace, SUFFIXES, "traces")
     with ExitStack() as stack:
-        show = row = None
+        show = None
         if film is not None:
             show = stack.enter_context(video_file(film, fps, "--video")).add
-        if table is not None:
-            bodies = [body.name for body in loaded.scene.bodies]
-            row = stack.enter_context(trace_file(table, bodies, "--trace"))
+        row = None if table is None else stack.enter_context(_trace(table, loaded))
         count = stack.enter_context(counting("skills", len(skills)))
         note = _Notes(count, row)
         performance = Performance((), (), 0.0, 0)
@@ -274,6 +275,13 @@ def _engine(read: _Read) -> str:
             f"pip install skillplan-{PREFERRED[0]}."
         )
     return able
+
+
+def _trace(table: Path, task: Task) -> AbstractContextManager[Callable[[Sample], None]]:
+    """Return the file that every sample is written to."""
+    from skillplan.records.execution.trace_file import trace_file
+
+    return trace_file(table, [body.name for body in task.scene.bodies], "--trace")
 
 
 def _angle(camera: str | None) -> Angle | None:
