@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skillplan.chart.partial_order import ClosedRelation, closure
+from skillplan.chart.partial_order import ClosedRelation, acyclic, closure
 
 NODES = "abcdef"
 pairs = st.sets(st.tuples(st.sampled_from(NODES), st.sampled_from(NODES)))
@@ -17,3 +17,19 @@ def test_a_closed_relation_tells_element_by_element_what_its_pairs_tell(drawn):
     for node in NODES:
         assert relation.before(node) == {one for one, other in closed if other == node}
         assert relation.after(node) == {other for one, other in closed if one == node}
+
+
+@given(pairs)
+def test_without_the_pairs_that_close_cycles_a_relation_has_none(drawn):
+    kept, closing = acyclic(drawn, NODES)
+    assert kept | closing == drawn
+    assert not kept & closing
+    assert not any(one == other for one, other in closure(kept))
+
+
+@given(pairs)
+def test_each_pair_that_closes_a_cycle_leads_back_to_where_the_others_come_from(drawn):
+    """None is taken out in vain: together with what is kept it makes a cycle."""
+    kept, closing = acyclic(drawn, NODES)
+    for one, other in closing:
+        assert one == other or (other, one) in closure(kept)

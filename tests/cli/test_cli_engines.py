@@ -35,6 +35,26 @@ DOUBTER = '''
             return Verdict.feasible(none, none)
 '''
 
+# Doubts the same, and draws what it doubts.
+SKETCHER = (
+    DOUBTER.replace('"doubter"', '"sketcher"')
+    + '''
+    from skillplan.physics.performance import Image, Performer
+
+    class Sketcher(Doubter, Performer):
+        """Draws a dark square."""
+
+        def picture(self, skill, state):
+            return Image(8, 8, bytes(192))
+
+        def footage(self, skill, state, frames_per_s):
+            raise NotImplementedError
+
+        def perform(self, skills, **_):
+            raise NotImplementedError
+'''
+)
+
 
 @pytest.fixture
 def doubter(install: Any) -> str:
@@ -59,9 +79,23 @@ def test_a_contradiction_is_listed_once_with_what_both_say(
     assert found["verdicts"]["kinematic"]["status"] == "feasible"
     said = found["verdicts"]["doubter"]
     assert (said["reason"], said["evidence"]) == ("hardly", {"doubt": 0.5})
+    assert [one["stage"] for one in said["stages"]] == ["precondition", "precedence", "doubter"]
     assert document["complete"]
     assert document["questions"] == document["agree"] + found["states"]
     assert set(document["seconds"]) == {"kinematic", "doubter"}
+
+
+def test_contradictions_are_drawn_by_each_engine_that_can(
+    cli: Any, board: str, install: Any, tmp_path: Path
+) -> None:
+    """A file a contradiction and engine, which the document and the table name."""
+    install("physics", "sketcher", "sketching_engine:Sketcher", SKETCHER)
+    words = ("compare", board, "--engines", "kinematic,sketcher", "--pictures")
+    document = cli(*words, str(tmp_path / "drawn"), "--format", "json").document
+    (found,) = document["contradictions"]
+    assert found["pictures"] == {"sketcher": str(tmp_path / "drawn" / "001-sketcher.png")}
+    assert Path(found["pictures"]["sketcher"]).read_bytes().startswith(b"\x89PNG")
+    assert "001-sketcher.png" in cli(*words, str(tmp_path / "again")).out.replace("\n", "")
 
 
 def test_what_one_engine_grants_is_followed(cli: Any, board: str, doubter: str) -> None:

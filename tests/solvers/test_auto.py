@@ -170,3 +170,12 @@ def test_it_proves_what_exact_search_proves(config):
     found = solve(task, "auto", CHART)
     assert found.status == Status.OPTIMAL
     assert found.cost == pytest.approx(solve(task, "exact", CHART).cost, abs=1e-9)
+
+
+@pytest.mark.slow(reason="exact search tries first; the fleet solver itself in every run")
+def test_several_agents_are_left_to_the_fleet():
+    """Where exact search has no proof after a while; it proves what two of them need."""
+    task = load_problem("configs/swarmitfix_fleet.yaml").part("fleet")
+    result = solve(task, "auto")
+    assert result.trace["choice"] == "fleet, as several agents move at once"
+    assert (result.status, result.cost) == (Status.OPTIMAL, 36)

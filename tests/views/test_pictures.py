@@ -139,9 +139,12 @@ def test_numbers_of_steps_cover_no_others() -> None:
 
 
 def test_a_circle_is_drawn_all_the_same(board: Task) -> None:
-    """No order exists, and the picture says so."""
-    graph = precedence_graph(board, chart(relation("clock", "brace"), relation("brace", "clock")))
-    assert any("no order exists" in text for text in labels(precedence_picture(graph, "circle")))
+    """No order exists, and the picture says so; the other pairs are in layers as ever."""
+    graph = precedence_graph(board, chart(relation("clock", "pcb"), relation("clock", "brace")))
+    assert [("clock", "pcb")] == [(e.before, e.after) for e in graph.edges if e.closing]
+    depth = {one: k for k, layer in enumerate(graph.layers) for one in layer}
+    assert (0, 1, 2, 3) == tuple(depth[one] for one in ("pcb", "clock", "brace", "screw_1"))
+    assert any("closes a cycle" in text for text in labels(precedence_picture(graph, "circle")))
 
 
 def test_alternatives_stand_below_the_graph(board: Task) -> None:

@@ -14,6 +14,7 @@ from skillplan.views.report.chapters import comparison_chapter
 from skillplan.views.report.markup import Markup, tag, text
 from skillplan.views.report.page import Chapter, Section, json_in_page, page_html
 from skillplan.views.report.player_files import Player, page_style
+from skillplan.views.report.summary import lead
 from skillplan.views.report.tables import number, numbers, seconds, share, table
 
 HOSTILE = "<script>alert(1)</script> \"quoted\" 'x' </title></style> \x1b[31m \u202e &amp;"
@@ -168,3 +169,15 @@ def test_numbers_of_a_column_have_the_same_decimals() -> None:
     """As many as the longest needs, five at most; counts stay whole, and what is none a dash."""
     assert numbers([0.038, 0.0816088, 1.5]) == ["0.03800", "0.08161", "1.50000"]
     assert numbers([0.25, 2.0, None, 3]) == ["0.25", "2.00", "-", "3"]
+
+
+def test_of_what_has_no_plan_the_page_says_why_and_shows_no_empty_figures() -> None:
+    """Each reason is a sentence of its own."""
+    why = "pcb before clock before pcb: clock belongs on pcb\nwith another start it has an order"
+    said = str(lead({"status": "infeasible", "reason": why, "cost": None, "cost_unit": "m"}))
+    assert [
+        "Proved: there is no plan.",
+        "pcb before clock before pcb: clock belongs on pcb.",
+        "with another start it has an order.",
+    ] == re.findall(r'<p class="lead">(.*?)</p>', said)
+    assert ["Status"] == re.findall("<dt>(.*?)</dt>", said)

@@ -110,3 +110,38 @@ def orderable(components: Iterable[str], pairs: Iterable[tuple[str, str]]) -> se
         for component in components
         if component not in stuck and not any((one, component) in closed for one in stuck)
     }
+
+
+def acyclic(
+    pairs: Iterable[tuple[str, str]], order: Sequence[str]
+) -> tuple[set[tuple[str, str]], set[tuple[str, str]]]:
+    """Return a relation without the pairs that close its cycles, and these.
+
+    Parameters
+    ----------
+    pairs
+        Of what comes before what.
+    order
+        All components; walks along pairs begin in this order.
+    """
+    places = {component: place for place, component in enumerate(order)}
+    after: dict[str, list[str]] = {component: [] for component in order}
+    for one, other in sorted(pairs, key=lambda pair: (places[pair[0]], places[pair[1]])):
+        after[one].append(other)
+    closing: set[tuple[str, str]] = set()
+    done: set[str] = set()
+    for start in order:
+        path = [start] if start not in done else []
+        left = {start: list(after[start])}
+        while path:
+            here = path[-1]
+            if not left[here]:
+                done.add(path.pop())
+                continue
+            there = left[here].pop(0)
+            if there in path:
+                closing.add((here, there))
+            elif there not in done:
+                path.append(there)
+                left[there] = list(after[there])
+    return {(one, other) for one in order for other in after[one]} - closing, closing

@@ -22,7 +22,7 @@ _LABELS = 6_000
 
 
 class AutoSolver(Solver):
-    """Choose: exact for what is small, the portfolio for jobs in an order, else exact again."""
+    """Choose: exact where small, the portfolio for orders, fleet for agents, else exact again."""
 
     name = "auto"
     polls = True
@@ -54,6 +54,12 @@ class AutoSolver(Solver):
         try:
             portfolio.problem(model)
         except NotASequencing as error:
+            from skillplan.solvers.multiagent.fleet import FleetSolver
+
+            fleet = FleetSolver(stop=self.stop)
+            if fleet.refuses(model) is None:
+                found = self._by(fleet, model, seed, "fleet, as several agents move at once")
+                return _with_bound(found, solution)
             return self._by(ExactSolver(stop=self.stop), model, seed, f"exact, as {error}")
         after = f"no proof by exact within {_LABELS:,} arrows" if small else "many jobs"
         found = portfolio.solve(model, seed=seed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from skillplan.checks.feasibility import Feasibility
 from skillplan.task.skill import Skill
@@ -25,6 +25,8 @@ class Contradiction:
         What was asked, and where it was asked first.
     verdicts
         By the engine's name.
+    stages
+        By the engine's name, the verdicts of all that was asked of it, also beyond what decided.
     states
         In how many states engines differ by the same verdicts on this skill.
     """
@@ -32,6 +34,7 @@ class Contradiction:
     skill: Skill
     state: State
     verdicts: Mapping[str, Verdict] = field(hash=False)
+    stages: Mapping[str, tuple[Verdict, ...]] = field(hash=False)
     states: int = 1
 
 
@@ -163,14 +166,17 @@ class _Findings:
     def _note(self, skill: Skill, state: State, verdicts: Mapping[str, Verdict]) -> None:
         words = [(one.status, one.reason, one.present, one.absent) for one in verdicts.values()]
         key = (skill.name, *words)
-        self._first.setdefault(key, Contradiction(skill, state, verdicts))
+        if key not in self._first:
+            stages = {
+                name: tuple(engine.stages(skill, state)) for name, engine in self.engines.items()
+            }
+            self._first[key] = Contradiction(skill, state, verdicts, stages)
         self._count[key] = self._count.get(key, 0) + 1
 
     def agreement(self, complete: bool) -> EngineAgreement:
         """Return it."""
         contradictions = tuple(
-            Contradiction(one.skill, one.state, one.verdicts, self._count[key])
-            for key, one in self._first.items()
+            replace(one, states=self._count[key]) for key, one in self._first.items()
         )
         names = {
             name: tuple(one.name for one in engine.back_ends)

@@ -47,7 +47,10 @@ def _contradiction(found: Contradiction, files: Mapping[str, str]) -> dict[str, 
         "skill": found.skill.name,
         "facts": list(found.state),
         "states": found.states,
-        "verdicts": {name: _verdict(verdict) for name, verdict in found.verdicts.items()},
+        "verdicts": {
+            name: {**_verdict(verdict), "stages": [_verdict(one) for one in found.stages[name]]}
+            for name, verdict in found.verdicts.items()
+        },
         "pictures": dict(files),
     }
 

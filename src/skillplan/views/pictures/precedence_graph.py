@@ -6,10 +6,10 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from skillplan.chart.partial_order import closure, reduction
+from skillplan.chart.partial_order import acyclic, closure, reduction
 from skillplan.chart.precedence_chart import DerivedChart
 from skillplan.task.task import Task
-from skillplan.views.pictures.graph_layers import layers_of
+from skillplan.views.pictures.graph_layers import GraphLayers, layers_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +24,8 @@ class Edge:
         Reasons, in words.
     derived, drawn
         Whether back ends say so, and whether the hand-made chart does.
+    closing
+        Whether it closes a cycle, so that no order exists.
     """
 
     before: str
@@ -31,6 +33,7 @@ class Edge:
     why: str
     derived: bool
     drawn: bool
+    closing: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +71,15 @@ class PrecedenceGraph:
     followers: int = field(default=0)
 
     @property
+    def placed(self) -> GraphLayers:
+        """The components by the longest chain before them, with what passes layers."""
+        forward = [(one.before, one.after) for one in self.edges if not one.closing]
+        return layers_of(self.components, forward)
+
+    @property
     def layers(self) -> list[list[str]]:
         """The components by the longest chain before them, neighbours near each other."""
-        layers = layers_of(self.components, [(e.before, e.after) for e in self.edges]).layers
+        layers = self.placed.layers
         return [[one for one in layer if isinstance(one, str)] for layer in layers]
 
     def dot(self, name: str) -> str:
@@ -107,13 +116,19 @@ def precedence_graph(
     back_ends
         Their names.
     """
-    drawn = closure((line.before, line.after) for line in task.chart)
+    lines = {(line.before, line.after) for line in task.chart}
     reasons = {} if chart is None else {(r.before, r.after): r.reason for r in chart.relations}
-    derived = closure(reasons)
+    forward, closing = acyclic(lines | set(reasons), tuple(task.operations))
+    derived, drawn = closure(forward & set(reasons)), closure(forward & lines)
     kept = reduction(derived | drawn)
     edges = []
-    for one, other in sorted(kept, key=lambda pair: _places(task, pair)):
-        pair = (one, other)
+    for pair in sorted(kept | closing, key=lambda pair: _places(task, pair)):
+        one, other = pair
+        if pair in closing:
+            said = f"{reasons.get(pair, 'hand-made')}; with what comes before it this is a cycle"
+            words = f"{one} before {other}: {said}"
+            edges.append(Edge(one, other, words, pair in reasons, pair in lines, closing=True))
+            continue
         why = reasons.get(pair, "follows from derived pairs" if pair in derived else "hand-made")
         if pair in derived and pair in drawn:
             why += " (hand-made as well)"

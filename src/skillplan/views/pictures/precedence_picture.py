@@ -19,7 +19,7 @@ from skillplan.views.pictures.drawing import (
     shortened,
     text_width_px,
 )
-from skillplan.views.pictures.graph_layers import Bend, layers_of
+from skillplan.views.pictures.graph_layers import Bend
 from skillplan.views.pictures.precedence_graph import Edge, PrecedenceGraph
 
 _NODE_PX, _GAP_PX, _LAYER_PX, _PAD_PX = 26.0, 14.0, 78.0, 14.0
@@ -52,7 +52,7 @@ class _Graph:
 
     def __init__(self, graph: PrecedenceGraph) -> None:
         self.graph = graph
-        placed = layers_of(graph.components, [(e.before, e.after) for e in graph.edges])
+        placed = graph.placed
         self.bends = placed.bends
         self.names = {one: shortened(one, _MOST_NAME_PX) for one in graph.components}
         heights = [sum(map(_height_px, layer)) for layer in placed.layers]
@@ -75,7 +75,7 @@ class _Graph:
         choices = 34.0 * len(self.graph.choices)
         items: list[Item] = []
         for edge in self.graph.edges:
-            items += self._edge(edge)
+            items += self._closing(edge) if edge.closing else self._edge(edge)
         for one in self.graph.components:
             items += self._node(one)
         top = _PAD_PX + self.tall + 8
@@ -115,6 +115,26 @@ class _Graph:
         yield Shape(tuple(points[:-2]), look, closed=False, title=edge.why)
         yield from arrow(points[-4], end, Look(stroke=role, width_px=1.5), head_px=8)
 
+    def _closing(self, edge: Edge) -> Iterator[Item]:
+        """Yield a curve below the nodes, from one back to another."""
+        (left, right, middle), (to_left, to_right, to_middle) = (
+            self.boxes[one] for one in (edge.before, edge.after)
+        )
+        start = ((left + right) / 2, middle + _NODE_PX / 2)
+        end = ((to_left + to_right) / 2, to_middle + _NODE_PX / 2)
+        low = max(start[1], end[1]) + _GAP_PX
+        points = [
+            (
+                _cubic(start[0], start[0], end[0], end[0], k / 20),
+                _cubic(start[1], low, low, end[1], k / 20),
+            )
+            for k in range(21)
+        ]
+        yield Shape(
+            tuple(points[:-2]), Look(stroke="red", width_px=1.8), closed=False, title=edge.why
+        )
+        yield from arrow(points[-4], end, Look(stroke="red", width_px=1.8), head_px=8)
+
     def _choice(self, number: int, middle: float) -> Iterator[Item]:
         """Yield what has to hold in one way or another, as a row below the graph."""
         choice = self.graph.choices[number]
@@ -138,8 +158,10 @@ class _Graph:
     def _words(self) -> Iterator[str]:
         if self.graph.origin:
             yield f"{self.graph.origin}; {self.graph.followers} more pairs follow from these"
-        if any(edge.derived != edge.drawn for edge in self.graph.edges):
+        if any(one.derived != one.drawn for one in self.graph.edges if not one.closing):
             yield "black: derived and hand-made; blue: derived only; orange, dashed: hand-made only"
+        if any(edge.closing for edge in self.graph.edges):
+            yield "red: closes a cycle, so that no order exists"
         yield from (shortened(note, 900, SMALL_PX) for note in self.graph.notes)
 
 
@@ -150,8 +172,13 @@ def _height_px(one: str | Bend) -> float:
 
 def _bezier(start: Point, end: Point, bend: float, at: float) -> Point:
     """Return a point of a cubic curve that leaves and arrives level."""
-    controls = (start, (start[0] + bend, start[1]), (end[0] - bend, end[1]), end)
-    weights = [math.comb(3, k) * at**k * (1 - at) ** (3 - k) for k in range(4)]
-    x = sum(w * p[0] for w, p in zip(weights, controls, strict=True))
-    y = sum(w * p[1] for w, p in zip(weights, controls, strict=True))
-    return (x, y)
+    x = _cubic(start[0], start[0] + bend, end[0] - bend, end[0], at)
+    return (x, _cubic(start[1], start[1], end[1], end[1], at))
+
+
+def _cubic(start: float, one: float, other: float, end: float, at: float) -> float:
+    """Return one coordinate of a cubic Bezier curve, `at` from 0 to 1."""
+    controls = (start, one, other, end)
+    return sum(
+        math.comb(3, k) * at**k * (1 - at) ** (3 - k) * value for k, value in enumerate(controls)
+    )

@@ -90,7 +90,7 @@ def plan_chapter(given: PlanInput, name: str) -> Chapter:
         )
     if has_plan:
         sections.append(plan_section(task, document, measured))
-    if has_plan and in_cell:
+    if in_cell:
         sections.append(picture_section(task, document, name))
     if given.graph is not None and given.graph.components:
         sections.append(precedence_section(given.graph, name))

@@ -94,10 +94,12 @@ def plan_section(
 
 
 def picture_section(task: Task, document: Mapping[str, Any], name: str) -> Section:
-    """Return the cell from above and the product taken apart."""
+    """Return the cell from above and, where there is a plan, the product taken apart."""
     skills = [str(step["skill"]) for step in _steps(document)]
     above = layout_picture(task, skills)
-    words = "The cell from above, with the path of the plan; a number stands where its step ends."
+    words = "The cell from above" + (
+        ", with the path of the plan; a number stands where its step ends." if skills else "."
+    )
     made = [figure(above, f"{name}-layout", words)]
     try:
         apart = exploded_picture(task, skills)
@@ -139,15 +141,18 @@ def refusals_section(
                     (one.skill, f"{one.verdict.status.value} in simulation", one.verdict.reason)
                 )
     if graph is not None:
+        skills = {skill.name for skill in task.skills}
         for words in graph.notes:
-            rows.append((words.partition(" ")[0], "by geometry", words))
+            first = words.partition(" ")[0]
+            rows.append((first if first in skills else task.name, "by geometry", words))
         for choice in graph.choices:
             words = " or ".join(
                 " and ".join(f"{a} before {b}" for a, b in group) for group in choice.groups
             )
             rows.append((choice.component, "needs one or another", f"{choice.skill}: {words}"))
     if document.get("status") not in ("optimal", "solved"):
-        rows.append((task.name, str(document.get("status")), document.get("reason") or "-"))
+        for words in str(document.get("reason") or "-").splitlines():
+            rows.append((task.name, str(document.get("status")), words))
     return refused_section(rows)
 
 

@@ -37,23 +37,25 @@ def lead(document: Mapping[str, Any], measured_s: float | None = None) -> Markup
     """
     status = str(document.get("status"))
     unit = document.get("cost_unit") or ""
-    reason = str(document.get("reason") or "").rstrip(".")
-    words = _WORDS.get(status, "There is no plan.")
-    sentence = tag("p", {"class": "lead"}, f"{words} {reason}." if reason else words)
-    planned = document.get("makespan_s")
-    figures: list[tuple[str, object]] = [
-        ("Status", chip(status)),
-        ("Cost", _with(f"{number(document.get('cost'))} {unit}", document.get("kind_of_cost"))),
-        ("Lower bound", f"{number(document.get('lower_bound'))} {unit}".strip()),
-        ("Gap", share(document.get("gap"))),
-        ("Skills", number(document.get("makespan"))),
-        (
-            "Time of the plan",
-            _with(f"{seconds(measured_s)} s", f"simulated; planned {seconds(planned)} s")
-            if measured_s is not None
-            else _with(f"{seconds(planned)} s", "planned"),
-        ),
-    ]
+    reasons = [one.rstrip(".") for one in str(document.get("reason") or "").splitlines()]
+    words = [_WORDS.get(status, "There is no plan."), *(f"{one}." for one in reasons if one)]
+    sentence = join([tag("p", {"class": "lead"}, one) for one in words])
+    planned, cost, bound = (document.get(k) for k in ("makespan_s", "cost", "lower_bound"))
+    figures: list[tuple[str, object]] = [("Status", chip(status))]
+    if cost is not None:
+        figures.append(("Cost", _with(f"{number(cost)} {unit}", document.get("kind_of_cost"))))
+    if bound is not None:
+        figures.append(("Lower bound", f"{number(bound)} {unit}".strip()))
+    if cost is not None:
+        figures += [
+            ("Gap", share(document.get("gap"))),
+            ("Skills", number(document.get("makespan"))),
+        ]
+    if measured_s is not None:
+        small = f"simulated; planned {seconds(planned)} s"
+        figures.append(("Time of the plan", _with(f"{seconds(measured_s)} s", small)))
+    elif planned is not None:
+        figures.append(("Time of the plan", _with(f"{seconds(planned)} s", "planned")))
     made = [tag("div", {}, tag("dt", {}, name), tag("dd", {}, value)) for name, value in figures]
     return join([sentence, tag("dl", {"class": "figures"}, *made)])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from skillplan.records.execution.agreement import Pictures
+from skillplan.task.verdict import Verdict
 from skillplan.trials.engine_agreement import EngineAgreement
 from skillplan.views.text.evidence_text import evidence_text
 from skillplan.views.text.table import Column, Table
@@ -48,7 +49,7 @@ def agreement_tables(agreement: EngineAgreement, pictures: Pictures = ()) -> lis
             name,
             verdict.status.value,
             verdict.reason or "-",
-            evidence_text(verdict.evidence) or "-",
+            "; ".join(_measured(stage) for stage in one.stages[name] if stage.evidence) or "-",
             " ".join(one.state) or "-",
             files.get(name, "-"),
         )
@@ -60,3 +61,8 @@ def agreement_tables(agreement: EngineAgreement, pictures: Pictures = ()) -> lis
         Column(heading, below=True) for heading in ("reason", "evidence", "where", "picture")
     ]
     return [Table(f"{task.name}: contradictions", columns, said), summary]
+
+
+def _measured(verdict: Verdict) -> str:
+    """Return what a back end measured, and which."""
+    return f"{verdict.stage}: {evidence_text(verdict.evidence)}"
