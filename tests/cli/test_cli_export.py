@@ -25,6 +25,15 @@ def test_a_plan_and_a_task_are_handed_over(
     assert {"one.csv", "same.csv", "pddl"} == {path.name for path in tmp_path.iterdir()}
 
 
+def test_of_what_may_fail_by_chance_the_cost_is_that_of_no_failure(
+    cli: Any, tmp_path: Path
+) -> None:
+    """A behaviour tree tries again, which costs more."""
+    words = ["--to", "btcpp", "--sequence", PLAN, "--out", str(tmp_path / "tree.xml")]
+    told = cli("export", "configs/inverter_grasps.yaml", *words)
+    assert (0, True) == (told.code, told.out.endswith("m if nothing fails\n"))
+
+
 @pytest.mark.parametrize(
     ("words", "message", "code"),
     [

@@ -22,15 +22,10 @@ from matplotlib.image import imread
 
 from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.errors import OptionError
+from skillplan.views.figures.colours import PALETTE
 from skillplan.views.figures.figure_file import checked_path, figure_bytes, save_figure
 from skillplan.views.figures.figure_request import Run
-from skillplan.views.figures.figure_style import (
-    PALETTE,
-    Heading,
-    sheet,
-    text_colour,
-    text_width_in,
-)
+from skillplan.views.figures.figure_style import Heading, sheet, text_colour
 from skillplan.views.figures.label_placement import LabelPlacer
 from skillplan.views.figures.learning_figure import (
     LearningCurve,
@@ -51,6 +46,7 @@ from skillplan.views.figures.swarmitfix.placement_marks import (
     ranges_text,
 )
 from skillplan.views.figures.swarmitfix.policy_figure import policy_figure, steps_to
+from skillplan.views.figures.text_width import text_width_in
 
 pytestmark = pytest.mark.slow(reason="draws; commands draw some in every run")
 

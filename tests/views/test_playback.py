@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import math
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -213,3 +215,17 @@ def test_no_trace_has_more_contacts_than_a_page_can_hold() -> None:
     entries = contact_entries(pressed([5.0, 90.0, 300.0, 20.0] * 400), most=50)
     assert len(entries) <= 50
     assert -300.0 == min(entry["force_n"][2] for entry in entries)
+
+
+def test_what_pages_are_made_of_loads_no_figures_and_no_trimesh() -> None:
+    """Each takes as long to import as a page without them."""
+    code = (
+        "import sys, skillplan.cli.report_inputs\n"
+        "from skillplan.views.figures.text_width import text_width_in\n"
+        "from skillplan.views.playback.meshes import hull_mesh\n"
+        "text_width_in('pcb', 9.0), hull_mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])\n"
+        "heavy = ('matplotlib.figure', 'matplotlib.axes', 'trimesh')\n"
+        "print([one for one in heavy if one in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "[]" == done.stdout.strip()

@@ -113,7 +113,8 @@ def command(
     for note in notes:
         tell(f"skillplan: note: {note}")
     what = loaded.name if plan is None else f"{len(plan.steps)} skills, {_cost(loaded, plan.cost)}"
-    write_out(f"{out}: {what}\n")
+    whether = " if nothing fails" if plan is not None and handover.chance else ""
+    write_out(f"{out}: {what}{whether}\n")
     return exit_code()
 
 

@@ -1,8 +1,4 @@
-"""The look that all figures share: colours, fonts, headings, and an empty sheet in inches.
-
-Colours are those of Okabe and Ito ("Color universal design", 2008), which people with any of the
-common colour vision deficiencies distinguish; nothing is shown by colour alone.
-"""
+"""The look that all figures share: fonts, headings, and an empty sheet in inches."""
 
 from __future__ import annotations
 
@@ -10,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache, wraps
+from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
 import matplotlib
@@ -18,18 +14,10 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties
-from matplotlib.path import Path
-from matplotlib.textpath import TextPath
 from matplotlib.ticker import FuncFormatter
 
-INK = "#1a1a1a"
-MUTED = "#5f6368"
-FAINT = "#c9cdd2"
-PAPER = "#ffffff"
-BLUE, ORANGE, GREEN, RED = "#0072b2", "#e69f00", "#009e73", "#d55e00"
-PURPLE, SKY, OLIVE, GREY = "#cc79a7", "#56b4e9", "#8a7a00", "#6e6e6e"
-PALETTE = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, OLIVE, GREY)
+from skillplan.views.figures.colours import INK, MUTED, PAPER
+from skillplan.views.figures.text_width import text_width_in
 
 TITLE_PT, TEXT_PT, SMALL_PT, LEAST_PT = 12.0, 9.0, 7.5, 4.5
 TITLE_IN = 0.30
@@ -135,18 +123,6 @@ def in_house_style(draw: Callable[_P, _R]) -> Callable[_P, _R]:
             return draw(*args, **kwargs)
 
     return styled
-
-
-@lru_cache(maxsize=4096)
-def text_width_in(text: str, size_pt: float) -> float:
-    """Return how wide a text is [in] at a font size [pt]."""
-    if not text.strip():
-        return 0.0
-    prop = FontProperties(family="DejaVu Sans")
-    path = TextPath((0, 0), text, size=size_pt, prop=prop)
-    # Outlines of fonts have points at their extremes: ten times as fast as to bound the curves.
-    drawn_pt = path.vertices[path.codes != Path.CLOSEPOLY, 0]
-    return float(drawn_pt.max() - drawn_pt.min()) / 72
 
 
 def sheet(width_in: float, height_in: float, heading: Heading) -> Figure:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from skillplan.views.figures.figure_style import (
+from skillplan.views.figures.colours import (
     BLUE,
     FAINT,
     GREEN,
@@ -23,8 +23,8 @@ from skillplan.views.figures.figure_style import (
     PURPLE,
     RED,
     SKY,
-    text_width_in,
 )
+from skillplan.views.figures.text_width import text_width_in
 
 Point = tuple[float, float]
 

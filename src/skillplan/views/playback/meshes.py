@@ -42,11 +42,19 @@ def mesh_document(points: Numbers, triangles: Triangles) -> dict[str, Any]:
 
 
 def hull_mesh(points: Sequence[Sequence[float]]) -> tuple[Numbers, Triangles]:
-    """Return the convex hull of some points as corners and triangles."""
-    import trimesh
+    """Return the convex hull of some points as corners and triangles, seen from outside."""
+    # What trimesh asks as well; to import that takes as long as all the rest of a page.
+    from scipy.spatial import ConvexHull
 
-    made = trimesh.convex.convex_hull(np.array(points, dtype=np.float64))
-    return np.asarray(made.vertices), np.asarray(made.faces, dtype=np.int64)
+    found = ConvexHull(np.array(points, dtype=np.float64), qhull_options="QbB Pp Qt")
+    used, renumbered = np.unique(found.simplices, return_inverse=True)
+    corners, triangles = found.points[used], renumbered.reshape(-1, 3)
+    a, b, c = corners[triangles].transpose(1, 0, 2)
+    across = np.cross(b - a, c - a)
+    inward = (across * found.equations[:, :3]).sum(axis=1) < 0
+    triangles[inward] = triangles[inward, ::-1]
+    wide = np.linalg.norm(across, axis=1) > 0
+    return corners, triangles[wide].astype(np.int64)
 
 
 def read_obj(path: Path) -> tuple[Numbers, Triangles]:

@@ -16,12 +16,10 @@ from matplotlib.patches import Circle, FancyArrow, Polygon
 from numpy.typing import NDArray
 
 from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.views.figures.colours import FAINT, MUTED, PAPER
 from skillplan.views.figures.figure_style import (
-    FAINT,
     LEAST_PT,
     LEAST_WIDTH_IN,
-    MUTED,
-    PAPER,
     SMALL_PT,
     Heading,
     axes_in,

@@ -13,25 +13,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from skillplan.views.figures.colours import BLUE, GREEN, INK, MUTED, ORANGE, PAPER, PURPLE
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
 from skillplan.views.figures.figure_style import (
-    BLUE,
-    GREEN,
-    INK,
     LEAST_PT,
-    MUTED,
-    ORANGE,
-    PAPER,
-    PURPLE,
     SMALL_PT,
     Heading,
     axes_in,
     in_house_style,
     legend_columns,
     sheet,
-    text_width_in,
 )
 from skillplan.views.figures.swarmitfix.requested_bench import requested_bench
+from skillplan.views.figures.text_width import text_width_in
 
 SOLVER = "exact"
 STEPS = {"retract": BLUE, "park": PURPLE, "swing": "#d9dce0", "approach": ORANGE, "support": GREEN}

@@ -16,16 +16,9 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from skillplan.domains.swarmitfix.bench.bench import Bench
+from skillplan.views.figures.colours import GREEN, INK, MUTED, ORANGE, PAPER
 from skillplan.views.figures.figure_request import FigureRequest, Outcome, Run
-from skillplan.views.figures.figure_style import (
-    GREEN,
-    INK,
-    MUTED,
-    ORANGE,
-    PAPER,
-    Heading,
-    in_house_style,
-)
+from skillplan.views.figures.figure_style import Heading, in_house_style
 from skillplan.views.figures.swarmitfix.bench_canvas import BenchCanvas, bench_canvas
 from skillplan.views.figures.swarmitfix.placement_labels import draw_labels
 from skillplan.views.figures.swarmitfix.placement_marks import (

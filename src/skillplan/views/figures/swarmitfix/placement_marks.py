@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.views.figures.figure_style import BLUE, GREEN, OLIVE, PURPLE, RED, SKY
+from skillplan.views.figures.colours import BLUE, GREEN, OLIVE, PURPLE, RED, SKY
 
 Point2 = tuple[float, float]
 RADIUS = 0.2

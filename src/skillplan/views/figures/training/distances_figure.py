@@ -14,9 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from skillplan.task.task import Metric
+from skillplan.views.figures.colours import INK, PALETTE
 from skillplan.views.figures.figure_style import (
-    INK,
-    PALETTE,
     SMALL_PT,
     Heading,
     axes_in,

@@ -12,11 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
+from skillplan.views.figures.colours import BLUE, INK, MUTED, RED
 from skillplan.views.figures.figure_style import (
-    BLUE,
-    INK,
-    MUTED,
-    RED,
     SMALL_PT,
     Heading,
     axes_in,

@@ -11,9 +11,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
 from skillplan.task.task import Metric
+from skillplan.views.figures.colours import INK, PALETTE
 from skillplan.views.figures.figure_style import (
-    INK,
-    PALETTE,
     Heading,
     axes_in,
     in_house_style,

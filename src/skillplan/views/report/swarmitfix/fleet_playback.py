@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from skillplan.domains.swarmitfix.bench.bench import Bench
-from skillplan.views.figures.figure_style import PALETTE
+from skillplan.views.figures.colours import PALETTE
 from skillplan.views.playback.document import Playback
 from skillplan.views.playback.tracks import FRAMES_PER_S
 from skillplan.views.report.swarmitfix.bases import (
