@@ -11,8 +11,7 @@ SEED := 1
 SCALE := 1
 ENGINES = $$($(HAS_PYBULLET) && echo pybullet) mujoco
 SOURCES := src tests benchmarks examples plugins docs .ci
-# Each process takes a run of neighbours, which share what they set up. Plugins come first: the most
-# expensive tests are theirs, and at the end none of those is left for one process alone.
+# Each process takes a run of neighbours, which share what they set up.
 PYTEST := $(BIN)/pytest -n auto --dist worksteal -q
 # Without bytecode every process of a test, and every command, would compile all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
@@ -60,16 +59,16 @@ demo: .venv/.demo try-web  ## the board to its proven optimum, also by physics a
 	  '' 'Open the page: file://$(abspath $(PAGE))'
 
 test: .venv/.test try-web  ## the suite, without what takes minutes
-	$(PYTEST) plugins tests
+	$(PYTEST) tests plugins
 
 test-all: .venv/.test try-web  ## the whole suite, in a quarter of an hour at most
-	$(PYTEST) -m "not release" --hypothesis-profile=whole plugins tests
+	$(PYTEST) -m "not release" --hypothesis-profile=whole tests plugins
 
 test-slow: .venv/.test try-web  ## what only the whole suite holds
-	$(PYTEST) -m "slow and not release" plugins tests
+	$(PYTEST) -m "slow and not release" tests plugins
 
 test-release: .venv/.test try-web  ## claims of minutes each, and property tests with all their examples
-	$(PYTEST) -m "release or hypothesis" --hypothesis-profile=thorough plugins tests
+	$(PYTEST) -m "release or hypothesis" --hypothesis-profile=thorough tests plugins
 
 fault-campaign: .venv/.test  ## kills, failing writes, mutated inputs and liars; SEED=1 SCALE=1
 	$(BIN)/python tests/campaign --seed $(SEED) --scale $(SCALE)
