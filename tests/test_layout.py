@@ -30,9 +30,6 @@ MOST_LINES = 60
 
 # Functions that are longer than the cap, and why they stay whole: path:name -> reason.
 LONG_FUNCTIONS = {
-    "src/skillplan/solvers/ordering/local_search/ruin_and_recreate.py:improve": (
-        "one compiled loop over arrays; its parts would hand a dozen of them to each other"
-    ),
     "src/skillplan/solvers/ordering/subsets/held_karp.py:expand": (
         "one compiled loop; the comment at its beginning says what parts of it would cost"
     ),

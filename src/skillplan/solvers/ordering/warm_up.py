@@ -23,6 +23,9 @@ def warm_up() -> None:
     instance = _instance()
     for method in METHODS:
         OrderingSearch(instance, (method,), rounds=1).run()
+    # Costs of one direction only are searched by other moves.
+    one_way = OrderingInstance(np.triu(instance.costs) + 1.0, instance.before)
+    OrderingSearch(one_way, ("local-search",), rounds=1).run()
     # A search turns to this only where the others do not soon prove its optimum.
     relaxation = CutRelaxation(instance, instance.costs < NO_ARC)
     PairRelaxation(relaxation).run(_WORK, np.inf, lambda: False, lambda duals: None)

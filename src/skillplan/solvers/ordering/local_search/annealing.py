@@ -1,7 +1,8 @@
 """Simulated annealing of orders, with several cooling schedules in turn.
 
 Kirkpatrick, Gelatt and Vecchi, "Optimization by simulated annealing" (1983); the moves are those
-of `ruin_and_recreate`. A run is made in portions, between which it can be stopped.
+of `ruin_and_recreate`, or those of `iterated_descent` where strings may be reversed. A run is made
+in portions, between which it can be stopped.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from skillplan.solvers.ordering.instance import NO_ARC, Integers, OrderingInstance
+from skillplan.solvers.ordering.local_search.iterated_descent import descend_again
 from skillplan.solvers.ordering.local_search.ruin_and_recreate import improve
 
 _NEAR = 40
@@ -18,13 +20,12 @@ _NEAR = 40
 # moves that shift a string as it is; and the factor by which the temperature falls.
 _SCHEDULES = ((1.0, 0.5), (2.0, 0.9), (1.0, 0.9), (2.0, 0.3), (0.5, 0.6))
 _COOLING = 300.0
-# The same factor, and the share of moves that exchange arcs, where reversing strings pays: costs
-# of the two directions differ by at most this share of them, and of all pairs of nodes at most
-# this share is in a precedence.
-_REVERSING_COOLING, _REVERSING_EXCHANGES = 60.0, 0.75
+# Where reversing strings pays, orders are kicked and descend again: costs of the two directions
+# differ by at most this share of them, and of all pairs of nodes at most this share is in a
+# precedence. The factor is smaller then, and a kick takes as long as so many moves.
 _SKEW, _ORDERED = 0.2, 0.25
-# An exchange of arcs takes as long as so many more moves.
-_EXCHANGE_MOVES = 2
+_KICK_COOLING, _KICK_MOVES = 20.0, 8
+_LEAST_NODES = 8
 # Moves times nodes of a portion: some tenths of a second.
 _PORTION = 10_000_000
 
@@ -89,9 +90,8 @@ class Annealing:
         self._follow = followers(instance)
         used = instance.costs[instance.costs < NO_ARC]
         self._typical = float(used.mean()) if used.size else 1.0
-        reversible = _reversible(instance)
-        self._exchanges = _REVERSING_EXCHANGES if reversible else 0.0
-        self._cooling = _REVERSING_COOLING if reversible else _COOLING
+        self._kicked = instance.n >= _LEAST_NODES and _reversible(instance)
+        self._cooling = _KICK_COOLING if self._kicked else _COOLING
         self._turn = 0
 
     def portions(self, order: Integers, cost: float, moves: int) -> Iterator[tuple[Integers, int]]:
@@ -104,10 +104,9 @@ class Annealing:
         cost
             What it costs; inf for an order that takes arcs that no order takes.
         moves
-            How many in all; fewer where some exchange arcs, which takes longer.
+            How many in all; fewer where orders are kicked, which takes longer.
         """
         n = self._instance.n
-        moves = int(moves / (1 + _EXCHANGE_MOVES * self._exchanges))
         share, shifts = _SCHEDULES[self._turn % len(_SCHEDULES)]
         self._turn += 1
         initial = share * max(1e-9, min(cost, n * self._typical) / n)
@@ -115,18 +114,23 @@ class Annealing:
         now, best = order.copy(), order.copy()
         for portion in range(count):
             temperature = initial * self._cooling ** (-portion / count)
-            improve(
-                now,
-                best,
-                self._instance.costs,
-                self._instance.before,
-                self._near,
-                self._follow,
-                moves // count,
-                temperature,
-                temperature * self._cooling ** (-1 / count),
-                self._exchanges,
-                shifts,
-                self._random,
-            )
+            last = temperature * self._cooling ** (-1 / count)
+            self._run(now, best, moves // count, (temperature, last), shifts)
             yield best, moves // count
+
+    def _run(
+        self,
+        now: Integers,
+        best: Integers,
+        moves: int,
+        temperatures: tuple[float, float],
+        shifts: float,
+    ) -> None:
+        costs, before, random = self._instance.costs, self._instance.before, self._random
+        first, last = temperatures
+        if self._kicked:
+            kicks = max(1, moves // _KICK_MOVES)
+            arrays = (costs, before, self._near, self._follow)
+            descend_again(now, best, *arrays, kicks, first, last, random)
+        else:
+            improve(now, best, costs, before, self._near, moves, first, last, shifts, random)
