@@ -92,7 +92,7 @@ class Camera:
             self._drawn,
         )
         self._paint(seen, culprits)
-        self._mark_places()
+        self._mark_places(PALE if culprits else _PLACE_COLOUR)
         if self._labels:
             self._name(seen)
         self._point_at_contact(seen, culprits)
@@ -141,7 +141,7 @@ class Camera:
             return _ARM_COLOUR
         return _HAND_COLOUR if name in (HAND, *FINGERS) else self._colours[name]
 
-    def _mark_places(self) -> None:
+    def _mark_places(self, colour: Colour) -> None:
         """Draw rings where feeders and docks are."""
         for robot in self._scene.robots:
             for name, (x_m, y_m, _) in robot.places.items():
@@ -155,7 +155,7 @@ class Camera:
                     kind,
                     size,
                     where,
-                    _PLACE_COLOUR,
+                    colour,
                     label if self._labels and name.endswith(_DOCK) else "",
                 )
 
