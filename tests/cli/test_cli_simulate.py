@@ -62,7 +62,7 @@ PUPPET = '''
             for index in range(0 if skill.name == "pick(clock)" else int(2 * frames_per_s)):
                 yield Image(5, 3, bytes([index]) * 45)
 
-        def perform(self, skills, *, frames_per_s=None, show=None, note=None, stopped=None):
+        def perform(self, skills, *, frames_per_s=None, show=None, note=None, stopped=None, **_):
             if self.options.bursts:
                 raise RuntimeError("the simulator has gone away")
             state, done = self.task.initial, []

@@ -156,12 +156,14 @@ def main(number: int) -> None:
     sys.stdout.write(" ".join(digests(load_problem(BOARD).task, number)))
 
 
-def test_what_it_does_not_simulate_yet_is_refused_in_words(task, engine):
-    """Nothing is answered that it cannot know."""
-    assert engine.refuses() is None
-    refused = MujocoEngine(task, MujocoEngine.Options(control="position")).refuses()
-    assert refused is not None
-    assert "control=osc" in refused
+@pytest.mark.slow(reason="executions; that of other control is left in every run")
+def test_joints_follow_by_position_too(task):
+    """A switch is picked up by servos, and a screw pressed as hard as is commanded."""
+    engine = MujocoEngine(task, MujocoEngine.Options(control="position"))
+    for index in (2, -2):
+        verdict = engine.check(*on_the_optimum(task)[index])
+        assert verdict.is_feasible, verdict.reason
+    assert verdict.evidence["sensed"]["fastening_force_n"] == pytest.approx(5.0, rel=0.2)
 
 
 @pytest.mark.slow(reason="15 executions; single skills of every kind are left in every run")

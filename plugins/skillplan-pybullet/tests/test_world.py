@@ -7,6 +7,7 @@ import tempfile
 import numpy as np
 import pytest
 
+from skillplan.physics.view import View
 from skillplan.task.scene import Body, Pose
 from skillplan.task.shape import Box, Cylinder, Mesh
 from skillplan_pinocchio.simulation.mass_properties import mass_properties
@@ -153,7 +154,7 @@ def test_a_picture_shows_all_that_the_camera_is_about():
     corners = [(0.4 + x, y, z) for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (0.0, 0.5)]
     with World(0.6) as world:
         world.add(body, Pose.upright((0.4, 0.0, 0.0), 0.0))
-        picture = Camera.about(corners).take(world)
+        picture = Camera(View.about(corners)).take(world)
     pixels = np.frombuffer(picture.rgb, np.uint8).reshape(picture.height, picture.width, 3)
     green = (pixels[:, :, 1].astype(int) - pixels[:, :, 0]) > 20
     rows = np.flatnonzero(green.any(axis=1))

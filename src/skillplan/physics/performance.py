@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
+from skillplan.physics.view import Angle
 from skillplan.task.motion import Point
 from skillplan.task.scene import Pose
 from skillplan.task.skill import Skill
@@ -210,6 +211,8 @@ class Performer(ABC):
         show: Callable[[Image], None] | None = None,
         note: Callable[[Sample], None] | None = None,
         stopped: Callable[[], bool] = lambda: False,
+        angle: Angle | None = None,
+        labels: bool = False,
     ) -> Performance:
         """Execute a plan from the task's initial state, without a break, and measure.
 
@@ -223,4 +226,8 @@ class Performer(ABC):
             Called with a row of the trace 60 times a simulated second.
         stopped
             Called often; once true, the plan ends after the current skill.
+        angle
+            From which side pictures are taken; left out: from the one that the arm does not hide.
+        labels
+            Whether bodies have name tags in pictures, where the engine can write.
         """

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from skillplan.physics.view import View
 from skillplan.robots.hand import Hand
-from skillplan.task.scene import Body
+from skillplan.task.scene import Body, Scene
 from skillplan.task.task import Task
 from skillplan_mujoco.arm.simulated_arm import SimulatedArm
+from skillplan_mujoco.simulator.camera import Camera
 from skillplan_mujoco.simulator.cell import Cell
 from skillplan_mujoco.simulator.cell_model import cell_spec
 from skillplan_mujoco.simulator.world import World
-from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of, tool_body
+from skillplan_pinocchio.simulation.arm.hand_shapes import hands_of, tool_body
 from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
 
 
@@ -19,7 +21,7 @@ class MujocoSimulator:
     Parameters
     ----------
     task
-        With one robot, whose grippers have the same jaws.
+        With one robot.
     settings
         How it moves.
     """
@@ -32,9 +34,9 @@ class MujocoSimulator:
     def world(self) -> World:
         """Return a world with a table and nothing else; worlds before it are none any more."""
         if self._cell is None:
-            hand = hand_of(self.robot)
-            spec = cell_spec(self.robot, hand, self._bodies(hand), self.settings.friction)
-            self._cell = Cell(spec.compile(), self.settings.friction)
+            hands = hands_of(self.robot)
+            spec = cell_spec(self.robot, hands, self._bodies(hands[0]), self.settings.friction)
+            self._cell = Cell(spec.compile(), hands, self.settings.friction)
         return World(self._cell)
 
     def cell(self, hand: Hand, *, seen: bool) -> tuple[World, SimulatedArm]:
@@ -42,6 +44,10 @@ class MujocoSimulator:
         world = self.world()
         world.show_arm()
         return world, SimulatedArm(world, self.robot, self.settings, hand)
+
+    def camera(self, scene: Scene, view: View, *, labels: bool = False) -> Camera:
+        """Return a camera."""
+        return Camera(scene, view, labels=labels)
 
     def _bodies(self, hand: Hand) -> list[Body]:
         """Return all that can ever be in a world beside arm and table."""

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from skillplan.physics.performance import Image, Performance, Performer, Sample
-from skillplan.task.skill import Skill
-from skillplan.task.state import State
 from skillplan_pinocchio.simulation.execution.workcell import Workcell
+from skillplan_pinocchio.simulation.performing.performing_engine import PerformingEngine
 from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine, versions
 from skillplan_pybullet.arm.looks import looks_of
-from skillplan_pybullet.execution.footage import footage, picture
-from skillplan_pybullet.execution.plan_execution import Observers, Rules, execute_plan
 from skillplan_pybullet.pybullet_simulator import PybulletSimulator
 from skillplan_pybullet.simulation_settings import SimulationSettings
 
 
-class PybulletEngine(SimulatingEngine, Performer):
+class PybulletEngine(PerformingEngine):
     """Execute the skill with an arm in pybullet and sense its postcondition.
 
     The arm is the task's, built from its description: published kinematics, limits and masses.
@@ -51,28 +47,5 @@ class PybulletEngine(SimulatingEngine, Performer):
         return versions(*others)
 
     def looks(self) -> Sequence[Path | None]:
-        """Return the meshes of an installed package, if it has the arm; see :class:`Performer`."""
+        """Return the meshes of an installed package, if it has the arm; see `Performer`."""
         return looks_of(self.task.scene.robots[0].model)
-
-    def picture(self, skill: Skill, state: State) -> Image:
-        """Return the moment of failure, or the end; see :class:`Performer`."""
-        failed = not self.check(skill, state).is_feasible
-        return picture(self.workcell, skill, state, self._judges, blamed=failed)
-
-    def footage(self, skill: Skill, state: State, frames_per_s: float) -> Iterator[Image]:
-        """Yield pictures of the whole skill; see :class:`Performer`."""
-        return footage(self.workcell, skill, state, frames_per_s)
-
-    def perform(
-        self,
-        skills: Sequence[Skill],
-        *,
-        frames_per_s: float | None = None,
-        show: Callable[[Image], None] | None = None,
-        note: Callable[[Sample], None] | None = None,
-        stopped: Callable[[], bool] = lambda: False,
-    ) -> Performance:
-        """Execute a plan in one continuous world; see :meth:`Performer.perform`."""
-        observers = Observers(frames_per_s, show, note)
-        rules = Rules(self.tolerances, self._judges)
-        return execute_plan(self.workcell, rules, skills, observers, stopped)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from skillplan.physics.view import View
 from skillplan.robots.hand import Hand
-from skillplan.task.scene import Robot
+from skillplan.task.scene import Robot, Scene
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.simulation_settings import SimulationSettings
+from skillplan_pybullet.simulator.camera import Camera
 from skillplan_pybullet.simulator.world import World
 
 
@@ -31,3 +33,7 @@ class PybulletSimulator:
         """Return a world with a table and the task's arm, and the arm."""
         world = self.world()
         return world, SimulatedArm(world, self.robot, self.settings, hand, seen=seen)
+
+    def camera(self, scene: Scene, view: View, *, labels: bool = False) -> Camera:
+        """Return a camera, which cannot write."""
+        return Camera(view)

@@ -16,8 +16,12 @@ from skillplan.cli.options.values import positive_number
 from skillplan.cli.result_input import RESULT_HELP, load
 
 if TYPE_CHECKING:  # --help pays for no imports
+    from contextlib import AbstractContextManager
+    from pathlib import Path
+
     from skillplan.cli.counting import Count
     from skillplan.physics.performance import Sample
+    from skillplan.physics.view import Angle
     from skillplan.pipeline.setup import Setup
     from skillplan.task.skill import Skill
     from skillplan.task.task import Task
@@ -105,6 +109,24 @@ def command(
             rich_help_panel=OUTPUT,
         ),
     ] = None,
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            "--camera",
+            metavar="ANGLE",
+            help="From where it is filmed: front, side, top, or AZIMUTH,ELEVATION,DISTANCE in "
+            "degrees and m; arm and board are in the picture. By default from a corner.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    labels: Annotated[
+        bool,
+        typer.Option(
+            "--labels",
+            help="Film it with name tags at bodies, feeders and docks; only mujoco can write.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = False,
     style: Style = "table",
 ) -> int:
     """Execute a whole plan of TASK, or that of RESULT, in one continuous simulated world.
@@ -127,7 +149,7 @@ def command(
     from skillplan.physics.performance import Performance
     from skillplan.pipeline.taken_ways import by_ways
     from skillplan.records.execution.simulation import Simulation, applicable_part
-    from skillplan.records.execution.trace_file import SUFFIXES, trace_file
+    from skillplan.records.execution.trace_file import SUFFIXES
     from skillplan.views.tables.simulation import simulation_tables
     from skillplan.views.video_file import VIDEOS, video_file
 
@@ -137,14 +159,13 @@ def command(
     engine = performer(made, "move")
     possible, obstacle = applicable_part(loaded, skills)
     film = None if video is None else output_path("--video", video, VIDEOS, "videos")
+    angle = _angle(camera)
     table = None if trace is None else output_path("--trace", trace, SUFFIXES, "traces")
     with ExitStack() as stack:
-        show = row = None
+        show = None
         if film is not None:
             show = stack.enter_context(video_file(film, fps, "--video")).add
-        if table is not None:
-            bodies = [body.name for body in loaded.scene.bodies]
-            row = stack.enter_context(trace_file(table, bodies, "--trace"))
+        row = None if table is None else stack.enter_context(_trace(table, loaded))
         count = stack.enter_context(counting("skills", len(skills)))
         note = _Notes(count, row)
         performance = Performance((), (), 0.0, 0)
@@ -157,6 +178,8 @@ def command(
                     show=show,
                     note=note,
                     stopped=lambda: count.interrupted,
+                    angle=angle,
+                    labels=labels,
                 )
         wall_s = time.perf_counter() - begin_s
         stopped = count.interrupted and len(performance.skills) < len(possible)
@@ -252,3 +275,27 @@ def _engine(read: _Read) -> str:
             f"pip install skillplan-{PREFERRED[0]}."
         )
     return able
+
+
+def _trace(table: Path, task: Task) -> AbstractContextManager[Callable[[Sample], None]]:
+    """Return the file that every sample is written to."""
+    from skillplan.records.execution.trace_file import trace_file
+
+    return trace_file(table, [body.name for body in task.scene.bodies], "--trace")
+
+
+def _angle(camera: str | None) -> Angle | None:
+    """Return from which side is filmed.
+
+    Raises
+    ------
+    OptionError
+        If that is no angle.
+    """
+    from skillplan.errors import OptionError
+    from skillplan.physics.view import Angle
+
+    try:
+        return None if camera is None else Angle.parse(camera)
+    except ValueError as error:
+        raise OptionError(f"--camera: {error}") from None

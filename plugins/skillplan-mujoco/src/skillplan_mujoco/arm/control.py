@@ -17,11 +17,14 @@ from skillplan_pinocchio.kinematics.fixed_order import solved
 from skillplan_pinocchio.simulation.arm.kinematics import TipPose
 from skillplan_pinocchio.simulation.arm.rotations import rotation_error
 from skillplan_pinocchio.simulation.arm.straight_motion import Setpoint
+from skillplan_pinocchio.simulation.simulator import STEPS_PER_S
 
 Vector = NDArray[np.float64]
 
 # How firmly the arm is drawn to its posture [1/s2].
 _NULLSPACE_STIFFNESS_PER_S2 = 400.0
+# So much of what a joint lags behind is to be gone after one step, under control by position [-].
+_SERVO_SHARE = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +82,25 @@ def torques(state: ArmState, wanted: Setpoint, stiffness_per_s2: float, load: Ve
     lacking = _acceleration(state, wanted, stiffness_per_s2) - times(jacobian, pull)
     wrench = solved(product(jacobian, yielding), lacking) + load
     return times_transposed(jacobian, wrench) + state.bias + times(state.mass, pull)
+
+
+def posture_torques(state: ArmState, posture: Vector, load: Vector) -> Vector:
+    """Return joint torques that follow a posture as servos do, one for every joint [N m].
+
+    Each has its joint turn, after one step, as fast as takes away a share of what it lags behind.
+
+    Parameters
+    ----------
+    state
+        Of the arm.
+    posture
+        Where the joints are to be [rad], shape (joints,).
+    load
+        Force [N] and moment [N m] that the tip exerts besides, shape (6,).
+    """
+    speeds = _SERVO_SHARE * STEPS_PER_S * (posture - state.angles)
+    gain = STEPS_PER_S * (speeds - state.rates)
+    return times(state.mass, gain) + state.bias + times_transposed(state.jacobian, load)
 
 
 def _acceleration(state: ArmState, wanted: Setpoint, stiffness_per_s2: float) -> Vector:

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from skillplan.robots.hand import Hand
 from skillplan.task.scene import Robot
-from skillplan_mujoco.arm.control import ArmState, torques
+from skillplan_mujoco.arm.control import ArmState, posture_torques, torques
 from skillplan_mujoco.simulator.cell_model import TIP, joint_name
 from skillplan_mujoco.simulator.world import World
-from skillplan_pinocchio.simulation.arm.kinematics import TipPose, kinematics_of
+from skillplan_pinocchio.simulation.arm.kinematics import TipPose, kinematics_of, unreachable
 from skillplan_pinocchio.simulation.arm.rotations import points_down
 from skillplan_pinocchio.simulation.arm.straight_motion import Setpoint
 from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
@@ -68,11 +68,11 @@ class SimulatedArm:
     settings
         How it is controlled.
     hand
-        What jaws it has: those of the model.
+        What jaws it has: some of those of the model.
     """
 
     def __init__(self, world: World, robot: Robot, settings: ExecutionSettings, hand: Hand) -> None:
-        self.world, self.robot, self.settings, self.hand = world, robot, settings, hand
+        self.world, self.robot, self.settings = world, robot, settings
         self.kinematics = kinematics_of(robot)
         self.link_names = {world.ids[name]: name for name in (HAND, *FINGERS)}
         self.payload_kg = 0.0
@@ -94,12 +94,24 @@ class SimulatedArm:
         self._tip_turned = data.site_xmat[self._site].reshape(3, 3)
         self._jacobian = np.zeros((6, model.nv))
         self._entries = mass_entries(model, count)
-        self._jaw_target_m = self._jaw_wanted_m = hand.opening_m / 2
-        self._jaw_force_n = _OPENING_FORCE_N
+        self._posture: Vector = self.kinematics.home_rad
+        self._take(hand)
 
     def fit(self, hand: Hand) -> None:
-        """Have the jaws of another hand; the model has those of one."""
-        assert hand == self.hand, "the model has the jaws of one hand"
+        """Have the jaws of another hand, wide open; nothing may be fixed to the arm."""
+        if hand == self.hand:
+            return
+        self._take(hand)
+        data = self.world.data
+        data.qpos[self._jaws] = self._jaw_wanted_m
+        data.qvel[self._jaws] = 0.0
+        self.world.placed()
+
+    def _take(self, hand: Hand) -> None:
+        self.hand = hand
+        self.world.fit(hand)
+        self._jaw_target_m = self._jaw_wanted_m = hand.opening_m / 2
+        self._jaw_force_n = _OPENING_FORCE_N
 
     def stand(self, joints: Vector, opening_m: float) -> None:
         """Put the arm at rest in a posture [rad], its jaws so far open."""
@@ -110,6 +122,7 @@ class SimulatedArm:
         data.qvel[self._jaws] = 0.0
         self._jaw_target_m = self._jaw_wanted_m = opening_m / 2
         self.world.placed()
+        self._posture = joints
         tip = self.kinematics.tip(joints)
         self.wanted = Setpoint.at_rest(tip.position, tip.rotation, joints)
 
@@ -157,8 +170,22 @@ class SimulatedArm:
             np.array(jacobian[:, :count]),
             self._bias,
         )
-        found = torques(state, self.wanted, self.settings.stiffness_per_s2, self._load())
+        if self.settings.control == "position":
+            self._posture = self._posture_for(self.wanted)
+            found = posture_torques(state, self._posture, self._load())
+        else:
+            found = torques(state, self.wanted, self.settings.stiffness_per_s2, self._load())
         self._applied[:] = np.minimum(np.maximum(found, -self.limit_nm), self.limit_nm)
+
+    def _posture_for(self, wanted: Setpoint) -> Vector:
+        """Return joint angles near the last ones that bring the tip where it is to be."""
+        if wanted.tracks_joints:
+            return wanted.posture
+        x, y, z = wanted.position.tolist()
+        found = self.kinematics.follow((x, y, z), wanted.rotation, self._posture)
+        if found is None:
+            raise unreachable((x, y, z), wanted.rotation)
+        return found
 
     def show_hand(self, visible: bool) -> None:
         """Take the hand and its fingers out of collision, or put them back."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from skillplan.robots.hand import Hand
+from skillplan_mujoco.simulator.hand_model import hand_masses, hand_number
 from skillplan_pinocchio.simulation.simulator import FINGERS, HAND, ROBOT
 
 # What worlds change of a model: who touches whom, what is fixed to what, what weighs how much.
@@ -21,6 +24,7 @@ _CHANGED = (
     "body_gravcomp",
     "body_mass",
     "body_inertia",
+    "body_ipos",
     "body_subtreemass",
     "body_invweight0",
     "dof_invweight0",
@@ -34,12 +38,14 @@ class Cell:
     ----------
     model
         Compiled.
+    hands
+        What jaws the arm can have, in the order in which the model was made of them.
     friction
         Coefficient of lateral friction of bodies and table [-].
     """
 
-    def __init__(self, model: Any, friction: float) -> None:
-        self.model, self.friction = model, friction
+    def __init__(self, model: Any, hands: Sequence[Hand], friction: float) -> None:
+        self.model, self.hands, self.friction = model, tuple(hands), friction
         self._data = mujoco.MjData(model)
         self._coordinates: dict[str, tuple[slice, slice]] = {}
         self._own = {name: np.array(getattr(model, name)) for name in _CHANGED}
@@ -70,6 +76,26 @@ class Cell:
     def weigh_arm(self) -> None:
         """Have the arm's links weigh what they do."""
         self.model.body_gravcomp[self._arm] = 0.0
+
+    def fit(self, hand: Hand) -> list[int]:
+        """Have the arm's hand weigh what one of its hands does; return the shapes of the others."""
+        for name, mass in hand_masses(hand).items():
+            number = self.ids[name]
+            self.model.body_mass[number] = mass.mass_kg
+            self.model.body_ipos[number] = mass.centre_m
+            self.model.body_inertia[number] = mass.inertia_kg_m2
+        own = self.hands.index(hand)
+        return [
+            geom
+            for name in (HAND, *FINGERS)
+            for geom in self._geoms(name)
+            if hand_number(self.model.geom(geom).name) != own
+        ]
+
+    def _geoms(self, name: str) -> range:
+        """Return the numbers of the geometries of a body."""
+        first = int(self.model.body_geomadr[self.ids[name]])
+        return range(first, first + int(self.model.body_geomnum[self.ids[name]]))
 
     def coordinates(self, name: str) -> tuple[slice, slice]:
         """Return which coordinates and which speeds of the state are those of a body."""

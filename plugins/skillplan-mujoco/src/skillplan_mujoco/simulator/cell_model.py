@@ -13,16 +13,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.physics.view import FIELD_OF_VIEW_DEG, HEIGHT, WIDTH
 from skillplan.robots.arm_description import Joint
 from skillplan.robots.hand import Hand
-from skillplan.robots.link_shapes import Capsule, Hull, Rod
 from skillplan.task.scene import Body, Robot
-from skillplan.task.shape import Box, Cylinder, Shape
+from skillplan_mujoco.simulator.hand_model import add_hands
+from skillplan_mujoco.simulator.shapes_model import BOND_SHARE, STIFF, add_piece, add_shape, touch
 from skillplan_pinocchio.kinematics.serial_arm import placement
-from skillplan_pinocchio.simulation.arm.robot_outline import Block, Piece, body_pieces, jaw_pieces
 from skillplan_pinocchio.simulation.mass_properties import mass_properties
 from skillplan_pinocchio.simulation.simulator import (
-    FINGERS,
     GRAVITY_M_PER_S2,
     HAND,
     LEAST_INERTIA_KG_M2,
@@ -37,32 +36,19 @@ Vector = NDArray[np.float64]
 TIP = "tip"
 
 _TABLE_HALF_M = (1.5, 1.5, 0.05)
-# What a hand weighs, of which no description says it: body and one jaw [kg].
-_BODY_KG, _JAW_KG = 0.73, 0.05
-# Friction of jaws: along [-], and against being turned about the normal [m]; that of others, and
-# of what rolls [m].
-_FINGER_FRICTION, _FINGER_TORSION_M = 1.0, 0.01
-_TORSION_M, _ROLLING_M = 0.001, 0.0001
-# The inertia of a jaw's drive, as mass at the jaw [kg].
-_DRIVE_KG = 0.1
-# How stiff contacts and bonds are, in the simulator's terms: time constant [s] and damping ratio,
-# and the share of a force that is met, from where to where, over which depth [m]. Nothing that is
-# faster than two steps is stable.
-_STIFF = (2.0 / STEPS_PER_S, 1.0)
-_SHARE, _BOND_SHARE = (0.95, 0.99, 0.0005, 0.5, 2.0), (0.99, 0.999, 0.0005, 0.5, 2.0)
 # Friction holds by so much more firmly than contacts press, and its slip is taken back so often.
 _FRICTION_RATIO, _NO_SLIP_STEPS, _SOLVER_STEPS = 20.0, 5, 100
-# So many bodies can be fixed to others at once.
-_BONDS = 24
+# So many bonds there are besides one for every body.
+_MORE_BONDS = 8
 
 
-def cell_spec(robot: Robot, hand: Hand, bodies: Sequence[Body], friction: float) -> Any:
+def cell_spec(robot: Robot, hands: Sequence[Hand], bodies: Sequence[Body], friction: float) -> Any:
     """Return what is compiled to the model of a cell.
 
     Parameters
     ----------
-    robot, hand
-        The arm, and what jaws it has.
+    robot, hands
+        The arm, and all hands that it can have.
     bodies
         All that can ever be in a world beside it, tools included.
     friction
@@ -79,25 +65,43 @@ def cell_spec(robot: Robot, hand: Hand, bodies: Sequence[Body], friction: float)
     option.iterations = _SOLVER_STEPS
     spec.compiler.balanceinertia = True
     spec.compiler.degree = False
+    _light(spec)
     world = spec.worldbody
     table = world.add_body(name=TABLE, pos=(0.0, 0.0, -_TABLE_HALF_M[2]))
-    _touch(table.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=_TABLE_HALF_M), friction)
-    _add_arm(spec, robot, hand)
+    touch(table.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=_TABLE_HALF_M), friction)
+    _add_arm(spec, robot, hands)
     for number, body in enumerate(bodies):
         _add_part(spec, body, number, friction)
-    for number in range(_BONDS):
+    for number in range(len(bodies) + _MORE_BONDS):
         bond = spec.add_equality(name=f"bond {number}", type=mujoco.mjtEq.mjEQ_WELD)
         bond.objtype = mujoco.mjtObj.mjOBJ_BODY
         bond.name1, bond.name2 = HAND, TABLE
         bond.active = False
-        bond.solref, bond.solimp = _STIFF, _BOND_SHARE
+        bond.solref, bond.solimp = STIFF, BOND_SHARE
     return spec
 
 
-def _touch(geom: Any, friction: float, torsion_m: float = _TORSION_M) -> None:
-    geom.friction = (friction, torsion_m, _ROLLING_M)
-    geom.condim = 4
-    geom.solref, geom.solimp = _STIFF, _SHARE
+def _light(spec: Any) -> None:
+    """Have pictures be as large as a view is made for, and lit from before the arm."""
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = WIDTH, HEIGHT
+    spec.visual.global_.fovy = FIELD_OF_VIEW_DEG
+    spec.visual.map.znear, spec.visual.map.zfar = 0.002, 2.0
+    spec.visual.headlight.ambient = (0.35, 0.35, 0.35)
+    spec.visual.headlight.diffuse = (0.35, 0.35, 0.35)
+    spec.visual.headlight.specular = (0.0, 0.0, 0.0)
+    light = spec.worldbody.add_light(pos=(1.2, -1.0, 2.5), dir=(-0.35, 0.45, -1.0))
+    light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    light.diffuse, light.specular = (0.5, 0.5, 0.5), (0.1, 0.1, 0.1)
+    light.castshadow = False
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+        rgb1=(0.95, 0.96, 0.98),
+        rgb2=(0.95, 0.96, 0.98),
+        width=16,
+        height=96,
+    )
 
 
 def joint_name(number: int) -> str:
@@ -105,7 +109,7 @@ def joint_name(number: int) -> str:
     return f"joint {number + 1}"
 
 
-def _add_arm(spec: Any, robot: Robot, hand: Hand) -> None:
+def _add_arm(spec: Any, robot: Robot, hands: Sequence[Hand]) -> None:
     model = robot.model
     here = spec.worldbody.add_body(
         name=ROBOT, pos=robot.base, quat=_wxyz(np.array(robot.mount.rotation))
@@ -114,20 +118,15 @@ def _add_arm(spec: Any, robot: Robot, hand: Hand) -> None:
     here.gravcomp = 1.0
     shapes = model.shapes or [()] * (len(model.joints) + 1)
     for piece in shapes[0]:
-        _add_piece(spec, here, piece)
+        add_piece(spec, here, piece)
     for number, joint in enumerate(model.joints):
         here = _add_link(here, number, joint)
         for piece in shapes[number + 1]:
-            _add_piece(spec, here, piece)
+            add_piece(spec, here, piece)
     where = placement(model.tip) * placement(robot.tip)
     held = here.add_body(name=HAND, pos=where.translation, quat=_wxyz(where.rotation))
-    size = (2 * hand.half_width_m, 2 * hand.half_length_m, hand.underside_m)
-    _weigh(held, _BODY_KG, (0.0, 0.0, hand.underside_m / 2 - hand.tip_m), size)
-    held.gravcomp = 1.0
     held.add_site(name=TIP)
-    for part in body_pieces(hand):
-        _add_piece(spec, held, part)
-    _add_jaws(spec, held, hand)
+    add_hands(spec, held, hands)
 
 
 def _add_link(before: Any, number: int, joint: Joint) -> Any:
@@ -152,52 +151,6 @@ def _add_link(before: Any, number: int, joint: Joint) -> Any:
     return link
 
 
-def _add_jaws(spec: Any, held: Any, hand: Hand) -> None:
-    """Add two jaws that move by one gear."""
-    for side, name in zip((1, -1), FINGERS, strict=True):
-        jaw = held.add_body(name=name)
-        jaw.gravcomp = 1.0
-        height_m, thick_m = hand.jaw_m[-1][0], hand.jaw_m[-1][3]
-        size = (2 * hand.jaw_half_width_m, thick_m, height_m)
-        _weigh(jaw, _JAW_KG, (0.0, side * thick_m / 2, -height_m / 2), size)
-        slide = jaw.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE)
-        slide.axis = (0.0, float(side), 0.0)
-        slide.armature = _DRIVE_KG
-        for piece in jaw_pieces(hand, side):
-            _add_piece(spec, jaw, piece)
-    gear = spec.add_equality(name="gear", type=mujoco.mjtEq.mjEQ_JOINT)
-    gear.objtype = mujoco.mjtObj.mjOBJ_JOINT
-    gear.name1, gear.name2 = FINGERS
-    gear.data[:5] = (0.0, 1.0, 0.0, 0.0, 0.0)
-    gear.solref, gear.solimp = _STIFF, _BOND_SHARE
-
-
-def _weigh(body: Any, mass_kg: float, centre: Sequence[float], size: Sequence[float]) -> None:
-    x, y, z = (extent**2 * mass_kg / 12 for extent in size)
-    body.explicitinertial = True
-    body.mass, body.ipos, body.inertia = mass_kg, centre, (y + z, x + z, x + y)
-
-
-def _add_piece(spec: Any, body: Any, piece: Piece) -> None:
-    kinds = mujoco.mjtGeom
-    if isinstance(piece, Hull):
-        name = f"hull {len(spec.meshes)}"
-        spec.add_mesh(name=name, uservert=np.array(piece.corners_m).ravel().tolist())
-        geom = body.add_geom(type=kinds.mjGEOM_MESH, meshname=name)
-    elif isinstance(piece, Block):
-        low, high = np.array(piece.low_m), np.array(piece.high_m)
-        geom = body.add_geom(type=kinds.mjGEOM_BOX, size=(high - low) / 2, pos=(low + high) / 2)
-    elif piece.start_m == piece.end_m:
-        size = (piece.radius_m, 0.0, 0.0)
-        geom = body.add_geom(type=kinds.mjGEOM_SPHERE, size=size, pos=piece.start_m)
-    else:
-        assert isinstance(piece, Capsule | Rod)
-        kind = kinds.mjGEOM_CYLINDER if isinstance(piece, Rod) else kinds.mjGEOM_CAPSULE
-        geom = body.add_geom(type=kind, size=(piece.radius_m, 0.0, 0.0))
-        geom.fromto = (*piece.start_m, *piece.end_m)
-    _touch(geom, _FINGER_FRICTION, _FINGER_TORSION_M)
-
-
 def _add_part(spec: Any, body: Body, number: int, friction: float) -> None:
     made = spec.worldbody.add_body(name=body.name, pos=parked(number))
     made.add_freejoint()
@@ -207,25 +160,12 @@ def _add_part(spec: Any, body: Body, number: int, friction: float) -> None:
     made.inertia = properties.inertia_kg_m2
     made.gravcomp = 1.0
     for shape in body.shapes:
-        _touch(_add_shape(spec, made, shape), friction)
+        touch(add_shape(spec, made, shape), friction)
 
 
 def parked(number: int) -> tuple[float, float, float]:
     """Return where a body lies that is not there [m]."""
     return 5.0 + number, 8.0, 1.0
-
-
-def _add_shape(spec: Any, body: Any, shape: Shape) -> Any:
-    kinds = mujoco.mjtGeom
-    if isinstance(shape, Box):
-        half = [extent / 2 for extent in shape.size]
-        return body.add_geom(type=kinds.mjGEOM_BOX, size=half, pos=shape.centre)
-    if isinstance(shape, Cylinder):
-        size = (shape.diameter_m / 2, shape.height_m / 2, 0.0)
-        return body.add_geom(type=kinds.mjGEOM_CYLINDER, size=size, pos=shape.centre)
-    name = f"hull {len(spec.meshes)}"
-    spec.add_mesh(name=name, uservert=np.array(shape.corners).ravel().tolist())
-    return body.add_geom(type=kinds.mjGEOM_MESH, meshname=name)
 
 
 def _wxyz(rotation: Vector) -> Vector:

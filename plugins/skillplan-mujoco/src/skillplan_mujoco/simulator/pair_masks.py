@@ -33,6 +33,7 @@ class PairMasks:
         self._model, self._owners, self._present = model, owners, present
         self._parted: set[tuple[str, str]] = set()
         self._withdrawn: dict[str, frozenset[int]] = {}
+        self._idle: list[int] = []
         self._geoms: dict[int, list[int]] = {}
         for geom, body in enumerate(model.geom_bodyid.tolist()):
             self._geoms.setdefault(body, []).append(geom)
@@ -56,6 +57,17 @@ class PairMasks:
         self._withdrawn[name] = frozenset(links)
         self.set()
 
+    def idle(self, geoms: Iterable[int]) -> None:
+        """Let these geometries touch nothing, and all others what they may."""
+        self._idle = list(geoms)
+        self.set()
+
+    def is_seen(self, geom: int, body: int) -> bool:
+        """Whether a geometry of a body is in the world, and no hand that is not there."""
+        name = self._owners[body]
+        hidden = name == ROBOT and body in self._withdrawn.get(ROBOT, ())
+        return name in self._present and not hidden and geom not in self._idle
+
     def set(self) -> None:
         """Tell the model."""
         special = _cover(self._parted)
@@ -67,6 +79,7 @@ class PairMasks:
             kind, affinity = self._mask(body, bits)
             model.geom_contype[geoms], model.geom_conaffinity[geoms] = kind, affinity
             model.body_contype[body], model.body_conaffinity[body] = kind, affinity
+        model.geom_contype[self._idle] = model.geom_conaffinity[self._idle] = 0
 
     def _mask(self, body: int, bits: Mapping[str, int]) -> tuple[int, int]:
         """Return kind and affinity of a body of the model."""

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.robots.hand import Hand
 from skillplan.task.scene import Body, Pose
 from skillplan_mujoco.simulator.cell import Cell
 from skillplan_mujoco.simulator.pair_masks import PairMasks
@@ -59,6 +60,19 @@ class World:
         self.numbers[ROBOT] = self.ids[ROBOT]
         self.cell.weigh_arm()
         self._masks.set()
+
+    def fit(self, hand: Hand) -> None:
+        """Have the arm's hand be another of those in the model."""
+        self._masks.idle(self.cell.fit(hand))
+        self.placed()
+
+    def geoms(self, name: str) -> list[int]:
+        """Return the numbers of the geometries of a body."""
+        return self._masks.geoms(self.numbers[name])
+
+    def is_seen(self, geom: int) -> bool:
+        """Whether a geometry of the model is to be seen."""
+        return self._masks.is_seen(geom, int(self.model.geom_bodyid[geom]))
 
     def prepare(self) -> None:
         """Work out what the next step begins with: places, contacts, inertia and bias."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, Self
@@ -10,8 +10,10 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan.physics.performance import Image
+from skillplan.physics.view import View
 from skillplan.robots.hand import Hand
-from skillplan.task.scene import Body, Pose, Robot
+from skillplan.task.scene import Body, Pose, Robot, Scene
 from skillplan_pinocchio.simulation.arm.kinematics import ArmKinematics, TipPose
 from skillplan_pinocchio.simulation.arm.straight_motion import Setpoint
 
@@ -242,6 +244,24 @@ class Arm(Protocol):
         """Have friction hold a body that is between the jaws still."""
 
 
+class Camera(Protocol):
+    """Takes pictures of worlds."""
+
+    def take(self, world: World, caption: str = "", culprits: Sequence[str] = ()) -> Image:
+        """Return a picture of a world as it is now.
+
+        Parameters
+        ----------
+        world
+            Of the same simulator.
+        caption
+            What is under way, where the simulator can write.
+        culprits
+            Bodies in the colours of alarm, all else pale; of the robot its hand or a finger.
+            An arrow leads to where they touch, where the simulator can draw one.
+        """
+
+
 class Simulator(Protocol):
     """Makes worlds, with the task's arm and without."""
 
@@ -257,4 +277,17 @@ class Simulator(Protocol):
             What jaws it has.
         seen
             Whether pictures are taken of it.
+        """
+
+    def camera(self, scene: Scene, view: View, *, labels: bool = False) -> Camera:
+        """Return a camera.
+
+        Parameters
+        ----------
+        scene
+            What bodies and tools there are.
+        view
+            From where it looks.
+        labels
+            Whether bodies, feeders and docks have name tags, where the simulator can write.
         """

@@ -2,74 +2,51 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 import pybullet
 
 from skillplan.physics.performance import Image
-from skillplan.task.motion import Point
+from skillplan.physics.view import FIELD_OF_VIEW_DEG, View
+from skillplan_pinocchio.simulation import simulator
+from skillplan_pinocchio.simulation.colours import ALARMS, PALE
+from skillplan_pinocchio.simulation.simulator import ROBOT, TABLE
 from skillplan_pybullet.simulator.world import World
 
-WIDTH, HEIGHT = 640, 480
+# Half of what the view is made for: this renderer takes its time for every point.
+WIDTH, HEIGHT = 640, 360
 
-_DISTANCE_M = 0.62
-_YAW_DEG, _PITCH_DEG = 52.0, -28.0
-_FIELD_OF_VIEW_DEG = 45.0
 _NEAR_M, _FAR_M = 0.02, 5.0
-# Of the picture's width and height, so much is filled by what has to be seen, from no nearer.
-_FILLED = 0.92
-_NEAREST_M = 0.3
 _LIGHT = (0.4, -0.5, 1.2)
-# The first culprit is red, the others are orange, so that they can be distinguished.
-_ALARM = (0.90, 0.10, 0.10, 1.0)
-_SECOND_ALARM = (1.0, 0.55, 0.05, 1.0)
 
 
 class Camera:
-    """Looks at a point of the workplace, from the side that the arm does not hide.
+    """Looks at a workplace; see `skillplan_pinocchio.simulation.simulator.Camera`.
 
     Parameters
     ----------
-    target
-        What it looks at [m].
-    distance_m
-        From how far off [m].
+    view
+        From where.
     """
 
-    def __init__(self, target: Point, distance_m: float = _DISTANCE_M) -> None:
+    def __init__(self, view: View) -> None:
+        angle = view.angle
         self._view = pybullet.computeViewMatrixFromYawPitchRoll(
-            target, distance_m, _YAW_DEG, _PITCH_DEG, 0, 2
+            view.target, view.distance_m, angle.azimuth_deg, -angle.elevation_deg, 0, 2
         )
         self._projection = pybullet.computeProjectionMatrixFOV(
-            _FIELD_OF_VIEW_DEG, WIDTH / HEIGHT, _NEAR_M, _FAR_M
+            FIELD_OF_VIEW_DEG, WIDTH / HEIGHT, _NEAR_M, _FAR_M
         )
 
-    @classmethod
-    def about(cls, points: Sequence[Point]) -> Camera:
-        """Return a camera that sees all of some points, from as near as it can.
-
-        Parameters
-        ----------
-        points
-            At least one [m].
-        """
-        corners = np.asarray(points, dtype=np.float64)
-        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
-        x_m, y_m, z_m = middle.tolist()
-        matrix = pybullet.computeViewMatrixFromYawPitchRoll(
-            (x_m, y_m, z_m), 1, _YAW_DEG, _PITCH_DEG, 0, 2
-        )
-        seen = (corners - middle) @ np.asarray(matrix).reshape(4, 4)[:3, :3]
-        half = math.tan(math.radians(_FIELD_OF_VIEW_DEG) / 2) * _FILLED
-        # A point at the middle's depth plus its own must lie within the pyramid of view.
-        wide_m = np.abs(seen[:, 0]) / (half * WIDTH / HEIGHT) + seen[:, 2]
-        high_m = np.abs(seen[:, 1]) / half + seen[:, 2]
-        return cls((x_m, y_m, z_m), max(_NEAREST_M, float(max(wide_m.max(), high_m.max()))))
-
-    def take(self, world: World) -> Image:
-        """Return a picture of a world as it is now."""
+    def take(
+        self, world: simulator.World, caption: str = "", culprits: Sequence[str] = ()
+    ) -> Image:
+        """Return a picture of a world as it is now; the simulator cannot write, or draw arrows."""
+        drawn = cast("World", world)
+        if culprits:
+            _alarm(drawn, culprits)
         _, _, pixels, _, _ = pybullet.getCameraImage(
             WIDTH,
             HEIGHT,
@@ -78,18 +55,25 @@ class Camera:
             lightDirection=_LIGHT,
             renderer=pybullet.ER_TINY_RENDERER,
             flags=pybullet.ER_NO_SEGMENTATION_MASK,
-            physicsClientId=world.client,
+            physicsClientId=drawn.client,
         )
         colours = np.asarray(pixels, dtype=np.uint8).reshape(HEIGHT, WIDTH, 4)[:, :, :3]
         return Image(WIDTH, HEIGHT, np.ascontiguousarray(colours).tobytes())
 
 
-def alarm(world: World, names: Iterable[str]) -> None:
-    """Paint bodies in the colours of alarm."""
-    colour = _ALARM
-    for name in names:
-        if name in world.bodies:
-            pybullet.changeVisualShape(
-                world.numbers[name], -1, rgbaColor=colour, physicsClientId=world.client
-            )
-            colour = _SECOND_ALARM
+def _alarm(world: World, names: Sequence[str]) -> None:
+    """Paint bodies, links of the hand among them, in the colours of alarm, and all else pale."""
+    links = {name: link for link, name in world.link_names.items()}
+    for name, number in world.numbers.items():
+        if name not in (TABLE, ROBOT, *names):
+            _paint(world, number, -1, PALE)
+    for place, name in enumerate(names):
+        colour = ALARMS[min(place, len(ALARMS) - 1)]
+        if name in links:
+            _paint(world, world.numbers[ROBOT], links[name], colour)
+        elif name in world.numbers:
+            _paint(world, world.numbers[name], -1, colour)
+
+
+def _paint(world: World, number: int, link: int, colour: tuple[float, ...]) -> None:
+    pybullet.changeVisualShape(number, link, rgbaColor=colour, physicsClientId=world.client)

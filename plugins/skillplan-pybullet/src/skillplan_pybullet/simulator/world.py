@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from skillplan.task.scene import Body, Pose
 from skillplan.task.shape import Box
+from skillplan_pinocchio.simulation.colours import PALETTE, TABLE_COLOUR
 from skillplan_pinocchio.simulation.mass_properties import MassProperties, mass_properties
 from skillplan_pinocchio.simulation.simulator import (
     GRAVITY_M_PER_S2,
@@ -48,24 +49,6 @@ _DISTANCE = 8
 # force, and the two friction forces with their directions.
 _FIRST, _SECOND, _FIRST_LINK, _SECOND_LINK, _PLACE = 1, 2, 3, 4, 6
 _NORMAL, _FORCE, _FRICTION, _OTHER_FRICTION = 7, 9, 10, 12
-# Colours of bodies in pictures, in turn.
-_PALETTE = (
-    (0.16, 0.45, 0.24, 1.0),
-    (0.85, 0.55, 0.20, 1.0),
-    (0.80, 0.72, 0.30, 1.0),
-    (0.55, 0.35, 0.65, 1.0),
-    (0.75, 0.30, 0.25, 1.0),
-    (0.35, 0.50, 0.75, 1.0),
-    (0.45, 0.45, 0.48, 1.0),
-    (0.20, 0.65, 0.65, 1.0),
-    (0.90, 0.60, 0.65, 1.0),
-    (0.55, 0.75, 0.30, 1.0),
-    (0.20, 0.25, 0.55, 1.0),
-    (0.55, 0.38, 0.22, 1.0),
-    (0.70, 0.80, 0.92, 1.0),
-    (0.25, 0.22, 0.22, 1.0),
-)
-_TABLE_COLOUR = (0.88, 0.87, 0.84, 1.0)
 
 
 class World:
@@ -107,7 +90,7 @@ class World:
                 pybullet.createVisualShape(
                     pybullet.GEOM_BOX,
                     halfExtents=_TABLE_HALF_M,
-                    rgbaColor=_TABLE_COLOUR,
+                    rgbaColor=TABLE_COLOUR,
                     physicsClientId=self.client,
                 ),
                 basePosition=(0, 0, -_TABLE_HALF_M[2]),
@@ -164,7 +147,7 @@ class World:
             body.exact_shapes,
             mass_kg=0.0 if is_fixed else body.mass_kg,
             centre=properties.centre,
-            colour=_PALETTE[colour % len(_PALETTE)],
+            colour=PALETTE[colour % len(PALETTE)],
         )
         self._properties[body.name], self._masses[body.name] = properties, body.mass_kg
         self._hollow.pop(body.name, None)

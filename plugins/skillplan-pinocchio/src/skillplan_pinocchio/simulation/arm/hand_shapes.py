@@ -35,6 +35,12 @@ def hand_of(robot: Robot, tool: Tool | None = None) -> Hand:
     return robot.hand_of(next(grippers, None))
 
 
+def hands_of(robot: Robot) -> tuple[Hand, ...]:
+    """Return all hands that a robot can have; first the one without a tool, or with any other."""
+    grippers = [tool for tool in robot.tools if tool.kind is ToolKind.GRIPPER]
+    return tuple(dict.fromkeys([hand_of(robot), *map(robot.hand_of, grippers)]))
+
+
 def tool_body(tool: Tool, hand: Hand) -> Body | None:
     """Return a tool as a body whose origin is its tip; None for the hand itself."""
     shapes = tool_shapes(tool, hand)

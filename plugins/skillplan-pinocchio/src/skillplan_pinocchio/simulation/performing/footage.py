@@ -7,15 +7,14 @@ from dataclasses import dataclass
 
 from skillplan.physics.linear_motions import linear_motions
 from skillplan.physics.performance import Image
+from skillplan.physics.view import View
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan_pinocchio.simulation.execution.skill_runner import SkillRunner
 from skillplan_pinocchio.simulation.execution.workcell import Workcell
 from skillplan_pinocchio.simulation.record import FRAMES_PER_S, Record
-from skillplan_pinocchio.simulation.simulator import STEPS_PER_S
+from skillplan_pinocchio.simulation.simulator import STEPS_PER_S, Camera
 from skillplan_pinocchio.simulation.verdicts.contact_judge import Judge, collision_in
-from skillplan_pybullet.simulator.camera import Camera, alarm
-from skillplan_pybullet.simulator.world import World
 
 # Bodies without a support are shown after so many frames, as they fall.
 _FALLING_FRAMES = 4
@@ -35,6 +34,11 @@ class Moment:
 
     frame: int | None
     bodies: tuple[str, ...]
+
+
+def caption_of(skill: str, phase: str, time_s: float) -> str:
+    """Return what a picture says below: skill, what the robot is at in it, and time."""
+    return "   ".join(word for word in (skill, phase, f"{time_s:.2f} s") if word)
 
 
 class _Taken(Exception):
@@ -60,8 +64,8 @@ def picture(
 ) -> Image:
     """Return the moment at which a skill fails in a state, or its end.
 
-    Bodies that collide are painted red; where none do and the skill is to be blamed all the
-    same, it is what it handles.
+    Bodies that collide are painted red and orange, and all else is pale; where none do and the
+    skill is to be blamed all the same, it is what it handles.
 
     Raises
     ------
@@ -77,14 +81,15 @@ def picture(
     camera = _camera(workcell, skill, state)
     taken: list[Image] = []
 
+    def caption(runner: SkillRunner) -> str:
+        return caption_of(skill.name, runner.log.phase_now, runner.world.steps / STEPS_PER_S)
+
     def watch(runner: SkillRunner) -> None:
         if runner.log.phases and frame is not None and runner.log.frames > frame:
-            alarm(_drawn(runner), culprits)
-            taken.append(camera.take(_drawn(runner)))
+            taken.append(camera.take(runner.world, caption(runner), culprits))
             raise _Taken
         if frame is None and runner.world.steps == record.steps:
-            alarm(_drawn(runner), culprits)
-            taken.append(camera.take(_drawn(runner)))
+            taken.append(camera.take(runner.world, caption(runner), culprits))
 
     try:
         workcell.execute(skill, state, watch)
@@ -111,19 +116,19 @@ def footage(workcell: Workcell, skill: Skill, state: State, frames_per_s: float)
 
     def watch(runner: SkillRunner) -> None:
         if runner.world.steps >= len(taken) * every:
-            taken.append(camera.take(_drawn(runner)))
+            taken.append(
+                camera.take(
+                    runner.world,
+                    caption_of(skill.name, runner.log.phase_now, runner.world.steps / STEPS_PER_S),
+                )
+            )
 
     workcell.execute(skill, state, watch)
     yield from taken
 
 
-def _drawn(runner: SkillRunner) -> World:
-    """Return the world of a robot, of which pictures are taken."""
-    assert isinstance(runner.world, World)
-    return runner.world
-
-
 def _camera(workcell: Workcell, skill: Skill, state: State) -> Camera:
     motions = linear_motions(workcell.task, skill, state, workcell.settings.drop_height_m)
     x_m, y_m, z_m = motions[-1].tip
-    return Camera((x_m, y_m, z_m + 0.05))
+    view = View.close_up((x_m, y_m, z_m + 0.05))
+    return workcell.simulator.camera(workcell.task.scene, view)

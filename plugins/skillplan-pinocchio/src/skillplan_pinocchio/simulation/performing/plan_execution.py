@@ -17,6 +17,7 @@ from skillplan.physics.performance import (
     PerformedSkill,
     Sample,
 )
+from skillplan.physics.view import Angle, View
 from skillplan.task.motion import Point
 from skillplan.task.scene import WORLD, Pose
 from skillplan.task.skill import Skill
@@ -29,8 +30,9 @@ from skillplan_pinocchio.simulation.execution.controlled_robot import StuckError
 from skillplan_pinocchio.simulation.execution.planned_paths import PlannedSkill
 from skillplan_pinocchio.simulation.execution.skill_runner import SkillRunner
 from skillplan_pinocchio.simulation.execution.workcell import SETTLE_S, Workcell
+from skillplan_pinocchio.simulation.performing.footage import caption_of
 from skillplan_pinocchio.simulation.record import FRAMES_PER_S
-from skillplan_pinocchio.simulation.simulator import STEPS_PER_S, Arm, UpsetError
+from skillplan_pinocchio.simulation.simulator import STEPS_PER_S, Arm, UpsetError, World
 from skillplan_pinocchio.simulation.verdicts.contact_judge import Judge, collision_in
 from skillplan_pinocchio.simulation.verdicts.postconditions import (
     Tolerances,
@@ -38,11 +40,11 @@ from skillplan_pinocchio.simulation.verdicts.postconditions import (
     postcondition_verdict,
     tilt_rad,
 )
-from skillplan_pybullet.simulator.camera import Camera
-from skillplan_pybullet.simulator.world import World
 
 # So high above its tip a hand has to be seen [m].
 _HAND_M = 0.15
+# And so high above its base an arm [m].
+_ARM_M = 0.8
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,11 +75,17 @@ class Observers:
         Is given every picture.
     note
         Is given a sample of every frame of 1/60 s.
+    angle
+        From which side pictures are taken; left out: from the one that the arm does not hide.
+    labels
+        Whether bodies have name tags.
     """
 
     frames_per_s: float | None = None
     show: Callable[[Image], None] | None = None
     note: Callable[[Sample], None] | None = None
+    angle: Angle | None = None
+    labels: bool = False
 
 
 def execute_plan(
@@ -105,7 +113,6 @@ def execute_plan(
     robot = workcell.robot
     hand = hand_of(robot, robot.tool(workcell.task.initial))
     world, arm = workcell.simulator.cell(hand, seen=True)
-    assert isinstance(world, World)
     with world:
         return _PlanExecution(workcell, rules, world, arm, observers).play(skills, stopped)
 
@@ -123,7 +130,9 @@ class _PlanExecution:
         self.every = STEPS_PER_S / frames_per_s if frames_per_s and self.show else None
         self.shown = 0
         self.skill = ""
-        self.camera = Camera.about(self._extent())
+        self.step = 0
+        view = View.about(self._extent(), observers.angle)
+        self.camera = workcell.simulator.camera(self.task.scene, view, labels=observers.labels)
 
     def play(self, skills: Sequence[Skill], stopped: Callable[[], bool]) -> Performance:
         state = self.task.initial
@@ -157,6 +166,7 @@ class _PlanExecution:
             if done and stopped():
                 break
             self.skill = skill.name
+            self.step += 1
             begin_s = self.world.steps / STEPS_PER_S
             verdict = self._execute(skill, state)
             state = skill.prediction_in(state).apply(state)
@@ -216,7 +226,9 @@ class _PlanExecution:
     def _every_step(self) -> None:
         steps = self.world.steps
         if self.every is not None and self.show is not None and steps >= self.shown * self.every:
-            self.show(self.camera.take(self.world))
+            skill = f"{self.step}. {self.skill}" if self.skill else ""
+            caption = caption_of(skill, self.runner.log.phase_now, steps / STEPS_PER_S)
+            self.show(self.camera.take(self.world, caption))
             self.shown += 1
         if self.note is not None and steps % STEPS_PER_FRAME == 0:
             self.note(self._sample())
@@ -253,7 +265,7 @@ class _PlanExecution:
         return found
 
     def _extent(self) -> list[Point]:
-        """Return corners about all places of parts, and of the hand that carries them [m]."""
+        """Return corners about the arm, all places of parts, and the hand that carries them [m]."""
         corners = [
             corner
             for body in self.task.scene.bodies
@@ -265,4 +277,6 @@ class _PlanExecution:
         low_m = self.robot.safe_height_m
         for x_m, y_m, _ in self.robot.places.values():
             corners += [(x_m, y_m, 0.0), (x_m, y_m, low_m + _HAND_M)]
+        x_m, y_m, z_m = self.robot.base
+        corners += [(x_m, y_m, z_m), (x_m, y_m, z_m + _ARM_M)]
         return [(x, y, z) for x, y, z in corners]

@@ -1,0 +1,90 @@
+"""Where to draw without a display: a context of OpenGL, by the EGL library of the system."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from typing import Any
+
+# Of EGL's header.
+_SURFACELESS, _OPENGL_API, _END = 0x31DD, 0x30A2, 0x3038
+_RED, _GREEN, _BLUE, _DEPTH, _SURFACE, _RENDERABLE = 0x3024, 0x3023, 0x3022, 0x3025, 0x3033, 0x3040
+_PBUFFER_BIT, _OPENGL_BIT, _DEPTH_BITS, _COLOUR_BITS = 1, 8, 24, 8
+_WANTED = (
+    *(_RED, _COLOUR_BITS, _GREEN, _COLOUR_BITS, _BLUE, _COLOUR_BITS, _DEPTH, _DEPTH_BITS),
+    *(_SURFACE, _PBUFFER_BIT, _RENDERABLE, _OPENGL_BIT, _END),
+)
+
+
+class DrawingContext:
+    """A context of OpenGL without a window, by graphics hardware or in software.
+
+    Raises
+    ------
+    ValueError
+        If this machine has none, in words.
+    """
+
+    def __init__(self) -> None:
+        try:
+            egl = ctypes.CDLL("libEGL.so.1")
+        except OSError:
+            raise ValueError(_instead("no libEGL.so.1")) from None
+        pointer = ctypes.c_void_p
+        egl.eglGetDisplay.restype = egl.eglGetProcAddress.restype = pointer
+        egl.eglCreateContext.restype = pointer
+        egl.eglGetProcAddress.argtypes = [ctypes.c_char_p]
+        egl.eglGetDisplay.argtypes = [pointer]
+        egl.eglInitialize.argtypes = [pointer] * 3
+        egl.eglChooseConfig.argtypes = [pointer] * 3 + [ctypes.c_int, pointer]
+        egl.eglCreateContext.argtypes = egl.eglMakeCurrent.argtypes = [pointer] * 4
+        self._egl: Any = egl
+        self._display = next((one for one in self._displays() if self._begins(one)), None)
+        if self._display is None:
+            raise ValueError(_instead("no display of EGL"))
+        wanted, found, count = (ctypes.c_int * len(_WANTED))(*_WANTED), pointer(), ctypes.c_int()
+        egl.eglChooseConfig(self._display, wanted, ctypes.byref(found), 1, ctypes.byref(count))
+        egl.eglBindAPI(_OPENGL_API)
+        self._context = egl.eglCreateContext(self._display, found, None, None)
+        if not count.value or not self._context:
+            raise ValueError(_instead("no OpenGL by EGL"))
+
+    def take_up(self) -> None:
+        """Have this thread draw here.
+
+        Raises
+        ------
+        ValueError
+            If it cannot.
+        """
+        if not self._egl.eglMakeCurrent(self._display, None, None, self._context):
+            raise ValueError(_instead("no drawing without a surface by EGL"))
+
+    def _displays(self) -> list[int | None]:
+        """Return displays to be tried: that without a screen, and the one that is there."""
+        address = self._egl.eglGetProcAddress(b"eglGetPlatformDisplayEXT")
+        kind = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p)
+        first = [kind(address)(_SURFACELESS, None, None)] if address else []
+        return [*first, self._egl.eglGetDisplay(None)]
+
+    def _begins(self, display: int | None) -> bool:
+        return display is not None and bool(self._egl.eglInitialize(display, None, None))
+
+
+@cache
+def drawing_context() -> DrawingContext:
+    """Return the process's own, made when it is first needed.
+
+    Raises
+    ------
+    ValueError
+        If this machine has none, in words.
+    """
+    return DrawingContext()
+
+
+def _instead(reason: str) -> str:
+    return (
+        f"MuJoCo has nothing to draw with here ({reason}): install libegl1 and "
+        "libgl1-mesa-dri, or draw with --physics pybullet"
+    )

@@ -1,4 +1,0 @@
-"""Skills and whole plans executed in a simulated world, and the record of what happened.
-
-It holds whatever the robot does there; it never decides what is feasible, which is for `verdicts`.
-"""
