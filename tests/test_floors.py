@@ -46,7 +46,7 @@ OPENS = {
     "training/sent_group.py": "a folder of its own for what a training elsewhere keeps",
     "judge/fast_downward.py": "a folder of its own for a planner",
     "skillplan_ray/fingerprint.py": "the process file system, and the sources of packages",
-    "skillplan_cad/reading/step_file.py": "the null device, for what OCCT prints",
+    "skillplan_cad/reading/occt.py": "the null device, for what OCCT prints",
     "skillplan_cad/reading/mesh_folder.py": "a mesh in memory",
     "skillplan_ros2/bag.py": "a bag of its own, in a folder of its own",
 }

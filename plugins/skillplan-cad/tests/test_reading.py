@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import signal
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import trimesh
 from cad_products import file, product, truth
 from skillplan.errors import OptionError
 from skillplan_cad.reading.mending import mended
+from skillplan_cad.reading.occt import Limits, prepare, read_apart
 from skillplan_cad.reading.product_reader import ReadOptions, read_product
 from skillplan_cad.reading.raw_part import RawPart
 from skillplan_cad.reading.shapes import shapes_of
@@ -186,6 +188,26 @@ class TestFolders:
         (tmp_path / "two.ply").write_text("nonsense")
         with pytest.raises(OptionError, match=r"two\.ply: cannot be read as PLY"):
             read_product(tmp_path, ReadOptions(unit="mm"))
+
+
+class TestOcctApart:
+    """In a process of its own."""
+
+    def test_a_crash_is_one_message(self, tmp_path):
+        """As a fault in its memory is."""
+        path = tmp_path / "cursed.step"
+        with pytest.raises(OptionError, match=r"cursed\.step: OCCT crashed on it \(signal 11\)"):
+            read_apart(path, signal.raise_signal, signal.SIGSEGV, Limits(60))
+
+    @pytest.mark.parametrize(
+        ("limits", "words"),
+        [(Limits(0), "still at it after 0 s"), (Limits(60, 1), "took more than .* of memory")],
+    )
+    def test_a_file_that_takes_too_much_is_given_up(self, tmp_path, limits, words):
+        """Time or memory."""
+        content = gzip.decompress(file("threads").read_bytes())
+        with pytest.raises(OptionError, match=words):
+            read_apart(tmp_path / "long.step", prepare, (content, 5e-5), limits)
 
 
 class TestMending:

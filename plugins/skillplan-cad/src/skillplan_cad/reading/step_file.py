@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import os
 import re
-import sys
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from skillplan.errors import OptionError
 from skillplan.files.regular_file import RefusedFile, read_bytes
 from skillplan_cad.reading.glb import parts_of
+from skillplan_cad.reading.occt import tessellated
 from skillplan_cad.reading.raw_part import RawProduct
 
 SUFFIXES = (".step", ".stp", ".step.gz", ".stp.gz", ".stpz")
 MOST_BYTES = 128 * 1024 * 1024
 _BEGINS, _ENDS = b"ISO-10303-21;", b"END-ISO-10303-21;"
-# How sharply a chord may turn [rad]; its distance from the surface is what is asked for.
-_TURN_RAD = 0.5
 _ASSEMBLE = "Save it from CAD as STEP (AP203, AP214 or AP242)"
 
 
@@ -41,11 +36,12 @@ def read_step(path: Path, chord_m: float) -> RawProduct:
     Raises
     ------
     OptionError
-        If it cannot be read, is no STEP file, is cut off, or holds no solids.
+        If it cannot be read, is no STEP file, is cut off, or holds no solids; or if OCCT
+        crashes on it.
     """
     content = _content(path)
     unit = _unit(content)
-    name, parts = parts_of(_tessellated(path, content, chord_m))
+    name, parts = parts_of(tessellated(path, content, chord_m))
     if not parts:
         raise OptionError(
             f"{path}: holds no solids or surfaces, as a drawing or mere curves do. Save the solids."
@@ -113,45 +109,3 @@ def _unit(content: bytes) -> str:
     found = re.search(rb"SI_UNIT\s*\(\s*(\$|\.[A-Z]+\.)\s*,\s*\.METRE\.\s*\)", content)
     prefixes = {b".MILLI.": "mm", b".CENTI.": "cm", b"$": "m", b".MICRO.": "um"}
     return prefixes.get(found[1], "mm") if found else "mm"
-
-
-def _tessellated(path: Path, content: bytes, chord_m: float) -> bytes:
-    import cascadio
-
-    with _quiet_output():
-        made: bytes = cascadio.load(
-            content,
-            "step",
-            tol_linear=chord_m * 1000,
-            tol_angular=_TURN_RAD,
-            merge_primitives=True,
-            use_parallel=False,
-            include_brep=True,
-        )
-    if not made:
-        raise OptionError(f"{path}: OCCT cannot read it as STEP. {_ASSEMBLE}.")
-    return made
-
-
-@contextmanager
-def _quiet_output() -> Iterator[None]:
-    """Send what OCCT prints nowhere: stdout belongs to the command."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    kept = {}
-    for descriptor in (1, 2):
-        try:
-            kept[descriptor] = os.dup(descriptor)
-        except OSError:
-            # It is closed: there is nothing to be kept clean.
-            continue
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        for descriptor in kept:
-            os.dup2(nowhere, descriptor)
-        yield
-    finally:
-        for descriptor, copy in kept.items():
-            os.dup2(copy, descriptor)
-            os.close(copy)
-        os.close(nowhere)
