@@ -55,7 +55,7 @@ def test_a_relation_that_was_written_is_read(made):
     assert relation.blockers("bolt", 4) == ()
 
 
-@pytest.mark.slow(reason="imports twice; what is damaged is made anew in every run")
+@pytest.mark.slow(reason="imports twice; a relation that was written is read in every run")
 def test_the_same_file_makes_the_same_bytes_and_stages_are_run_once(tmp_path, made, capsys):
     """What is kept is as good as what is made; other threads test no ray again."""
     said = []
@@ -71,6 +71,7 @@ def test_the_same_file_makes_the_same_bytes_and_stages_are_run_once(tmp_path, ma
     assert "blocking: kept from an earlier run" in said[2]
 
 
+@pytest.mark.slow(reason="imports again; a relation that was written is read in every run")
 def test_what_is_kept_and_damaged_is_made_anew(tmp_path, made, capsys):
     """And never trusted."""
     assert run(["import-cad", SOURCE, "--out", str(tmp_path / "one")]) == 0
@@ -108,6 +109,7 @@ def test_a_folder_with_anything_in_it_is_left_alone(made, capsys):
     assert "is not empty" in capsys.readouterr().err
 
 
+@pytest.mark.slow(reason="imports a product more; overlaps are measured in every run")
 def test_overlaps_and_what_floats_are_told(tmp_path, capsys):
     """On stderr, with names, volumes and places; and in the report."""
     source, out = str(file("interfering")), tmp_path / "product"

@@ -16,6 +16,7 @@ from skillplan_cad.reading.occt import Limits, prepare, read_apart
 from skillplan_cad.reading.product_reader import ReadOptions, read_product
 from skillplan_cad.reading.raw_part import RawPart
 from skillplan_cad.reading.shapes import shapes_of
+from thinned import thinned
 
 
 def box(size=(10, 10, 10), at=(0, 0, 0)):
@@ -33,7 +34,9 @@ def folder(path, **meshes):
 
 
 class TestStep:
-    @pytest.mark.parametrize("name", ["bracket", "nested", "mirrored", "threads"])
+    @pytest.mark.parametrize(
+        "name", thinned(["bracket", "nested", "mirrored", "threads"], "bracket", "nested")
+    )
     def test_all_parts_are_read_and_identical_ones_found(self, name):
         """Each instance is a part."""
         whole = product(name)
@@ -48,6 +51,7 @@ class TestStep:
         """Below its root."""
         assert "carriage_2/stud/pin" in [part.name for part in product("nested").parts]
 
+    @pytest.mark.slow(reason="reads a file more; names are paths in every run")
     def test_an_instance_without_a_name_is_called_after_its_design(self, tmp_path):
         """Exporters number such instances; what they are is told by their design."""
         path = tmp_path / "threads.step"

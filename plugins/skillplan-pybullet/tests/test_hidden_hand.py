@@ -108,7 +108,8 @@ class TestADockedTool:
     @pytest.fixture
     def tools(self, arm) -> ToolChanger:
         """Return a robot that has just left its screwdriver where it is."""
-        scene = Scene((), ())
+        robot = Robot("robot", (0.0, 0.0, 0.0), 0.8, 0.2, {}, tools=(SCREWDRIVER,))
+        scene = Scene((), (robot,))
         changer = ToolChanger(arm.world, arm, scene, SCREWDRIVER)
         changer.detach()
         return changer

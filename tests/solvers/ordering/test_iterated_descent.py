@@ -51,7 +51,7 @@ def test_it_descends_to_an_end_where_directions_cost_differently():
     """No exchange is taken for a gain that is none, or it would be made and unmade for ever."""
     for seed in range(20):
         instance = loose(40, seed, skew=30.0)
-        now, best, told = kicked(instance, cheapest_first(instance), seed, kicks=200)
+        _, best, told = kicked(instance, cheapest_first(instance), seed, kicks=200)
         assert abs(told - instance.cost(best)) <= 1e-9 * told
 
 
