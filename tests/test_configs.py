@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from copy import deepcopy
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -268,7 +269,7 @@ class TestEveryConfig:
         self, stem: str, section: str, key: str, slip: str
     ) -> None:
         """A misspelt key is a fault for editors, too."""
-        content = content_of(FOLDER / f"{stem}.yaml")
+        content = deepcopy(content_of(FOLDER / f"{stem}.yaml"))
         content[section][slip] = content[section].pop(key)
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.Draft202012Validator(schema_of(content["kind"])).validate(content)

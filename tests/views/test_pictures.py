@@ -138,6 +138,14 @@ def test_numbers_of_steps_cover_no_others() -> None:
         assert across >= one.half_px + other.half_px or down >= 2 * NUMBER_PX
 
 
+def test_names_stand_where_they_do_in_every_process(board: Task, plan: list[str]) -> None:
+    """They are placed in the order of the bodies, the same whatever the seed of hashes is."""
+    names = [body.name for body in board.scene.bodies]
+    starts = board.scene.at(board.initial)
+    placed = [text for text in labels(layout_picture(board, plan)) if text in names]
+    assert placed == sorted(placed, key=lambda name: (name not in starts, names.index(name)))
+
+
 def test_a_circle_is_drawn_all_the_same(board: Task) -> None:
     """No order exists, and the picture says so; the other pairs are in layers as ever."""
     graph = precedence_graph(board, chart(relation("clock", "pcb"), relation("clock", "brace")))

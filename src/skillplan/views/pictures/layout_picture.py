@@ -237,8 +237,9 @@ class _Layout:
         names: dict[str, Sequence[float]] = {
             name: pose.position for name, pose in self.starts.items()
         }
-        once = {name for name in self.goals if name not in self.starts}
-        names |= {name: self.goals[name].position for name in once}
+        # Bodies in their order: the later a name is placed, the less room is left.
+        once = [body.name for body in self.scene.bodies if body.name not in self.starts]
+        names |= {name: self.goals[name].position for name in once if name in self.goals}
         shared: dict[tuple[float, ...], list[str]] = {}
         for name, place in self.scene.stations.items():
             shared.setdefault(tuple(place), []).append(name)
