@@ -17,8 +17,11 @@ def page(tmp_path: Path) -> Path:
     return tmp_path / "page.html"
 
 
-def test_a_board_is_reported(cli: Any, board: str, page: Path) -> None:
+def test_a_board_is_reported(
+    cli: Any, board: str, page: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Status, proof, plan, time line, pictures, precedence: all without a script."""
+    monkeypatch.setattr("skillplan.views.report.player_files.player", lambda: None)
     outcome = cli("report", board, "--no-simulation", "--out", str(page))
     assert (0, f"{page}\n") == (outcome.code, outcome.out)
     text = page.read_text("utf-8")
@@ -40,6 +43,56 @@ def test_without_a_player_a_page_is_written_all_the_same(
     assert 0 == outcome.code
     assert "make web builds it" in outcome.err
     assert "<script" not in page.read_text("utf-8")
+
+
+@pytest.mark.parametrize("hidden", ["the engines", "none"])
+def test_what_no_engine_performs_is_played_along_its_planned_paths(
+    cli: Any, tmp_path: Path, page: Path, monkeypatch: pytest.MonkeyPatch, hidden: str
+) -> None:
+    """Without forces, and the page says so outside the player, too."""
+    pytest.importorskip("skillplan_pinocchio")
+    player = Player("document.title;", "", "")
+    monkeypatch.setattr("skillplan.views.report.player_files.player", lambda: player)
+    words = ["--no-simulation"]
+    if hidden == "the engines":
+        performing = "skillplan.pipeline.presentation.performing.performing_engine"
+        monkeypatch.setattr(performing, lambda: None)
+        words = []
+    assert 0 == cli("report", one_part(tmp_path), *words, "--out", str(page)).code
+    text = page.read_text("utf-8")
+    data = text.partition('id="playback">')[2].partition("</script>")[0]
+    playback = json.loads(data)
+    assert "planned, not simulated: no contact forces" == playback["note"]
+    assert "The motion is planned, not simulated: no contact forces." in text
+    assert "Times along the planned paths." in text
+    assert [] == playback["contacts"]
+    assert ["pick(cover)", "place(cover)"] == [one["name"] for one in playback["skills"]]
+    assert "cover" in {one["name"] for one in playback["bodies"] if one["track"] is not None}
+
+
+def one_part(folder: Path) -> str:
+    """Return the file of a task in which an arm places one part."""
+    path = folder / "one.yaml"
+    path.write_text(
+        "kind: assembly\nname: one\n"
+        "robot: {name: panda, home_m: [0.307, 0.0], reach_m: 0.855, safe_height_m: 0.15}\n"
+        "tools: {gripper: {type: gripper, opening_m: 0.08, holder_m: [0.642, -0.2]}}\n"
+        "initial_tool: gripper\n"
+        "parts:\n  cover: {tool: gripper, mass_kg: 0.1, size_m: [0.05, 0.04, 0.02], "
+        "start_m: [0.4, -0.1], goal_m: [0.45, 0.1]}\n"
+    )
+    return str(path)
+
+
+def test_where_nothing_plans_paths_the_page_says_how_to_get_it(
+    cli: Any, tmp_path: Path, page: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    player = Player("document.title;", "", "")
+    monkeypatch.setattr("skillplan.views.report.player_files.player", lambda: player)
+    monkeypatch.setattr("skillplan.pipeline.presentation.planning_motion.SCREEN", "absent")
+    words = ["--no-simulation", "--collision", "aabb"]
+    assert 0 == cli("report", one_part(tmp_path), *words, "--out", str(page)).code
+    assert "pip install skillplan-pinocchio" in page.read_text("utf-8")
 
 
 def test_a_page_that_is_there_stays(cli: Any, board: str, page: Path) -> None:
@@ -89,8 +142,11 @@ def test_the_bench_is_played_by_its_times(
     assert playback["duration_s"] > 0
 
 
-def test_several_inputs_are_chapters(cli: Any, board: str, tmp_path: Path, page: Path) -> None:
+def test_several_inputs_are_chapters(
+    cli: Any, board: str, tmp_path: Path, page: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A comparison beside a plan; what the comparison holds is data."""
+    monkeypatch.setattr("skillplan.views.report.player_files.player", lambda: None)
     rows = [{"solver": "<script>", "status": "optimal", "cost": 1.0, "stats": {"wall_s": 0.1}}]
     other = tmp_path / "compared.json"
     other.write_text(json.dumps({"schema": "skillplan.comparison/1", "warm": False, "rows": rows}))

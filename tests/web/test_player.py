@@ -12,9 +12,13 @@ import pytest
 
 from browser import Page, executable
 from playback_pages import part_at, playback, tip_at, with_keys, write_page
+from skillplan import load_problem
+from skillplan.views.playback.arm_playback import PLANNED, arm_playback
+from skillplan.views.playback.tracks import FRAMES_PER_S
 from skillplan.views.report.player_files import page_style
 
 PLAYER = resources.files("skillplan") / "views" / "report" / "player" / "player.js"
+BOARD = Path(__file__).parents[2] / "configs" / "inverter_board.yaml"
 TENTH_OF_A_MM = 1e-4
 NO_WEBGL = "HTMLCanvasElement.prototype.getContext = () => null"
 pytestmark = [
@@ -59,6 +63,28 @@ def test_tip_and_parts_are_within_a_tenth_of_a_millimetre(page: Page, time_s: fl
     np.testing.assert_allclose(tip[:3], tip_at(np.array(time_s)), atol=TENTH_OF_A_MM)
     board = page.evaluate("skillplanPlayer.poseOf('board')")
     np.testing.assert_allclose(board[:3], part_at(1, np.array(time_s)), atol=TENTH_OF_A_MM)
+
+
+def test_a_planned_motion_is_played_within_a_tenth_of_a_millimetre(tmp_path: Path) -> None:
+    """The board's arm along its planned paths: tip, and every part that is there."""
+    swept = pytest.importorskip("skillplan_pinocchio.swept")
+    task = load_problem(str(BOARD)).task
+    skills = task.parse_sequence("0,1,2,3,4,5,8,9,10,11,6,7,13,14,15")
+    motion = swept.SweptDetector(task).planned_motion(skills, FRAMES_PER_S)
+    document = arm_playback(task, motion.skills, motion.samples, note=PLANNED).document()
+    page = Page(tmp_path / "browser")
+    page.open(write_page(tmp_path / "page.html", document))
+    assert PLANNED in page.evaluate("document.getElementById('playback-root').textContent")
+    for sample in motion.samples[30::400]:
+        page.seek(sample.time_s)
+        tip = page.evaluate("skillplanPlayer.poseOf('panda')")
+        np.testing.assert_allclose(tip[:3], sample.tip, atol=TENTH_OF_A_MM)
+        for name, pose in sample.bodies.items():
+            shown = page.evaluate(f"skillplanPlayer.poseOf('{name}')")
+            np.testing.assert_allclose(shown[:3], pose.position, atol=TENTH_OF_A_MM)
+    complaints = page.complaints
+    page.close()
+    assert complaints == []
 
 
 def test_tracks_of_some_frames_only_are_read_between_them(tmp_path: Path) -> None:

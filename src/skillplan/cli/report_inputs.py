@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,17 +17,21 @@ from skillplan.errors import OptionError
 from skillplan.files.json_file import read_document
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.strict_json import parse_json
+from skillplan.physics.planned_motion import PlannedMotion
 from skillplan.pipeline.presentation.geometric_chart import geometric_chart
 from skillplan.pipeline.presentation.performing import Performed, perform_plan
+from skillplan.pipeline.presentation.planning_motion import plan_motion
 from skillplan.pipeline.run import warm_cache
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solve_problem import solve_problem
 from skillplan.plugins.installed import distribution_versions
 from skillplan.records import schemas
 from skillplan.records.stored.result_folder import is_result, result_path, run_folder
+from skillplan.task.skill import Skill
 from skillplan.task.task import Task
 from skillplan.views.pictures.precedence_graph import PrecedenceGraph, precedence_graph
-from skillplan.views.playback.arm_playback import arm_playback
+from skillplan.views.playback.arm_playback import PLANNED, arm_playback
+from skillplan.views.playback.tracks import FRAMES_PER_S
 from skillplan.views.report.chapters import (
     ChainInput,
     PlanInput,
@@ -55,7 +59,9 @@ class Reporter:
     reading, back_ends
         Of the command line.
     simulate
-        Whether plans are performed for the playback.
+        Whether plans are performed for the playback; else they are played as planned.
+    plays
+        Whether the page has a player.
     time_limit_s
         For a task that is solved first [s]; None for none.
     seed
@@ -65,6 +71,7 @@ class Reporter:
     reading: PartReading
     back_ends: BackEnds
     simulate: bool
+    plays: bool = True
     time_limit_s: float | None = None
     seed: int = 0
     playback: Mapping[str, Any] | None = None
@@ -146,10 +153,14 @@ class Reporter:
         if isinstance(performed, Performed):
             if performed.samples and self.playback is None:
                 looks = performed.back_end.looks()
-                played = arm_playback(task, performed.performance, performed.samples, looks)
+                done = performed.performance.skills
+                played = arm_playback(task, done, performed.samples, looks)
                 made = self.playback = played.document()
             else:
                 missing = "the page plays another plan, or nothing has moved"
+        elif isinstance(performed, PlannedMotion):
+            played = arm_playback(task, performed.skills, performed.samples, note=PLANNED)
+            made = self.playback = played.document()
         measured = performed if isinstance(performed, Performed) else None
         given_plan = PlanInput(
             document,
@@ -161,6 +172,7 @@ class Reporter:
             "" if measured is None else measured.engine,
             made,
             missing,
+            performed.skills if isinstance(performed, PlannedMotion) else (),
         )
         return plan_chapter(given_plan, name)
 
@@ -170,16 +182,16 @@ class Reporter:
         setup: Setup,
         document: Mapping[str, Any],
         ways: tuple[str | None, ...],
-    ) -> Performed | str:
-        """Return the performed plan, or why there is none in words."""
+    ) -> Performed | PlannedMotion | str:
+        """Return the plan as performed, or else as planned, or why there is neither in words."""
         plan = [str(step["skill"]) for step in document.get("steps") or ()]
-        if not self.simulate:
-            return "no simulation was wanted"
         if not plan:
             return "there is no plan"
         if not task.scene.bodies or not task.scene.robots:
             return "the task has no bodies and arm to move"
         skills = [task.skill(one) for one in plan]
+        if not self.simulate:
+            return self._planned(task, setup, skills, ways)
         with counting("skills", len(skills)) as count:
             performed = perform_plan(
                 task,
@@ -190,7 +202,23 @@ class Reporter:
                 stopped=lambda: count.interrupted,
             )
             self.interrupted = self.interrupted or count.interrupted
-        return performed
+        if isinstance(performed, Performed):
+            return performed
+        planned = self._planned(task, setup, skills, ways)
+        return f"{performed}; and {planned}" if isinstance(planned, str) else planned
+
+    def _planned(
+        self, task: Task, setup: Setup, skills: Sequence[Skill], ways: Sequence[str | None]
+    ) -> PlannedMotion | str:
+        """Return how the plan would move; a second one cannot be played on a page."""
+        if not self.plays:
+            return "its player is not here"
+        if self.playback is not None:
+            return "the page plays another plan"
+        planned = plan_motion(task, setup, skills, ways, frames_per_s=FRAMES_PER_S)
+        if isinstance(planned, PlannedMotion) and not planned.samples:
+            return "nothing has moved"
+        return planned
 
     def _graph(self, task: Task, setup: Setup) -> PrecedenceGraph | None:
         """Return the precedence relation by geometry and by hand; None where there is neither."""

@@ -8,7 +8,7 @@ nothing supports what it leaves behind.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from functools import cached_property
 
@@ -17,6 +17,7 @@ from pydantic import Field
 from skillplan.collision.detector import Detector
 from skillplan.collision.hulls import HullScene
 from skillplan.physics.jaws import jaw_faults, too_wide
+from skillplan.physics.planned_motion import PlannedMotion
 from skillplan.task import back_end
 from skillplan.task.motion import Event
 from skillplan.task.scene import Robot
@@ -24,10 +25,13 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.task.verdict import Verdict
-from skillplan_pinocchio.arm_paths import ArmPaths, PathSettings
+from skillplan_pinocchio.arm_model import Vector
+from skillplan_pinocchio.arm_paths import ArmPaths, PathSettings, SkillPaths
+from skillplan_pinocchio.inverse_kinematics import Unreachable
 from skillplan_pinocchio.picture import hull_scene
 from skillplan_pinocchio.planning.travel_planner import MOST_CHECKS
 from skillplan_pinocchio.swept_motion import Collision, SweptMotion, SweptMotionBuilder
+from skillplan_pinocchio.timing.kinematic_run import KinematicRun
 from skillplan_pinocchio.timing.least_times import LeastTimes
 from skillplan_pinocchio.timing.skill_times import SkillTimes
 from skillplan_pinocchio.timing.trajectory import JointLimits
@@ -164,6 +168,23 @@ class SweptDetector(Detector):
             raise ValueError(words)
         verdict = self.check(skill, state)
         return hull_scene(self.paths, skill, state, verdict)
+
+    def planned_motion(self, skills: Sequence[Skill], frames_per_s: int) -> PlannedMotion:
+        """Return how the arm moves in a plan; see :meth:`MotionPlans.planned_motion`."""
+        times = self._times
+        run = KinematicRun(self.task, self.paths, times.limits, times.dwells_s, frames_per_s)
+        return run.of(skills, self._granted_paths)
+
+    def _granted_paths(self, skill: Skill, state: State, begin_rad: Vector | None) -> SkillPaths:
+        verdict = self.check(skill, state)
+        if not verdict.is_feasible:
+            raise ValueError(f"{self.name} does not grant {skill.name}: {verdict.reason}")
+        found = self.paths.paths(skill, state, begin_rad)
+        unfound = found if isinstance(found, Unreachable) else found.unfound
+        if unfound is not None:
+            raise ValueError(f"{self.name} finds no path for {skill.name}: {unfound.reason}")
+        assert isinstance(found, SkillPaths)
+        return found
 
     @cached_property
     def _robot(self) -> Robot:

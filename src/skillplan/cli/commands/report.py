@@ -44,7 +44,7 @@ def command(
         bool,
         typer.Option(
             "--no-simulation",
-            help="Execute no plan: the page has times as planned, and of an arm no playback.",
+            help="Execute no plan: an arm is played as planned, along its paths, without forces.",
             rich_help_panel=BACK_ENDS,
         ),
     ] = False,
@@ -54,7 +54,7 @@ def command(
     A TASK is solved first. The page holds what was asked and found, the plan and its times, why
     parts come before others, and what was refused; it needs no network, and without JavaScript
     only the playback is missing. The first plan is played: that of an arm as an engine executes
-    it, that of a bench as its times say.
+    it or, where none is installed, along its planned paths; that of a bench as its times say.
     """
     from pathlib import Path
 
@@ -73,7 +73,8 @@ def command(
     if shows is None:
         words = "the page has no playback in 3-D, whose player is not here"
         tell(f"skillplan: note: {words}: {HOW_TO_GET}.")
-    reporter = Reporter(reading, back_ends, not no_simulation, time_limit_s, seed)
+    plays = shows is not None
+    reporter = Reporter(reading, back_ends, not no_simulation, plays, time_limit_s, seed)
     chapters = [reporter.chapter(one, f"c{k}") for k, one in enumerate(inputs, start=1)]
     title = chapters[0].heading if len(chapters) == 1 else f"{len(chapters)} reports"
     html = page_html(title, chapters, reporter.playback, shows)

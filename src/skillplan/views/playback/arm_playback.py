@@ -1,4 +1,4 @@
-"""A plan of an arm, as an engine performed it: every link, tool and part at every moment."""
+"""A plan of an arm, as it was performed or planned: every link, tool and part at every moment."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skillplan.physics.performance import Performance, Sample
+from skillplan.physics.performance import PerformedSkill, Sample
 from skillplan.physics.tool_shapes import tool_shapes
 from skillplan.robots.hand import Hand
 from skillplan.task.pose import Pose
@@ -21,6 +21,9 @@ from skillplan.views.playback.meshes import coarser, hull_mesh, read_obj
 from skillplan.views.playback.tracks import FRAMES_PER_S
 from skillplan.views.playback.turns import Numbers, link_frames, matrix, rows_of
 
+SIMULATED = "simulated, with contacts"
+PLANNED = "planned, not simulated: no contact forces"
+
 _ARM, _JAWS = "#d5d9de", "#8b929b"
 # Meshes of links are made coarser to this [m]; links may be played back so far off.
 _CELL_M, _LINK_OFF_M = 0.009, 2e-4
@@ -29,41 +32,44 @@ _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 
 def arm_playback(
     task: Task,
-    performance: Performance,
+    skills: Sequence[PerformedSkill],
     samples: Sequence[Sample],
     looks: Sequence[Path | None] = (),
+    note: str = SIMULATED,
 ) -> Playback:
-    """Return what is shown of a performed plan.
+    """Return what is shown of a plan.
 
     Parameters
     ----------
     task
         With one robot.
-    performance
-        What the engine measured.
+    skills
+        When each began and ended.
     samples
         One or more rows of the trace, 60 a second.
     looks
         Meshes of base and links; None where there is none, empty for none at all.
+    note
+        Where the motion is from.
     """
-    return _ArmPlayback(task, performance, samples, looks).made()
+    return _ArmPlayback(task, skills, samples, looks, note).made()
 
 
 class _ArmPlayback:
     def __init__(
         self,
         task: Task,
-        performance: Performance,
+        skills: Sequence[PerformedSkill],
         samples: Sequence[Sample],
         looks: Sequence[Path | None],
+        note: str,
     ) -> None:
         self.task, self.scene = task, task.scene
         self.robot: Robot = task.scene.robots[0]
-        self.performance = performance
+        self.skills = skills
         # The first row is noted a frame after the beginning.
         self.samples = [samples[0], *samples]
         self.looks = looks
-        note = "simulated, with contacts"
         self.playback = Playback(task.name, len(self.samples), note)
 
     def made(self) -> Playback:
@@ -143,7 +149,7 @@ class _ArmPlayback:
         state = self.task.initial
         tool = self.robot.tool(state)
         found: list[Tool | None] = [tool] * len(self.samples)
-        for done in self.performance.skills:
+        for done in self.skills:
             skill = _skill_of(self.task, done.skill)
             if not done.verdict.is_feasible:
                 break
@@ -191,7 +197,7 @@ class _ArmPlayback:
             )
 
     def _skills(self) -> None:
-        for done in self.performance.skills:
+        for done in self.skills:
             skill = _skill_of(self.task, done.skill)
             subject = skill.parameters.get("part") or skill.parameters.get("screw")
             words = None if done.verdict.is_feasible else done.verdict.reason

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from skillplan.domains.domain import Listing
-from skillplan.physics.performance import Performance
+from skillplan.physics.performance import Performance, PerformedSkill
 from skillplan.task.task import Task
 from skillplan.views.pictures.exploded_picture import exploded_picture
 from skillplan.views.pictures.gantt_picture import gantt_picture
@@ -57,6 +57,8 @@ class PlanInput:
         ``skillplan.playback/1``; None where there is none.
     missing
         Why there is no playback.
+    played
+        When each skill begins and ends in a playback of what was not performed.
     extra
         Further sections.
     """
@@ -70,6 +72,7 @@ class PlanInput:
     engine: str = ""
     playback: Mapping[str, Any] | None = None
     missing: str = ""
+    played: Sequence[PerformedSkill] = ()
     extra: Sequence[Section] = field(default_factory=tuple)
 
 
@@ -83,13 +86,21 @@ def plan_chapter(given: PlanInput, name: str) -> Chapter:
     if has_plan and in_cell:
         sections.append(playback_section(given.playback, _still(given, name), given.missing))
     if has_plan and task.scene.robots:
-        bars = bars_of(task, document, measured)
+        bars = bars_of(task, document, given.played if measured is None else measured.skills)
         whole = measured is not None and len(measured.skills) == len(document["steps"])
         sections.append(
-            gantt_section(bars, name, measured=whole, played=given.playback is not None)
+            gantt_section(
+                bars,
+                name,
+                measured=whole,
+                played=given.playback is not None,
+                along_paths=bool(given.played),
+            )
         )
     if has_plan:
-        sections.append(plan_section(task, document, measured))
+        done = given.played or None if measured is None else measured.skills
+        how = "played" if measured is None else "simulated"
+        sections.append(plan_section(task, document, done, how))
     if in_cell:
         sections.append(picture_section(task, document, name))
     if given.graph is not None and given.graph.components:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from skillplan.physics.performance import Performance
+from skillplan.physics.performance import Performance, PerformedSkill
 from skillplan.task.reachability import unreachable_facts
 from skillplan.task.task import Task
 from skillplan.views.pictures.drawing import Drawing, Shape
@@ -33,21 +33,24 @@ def figure(drawing: Drawing, name: str, caption: str, description: str = "") -> 
 
 
 def bars_of(
-    task: Task, document: Mapping[str, Any], performance: Performance | None
+    task: Task, document: Mapping[str, Any], played: Sequence[PerformedSkill]
 ) -> list[PlanBar]:
-    """Return a plan as bars: as it was performed as far as it was, or else as it was planned."""
+    """Return a plan as bars: as it is played if all of it is, or else as it was planned."""
     steps = _steps(document)
-    if performance is not None and len(performance.skills) == len(steps):
-        times = {k: (one.begin_s, one.end_s) for k, one in enumerate(performance.skills)}
+    if len(played) == len(steps):
+        times = {k: (one.begin_s, one.end_s) for k, one in enumerate(played)}
     else:
         times = None
     names = [str(step["skill"]) for step in steps]
     return plan_bars(task, names, [float(step["duration_s"]) for step in steps], times)
 
 
-def gantt_section(bars: Sequence[PlanBar], name: str, *, measured: bool, played: bool) -> Section:
+def gantt_section(
+    bars: Sequence[PlanBar], name: str, *, measured: bool, played: bool, along_paths: bool = False
+) -> Section:
     """Return the time line; where the plan is played, a cursor marks the moment on it."""
-    caption = "Times as simulated." if measured else "Times as planned."
+    planned = "Times along the planned paths." if along_paths else "Times as planned."
+    caption = "Times as simulated." if measured else planned
     drawing = gantt_picture(bars, "Who does what when")
     if not played:
         items = tuple(
@@ -59,15 +62,27 @@ def gantt_section(bars: Sequence[PlanBar], name: str, *, measured: bool, played:
 
 
 def plan_section(
-    task: Task, document: Mapping[str, Any], performance: Performance | None
+    task: Task,
+    document: Mapping[str, Any],
+    done: Sequence[PerformedSkill] | None,
+    how: str = "simulated",
 ) -> Section:
-    """Return the plan step by step."""
-    done = [] if performance is None else list(performance.skills)
+    """Return the plan step by step.
+
+    Parameters
+    ----------
+    task, document
+        What was solved, and ``skillplan.result/1``.
+    done
+        When skills began and ended, as far as they were done; None where nobody knows.
+    how
+        They were done: ``simulated`` or ``played``.
+    """
     now_s, rows = 0.0, []
     costs = numbers([step["cost"] for step in _steps(document)])
     for index, step in enumerate(_steps(document)):
-        measured = done[index] if index < len(done) else None
-        begin_s = now_s if performance is None else None if measured is None else measured.begin_s
+        measured = done[index] if done is not None and index < len(done) else None
+        begin_s = now_s if done is None else None if measured is None else measured.begin_s
         now_s += float(step["duration_s"])
         took_s = measured.end_s - measured.begin_s if measured is not None else None
         rows.append(
@@ -77,18 +92,18 @@ def plan_section(
                 _tool(task, str(step["skill"])),
                 seconds(begin_s),
                 seconds(step["duration_s"]),
-                *([seconds(took_s)] if performance is not None else []),
+                *([seconds(took_s)] if done is not None else []),
                 costs[index],
                 _place(step.get("goal")),
                 *([step.get("way") or "-"] if any("way" in s for s in _steps(document)) else []),
             ]
         )
     columns = ["step", "skill", "tool", "begins [s]", "planned [s]"]
-    columns += ["simulated [s]"] if performance is not None else []
+    columns += [f"{how} [s]"] if done is not None else []
     unit = task.metric.unit
     columns += [f"cost [{unit}]", "ends at [m]"]
     columns += ["way"] if any("way" in step for step in _steps(document)) else []
-    kinds = "n  nn" + ("n" if performance is not None else "") + "n"
+    kinds = "n  nn" + ("n" if done is not None else "") + "n"
     caption = f"{len(rows)} skills in order, with their times and costs"
     return Section("plan", "The plan", table(caption, columns, rows, kinds))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from skillplan.views.report.markup import Markup, tag
+from skillplan.views.report.markup import Markup, join, tag
 from skillplan.views.report.page import Section
 from skillplan.views.report.tables import note
 
@@ -30,4 +30,8 @@ def playback_section(
     inner = [still] if still is not None else []
     inner.append(tag("noscript", {}, note(words)))
     root = tag("div", {"id": "playback-root", "aria-label": playback["title"]}, *inner)
+    said = str(playback.get("note") or "")
+    if "not simulated" in said:
+        # Also where no player says it.
+        root = join([root, note(f"The motion is {said}.")])
     return Section("playback", "Playback", root)

@@ -1,0 +1,271 @@
+"""A plan along its planned paths, moment by moment; what is held moves with the hand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from skillplan.physics.jaws import jaw_opening_m
+from skillplan.physics.linear_motions import visited_grasp
+from skillplan.physics.performance import PerformedSkill, Sample
+from skillplan.physics.planned_motion import PlannedMotion
+from skillplan.task.motion import Event
+from skillplan.task.pose import Pose
+from skillplan.task.scene import WORLD, Robot, ToolKind
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+from skillplan.task.verdict import Verdict
+from skillplan_pinocchio.arm_model import Vector
+from skillplan_pinocchio.arm_paths import ArmPaths, MotionPaths, SkillPaths
+from skillplan_pinocchio.kinematics.joint_path import JointPath
+from skillplan_pinocchio.planning.travel import Unfound
+from skillplan_pinocchio.timing.trajectory import JointLimits, fastest_trajectory
+
+# A frame that is so much late is in time [s].
+_ROUNDING_S: Final = 1e-9
+
+PathsOf = Callable[[Skill, State, Vector | None], SkillPaths]
+"""Return the paths of a skill from a posture; raises ValueError in words where there is none."""
+
+
+class KinematicRun:
+    """Moves arm and parts along the paths of a plan.
+
+    Parameters
+    ----------
+    task
+        With one robot.
+    paths
+        Where the joints go.
+    limits
+        Of the joints.
+    dwells_s
+        How long the hand stays at a target [s], by what it does there.
+    frames_per_s
+        How many samples are taken a second, >= 1.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        paths: ArmPaths,
+        limits: JointLimits,
+        dwells_s: Mapping[Event, float],
+        frames_per_s: int,
+    ) -> None:
+        self.task = task
+        self.robot: Robot = task.scene.robots[0]
+        self.arm = paths.planner.arm
+        self.limits, self.dwells_s = limits, dwells_s
+        self.clearance_m = paths.settings.clearance_m
+        self._frame_s = 1 / frames_per_s
+        self._samples: list[Sample] = []
+        self._now_s = 0.0
+        self._skill = self._phase = ""
+        self._opening_m = 0.0
+        self._joints: Vector | None = None
+        # What stands, and what is in the hand, seen from the tip.
+        self._poses: dict[str, Pose] = {}
+        self._held: tuple[str, Pose] | None = None
+
+    def of(self, skills: Sequence[Skill], paths_of: PathsOf) -> PlannedMotion:
+        """Return the motion of a plan from the initial state on.
+
+        Parameters
+        ----------
+        skills
+            Each applicable when its turn comes, and with one motion at most.
+        paths_of
+            Asked for the paths of each.
+
+        Raises
+        ------
+        ValueError
+            If there is no path for one of them, or no run along it.
+        """
+        state = self.task.initial
+        none = self.task.facts.none
+        self._stand_still(state)
+        done = []
+        for skill in skills:
+            begin_s, self._skill = self._now_s, skill.name
+            after = skill.prediction_in(state).apply(state)
+            if skill.motion is None:
+                self._phase = "no motion of the arm"
+                self._dwell(skill.duration_s.at(state), {}, self._opening_m)
+            else:
+                self._move(paths_of(skill, state, self._joints), state, after)
+            self._stand_still(after)
+            verdict = Verdict.feasible(none, none)
+            done.append(PerformedSkill(skill.name, verdict, begin_s, self._now_s))
+            state = after
+        if self._joints is not None:
+            self._frame()
+        return PlannedMotion(tuple(done), self._samples)
+
+    def _stand_still(self, state: State) -> None:
+        """Put what stands in a state where that has it; feeders show nothing by themselves."""
+        self._poses = {
+            body.name: placement.pose
+            for body in self.task.scene.bodies
+            if (placement := body.placement(state)) is not None
+            and placement.frame == WORLD
+            and (placement.solid or body.name in self._poses)
+        }
+
+    def _move(self, paths: SkillPaths, state: State, after: State) -> None:
+        """Make the motions of a skill, one after the other."""
+        if self._joints is None:
+            self._joints = np.asarray(paths.begin_rad)
+        self._bring_out({one.motion.visit.subject for one in paths.motions}, state)
+        goals = self.task.scene.at(after)
+        for number, one in enumerate(paths.motions):
+            self._take_along(one)
+            subject = one.motion.visit.subject
+            assert not isinstance(one.travel, Unfound)
+            self._phase = f"the travel to {subject}"
+            wide_m = self._opening_for(one)
+            opens_m = wide_m if one.motion.visit.event is Event.GRASP else self._opening_m
+            self._along(one.travel.path, opens_m)
+            self._phase = f"the approach to {subject}"
+            for path in one.strokes.down:
+                self._along(path, self._opening_m)
+            self._phase = f"the {one.motion.visit.event.value} of {subject}"
+            self._act(one, paths.motions[number + 1 :], goals)
+            self._phase = f"the retreat from {subject}"
+            for path in one.strokes.up:
+                self._along(path, self._opening_m)
+
+    def _bring_out(self, subjects: set[str], state: State) -> None:
+        """Have feeders hand out what a skill handles."""
+        for subject in subjects:
+            body = next((one for one in self.task.scene.bodies if one.name == subject), None)
+            placement = None if body is None else body.placement(state)
+            if placement is not None and placement.frame == WORLD:
+                self._poses.setdefault(subject, placement.pose)
+
+    def _take_along(self, one: MotionPaths) -> None:
+        """Have what a motion leaves be in the hand, as where nothing in the plan took it."""
+        carries = one.motion.carries
+        if carries is not None and (self._held is None or self._held[0] != carries):
+            self._held = carries, self._in_hand(one)
+            self._poses.pop(carries, None)
+
+    def _in_hand(self, one: MotionPaths) -> Pose:
+        """Return what a motion handles, seen from the tip: where it belongs while that acts."""
+        posture = one.strokes.down[-1].nodes[-1]
+        _, rotation = self.arm.tip(posture)
+        tip = _pose(one.motion.grasp_tip, rotation)
+        return tip.inverse().then(one.motion.visit.pose)
+
+    def _act(
+        self, one: MotionPaths, later: Sequence[MotionPaths], goals: Mapping[str, Pose]
+    ) -> None:
+        """Have the hand do what it does at a target, while the arm stands."""
+        visit = one.motion.visit
+        subject, dwell_s = visit.subject, self.dwells_s[visit.event]
+        if visit.event is Event.GRASP:
+            grasp = visited_grasp(self.task.scene.body(subject), visit)
+            self._dwell(dwell_s, {}, grasp.width_m if self._has_jaws(one) else self._opening_m)
+            stood = self._poses.pop(subject, visit.pose)
+            self._held = subject, self._tip().inverse().then(stood)
+        elif visit.event is Event.FETCH:
+            self._dwell(dwell_s, {}, self._opening_m)
+            drives = (next_ for next_ in later if next_.motion.visit.event is Event.DRIVE)
+            driven = next((it for it in drives if it.motion.visit.subject == subject), one)
+            self._poses.pop(subject, None)
+            self._held = subject, self._in_hand(driven)
+        elif visit.event in (Event.RELEASE, Event.DRIVE):
+            assert self._held is not None
+            left = self._tip().then(self._held[1])
+            self._held = None
+            self._poses[subject] = left
+            # It comes down from where it is let go, or goes into its hole.
+            self._dwell(dwell_s, {subject: goals.get(subject, left)}, self._opening_for(one))
+        else:
+            self._dwell(dwell_s, {}, self._opening_m)
+
+    def _has_jaws(self, one: MotionPaths) -> bool:
+        tool = one.motion.tool
+        return tool is None or tool.kind is ToolKind.GRIPPER
+
+    def _opening_for(self, one: MotionPaths) -> float:
+        """Return how far jaws open about what a motion handles [m]; as they are without any."""
+        visit = one.motion.visit
+        if visit.event not in (Event.GRASP, Event.RELEASE) or not self._has_jaws(one):
+            return self._opening_m
+        grasp = visited_grasp(self.task.scene.body(visit.subject), visit)
+        return jaw_opening_m(grasp, self.clearance_m, one.motion.tool, self.robot.hand)
+
+    def _along(self, path: JointPath, opening_m: float) -> None:
+        """Take a path from rest to rest, and open the jaws meanwhile."""
+        try:
+            run = fastest_trajectory(path, self.limits)
+        except ArithmeticError as error:
+            words = f"no run along the path of {self._skill} keeps the limits: {error}"
+            raise ValueError(words) from None
+        begin_s, whole_s, first_m = self._now_s, run.duration_s, self._opening_m
+        for share in self._frames(whole_s):
+            self._joints = run.at(min(share * whole_s, whole_s))[0]
+            self._opening_m = first_m + share * (opening_m - first_m)
+            self._frame()
+        self._joints, self._opening_m = np.asarray(path.nodes[-1]), opening_m
+        self._now_s = begin_s + whole_s
+
+    def _dwell(self, whole_s: float, goals: Mapping[str, Pose], opening_m: float) -> None:
+        """Have the arm stand, the jaws move, and what was let go come to where it belongs."""
+        begin_s, first_m = self._now_s, self._opening_m
+        begins = {name: self._poses[name] for name in goals}
+        for share in self._frames(whole_s):
+            self._opening_m = first_m + share * (opening_m - first_m)
+            self._poses |= {name: _between(begins[name], goals[name], share) for name in goals}
+            self._frame()
+        self._poses |= goals
+        self._opening_m, self._now_s = opening_m, begin_s + whole_s
+
+    def _frames(self, whole_s: float) -> list[float]:
+        """Return how much of the next seconds lies behind at every frame in them, in (0, 1]."""
+        if whole_s <= 0 or self._joints is None:
+            return []
+        begin_s, end_s = self._now_s, self._now_s + whole_s
+        last = math.floor((end_s + _ROUNDING_S) / self._frame_s)
+        frames = range(len(self._samples) + 1, last + 1)
+        return [min(1.0, (frame * self._frame_s - begin_s) / whole_s) for frame in frames]
+
+    def _tip(self) -> Pose:
+        assert self._joints is not None
+        position, rotation = self.arm.tip(self._joints)
+        return _pose(position, rotation)
+
+    def _frame(self) -> None:
+        """Note where everything is at the next frame."""
+        assert self._joints is not None
+        tip = self._tip()
+        bodies = dict(self._poses)
+        if self._held is not None:
+            name, seen = self._held
+            bodies[name] = tip.then(seen)
+        joints = tuple(float(angle) for angle in self._joints)
+        time_s = (len(self._samples) + 1) * self._frame_s
+        where = tip.position
+        self._samples.append(
+            Sample(
+                time_s, self._skill, self._phase, where, where, joints, self._opening_m, 0.0, bodies
+            )
+        )
+
+
+def _pose(position: Sequence[float] | Vector, rotation: Vector) -> Pose:
+    x, y, z = (float(value) for value in position)
+    closing, out = (tuple(float(value) for value in rotation[:, axis]) for axis in (1, 2))
+    return Pose.of_axes((x, y, z), closing, out)  # type: ignore[arg-type]
+
+
+def _between(one: Pose, other: Pose, share: float) -> Pose:
+    """Return a pose on the way; it is turned as at the end of it."""
+    x, y, z = (a + share * (b - a) for a, b in zip(one.position, other.position, strict=True))
+    return Pose((x, y, z), other.orientation)
