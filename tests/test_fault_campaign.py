@@ -55,6 +55,7 @@ def test_a_few_dozens_of_spoilt_inputs_do_no_harm(
     assert [] == tally.failures
 
 
+@pytest.mark.slow(reason="many searches; spoilt inputs in every run")
 def test_a_search_survives_a_failure_of_its_calls(tally: tallies.Tally, starter: Path) -> None:
     """Every twelfth that opens, writes, renames or forces to disk, by a full disk."""
     fail_every_call_of_a_search(tally, starter, ["ENOSPC"], step=12)

@@ -306,6 +306,7 @@ def test_a_process_in_which_a_back_end_does_not_start_is_one_clear_error():
         )
 
 
+@pytest.mark.slow(reason="starts processes; their end with the program in every run")
 def test_what_a_process_prints_never_reaches_stdout(capfd):
     """Neither Python's nor a C library's."""
     questions = all_questions(TASK)[:4]

@@ -148,6 +148,7 @@ class TestAnHonestResult:
         found = verified(cli, folder)
         assert {"holds"} == set(found.values())
 
+    @pytest.mark.slow(reason="iterates values; an honest result in every run")
     def test_under_chance_the_least_expected_cost_is_worked_out(
         self, cli: Any, tmp_path: Path, board: str
     ) -> None:

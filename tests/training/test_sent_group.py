@@ -112,6 +112,7 @@ def test_a_training_whose_machine_is_lost_goes_on_from_its_checkpoint(
     assert event_lengths(kept) == event_lengths(tmp_path / "sent")
 
 
+@pytest.mark.slow(reason="trains in processes; the first loss in every run")
 @lossy
 def test_a_second_loss_costs_the_runs_of_the_group(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

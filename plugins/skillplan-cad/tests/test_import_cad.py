@@ -87,8 +87,16 @@ def test_what_is_kept_and_damaged_is_made_anew(tmp_path, made, capsys):
     [
         ([str(FIXTURES / "nothing.step")], "there is no such file or folder"),
         ([str(FIXTURES / "bracket.json")], "is neither STEP"),
-        ([str(file("open_mesh"))], "not watertight: tray"),
-        ([SOURCE, "--base", "blok"], "Did you mean 'block'"),
+        pytest.param(
+            [str(file("open_mesh"))],
+            "not watertight: tray",
+            marks=pytest.mark.slow(reason="reads a file more; its reader says so in every run"),
+        ),
+        pytest.param(
+            [SOURCE, "--base", "blok"],
+            "Did you mean 'block'",
+            marks=pytest.mark.slow(reason="imports first; a robot of no such name in every run"),
+        ),
         ([SOURCE, "--robot", "pandas"], "must be one of panda, ur5e. Did you mean 'panda'"),
         ([SOURCE, "--tolerance", "20"], "must be from 0.001 to 10 mm"),
         ([SOURCE, "--tolerance", "nan"], "finite number"),
@@ -136,6 +144,7 @@ def test_a_plan_is_told_and_written_as_a_task(made):
     assert (made / "meshes" / "cap.obj").exists()
 
 
+@pytest.mark.slow(reason="imports a product more; what is stuck is planned in every run")
 def test_what_is_stuck_is_named_and_no_task_is_written(tmp_path, capsys):
     """With the part and the point that are in its way; exit code 1."""
     out = tmp_path / "product"

@@ -69,6 +69,7 @@ class TestStep:
         assert right.shape != left.shape
         assert left.shape == right.mirrors
 
+    @pytest.mark.slow(reason="reads two files more; units of meshes in every run")
     def test_inches_are_converted(self):
         """The same bracket, saved in inches."""
         inch, metric = product("inch"), product("bracket")
@@ -104,7 +105,13 @@ class TestStep:
             (b"ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\n#1=", "is cut off"),
             (b"\x1f\x8brest of no stream", "is damaged"),
             (gzip.compress(b"ISO-10303-21;" * 99, mtime=0)[:-9], "is cut off"),
-            (b"ISO-10303-21;\nnothing\nEND-ISO-10303-21;\n", "STEP"),
+            pytest.param(
+                b"ISO-10303-21;\nnothing\nEND-ISO-10303-21;\n",
+                "STEP",
+                marks=pytest.mark.slow(
+                    reason="starts OCCT; a file that lacks a piece in every run"
+                ),
+            ),
         ],
     )
     def test_what_is_no_step_file_is_refused_in_words(self, tmp_path, content, words):
@@ -205,7 +212,14 @@ class TestOcctApart:
 
     @pytest.mark.parametrize(
         ("limits", "words"),
-        [(Limits(0), "still at it after 0 s"), (Limits(60, 1), "took more than .* of memory")],
+        [
+            (Limits(0), "still at it after 0 s"),
+            pytest.param(
+                Limits(60, 1),
+                "took more than .* of memory",
+                marks=pytest.mark.slow(reason="starts OCCT; the other limit in every run"),
+            ),
+        ],
     )
     def test_a_file_that_takes_too_much_is_given_up(self, tmp_path, limits, words):
         """Time or memory."""
