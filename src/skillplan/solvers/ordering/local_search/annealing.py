@@ -24,7 +24,7 @@ _COOLING = 300.0
 # differ by at most this share of them, and of all pairs of nodes at most this share is in a
 # precedence. The factor is smaller then, and a kick takes as long as so many moves.
 _SKEW, _ORDERED = 0.2, 0.25
-_KICK_COOLING, _KICK_MOVES = 20.0, 8
+_KICK_COOLING, _KICK_MOVES = 20.0, 16
 _LEAST_NODES = 8
 # Moves times nodes of a portion: some tenths of a second.
 _PORTION = 10_000_000
