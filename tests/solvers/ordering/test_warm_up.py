@@ -54,7 +54,7 @@ def counts(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, int]]:
 
 
 def test_every_kernel_that_python_calls_is_compiled(counts: list[dict[str, int]]) -> None:
-    """What only other kernels call is compiled into those: parts of moves, and what begins with _."""
+    """What only other kernels call is compiled into those: parts of moves, and names with _."""
     called = {
         name: n
         for name, n in counts[0].items()
