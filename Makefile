@@ -95,7 +95,7 @@ try-web:
 docs: .venv/.docs  ## the documentation as pages, in docs/_build/html
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet --builder html docs docs/_build/html
 
-bench: .venv/.test  ## ratios against a baseline of the same run
+bench: .venv/.test try-web  ## ratios against a baseline of the same run
 	$(BIN)/python benchmarks/startup.py
 	$(BIN)/python benchmarks/search.py
 	$(BIN)/python benchmarks/tabular.py
@@ -110,6 +110,7 @@ bench: .venv/.test  ## ratios against a baseline of the same run
 	if $(HAS_PYBULLET); then $(BIN)/python benchmarks/physics.py; fi
 	$(BIN)/python benchmarks/engines.py $(ENGINES)
 	$(BIN)/python benchmarks/learning.py
+	$(BIN)/python benchmarks/handover.py
 
 schema: .venv/.core  ## the JSON Schema that editors read
 	$(SKILLPLAN) schema assembly > configs/assembly.schema.json

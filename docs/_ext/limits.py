@@ -23,11 +23,12 @@ ROWS: list[tuple[str, str, list[str]]] = [
     ),
     (
         "mesh (OBJ, STL, PLY)",
-        "{bytes}, {} corners, {} m",
+        "{bytes}, {} corners, {} m, {} convex pieces",
         [
-            "domains.assembly.mesh_files:MAX_BYTES",
-            "domains.assembly.mesh_files:MAX_CORNERS",
-            "domains.assembly.mesh_files:_MOST_EXTENT_M",
+            "domains.assembly.meshes.mesh_files:MAX_BYTES",
+            "domains.assembly.meshes.polyhedron:MAX_CORNERS",
+            "domains.assembly.meshes.mesh_files:_MOST_EXTENT_M",
+            "domains.assembly.meshes.mesh_pieces:MAX_PIECES",
         ],
     ),
     (

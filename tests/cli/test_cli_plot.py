@@ -9,6 +9,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from PIL import Image as PillowImage
 
 from skillplan.views.figures.catalogue import TASK_FIGURES
 
@@ -249,6 +250,25 @@ def test_a_board_is_drawn(
     outcome = cli("plot", board, figure, "--out", str(path))
     assert (0, f"{path}\n") == (outcome.code, outcome.out)
     assert written <= texts(path)
+
+
+@pytest.mark.slow(reason="draws 90 pictures; a part that comes along its way in every run")
+def test_an_assembly_is_filmed_part_by_part(cli: Any, board: str, tmp_path: Path) -> None:
+    """Its pictures are of one size, each part comes, and the film goes round."""
+    path = tmp_path / "f.gif"
+    outcome = cli("plot", board, "exploded", "--out", str(path))
+    assert (0, f"{path}\n") == (outcome.code, outcome.out)
+    content = path.read_bytes()
+    assert content.startswith(b"GIF89a")
+    assert b"NETSCAPE2.0" in content
+    with PillowImage.open(path) as film:
+        assert (720, True) == (film.width, film.n_frames > 20)
+
+
+def test_only_a_figure_that_moves_is_filmed(cli: Any, board: str, tmp_path: Path) -> None:
+    outcome = cli("plot", board, "layout", "--out", str(tmp_path / "f.gif"))
+    assert 2 == outcome.code
+    assert "figures are not saved as .gif; end it in .png or .svg." in outcome.err
 
 
 def test_a_precedence_relation_is_written_for_graphviz(

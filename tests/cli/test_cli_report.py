@@ -139,6 +139,7 @@ def test_the_bench_is_played_by_its_times(
     assert "not simulated" in playback["note"]
     bases = [one["name"] for one in playback["bodies"] if one["kind"] == "base"]
     assert ["left", "right"] == bases
+    assert "Bench of meet from above" in text, "a picture that stands without a script"
     assert playback["duration_s"] > 0
 
 

@@ -35,6 +35,7 @@ LONG_PAGES = {
 LONGEST_PAGES = {
     "docs/howto/cache.md",
     "docs/howto/compare.md",
+    "docs/tutorials/cad.md",
     "docs/tutorials/physics.md",
     "docs/tutorials/training.md",
 }
@@ -46,8 +47,9 @@ def named(page):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder with the configs and a cold cache, on something of no width in particular."""
-    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    """A folder with configs, examples and a cold cache, on something of no width in particular."""
+    for shown in ("configs", "examples"):
+        (tmp_path / shown).symlink_to(ROOT / shown)
     monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / ".cache"))
     monkeypatch.delenv("COLUMNS", raising=False)
     monkeypatch.chdir(tmp_path)

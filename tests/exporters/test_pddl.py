@@ -155,6 +155,11 @@ class TestFastDownward:
         """To within half a micrometre a skill."""
         agrees(best(name))
 
+    @pytest.mark.slow(reason="seconds a config; the board in every run")
+    def test_proves_least_times_by_the_chart(self, planner: None) -> None:
+        """In whole microseconds, of the task's own figures."""
+        agrees(solved(load_problem(CONFIGS / "inverter_time.yaml").task))
+
     @pytest.mark.slow(reason="up to half a minute a board; the inverter board in every run")
     @pytest.mark.parametrize(("parts", "seed"), SEEDS)
     def test_proves_boards_made_at_random(self, planner: None, parts: int, seed: int) -> None:

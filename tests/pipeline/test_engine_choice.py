@@ -7,6 +7,7 @@ from importlib.metadata import EntryPoint, EntryPoints
 import pytest
 
 from skillplan.errors import OptionError
+from skillplan.pipeline.presentation.performing import looks_of_arm
 from skillplan.pipeline.setup import Setup
 from skillplan.plugins import simulators
 from skillplan.testing import lid_task
@@ -42,3 +43,12 @@ def test_auto_without_an_engine_says_what_to_install(install):
     install("kinematic")
     with pytest.raises(OptionError, match="pip install skillplan-pybullet or skillplan-mujoco"):
         Setup("auto")
+
+
+def test_an_arm_looks_the_same_whichever_engine_moved_it() -> None:
+    """One engine brings meshes of the arm, and they are of the arm, not of the engine."""
+    pytest.importorskip("pybullet_data")
+    pytest.importorskip("skillplan_pybullet")
+    looks = looks_of_arm(lid_task(), "mujoco")
+    assert any(looks)
+    assert looks == looks_of_arm(lid_task(), "pybullet") == looks_of_arm(lid_task(), None)

@@ -94,9 +94,20 @@ class Page:
         self.requests.clear()
         self.complaints.clear()
         self.call("Page.navigate", url=path.as_uri())
+        self._wait("document.documentElement?.dataset.playerReady === '1'")
+
+    def open_without_script(self, path: Path, size: tuple[int, int] = (900, 800)) -> None:
+        """Open a file with JavaScript switched off, and wait until all of it is there."""
+        self.resize(*size)
+        self.call("Emulation.setScriptExecutionDisabled", value=True)
+        self.requests.clear()
+        self.complaints.clear()
+        self.call("Page.navigate", url=path.as_uri())
+        self._wait("location.protocol === 'file:' && document.readyState === 'complete'")
+
+    def _wait(self, condition: str) -> None:
         end = time.monotonic() + STARTS_WITHIN_S
-        ready = "document.documentElement?.dataset.playerReady"
-        while self.evaluate(ready) != "1":
+        while self.evaluate(condition) is not True:
             assert time.monotonic() < end, self.complaints
             time.sleep(0.05)
 
@@ -120,6 +131,10 @@ class Page:
         text = key if len(key) == 1 else ""
         self.call("Input.dispatchKeyEvent", type="keyDown", key=key, text=text)
         self.call("Input.dispatchKeyEvent", type="keyUp", key=key)
+
+    def printed(self) -> bytes:
+        """Return the page as a PDF, as the browser prints it."""
+        return base64.b64decode(self.call("Page.printToPDF")["data"])
 
     def picture(self) -> bytes:
         """Return the page as a PNG."""

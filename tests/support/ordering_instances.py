@@ -9,7 +9,7 @@ import random
 import numpy as np
 from hypothesis import strategies as st
 
-from skillplan.solvers.ordering.instance import OrderingInstance
+from skillplan.solvers.ordering.instance import NO_FAMILY, OrderingInstance
 
 KINDS = ("whole", "real", "few", "zero", "even", "large", "spread")
 """How costs are drawn: whole numbers, real ones, three values (ties), none, a step of 6, about a
@@ -31,7 +31,7 @@ def cost_of(kind, rng):
     )
 
 
-def instance_of(n, seed, *, kind="whole", forbidden=0.0, density=0.2):
+def instance_of(n, seed, *, kind="whole", forbidden=0.0, density=0.2, families=0):
     """Return a random instance of n nodes; the inner ones are numbered in no feasible order.
 
     Parameters
@@ -46,6 +46,9 @@ def instance_of(n, seed, *, kind="whole", forbidden=0.0, density=0.2):
         The share of arcs that nobody can take.
     density
         The share of pairs of inner nodes that are ordered, before closing the relation.
+    families
+        How many there are, to go between which costs 50 more; the last node may be of none. 0
+        where all nodes are alike.
     """
     rng = random.Random(f"{n} {seed} {kind} {forbidden} {density}")
     costs = np.array(
@@ -58,7 +61,14 @@ def instance_of(n, seed, *, kind="whole", forbidden=0.0, density=0.2):
     before = np.zeros((n, n), dtype=np.bool_)
     for one, other in itertools.combinations(inner, 2):
         before[one, other] = rng.random() < density
-    return OrderingInstance(costs, before)
+    if not families:
+        return OrderingInstance(costs, before)
+    of = np.array([rng.randrange(families) for _ in range(n)])
+    if rng.random() < 0.5:
+        of[-1] = NO_FAMILY
+    some = of != NO_FAMILY
+    costs[(of[:, None] != of) & some[:, None] & some] += 50.0
+    return OrderingInstance(costs, before, of)
 
 
 @st.composite
@@ -70,6 +80,7 @@ def orderings(draw, least=2, most=9, kinds=KINDS):
         kind=draw(st.sampled_from(kinds)),
         forbidden=draw(st.sampled_from([0.0, 0.0, 0.1, 0.3, 0.6])),
         density=draw(st.sampled_from([0.0, 0.1, 0.3, 0.6])),
+        families=draw(st.sampled_from([0, 0, 2, 3])),
     )
 
 

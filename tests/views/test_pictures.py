@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from itertools import combinations
+from itertools import combinations, islice
 from xml.etree import ElementTree
 
 import pytest
@@ -13,7 +13,8 @@ from skillplan.chart.precedence_chart import DerivedChart
 from skillplan.chart.precedence_query import Relation
 from skillplan.pipeline.setup import load_problem
 from skillplan.task.task import Task
-from skillplan.views.pictures.drawing import Drawing, Label, Look, Shape, hull, shortened
+from skillplan.views.pictures.assembly_film import assembly_film
+from skillplan.views.pictures.drawing import COLOURS, Drawing, Label, Look, Shape, hull, shortened
 from skillplan.views.pictures.exploded_picture import exploded_picture
 from skillplan.views.pictures.gantt_picture import gantt_picture
 from skillplan.views.pictures.graph_layers import Bend, layers_of
@@ -72,6 +73,25 @@ def test_an_exploded_view_numbers_parts_in_the_order_of_the_plan(
     found = labels(exploded_picture(board, plan))
     named = dict(zip(found[1::2], map(int, found[::2]), strict=True))
     assert {"pcb": 1, "switch_1": 2, "brace": 5, "screw_2": 8}.items() <= named.items()
+
+
+def test_a_film_brings_part_after_part_along_its_way(board: Task, plan: list[str]) -> None:
+    """The first comes from above, gently, and then rests."""
+    first = [image.rgb for image in islice(assembly_film(board, plan, width_px=300.0), 14)]
+    assert len(set(first[:10])) == 10
+    assert len(set(first[10:])) == 1
+    wide, blue = 3 * 300, bytes.fromhex(COLOURS["blue"].removeprefix("#"))[2]
+    heights = []
+    for rgb in first[:11]:
+        rows = [rgb[at : at + wide] for at in range(0, len(rgb), wide)]
+        bluish = [
+            number
+            for number, row in enumerate(rows)
+            if any(row[at] < 40 and row[at + 2] > blue // 3 for at in range(0, 3 * 90, 3))
+        ]
+        heights.append(min(bluish))
+    assert heights == sorted(heights)
+    assert heights[0] < heights[-1]
 
 
 def test_a_time_line_has_a_row_for_each_tool(board: Task, plan: list[str]) -> None:
@@ -179,6 +199,20 @@ def test_a_bar_of_a_page_says_where_it_leads(board: Task, plan: list[str]) -> No
     text = picture_svg(gantt_picture(plan_bars(board, plan, [1.0] * 15), "Times"), "g")
     assert 'id="gantt-cursor"' in text
     assert 'data-seek-s="3.000" tabindex="0" role="button"' in text
+
+
+def test_a_bar_too_narrow_for_its_name_has_the_number_of_its_step(
+    board: Task, plan: list[str]
+) -> None:
+    """And the picture says so; no name is cut to a few letters."""
+    names = {"pcb", "switch_1", "switch_2", "transformer", "brace", "clock"}
+    wide = labels(gantt_picture(plan_bars(board, plan, [1.0] * 15), "Times"))
+    assert names <= set(wide)
+    assert not any("a number: the step" in text for text in wide)
+    narrow = labels(gantt_picture(plan_bars(board, plan, [1.0] * 14 + [20.0]), "Times"))
+    assert {"4", "7", "11", "14"} <= set(narrow)
+    assert any("a number: the step" in text for text in narrow)
+    assert not any("\N{HORIZONTAL ELLIPSIS}" in text for text in narrow)
 
 
 def test_names_of_others_are_no_markup() -> None:

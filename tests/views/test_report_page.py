@@ -10,10 +10,10 @@ from html.parser import HTMLParser
 
 import pytest
 
-from skillplan.views.report.chapters import comparison_chapter
 from skillplan.views.report.markup import Markup, tag, text
 from skillplan.views.report.page import Chapter, Section, json_in_page, page_html
 from skillplan.views.report.player_files import Player, page_style
+from skillplan.views.report.solver_chapters import comparison_chapter
 from skillplan.views.report.summary import lead
 from skillplan.views.report.tables import number, numbers, seconds, share, table
 
@@ -181,3 +181,24 @@ def test_of_what_has_no_plan_the_page_says_why_and_shows_no_empty_figures() -> N
         "with another start it has an order.",
     ] == re.findall(r'<p class="lead">(.*?)</p>', said)
     assert ["Status"] == re.findall("<dt>(.*?)</dt>", said)
+
+
+@pytest.mark.parametrize(
+    ("measured_s", "played_s", "expected"),
+    [
+        (50.0, None, "50.00 s<small>simulated; 69.47 s by the task&#x27;s own figures</small>"),
+        (
+            None,
+            68.1,
+            "69.47 s<small>planned, by the task&#x27;s own figures; "
+            "68.10 s along the paths that are played</small>",
+        ),
+        (None, None, "69.47 s<small>planned</small>"),
+    ],
+)
+def test_the_time_of_a_plan_says_whose_it_is(
+    measured_s: float | None, played_s: float | None, expected: str
+) -> None:
+    """A task's figures, paths and simulation differ, and a reader sees which is which."""
+    said = lead({"status": "optimal", "cost": 1.0, "makespan_s": 69.47}, measured_s, played_s)
+    assert expected in str(said)

@@ -8,10 +8,12 @@ from functools import partial
 import jsonschema
 import pytest
 import yaml
+from PIL import Image as PillowImage
 
 from cad_products import FIXTURES, file
 from skillplan.cli.app import run
 from skillplan.plugins import installed
+from skillplan.views.pictures.exploded_png import exploded_png
 from skillplan_cad.importing import import_cad
 from skillplan_cad.relation_file import read_relation
 
@@ -35,7 +37,7 @@ def registered(monkeypatch, tmp_path):
 def made(tmp_path_factory):
     """Return what an import wrote, once for all that only look at it."""
     folder = tmp_path_factory.mktemp("imported") / "product"
-    import_cad.import_cad(SOURCE, str(folder), {"keep": False}, lambda line: None)
+    import_cad.import_cad(SOURCE, str(folder), {"keep": False}, lambda line: None, exploded_png)
     return folder
 
 
@@ -55,6 +57,14 @@ def test_a_relation_that_was_written_is_read(made):
     assert relation.blockers("bolt", 4) == ()
 
 
+def test_a_picture_shows_the_parts_taken_apart(made):
+    """Large enough to be read."""
+    with PillowImage.open(made / "exploded.png") as picture:
+        assert picture.format == "PNG"
+        assert picture.width > 1000
+        assert len(picture.convert("RGB").getcolors(maxcolors=1 << 24)) > 10
+
+
 @pytest.mark.slow(reason="imports twice; a relation that was written is read in every run")
 def test_the_same_file_makes_the_same_bytes_and_stages_are_run_once(tmp_path, made, capsys):
     """What is kept is as good as what is made; other threads test no ray again."""
@@ -62,7 +72,7 @@ def test_the_same_file_makes_the_same_bytes_and_stages_are_run_once(tmp_path, ma
     for number, more in enumerate(([], [], ["--threads", "solid"])):
         assert run(["import-cad", SOURCE, "--out", str(tmp_path / str(number)), *more]) == 0
         said.append(capsys.readouterr().err)
-    for name in ("relation.json", "report.json"):
+    for name in ("relation.json", "report.json", "exploded.png", "product.yaml"):
         contents = [folder / name for folder in (made, tmp_path / "0", tmp_path / "1")]
         assert len({content.read_bytes() for content in contents}) == 1
     assert "kept from" not in said[0]

@@ -97,6 +97,32 @@ def test_written_meshes_enclose_what_the_parts_do(eight, written, tmp_path):
         assert volume == pytest.approx(part.volume_m3, rel=1e-3)
 
 
+def test_pieces_are_few_and_block_what_the_true_meshes_do(written):
+    """A plug in a round hole and a slide in a dovetail go in past them."""
+    assert written.pieces.differences == ()
+    counts = {name: sum(map(len, made)) for name, made in written.pieces.pieces.items()}
+    assert counts["plug"] == 1
+    assert max(counts.values()) < 80
+    for name, entry in written.document["parts"].items():
+        for mesh in entry["meshes"]:
+            assert written.files[mesh["pieces"]].startswith("o piece_1"), name
+
+
+def test_jaws_lift_the_heaviest_part_by_friction(written):
+    """The base weighs 12.9 N; at friction 0.6 two jaws need more than 10.7 N each."""
+    parts = written.document["parts"]
+    gripper = written.document["tools"]["gripper"]
+    weight_n = 9.81 * max(one["mass_kg"] for one in parts.values() if one["tool"] == "gripper")
+    assert 2 * 0.6 * gripper["force_n"] > 3 * weight_n
+    assert gripper["force_n"] <= 70
+
+
+def test_shanks_of_screws_hang_clear_of_the_table_in_their_feeder(written):
+    feeders = written.document["feeders"]
+    assert feeders["screw_1_feeder"]["height_m"] > 0.012
+    assert "height_m" not in feeders["post_1_feeder"]
+
+
 def test_the_file_is_what_the_document_says_and_the_same_every_time(eight, written):
     assert yaml.safe_load(written.files["product.yaml"]) == written.document
     assert task_of(*eight).files == written.files

@@ -102,10 +102,11 @@ def test_a_check_leaves_nothing_behind(task):
 
 @pytest.mark.slow(reason="executions in a random order, each again afresh; one in every run")
 @settings(max_examples=examples(4, fewest=2), deadline=None)
-@given(order=st.lists(st.integers(0, 14), min_size=2, max_size=4))
+@given(order=st.lists(st.integers(0, 15), min_size=2, max_size=4))
 def test_whatever_was_checked_before_a_fresh_model_records_the_same_to_the_bit(task, order):
-    """Of any skills of the optimum, in any order, also twice."""
+    """Of any skills of the optimum, and of one that fails, in any order, also twice."""
     used, queries = MujocoEngine(task), on_the_optimum(task)
+    queries.append(imagined(task, "place(transformer)", "pcb", "brace"))
     for number in order:
         said = digest(used, queries[number])
     assert said == digest(MujocoEngine(task), queries[order[-1]])
@@ -164,6 +165,16 @@ def test_joints_follow_by_position_too(task):
         verdict = engine.check(*on_the_optimum(task)[index])
         assert verdict.is_feasible, verdict.reason
     assert verdict.evidence["sensed"]["fastening_force_n"] == pytest.approx(5.0, rel=0.2)
+
+
+@pytest.mark.slow(reason="two plans of four skills; single checks in every run")
+def test_a_whole_plan_ends_at_the_same_bits_whatever_was_done_before(task):
+    """After a check and after another plan, as in a model of its own."""
+    plan = [task.skills[action] for action in OPTIMAL[:4]]
+    used = MujocoEngine(task)
+    used.check(*on_the_optimum(task)[-1])
+    used.perform(plan[:3])
+    assert used.perform(plan).arrivals == MujocoEngine(task).perform(plan).arrivals
 
 
 @pytest.mark.slow(reason="15 executions; single skills of every kind are left in every run")

@@ -11,7 +11,8 @@ from board_situations import BOARD, OPTIMAL, imagined
 from skillplan.physics.view import HEIGHT, WIDTH, Angle
 from skillplan.pipeline.setup import load_problem
 from skillplan_mujoco.engine import MujocoEngine
-from skillplan_mujoco.simulator.drawing_context import drawing_context
+from skillplan_mujoco.simulator import drawing_context as contexts
+from skillplan_mujoco.simulator.drawing_context import chosen_context, drawing_context
 
 
 @pytest.fixture(scope="module")
@@ -19,13 +20,32 @@ def engine() -> MujocoEngine:
     return MujocoEngine(load_problem(BOARD).task)
 
 
-@pytest.fixture
-def drawing() -> None:
-    """Something to draw with, without which pictures are refused in words."""
-    try:
-        drawing_context()
-    except ValueError as error:
-        pytest.skip(str(error))
+@pytest.fixture(params=["painted", "egl"])
+def drawing(request, monkeypatch) -> None:
+    """How pictures are made: painted, and by MuJoCo's renderer where there is EGL."""
+    monkeypatch.setenv("MUJOCO_GL", request.param)
+    if request.param == "egl":
+        try:
+            drawing_context()
+        except ValueError as error:
+            pytest.skip(str(error))
+
+
+def test_without_egl_pictures_are_painted(monkeypatch):
+    """Only where EGL is asked for by name it is missed, in words."""
+
+    def missing(name: str) -> None:
+        raise OSError(name)
+
+    monkeypatch.setattr(contexts.ctypes, "CDLL", missing)
+    drawing_context.cache_clear()
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    assert chosen_context() is None
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    assert chosen_context() is None
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    with pytest.raises(ValueError, match=r"no libEGL.so.1.*do not set MUJOCO_GL"):
+        chosen_context()
 
 
 def pixels(image):

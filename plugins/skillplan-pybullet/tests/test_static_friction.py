@@ -19,8 +19,8 @@ from skillplan_pinocchio.simulation.arm.rotations import (
     turn_between,
 )
 from skillplan_pinocchio.simulation.execution.controlled_robot import ControlledRobot
+from skillplan_pinocchio.simulation.static_friction import Pads, utilisation
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
-from skillplan_pybullet.arm.static_friction import Pads, utilisation
 from skillplan_pybullet.simulation_settings import SimulationSettings
 from skillplan_pybullet.simulator.world import World
 

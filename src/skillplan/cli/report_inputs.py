@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from skillplan.cli.counting import counting
 from skillplan.cli.options.shared import BackEnds, PartReading
@@ -19,7 +19,7 @@ from skillplan.files.regular_file import read_bytes
 from skillplan.files.strict_json import parse_json
 from skillplan.physics.planned_motion import PlannedMotion
 from skillplan.pipeline.presentation.geometric_chart import geometric_chart
-from skillplan.pipeline.presentation.performing import Performed, perform_plan
+from skillplan.pipeline.presentation.performing import Performed, looks_of_arm, perform_plan
 from skillplan.pipeline.presentation.planning_motion import plan_motion
 from skillplan.pipeline.run import warm_cache
 from skillplan.pipeline.setup import Setup
@@ -36,13 +36,10 @@ from skillplan.views.report.chapters import (
     ChainInput,
     PlanInput,
     chain_chapter,
-    comparison_chapter,
     plan_chapter,
 )
 from skillplan.views.report.page import Chapter
-
-if TYPE_CHECKING:
-    pass
+from skillplan.views.report.solver_chapters import comparison_chapter
 
 _MOST_BYTES = 64 * 2**20
 _REMEDY = "Give a result of search-optimal or compare, a task file, or a folder of train"
@@ -142,7 +139,7 @@ class Reporter:
         if problem.is_chain and part is None:
             from skillplan.views.report.swarmitfix.bench_chapter import bench_input
 
-            given: ChainInput = bench_input(problem, document, self.playback is None)
+            given: ChainInput = bench_input(problem, document, name, self.playback is None)
             self.playback = self.playback or given.playback
             given = replace(given, description=description, plugins=distribution_versions())
             return chain_chapter(given, name)
@@ -152,14 +149,15 @@ class Reporter:
         missing = performed if isinstance(performed, str) else ""
         if isinstance(performed, Performed):
             if performed.samples and self.playback is None:
-                looks = performed.back_end.looks()
+                looks = looks_of_arm(task, performed.engine)
                 done = performed.performance.skills
                 played = arm_playback(task, done, performed.samples, looks)
                 made = self.playback = played.document()
             else:
                 missing = "the page plays another plan, or nothing has moved"
         elif isinstance(performed, PlannedMotion):
-            played = arm_playback(task, performed.skills, performed.samples, note=PLANNED)
+            looks = looks_of_arm(task, None)
+            played = arm_playback(task, performed.skills, performed.samples, looks, PLANNED)
             made = self.playback = played.document()
         measured = performed if isinstance(performed, Performed) else None
         given_plan = PlanInput(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from skillplan.physics.view import Angle
+from skillplan.robots.arm_description import ArmDescription
 from skillplan.task.motion import Point
 from skillplan.task.scene import Pose
 from skillplan.task.skill import Skill
@@ -180,7 +181,8 @@ class Performer(ABC):
 
     contact_detectors: ClassVar[tuple[str, ...]] = ()
 
-    def looks(self) -> Sequence[Path | None]:
+    @classmethod
+    def looks(cls, arm: ArmDescription) -> Sequence[Path | None]:
         """Return meshes of an arm's base and links in their frames, as Wavefront files.
 
         None for a link that has none, and nothing at all where nobody has any: then what links
@@ -229,5 +231,5 @@ class Performer(ABC):
         angle
             From which side pictures are taken; left out: from the one that the arm does not hide.
         labels
-            Whether bodies have name tags in pictures, where the engine can write.
+            Whether bodies, feeders and docks have name tags in pictures.
         """

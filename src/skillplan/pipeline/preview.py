@@ -42,7 +42,7 @@ def preview(
         The engine that is queried; None for ``kinematic``, whatever the file chooses: a preview
         is instant.
     collision
-        Detectors that are queried; empty for ``aabb``, or ``swept`` where that refuses a task.
+        Detectors that are queried; empty for ``aabb``, or ``swept`` where boxes do not do.
     options
         Plugin name to option values.
     cache
@@ -93,8 +93,12 @@ def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool)
 
 
 def _quick_setup(task: Task, boxes: Setup) -> Setup | None:
-    """Return the quickest geometry that serves a task: boxes, or hulls where parts are turned."""
-    if AabbDetector(task).refuses() is None:
+    """Return the quickest geometry that serves a task: boxes, or hulls where these do not do.
+
+    They do not where parts are turned, and about a hollow part they fill what another goes into.
+    """
+    hollow = any(body.surfaces for body in task.scene.bodies)
+    if not hollow and AabbDetector(task).refuses() is None:
         return boxes
     return replace(boxes, collision=(SCREEN,)) if boxes.has_screen(task) else None
 

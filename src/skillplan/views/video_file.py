@@ -20,6 +20,8 @@ VIDEOS = (".gif", ".mp4")
 
 # Longer than this no picture of a GIF is shown [1/100 s].
 _LONGEST_CS = 65_535
+# Of the 256 colours of a picture of a GIF one shows what was there before.
+_MOST_COLOURS = 255
 
 
 class Video(Protocol):
@@ -37,10 +39,15 @@ def save_picture(image: Image, path: Path, option: str) -> None:
     OptionError
         If it cannot be written; the message begins with the option that named the file.
     """
+    with refusing(option, path):
+        write_whole(path, picture_bytes(image))
+
+
+def picture_bytes(image: Image) -> bytes:
+    """Return a picture as PNG, of which equal ones make equal bytes."""
     made = io.BytesIO()
     _pillow(image).save(made, format="PNG", optimize=False)
-    with refusing(option, path):
-        write_whole(path, made.getvalue())
+    return made.getvalue()
 
 
 @contextmanager
@@ -107,25 +114,26 @@ class _GifWriter:
         self._frames_per_s = frames_per_s
         self._file = file
         self._shown: Any = None
+        # Pixels by three colours each, and which of them have changed.
         self._pending: Any = None
-        self._pending_at = (0, 0)
         self._begin = 0
         self._count = 0
 
     def add(self, image: Image) -> None:
         """Append a picture."""
-        from PIL import ImageChops
+        import numpy as np
 
-        picture = _pillow(image)
+        pixels = np.frombuffer(image.rgb, np.uint8).reshape(image.height, image.width, 3)
         if self._shown is None:
-            self._start(picture)
-            self._pending = picture
+            self._start(image)
+            self._pending = pixels, np.ones(pixels.shape[:2], bool)
         else:
-            box = ImageChops.difference(self._shown, picture).getbbox()
-            if box is not None:
+            red, green, blue = np.moveaxis(pixels != self._shown, 2, 0)
+            changed = red | green | blue
+            if changed.any():
                 self._flush()
-                self._pending, self._pending_at = picture.crop(box), box[:2]
-        self._shown = picture
+                self._pending = pixels, changed
+        self._shown = pixels
         self._count += 1
 
     def close(self) -> None:
@@ -134,29 +142,59 @@ class _GifWriter:
             self._flush()
             self._file.write(b";")
 
-    def _start(self, picture: Any) -> None:
+    def _start(self, image: Image) -> None:
         self.begun = True
-        size = b"".join(extent.to_bytes(2, "little") for extent in picture.size)
+        size = b"".join(extent.to_bytes(2, "little") for extent in (image.width, image.height))
         # No colours for all pictures, and the whole is shown again and again.
         self._file.write(b"GIF89a" + size + b"\x00\x00\x00")
         self._file.write(b"!\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00")
 
     def _flush(self) -> None:
         """Write the picture that was shown until now, with the time for which it was."""
-        from PIL import GifImagePlugin, Image
+        from PIL import GifImagePlugin
 
         end = round(100 * self._count / self._frames_per_s)
         shown_cs = min(max(end - self._begin, 2), _LONGEST_CS)
         self._begin = end
-        colours = self._pending.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+        colours, corner, seen_through = _with_few_colours(*self._pending)
         for block in GifImagePlugin.getdata(
             colours,
-            self._pending_at,
+            corner,
             duration=10 * shown_cs,
             disposal=1,
+            transparency=seen_through,
             include_color_table=True,
         ):
             self._file.write(block)
+
+
+def _with_few_colours(pixels: Any, changed: Any) -> tuple[Any, tuple[int, int], int]:
+    """Return what has changed, where its corner is, and the colour that is seen through.
+
+    Parameters
+    ----------
+    pixels
+        By three colours each, shape (rows, columns, 3).
+    changed
+        Which to show; others are seen through, shape (rows, columns).
+    """
+    import numpy as np
+    from PIL import Image
+
+    rows, columns = (np.flatnonzero(changed.any(axis=axis)) for axis in (1, 0))
+    part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    seen, mask = pixels[part], changed[part]
+    own = np.ascontiguousarray(seen[mask])
+    few = Image.frombytes("RGB", (len(own), 1), own.tobytes()).quantize(
+        _MOST_COLOURS, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE
+    )
+    palette = (few.getpalette() or [])[: 3 * _MOST_COLOURS]
+    seen_through = len(palette) // 3
+    numbers = np.full(mask.shape, seen_through, np.uint8)
+    numbers[mask] = np.frombuffer(few.tobytes(), np.uint8)
+    made = Image.frombytes("P", (mask.shape[1], mask.shape[0]), numbers.tobytes())
+    made.putpalette([*palette, 0, 0, 0])
+    return made, (int(columns[0]), int(rows[0])), seen_through
 
 
 class _Mp4Writer:
@@ -197,7 +235,8 @@ class _Mp4Writer:
         width, height = self._size
         words = ["-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
         words += ["-s", f"{width}x{height}", "-r", f"{self._frames_per_s:.6f}", "-i", "-"]
-        words += ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
+        words += ["-c:v", "libx264", "-preset", "veryfast", "-crf", "21"]
+        words += ["-pix_fmt", "yuv420p", "-movflags", "+faststart"]
         # Equal pictures make equal files.
         words += ["-fflags", "+bitexact", "-flags:v", "+bitexact", "-threads", "1"]
         return FedProgram([self._ffmpeg, *words, "-f", "mp4", str(self._path)])

@@ -12,13 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.domains.assembly.mesh_files import (
-    MAX_BYTES,
-    MAX_CORNERS,
-    SUFFIXES,
-    MeshFileError,
-    read_mesh,
-)
+from skillplan.domains.assembly.meshes.mesh_files import MAX_BYTES, SUFFIXES, read_mesh
+from skillplan.domains.assembly.meshes.polyhedron import MAX_CORNERS, MeshFileError
 from skillplan.task.shape import Mesh
 
 # Corners and faces of a wedge: 2 long, 1 wide, 1 high where it is highest.

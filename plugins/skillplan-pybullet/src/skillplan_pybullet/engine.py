@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from skillplan.robots.arm_description import ArmDescription
 from skillplan_pinocchio.simulation.execution.workcell import Workcell
 from skillplan_pinocchio.simulation.performing.performing_engine import PerformingEngine
 from skillplan_pinocchio.simulation.simulating_engine import SimulatingEngine, versions
@@ -46,6 +47,7 @@ class PybulletEngine(PerformingEngine):
         others = ["numpy", "pin", "pybullet", "skillplan", "skillplan-pinocchio"]
         return versions(*others)
 
-    def looks(self) -> Sequence[Path | None]:
+    @classmethod
+    def looks(cls, arm: ArmDescription) -> Sequence[Path | None]:
         """Return the meshes of an installed package, if it has the arm; see `Performer`."""
-        return looks_of(self.task.scene.robots[0].model)
+        return looks_of(arm)

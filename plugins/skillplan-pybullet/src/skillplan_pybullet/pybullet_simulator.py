@@ -5,9 +5,9 @@ from __future__ import annotations
 from skillplan.physics.view import View
 from skillplan.robots.hand import Hand
 from skillplan.task.scene import Robot, Scene
+from skillplan_pinocchio.simulation.simulator import Camera
 from skillplan_pybullet.arm.simulated_arm import SimulatedArm
 from skillplan_pybullet.simulation_settings import SimulationSettings
-from skillplan_pybullet.simulator.camera import Camera
 from skillplan_pybullet.simulator.world import World
 
 
@@ -35,5 +35,8 @@ class PybulletSimulator:
         return world, SimulatedArm(world, self.robot, self.settings, hand, seen=seen)
 
     def camera(self, scene: Scene, view: View, *, labels: bool = False) -> Camera:
-        """Return a camera, which cannot write."""
-        return Camera(view)
+        """Return a camera."""
+        # Whoever takes no pictures loads nothing for them.
+        from skillplan_pinocchio.simulation.pictures.painted_camera import PaintedCamera
+
+        return PaintedCamera(scene, view, labels=labels)

@@ -27,7 +27,8 @@ def command(
         typer.Argument(
             metavar="SKILL",
             autocompletion=skills,
-            help="A skill's name or action number.",
+            help="A skill's name or action number; or 'free(PART)', of a task from CAD: what is in "
+            "a part's way.",
             show_default=False,
         ),
     ],
@@ -87,8 +88,12 @@ def command(
 ) -> int:
     """Say why SKILL, a name or action number, is feasible or not in a state of TASK.
 
-    Shows the verdict of every stage with the facts it rests on and what was measured.
+    Shows the verdict of every stage with the facts it rests on and what was measured. Of a task
+    that import-cad wrote, 'free(PART)' tells in which directions a part can be moved away from the
+    whole product, or from what is in place after --after or --from, and what is in its way in the
+    others.
     """
+    from skillplan.cli.freedom import asked_part, tell_freedom
     from skillplan.cli.output import emit
     from skillplan.cli.showing import draw, drawing_paths, illustrator
     from skillplan.errors import exit_code
@@ -108,6 +113,10 @@ def command(
         setup = stored.setup
         loaded, before = _until(stored, step)
         made = setup.back_ends(loaded, stored.problem.spare_back_ends)
+    part = asked_part(skill)
+    if part is not None:
+        assembled = after is None and result is None
+        return tell_freedom(loaded, task, part, None if assembled else before, picture, style)
     chosen = loaded.skill(skill)
     paths = drawing_paths(picture, animate)
     cache = caching.cache()

@@ -170,6 +170,7 @@ def command(
     from skillplan.cli.writing import tell
     from skillplan.errors import exit_code
     from skillplan.records.schemas import IMPORT
+    from skillplan.views.pictures.exploded_png import exploded_png
     from skillplan.views.tables.imported import imported_table
 
     imported = _importer()(
@@ -190,6 +191,7 @@ def command(
             "keep": not no_cache,
         },
         lambda line: tell(f"skillplan: {line}"),
+        exploded_png,
     )
     for warning in imported.warnings:
         tell(f"skillplan: warning: {warning}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -23,6 +23,8 @@ from skillplan.errors import OptionError, name_hint
 from skillplan.views.figures.catalogue import RUN_FIGURES, TASK_FIGURES, figure_module
 
 if TYPE_CHECKING:  # --help pays for no imports
+    from pathlib import Path
+
     from skillplan.domains.load import Problem
     from skillplan.pipeline.restoration import LoadedResult
     from skillplan.solvers.stop import Stop
@@ -132,9 +134,9 @@ def command(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="Where to, .png or .svg, of precedence also .dot; default: TASK-FIGURE.png in the "
-            "current folder, after the task's name, or FIGURE.png and FIGURE.svg in RUN. "
-            "What was there is replaced.",
+            help="Where to, .png or .svg, of precedence also .dot, of exploded also .gif, a film; "
+            "default: TASK-FIGURE.png in the current folder, after the task's name, or FIGURE.png "
+            "and FIGURE.svg in RUN. What was there is replaced.",
             rich_help_panel=OUTPUT,
         ),
     ] = None,
@@ -240,7 +242,7 @@ def _plot(
     from skillplan.views.figures.figure_request import FigureRequest, Outcome
 
     figure = wanted.figure
-    more = (DOT,) if hasattr(module, "dot") else ()
+    more = (*((DOT,) if hasattr(module, "dot") else ()), *_film_suffixes(module))
     path = checked_path(f"{problem.name}-{figure}.png" if wanted.out is None else wanted.out, more)
     name = module.SOLVER if wanted.solver is None else wanted.solver
     given = parse_options(back_ends.options, name).get(name, {})
@@ -267,12 +269,30 @@ def _plot(
                     _say_why(problem.name, answer)
                     return exit_code([answer])
             outcomes.append(Outcome(run, answer))
-    if path.suffix.lower() == DOT:
+    suffix = path.suffix.lower()
+    if suffix == DOT:
         save_content(module.dot(request), path)
+    elif suffix in _film_suffixes(module):
+        _film(module.film(request, outcomes), module.FILM_FRAMES_PER_S, path)
     else:
         save_figure(module.draw(request, outcomes), path, wanted.dpi)
     write_out(f"{path}\n")
     return 0
+
+
+def _film_suffixes(module: Any) -> tuple[str, ...]:
+    """Return what a figure that moves is saved as."""
+    from skillplan.views.video_file import ANIMATIONS
+
+    return ANIMATIONS if hasattr(module, "film") else ()
+
+
+def _film(pictures: Iterable[Any], frames_per_s: float, path: Path) -> None:
+    from skillplan.views.video_file import video_file
+
+    with video_file(path, frames_per_s, "--out") as video:
+        for picture in pictures:
+            video.add(picture)
 
 
 def _deriver(problem: Problem, part: str | None, back_ends: BackEnds) -> Any:

@@ -123,7 +123,7 @@ def command(
         bool,
         typer.Option(
             "--labels",
-            help="Film it with name tags at bodies, feeders and docks; only mujoco can write.",
+            help="Film it with name tags at bodies, feeders and docks.",
             rich_help_panel=OUTPUT,
         ),
     ] = False,

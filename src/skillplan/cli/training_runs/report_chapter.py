@@ -6,10 +6,10 @@ from skillplan.cli.training_runs.figures import Drawing, figures_of
 from skillplan.cli.writing import tell
 from skillplan.errors import OptionError
 from skillplan.records.training.run_folder import RunFolder
-from skillplan.views.report.chapters import training_chapter
 from skillplan.views.report.markup import Markup
 from skillplan.views.report.page import Chapter
 from skillplan.views.report.pictures import image
+from skillplan.views.report.solver_chapters import training_chapter
 
 _PROOF_S = 10.0
 

@@ -96,6 +96,12 @@ def decomposition_of(mesh: Mesh) -> Decomposition:
     return made
 
 
+@lru_cache(maxsize=64)
+def given_decomposition(mesh: Mesh, pieces: tuple[Mesh, ...]) -> Decomposition:
+    """Return convex pieces that a task file gives for a mesh, measured."""
+    return _measured(mesh, pieces)
+
+
 def _key(mesh: Mesh, entry: EntryPoint) -> str:
     """Return a hash of everything that could change the pieces."""
     distribution = "" if entry.dist is None else f"{entry.dist.name} {entry.dist.version}"

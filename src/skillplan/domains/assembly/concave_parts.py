@@ -12,7 +12,9 @@ from skillplan.task.shape import Mesh
 
 def piece_issues(config: AssemblyConfig) -> Iterator[Issue]:
     """Yield meshes that are not convex where nothing takes them apart into pieces that are."""
-    for name, index, mesh in _concave(config):
+    for name, index, mesh, given in _concave(config):
+        if given:
+            continue
         # Takes numpy, which most boards do without.
         from skillplan.collision.solids.decomposition import NoPieces, decomposition_of
 
@@ -25,10 +27,10 @@ def piece_issues(config: AssemblyConfig) -> Iterator[Issue]:
 def piece_lines(config: AssemblyConfig) -> tuple[list[str], list[dict[str, Any]]]:
     """Return of every mesh that is not convex its pieces and their error, in words and as JSON."""
     lines, entries = [], []
-    for name, index, mesh in _concave(config):
-        from skillplan.collision.solids.decomposition import decomposition_of
+    for name, index, mesh, given in _concave(config):
+        from skillplan.collision.solids.decomposition import decomposition_of, given_decomposition
 
-        found = decomposition_of(mesh)
+        found = given_decomposition(mesh, given) if given else decomposition_of(mesh)
         count = len(found.pieces)
         lines.append(
             f"pieces     {name} moves as {count} convex piece{'' if count == 1 else 's'}, "
@@ -47,8 +49,9 @@ def piece_lines(config: AssemblyConfig) -> tuple[list[str], list[dict[str, Any]]
     return lines, entries
 
 
-def _concave(config: AssemblyConfig) -> Iterator[tuple[str, int, Mesh]]:
+def _concave(config: AssemblyConfig) -> Iterator[tuple[str, int, Mesh, tuple[Mesh, ...]]]:
     for name, part in config.parts.items():
         for index, mesh in enumerate(part.meshes or ()):
             if not mesh.convex:
-                yield name, index, Mesh(mesh.corners, mesh.faces, convex=False)
+                whole = Mesh(mesh.corners, mesh.faces, convex=False)
+                yield name, index, whole, mesh.given_pieces

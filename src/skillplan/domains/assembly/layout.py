@@ -48,15 +48,14 @@ def pieces_of(part: PartConfig) -> tuple[Shape, ...]:
     # Takes numpy, which most boards do without.
     from skillplan.collision.solids.decomposition import decomposition_of
 
-    return tuple(
-        piece
-        for shape in shapes_of(part)
-        for piece in (
-            (shape,)
-            if not isinstance(shape, Mesh) or shape.convex
-            else decomposition_of(shape).pieces
-        )
-    )
+    found: list[Shape] = []
+    for mesh in part.meshes or ():
+        shape = Mesh(mesh.corners, mesh.faces, mesh.convex)
+        if mesh.convex:
+            found.append(shape)
+        else:
+            found += mesh.given_pieces or decomposition_of(shape).pieces
+    return tuple(found)
 
 
 def boxes_of(part: PartConfig) -> tuple[Box, ...]:

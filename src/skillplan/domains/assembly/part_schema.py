@@ -34,6 +34,7 @@ from skillplan.domains.assembly.handling.schema import (
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located, continued, shown
 from skillplan.task.pose import DOWN, Point
+from skillplan.task.shape import Mesh
 
 Mass = Annotated[float, Field(ge=1e-6, le=1000)]
 FailureProbability = Annotated[float, Field(ge=0, lt=1)]
@@ -83,11 +84,20 @@ class MeshConfig(Strict):
         "[m]; left out: it stands there",
     )
 
+    # Not hashed by name, as what the file holds is.
+    pieces: Annotated[str, Field(min_length=1, max_length=4096)] | None = Field(
+        None,
+        exclude=True,
+        description="a file of its convex pieces, in its frame, each with corners of its own; left "
+        "out: a plugin makes them",
+    )
+
     # What the file holds, in the part's frame.
     _corners: tuple[Point, ...] = PrivateAttr(())
     _faces: tuple[tuple[int, int, int], ...] = PrivateAttr(())
     _sha256: str = PrivateAttr("")
     _convex: bool = PrivateAttr(True)
+    _pieces: tuple[Mesh, ...] = PrivateAttr(())
 
     @model_validator(mode="wrap")
     @classmethod
@@ -97,16 +107,23 @@ class MeshConfig(Strict):
         """Read the polyhedron that the file holds."""
         made = handler(data)
         # Takes trimesh, and numpy with it.
-        from skillplan.domains.assembly.mesh_files import MeshFileError, read_mesh
+        from skillplan.domains.assembly.meshes.mesh_files import read_mesh
+        from skillplan.domains.assembly.meshes.mesh_pieces import read_pieces
+        from skillplan.domains.assembly.meshes.polyhedron import MeshFileError
 
         folder = Path((info.context or {}).get("folder", Path()))
         try:
             read = read_mesh(folder, made.file, made.scale)
+            own, about = read_pieces(folder, made.pieces, made.scale, read)
         except MeshFileError as error:
-            raise Located(f"{shown(made.file)}: {continued(str(error))}", error.key) from None
+            name = made.pieces if error.key == "pieces" else made.file
+            raise Located(f"{shown(name)}: {continued(str(error))}", error.key) from None
         centre = made.centre_m or [0.0, 0.0, read.size[2] / 2]
-        made._corners = read.about((centre[0], centre[1], centre[2]))
-        made._faces, made._sha256, made._convex = read.faces, read.sha256, read.convex
+        where = (centre[0], centre[1], centre[2])
+        made._corners = read.about(where)
+        made._pieces = tuple(Mesh(piece.about(where), piece.faces) for piece in own)
+        made._faces, made._convex = read.faces, read.convex
+        made._sha256 = f"{read.sha256}{about}"
         return made
 
     @property
@@ -123,6 +140,11 @@ class MeshConfig(Strict):
     def convex(self) -> bool:
         """Whether it is convex."""
         return self._convex
+
+    @property
+    def given_pieces(self) -> tuple[Mesh, ...]:
+        """Its convex pieces in the part's frame, where a file gives them."""
+        return self._pieces
 
     @computed_field  # type: ignore[prop-decorator]
     @property

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from skillplan.checks.single_check import introduce
-from skillplan.errors import BackEndError, OptionError
+from skillplan.errors import BackEndError, OptionError, PluginError
 from skillplan.physics.performance import Performance, Performer, Sample
 from skillplan.pipeline import registry
 from skillplan.pipeline.setup import Setup
@@ -28,6 +29,29 @@ def performing_engine() -> str | None:
     return next(
         (name for name in able if issubclass(registry.load("physics", name), Performer)), None
     )
+
+
+def looks_of_arm(task: Task, performed_by: str | None) -> Sequence[Path | None]:
+    """Return what base and links of an arm look like, as far as an installed engine has meshes.
+
+    Parameters
+    ----------
+    task
+        The arm is that of its robot.
+    performed_by
+        The engine that moved it, which is asked first; None for none.
+    """
+    arm, known = task.scene.robots[0].model, registry.names("physics")
+    for name in sorted(set(PREFERRED) & set(known), key=lambda name: name != performed_by):
+        try:
+            engine = registry.load("physics", name)
+        except PluginError:
+            # Another engine that is broken takes no page down: links look like what they hit with.
+            continue
+        found = engine.looks(arm) if issubclass(engine, Performer) else ()
+        if any(found):
+            return found
+    return ()
 
 
 def contact_detectors(engine: str, chosen: Collection[str]) -> list[str]:
@@ -94,7 +118,8 @@ def perform_plan(
     performs = issubclass(registry.load("physics", named), Performer)
     engine = named if performs else performing_engine()
     if engine is None:
-        return f"no engine that moves bodies is installed: pip install skillplan-{PREFERRED[0]}"
+        known = " or ".join(f"skillplan-{name}" for name in PREFERRED)
+        return f"no engine that moves bodies is installed: pip install {known}"
     chosen = [choice.name for choice in setup.named_collision_choices(task)]
     detectors = tuple(contact_detectors(engine, chosen)) or (ANY_DETECTOR,)
     taking = replace(setup, physics=engine, collision=detectors, screening=False)

@@ -18,6 +18,8 @@ Booleans = NDArray[np.bool_]
 # Cost of an arc that no order can take, and the most that an arc may cost.
 NO_ARC = 1e15
 MOST = 2.0**40
+# Of the last node, where it belongs to no family.
+NO_FAMILY = -1
 # Sums of integers up to here stay apart despite the rounding errors of bounds.
 _EXACT = 1e9
 
@@ -33,6 +35,10 @@ class OrderingInstance:
         impossible. The diagonal is ignored.
     before
         Whether node i must come before node j, shape (n, n); closed by transitivity here.
+    families
+        Of every node, shape (n,), such as the tool that its job needs; the last may have
+        `NO_FAMILY`. None where all are alike. No order depends on them; bounds are better where
+        going from one to another is expensive.
 
     Attributes
     ----------
@@ -47,12 +53,13 @@ class OrderingInstance:
     Raises
     ------
     ValueError
-        If the shapes do not fit, there are fewer than two nodes, a cost is out of range, or
-        the relation has a cycle.
+        If the shapes do not fit, there are fewer than two nodes, a cost is out of range, the
+        relation has a cycle, or a node but the last has no family.
     """
 
     costs: Floats
     before: Booleans
+    families: Integers | None = None
     step: float = field(init=False)
     offset: float = field(init=False)
 
@@ -60,6 +67,10 @@ class OrderingInstance:
         n = len(self.costs)
         if n < 2 or self.costs.shape != (n, n) or self.before.shape != (n, n):
             raise ValueError(f"An ordering of n = {n} nodes needs n >= 2 and (n, n) arrays.")
+        if self.families is not None:
+            alone = self.families[:-1] == NO_FAMILY
+            if self.families.shape != (n,) or alone.any():
+                raise ValueError("Every node but the last needs a family.")
         before = self.before.copy()
         before[0, 1:] = before[:-1, n - 1] = True
         before = closed_relation(before)

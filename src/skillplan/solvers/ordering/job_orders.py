@@ -9,6 +9,7 @@ import numpy as np
 
 from skillplan.model.sequencing import SequencingProblem
 from skillplan.solvers.ordering.instance import (
+    NO_FAMILY,
     Integers,
     OrderingInstance,
     closed_relation,
@@ -62,7 +63,8 @@ class JobOrders:
         relation = np.zeros((n, n), dtype=np.bool_)
         relation[1 : inner + 1, 1 : inner + 1] = before[np.ix_(nodes, nodes)]
         object.__setattr__(self, "_nodes", nodes)
-        object.__setattr__(self, "instance", OrderingInstance(costs, relation))
+        instance = OrderingInstance(costs, relation, _families(problem, nodes, n))
+        object.__setattr__(self, "instance", instance)
 
     def jobs(self, order: Integers) -> tuple[int, ...]:
         """Return an order of nodes as an order of jobs."""
@@ -76,6 +78,29 @@ class JobOrders:
         inner = place[np.asarray(order, dtype=np.int64)]
         end = [self.instance.n - 1] if len(inner) + 2 == self.instance.n else []
         return np.concatenate(([0], inner, end)).astype(np.int64)
+
+
+def _families(problem: SequencingProblem, nodes: Integers, n: int) -> Integers | None:
+    """Return the family of each of n nodes; None where nothing is done between any jobs.
+
+    Jobs, and the initial state, are of one family where nothing has to be done between them, as
+    where they need the same tool.
+    """
+    if not problem.paths:
+        return None
+    near = np.zeros((n, n), dtype=np.bool_)
+    inner = slice(1, len(nodes) + 1)
+    near[inner, inner] = np.isfinite(problem.costs[np.ix_(nodes, nodes)])
+    near[0, inner] = np.isfinite(problem.first[nodes])
+    place = {int(job): node for node, job in enumerate(nodes, start=1)} | {-1: 0}
+    for one, other in problem.paths:
+        near[place[one], place[other]] = False
+    near |= near.T
+    np.fill_diagonal(near, True)
+    # The least node that a node is linked to names its family; an end that is no job has none.
+    families: Integers = closed_relation(near).argmax(axis=1)
+    families[len(nodes) + 1 :] = NO_FAMILY
+    return families
 
 
 def _last(before: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> int | None:

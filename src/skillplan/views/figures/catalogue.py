@@ -61,7 +61,8 @@ TASK_FIGURES: Mapping[str, CatalogueEntry] = MappingProxyType(
             "precedence_figure",
         ),
         "exploded": CatalogueEntry(
-            "the product taken apart, its parts numbered in the order of the plan",
+            "the product taken apart, its parts numbered in the order of the plan; --out FILE.gif "
+            "films how it is put together",
             "exploded_figure",
         ),
         "fleet": CatalogueEntry(

@@ -67,6 +67,9 @@ class Look:
         Of the fill, in (0, 1].
     shade
         How much darker the fill is, from 0 to 1.
+    sealed
+        Whether the fill reaches a hair's breadth beyond the edge, so that none is left to a
+        neighbour of the same surface.
 
     Raises
     ------
@@ -80,6 +83,7 @@ class Look:
     dashed: bool = False
     opacity: float = 1.0
     shade: float = 0.0
+    sealed: bool = False
 
     def __post_init__(self) -> None:
         for role in (self.fill, self.stroke):

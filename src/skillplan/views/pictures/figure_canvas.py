@@ -11,6 +11,7 @@ from skillplan.views.figures.figure_style import Heading, axes_in, in_house_styl
 from skillplan.views.pictures.drawing import COLOURS, PIXELS_PER_IN, Disc, Drawing, Label, Look
 
 _MARGIN_IN = 0.2
+_HAIR_PX = 0.5
 _ANCHORS = {"middle": "center", "start": "left", "end": "right"}
 
 
@@ -58,10 +59,13 @@ def _style(look: Look) -> dict[str, object]:
     if look.fill is not None:
         red, green, blue = (value * (1 - look.shade) for value in to_rgb(COLOURS[look.fill]))
         fill = (red, green, blue, look.opacity)
+    edge: object = "none" if look.stroke is None else to_hex(COLOURS[look.stroke])
+    sealed = look.sealed and look.stroke is None
+    width_px = _HAIR_PX if sealed else look.width_px
     return {
         "facecolor": fill,
-        "edgecolor": "none" if look.stroke is None else to_hex(COLOURS[look.stroke]),
-        "linewidth": look.width_px * 72 / PIXELS_PER_IN,
+        "edgecolor": fill if sealed else edge,
+        "linewidth": width_px * 72 / PIXELS_PER_IN,
         "linestyle": (0, (4, 3)) if look.dashed else "-",
         "joinstyle": "round",
     }

@@ -64,7 +64,11 @@ def gantt_picture(bars: Sequence[PlanBar], title: str, width_px: float = 960.0) 
         middle = _TOP_PX + _ROW_PX * (rows.index(bar.row) + 0.5)
         role = SERIES[kinds.index(bar.kind) % len(SERIES)]
         items += _bar(bar, left + scale * bar.start_s, left + scale * bar.end_s, middle, role)
-    items += _legend(kinds, left, bottom + _AXIS_PX + 10)
+    numbered = any(
+        bar.short.isdigit() and _words(bar, scale * (bar.end_s - bar.start_s))[0] == bar.short
+        for bar in bars
+    )
+    items += _legend(kinds, left, bottom + _AXIS_PX + 10, numbered=numbered)
     height_px = bottom + _AXIS_PX + _LEGEND_PX
     return Drawing(width_px, height_px, title, tuple(items), (left, right, _TOP_PX - 4, bottom + 4))
 
@@ -76,11 +80,20 @@ def _bar(bar: PlanBar, left: float, right: float, middle: float, role: str) -> I
     yield Shape(rectangle(left, top, right, bottom), look, title=bar.title, seek_s=bar.start_s)
     edge = rectangle(left, top, left + min(3.0, right - left), bottom)
     yield Shape(edge, Look(fill=role))
-    room = right - left - 7
-    size_px = min(SMALL_PX, max(_LEAST_PX, SMALL_PX * room / text_width_px(bar.label, SMALL_PX)))
-    words = shortened(bar.label, room + 0.5, size_px)
+    words, size_px = _words(bar, right - left)
     if words:
         yield Label(((left + right) / 2 + 1.5, middle), words, size_px=size_px)
+
+
+def _words(bar: PlanBar, width_px: float) -> tuple[str, float]:
+    """Return what is written into a bar, and how large [px]; nothing where there is no room."""
+    room_px = width_px - 6
+    for words in (bar.label, bar.short):
+        wide_px = text_width_px(words, SMALL_PX)
+        size_px = min(SMALL_PX, SMALL_PX * room_px / wide_px) if wide_px else 0.0
+        if size_px >= _LEAST_PX:
+            return words, size_px
+    return ("" if bar.short else shortened(bar.label, room_px + 0.5, _LEAST_PX)), _LEAST_PX
 
 
 def _axis(left: float, right: float, bottom: float, end_s: float) -> Iterator[Item]:
@@ -93,13 +106,16 @@ def _axis(left: float, right: float, bottom: float, end_s: float) -> Iterator[It
     yield Label(((left + right) / 2, bottom + 27), "time [s]", "muted", SMALL_PX)
 
 
-def _legend(kinds: Sequence[str], left: float, middle: float) -> Iterator[Item]:
+def _legend(kinds: Sequence[str], left: float, middle: float, *, numbered: bool) -> Iterator[Item]:
     for number, kind in enumerate(kinds):
         role = SERIES[number % len(SERIES)]
         square = rectangle(left, middle - 5, left + 10, middle + 5)
         yield Shape(square, Look(fill=role, stroke=role, opacity=0.45))
         yield Label((left + 15, middle), kind, "muted", SMALL_PX, "start")
         left += 30 + text_width_px(kind, SMALL_PX)
+    if numbered:
+        words = "a number: the step, where its bar is too narrow for a name"
+        yield Label((left, middle), words, "muted", SMALL_PX, "start")
 
 
 def _round_step(about: float) -> float:

@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
-from skillplan.task.motion import Event
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Robot
-from skillplan.task.state import State
 from skillplan.task.task import Task
 from skillplan.views.figures.label_placement import LabelPlacer
 from skillplan.views.pictures.drawing import (
@@ -31,6 +28,7 @@ from skillplan.views.pictures.drawing import (
     text_width_px,
 )
 from skillplan.views.pictures.outlines import outlines
+from skillplan.views.pictures.plan_places import path_steps
 from skillplan.views.pictures.step_numbers import NUMBER_PX, number_rows
 
 _MARGIN_PX = 26.0
@@ -39,37 +37,7 @@ _MOST_HEIGHT_PX = 900.0
 # The base, and the rim of the reach, are shown where that makes the cell no smaller than this.
 _LEAST_SHARE = 0.65
 _STATION_PX = 13.0
-
-
-@dataclass(frozen=True, slots=True)
-class PathStep:
-    """A step of a plan on its way over the table.
-
-    Parameters
-    ----------
-    number
-        From 1.
-    start, goal
-        Where it begins and ends, in the plane [m].
-    """
-
-    number: int
-    start: Point
-    goal: Point
-
-
-def path_steps(task: Task, skills: Sequence[str]) -> list[PathStep]:
-    """Return the steps of a plan that move the arm of a task with one."""
-    state, steps = task.initial, []
-    for number, name in enumerate(skills, start=1):
-        skill = task.skill(name)
-        after = skill.prediction_in(state).apply(state)
-        if skill.motion is not None:
-            robot = task.scene.robot(skill.motion.robot)
-            (_, begin), (_, end) = robot.place(state), robot.place(after)
-            steps.append(PathStep(number, begin[:2], end[:2]))
-        state = after
-    return steps
+_NAME_PX = 11.0
 
 
 def layout_picture(task: Task, skills: Sequence[str], width_px: float = 960.0) -> Drawing:
@@ -223,7 +191,10 @@ class _Layout:
         for step in self.steps:
             x, y = self._pixels(step.goal)
             ends.setdefault((round(x, 1), round(y, 1)), []).append(step.number)
-        for row in number_rows(ends, (self.width_px, self.height_px - _LEGEND_PX)):
+        rows = number_rows(ends, (self.width_px, self.height_px - _LEGEND_PX))
+        for row in rows:
+            yield from row.leader()
+        for row in rows:
             size = (2 * row.half_px / PIXELS_PER_IN, 2 * NUMBER_PX / PIXELS_PER_IN)
             self.placer.avoid_box(self._on_paper(row.centre), *size)
             names = (f"{number}. {self.skills[number - 1]}" for number in row.numbers)
@@ -249,9 +220,25 @@ class _Layout:
         for name, where in names.items():
             near = self._half_px(name) / PIXELS_PER_IN
             distances = [near + extra for extra in (0.06, 0.12, 0.2, 0.32)]
+            if self._has_room(name):
+                distances.insert(0, (NUMBER_PX + 3) / PIXELS_PER_IN)
             at = self.placer.place(self._inches(where), name, 8.25, distances)
             x, y = at[0] * PIXELS_PER_IN, self.height_px - at[1] * PIXELS_PER_IN
-            yield Label((x, y), name, "muted", 11, halo=True)
+            yield Label((x, y), name, "muted", _NAME_PX, halo=True)
+
+    def _has_room(self, name: str) -> bool:
+        """Whether a body's name fits into its footprint beside a number at its origin."""
+        if name not in self.starts:
+            return False
+        seen = outlines(self.scene.body(name), self.starts[name])
+        low, high = _bounds([self._pixels(point) for one in seen for point in one])
+        at = self._pixels(self.starts[name].position)
+        half_px = text_width_px(name, _NAME_PX) / 2 + 5
+        tall_px = NUMBER_PX + 2 * _NAME_PX
+        return (
+            min(at[0] - low[0], high[0] - at[0]) >= half_px
+            and min(at[1] - low[1], high[1] - at[1]) >= tall_px
+        )
 
     def _half_px(self, name: str) -> float:
         """Return how far from its origin a body's name should stand."""
@@ -293,27 +280,6 @@ class _Layout:
         else:
             words += ": beyond the picture"
         yield Label((left, top), words, "muted", SMALL_PX, "start")
-
-
-def reached_state(task: Task, skills: Sequence[str]) -> State:
-    """Return the state after a plan."""
-    state = task.initial
-    for name in skills:
-        state = task.skill(name).prediction_in(state).apply(state)
-    return state
-
-
-def releases(task: Task, skills: Sequence[str]) -> dict[str, tuple[float, float, float]]:
-    """Return by body the direction in which a plan leaves it at its place."""
-    state, found = task.initial, {}
-    for name in skills:
-        skill = task.skill(name)
-        if skill.motion is not None:
-            for visit in skill.motion.visits(state):
-                if visit.event in (Event.RELEASE, Event.DRIVE):
-                    found[visit.subject] = visit.along
-        state = skill.prediction_in(state).apply(state)
-    return found
 
 
 def _bounds(points: Sequence[Point]) -> tuple[Point, Point]:

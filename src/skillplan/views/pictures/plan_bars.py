@@ -26,6 +26,8 @@ class PlanBar:
         When [s], from 0.
     title
         All there is to say of it.
+    short
+        What is written instead where there is no room for the label; empty for a part of it.
 
     Raises
     ------
@@ -39,6 +41,7 @@ class PlanBar:
     start_s: float
     end_s: float
     title: str
+    short: str = ""
 
     def __post_init__(self) -> None:
         if not 0 <= self.start_s <= self.end_s:
@@ -73,6 +76,7 @@ def plan_bars(
         begin_s, end_s = (now_s, now_s + duration_s) if times_s is None else times_s[index]
         subject = next((v for k, v in skill.parameters.items() if k in ("screw", "part")), tool)
         title = f"{index + 1}. {name}: {begin_s:.2f} s to {end_s:.2f} s, {end_s - begin_s:.2f} s"
-        bars.append(PlanBar(row, str(subject or name), skill.kind, begin_s, end_s, title))
+        label = str(subject or name)
+        bars.append(PlanBar(row, label, skill.kind, begin_s, end_s, title, str(index + 1)))
         now_s = end_s
     return bars

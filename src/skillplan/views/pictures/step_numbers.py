@@ -48,11 +48,14 @@ class NumberRow:
     half_px: float
     numbers: tuple[int, ...]
 
-    def items(self, title: str) -> Iterator[Item]:
-        """Yield the row, with a line to its place where it is aside."""
+    def leader(self) -> Iterator[Item]:
+        """Yield a line from the place to the row where it is aside; it belongs behind all rows."""
         if self.centre != self.at:
             yield Shape((self.at, self.centre), Look(stroke="ink", width_px=0.8), closed=False)
             yield Disc(self.at, 2.5, Look("ink"))
+
+    def items(self, title: str) -> Iterator[Item]:
+        """Yield the row."""
         yield Shape(_pill(self.centre, self.half_px), Look("paper", "ink", 1.1), title=title)
         yield Label(self.centre, _words(self.numbers), size_px=SMALL_PX, bold=True)
 

@@ -235,8 +235,8 @@ class _ArmPlayback:
         low, high = extent(self.scene)
         middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
         far = max(0.6, 1.25 * max(b - a for a, b in zip(low, high, strict=True)))
-        eye = (middle[0] + 0.9 * far, middle[1] - 1.1 * far, 0.85 * far)
-        self.playback.view = ((middle[0], middle[1], 0.22), eye)
+        eye = (middle[0] + 0.96 * far, middle[1] - 1.17 * far, 0.9 * far)
+        self.playback.view = ((middle[0], middle[1], 0.18), eye)
         points = [[round(v, 5) for v in sample.tip] for sample in self.samples[::6]]
         self.playback.paths.append({"name": "path of the tip", "points_m": points, "kind": "tip"})
 

@@ -20,6 +20,7 @@ from skillplan.views.pictures.precedence_picture import precedence_picture
 from skillplan.views.pictures.svg_canvas import picture_svg
 from skillplan.views.report.markup import Markup, join, tag
 from skillplan.views.report.page import Section
+from skillplan.views.report.summary import planned_by
 from skillplan.views.report.tables import note, number, numbers, seconds, table
 
 
@@ -103,8 +104,8 @@ def plan_section(
     unit = task.metric.unit
     columns += [f"cost [{unit}]", "ends at [m]"]
     columns += ["way"] if any("way" in step for step in _steps(document)) else []
-    kinds = "n  nn" + ("n" if done is not None else "") + "n"
-    caption = f"{len(rows)} skills in order, with their times and costs"
+    kinds = "np nn" + ("n" if done is not None else "") + "np"
+    caption = f"{len(rows)} skills in order; planned times by {planned_by(document)}"
     return Section("plan", "The plan", table(caption, columns, rows, kinds))
 
 

@@ -11,7 +11,14 @@ from skillplan.views.report.markup import Markup, join, tag
 from skillplan.views.report.page import Section
 from skillplan.views.report.tables import facts, number, seconds, share
 
-_TONES = {"optimal": "good", "solved": "good", "infeasible": "bad", "wrong": "bad", "failed": "bad"}
+_TONES = {
+    "optimal": "good",
+    "solved": "good",
+    "complete": "good",
+    "infeasible": "bad",
+    "wrong": "bad",
+    "failed": "bad",
+}
 _WORDS = {
     "optimal": "A valid plan, proved to be the best.",
     "solved": "A valid plan; that it is the best is not proved.",
@@ -25,7 +32,14 @@ def chip(status: object) -> Markup:
     return tag("span", {"class": f"chip {_TONES.get(str(status), 'warn')}"}, status)
 
 
-def lead(document: Mapping[str, Any], measured_s: float | None = None) -> Markup:
+def planned_by(document: Mapping[str, Any]) -> str:
+    """Return in words what a result has its planned times from."""
+    return str(document.get("timed_by") or "the task's own figures")
+
+
+def lead(
+    document: Mapping[str, Any], measured_s: float | None = None, played_s: float | None = None
+) -> Markup:
     """Return what a result is in a sentence, and its figures.
 
     Parameters
@@ -34,6 +48,8 @@ def lead(document: Mapping[str, Any], measured_s: float | None = None) -> Markup
         ``skillplan.result/1``.
     measured_s
         How long the plan took when it was performed [s]; None where it was not.
+    played_s
+        How long it takes along its planned paths, as it is played [s]; None where it is not.
     """
     status = str(document.get("status"))
     unit = document.get("cost_unit") or ""
@@ -52,10 +68,13 @@ def lead(document: Mapping[str, Any], measured_s: float | None = None) -> Markup
             ("Skills", number(document.get("makespan"))),
         ]
     if measured_s is not None:
-        small = f"simulated; planned {seconds(planned)} s"
+        small = f"simulated; {seconds(planned)} s by {planned_by(document)}"
         figures.append(("Time of the plan", _with(f"{seconds(measured_s)} s", small)))
     elif planned is not None:
-        figures.append(("Time of the plan", _with(f"{seconds(planned)} s", "planned")))
+        small = "planned" if played_s is None else f"planned, by {planned_by(document)}"
+        if played_s is not None and seconds(played_s) != seconds(planned):
+            small += f"; {seconds(played_s)} s along the paths that are played"
+        figures.append(("Time of the plan", _with(f"{seconds(planned)} s", small)))
     made = [tag("div", {}, tag("dt", {}, name), tag("dd", {}, value)) for name, value in figures]
     return join([sentence, tag("dl", {"class": "figures"}, *made)])
 

@@ -9,7 +9,12 @@ from skillplan.views.report.markup import Markup, join, tag
 
 
 def table(
-    caption: str, columns: Sequence[str], rows: Iterable[Sequence[object]], numbers: str = ""
+    caption: str,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[object]],
+    numbers: str = "",
+    *,
+    captioned: bool = True,
 ) -> Markup:
     """Return a table whose first cell of a row names it.
 
@@ -22,12 +27,14 @@ def table(
     rows
         As many cells each; markup, or what is shown as text.
     numbers
-        A character a column, ``n`` where it is of numbers.
+        A character a column: ``n`` where it is of numbers, ``p`` where its cells are in one piece.
+    captioned
+        Whether the caption is shown; screen readers hear it in any case.
     """
     kinds = numbers.ljust(len(columns))
 
     def classes(index: int) -> dict[str, str | None]:
-        return {"class": "n" if kinds[index] == "n" else None}
+        return {"class": kinds[index].strip() or None}
 
     heads = [
         tag("th", {"scope": "col", **classes(index)}, name) for index, name in enumerate(columns)
@@ -44,7 +51,7 @@ def table(
     made = tag(
         "table",
         {},
-        tag("caption", {}, caption),
+        tag("caption", {}, caption) if captioned else Markup(""),
         tag("thead", {}, tag("tr", {}, *heads)),
         tag("tbody", {}, *lines),
     )

@@ -13,6 +13,7 @@ from skillplan.files.json_file import json_text
 from skillplan.files.output_path import output_folder, refusing
 from skillplan.records.schemas import IMPORT
 from skillplan_cad.build_relation import waived_pairs
+from skillplan_cad.importing.exploded import Draw
 from skillplan_cad.importing.findings import Tell, found_in
 from skillplan_cad.importing.planned import planned
 from skillplan_cad.importing.report import report_document, warnings
@@ -44,7 +45,9 @@ class Imported:
     complete: bool = True
 
 
-def import_cad(source: str, out: str, given: dict[str, Any], tell: Tell) -> Imported:
+def import_cad(
+    source: str, out: str, given: dict[str, Any], tell: Tell, draw: Draw | None = None
+) -> Imported:
     """Import a product.
 
     Parameters
@@ -57,6 +60,8 @@ def import_cad(source: str, out: str, given: dict[str, Any], tell: Tell) -> Impo
         Options by name; None for the default.
     tell
         Told of progress, a line each.
+    draw
+        Draws `exploded.png`; None for no picture.
 
     Raises
     ------
@@ -69,7 +74,7 @@ def import_cad(source: str, out: str, given: dict[str, Any], tell: Tell) -> Impo
     product, relation = findings.product, findings.relation
     if settings.base is not None and settings.base not in relation.names:
         raise OptionError(_no_base(settings.base, relation))
-    made = planned(path, product, relation, settings, tell)
+    made = planned(path, product, relation, settings, tell, draw)
     relation = made.relation
     waived = waived_pairs(findings.joints, findings.blocked, settings.threads)
     document = report_document(findings, waived, settings, path.name)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from skillplan_cad.importing.exploded import Draw, added_bodies
 from skillplan_cad.importing.settings import ImportSettings
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Planner, Step, Stuck, with_groups
 from skillplan_cad.planning.precedence import members
@@ -16,7 +17,9 @@ from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
 from skillplan_cad.reading.product_reader import read_product
 from skillplan_cad.reading.step_file import is_step
 from skillplan_cad.relation import Relation
+from skillplan_cad.writing.pieces_proof import ProvedPieces
 from skillplan_cad.writing.task_document import task_of
+from skillplan_cad.writing.upright import Upright
 
 # Of the chord and the tolerance of the plan, what its replay takes.
 _FINER = 0.4
@@ -44,7 +47,7 @@ class Planned:
     relation: Relation
     complete: bool
     document: Mapping[str, Any]
-    files: Mapping[str, str]
+    files: Mapping[str, str | bytes]
     lines: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -55,6 +58,7 @@ def planned(
     relation: Relation,
     settings: ImportSettings,
     tell: Callable[[str], None],
+    draw: Draw | None = None,
 ) -> Planned:
     """Return the plan of a product.
 
@@ -68,6 +72,8 @@ def planned(
         What was asked for.
     tell
         Told of progress.
+    draw
+        Draws `exploded.png`; None for no picture.
     """
     tell("planning")
     tolerance_m = settings.tolerance_mm / 1000
@@ -77,11 +83,15 @@ def planned(
     share = 1.0 if finer is product else _FINER
     again = replay(finer, relation, plan, share * tolerance_m)
     document: dict[str, Any] = {"plan": plan_document(plan, again, relation)}
-    files: Mapping[str, str] = {}
+    files: dict[str, str | bytes] = {}
+    if draw is not None:
+        files["exploded.png"] = draw(product.name, added_bodies(product, plan))
     if plan.complete:
         task = task_of(product, relation, plan, settings.robot)
-        files = task.files
+        files |= task.files
         document["task_names"] = dict(task.names)
+        document["placement"] = placement_document(task.upright)
+        document["pieces"] = pieces_document(task.pieces, relation)
         document["limits"] = {name: list(lines) for name, lines in task.limits.items()}
     limits = document.get("limits", {})
     return Planned(
@@ -90,7 +100,11 @@ def planned(
         document,
         files,
         tuple(_lines(plan, again)),
-        (*_warnings(plan, again), *_limit_lines(limits)),
+        (
+            *_warnings(plan, again),
+            *_limit_lines(limits),
+            *_piece_lines(document.get("pieces", {})),
+        ),
     )
 
 
@@ -239,6 +253,44 @@ def _warnings(plan: AssemblyPlan, again: Replay) -> list[str]:
     for one in plan.subassemblies:
         found.append(f"{' and '.join(one)} are put together apart, as nothing else is possible.")
     return found
+
+
+def placement_document(upright: Upright) -> dict[str, Any]:
+    """Return as JSON how the product of the file stands in the world of the task."""
+    return {
+        "turn": [[round(float(one), 9) + 0.0 for one in row] for row in upright.matrix],
+        "offset_mm": [round(float(one) * 1000, 6) + 0.0 for one in upright.offset_m],
+    }
+
+
+def pieces_document(proved: ProvedPieces, relation: Relation) -> dict[str, Any]:
+    """Return as JSON of how many convex pieces parts are, and which pairs these block wrongly."""
+    return {
+        "counts": {name: sum(map(len, made)) for name, made in proved.pieces.items()},
+        "cut_back": list(proved.cut_back),
+        "differences": [
+            {
+                "part": one.part,
+                "by": one.by,
+                "direction": list(relation.directions[one.direction]),
+            }
+            for one in proved.differences
+        ],
+    }
+
+
+def _piece_lines(pieces: Mapping[str, Any]) -> list[str]:
+    pairs = {
+        " and ".join(sorted((one["part"], one["by"]))) for one in pieces.get("differences", ())
+    }
+    if not pairs:
+        return []
+    shown = "; ".join(sorted(pairs)[:_SHOWN])
+    more = f"; and {len(pairs) - _SHOWN} more" if len(pairs) > _SHOWN else ""
+    return [
+        f"convex pieces block each other where the true meshes do not: {shown}{more}. "
+        "report.json lists the directions."
+    ]
 
 
 def _limit_lines(limits: Mapping[str, list[str]]) -> list[str]:

@@ -123,6 +123,12 @@ class AssemblyPlan:
         """Whether all parts come together."""
         return not self.stuck
 
+    @property
+    def up(self) -> Vector:
+        """What points up in most steps, in the product's frame."""
+        ups = [step.up for step in self.steps]
+        return max(dict.fromkeys(ups), key=ups.count, default=(0.0, 0.0, 1.0))
+
 
 @dataclass
 class _Work:

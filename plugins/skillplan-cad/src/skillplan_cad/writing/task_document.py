@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,11 +11,15 @@ import numpy as np
 import yaml
 
 from skillplan.robots.catalogue import ARMS
+from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
 from skillplan_cad.product import Part, Points, Product
 from skillplan_cad.relation import Fastener, Relation
-from skillplan_cad.writing.mesh_text import obj_text
+from skillplan_cad.writing.mesh_text import obj_text, pieces_text
 from skillplan_cad.writing.names import task_names
+from skillplan_cad.writing.pieces_proof import ProvedPieces, proved_pieces
+from skillplan_cad.writing.plan_limits import plan_limits
+from skillplan_cad.writing.screw_entry import screw_entry
 from skillplan_cad.writing.suction_spot import suction_spot
 from skillplan_cad.writing.top_grasp import Meshes, top_grasp
 from skillplan_cad.writing.tray import HOLDERS, HOME, Item, Tray, tray
@@ -24,7 +29,12 @@ GRIPPER, CUP, DRIVER = "gripper", "suction_cup", "screwdriver"
 _DRIVEN = ("screw", "nut")
 _PLAY_M = 0.004
 _MOST_WAYS = 3
-_FLAT = 0.999
+# Between jaws and parts, as engines have it. The margin is for parts held off their middle.
+_FRICTION, _GRIP_MARGIN, _LEAST_GRIP_N = 0.6, 4.0, 5.0
+_GRAVITY_M_PER_S2 = 9.81
+_BELOW_SHANK_M = 0.01
+# A direction that points up by less is level.
+_LEVEL = 1e-6
 _LEAST_SAFE_M = 0.15
 _ABOVE_PRODUCT_M = 0.05
 # What their makers have arms carry, the hand of 0.7 kg included.
@@ -54,6 +64,8 @@ class WrittenTask:
         Of parts, by their names in the product, what one arm cannot do about them.
     upright
         Where the product stands.
+    pieces
+        Convex pieces of the parts, by their names in the product, and what these block wrongly.
     """
 
     document: Mapping[str, Any]
@@ -61,6 +73,7 @@ class WrittenTask:
     names: Mapping[str, str]
     limits: Mapping[str, tuple[str, ...]]
     upright: Upright
+    pieces: ProvedPieces
 
 
 def task_of(
@@ -90,6 +103,7 @@ class _Writer:
     limits: dict[str, list[str]] = field(init=False, default_factory=dict)
     steps: dict[str, Step] = field(init=False)
     upright: Upright = field(init=False)
+    _meshes: dict[str, Meshes] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         taken = (GRIPPER, CUP, DRIVER, self.robot, "world", "home")
@@ -102,7 +116,7 @@ class _Writer:
 
     def task(self) -> WrittenTask:
         """Return it all."""
-        up = self._up()
+        up = self.plan.up
         self.upright = standing(self.product, up, (0.0, 0.0))
         gripped = [part for part in self.product if not self._driven(part)]
         groups = self._groups()
@@ -115,20 +129,23 @@ class _Writer:
             for part in self.product
             if (fastener := self._driven(part)) is not None
         }
-        self._note_limits(up)
+        proved = proved_pieces(self.product, self.relation, self._meshes, self.upright)
+        for part_name, per_mesh in proved.pieces.items():
+            for mesh, pieces in zip(parts[self.names[part_name]]["meshes"], per_mesh, strict=True):
+                if pieces:
+                    mesh["pieces"] = mesh["file"].removesuffix(".obj") + ".pieces.obj"
+                    files[mesh["pieces"]] = pieces_text(pieces)
+        for name, words in plan_limits(self.product, self.plan, up):
+            self._note(name, words)
         document = {
             "kind": "assembly",
             "name": self._name(),
             "description": f"{len(self.product)} parts of {self.product.name}, from CAD.",
             "robot": self._robot(gripped),
-            "tools": self._tools(parts, screws),
+            "tools": self._tools(parts, screws, gripped),
             "initial_tool": GRIPPER,
             "tool_change": {"style": "swap"},
-            "feeders": {
-                name: {"position_m": list(layout.places[name])}
-                for name in layout.places
-                if name in set(groups.values())
-            },
+            "feeders": self._feeders(layout, groups),
             "parts": parts,
             "screws": screws,
             "collision": {"swept": None},
@@ -139,12 +156,7 @@ class _Writer:
         text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
         files["product.yaml"] = _HEADER + text
         limits = {name: tuple(lines) for name, lines in self.limits.items()}
-        return WrittenTask(document, files, self.names, limits, self.upright)
-
-    def _up(self) -> tuple[float, float, float]:
-        """Return what points up in most steps, in the product's frame."""
-        ups = [step.up for step in self.plan.steps]
-        return max(dict.fromkeys(ups), key=ups.count, default=(0.0, 0.0, 1.0))
+        return WrittenTask(document, files, self.names, limits, self.upright, proved)
 
     def _name(self) -> str:
         return next(iter(task_names([self.product.name or "product"]).values()))
@@ -185,6 +197,19 @@ class _Writer:
         beside = dict.fromkeys(layout.without, (0.30, -0.55))
         return Tray(layout.product_m, {**layout.places, **beside}, layout.without)
 
+    def _feeders(self, layout: Tray, groups: Mapping[str, str]) -> dict[str, Any]:
+        """Return where identical parts come from; shanks of screws hang in their feeder."""
+        found: dict[str, Any] = {}
+        for part in self.product:
+            name = groups.get(part.name)
+            if name is not None and name in layout.places:
+                found[name] = {"position_m": list(layout.places[name])}
+                fastener = self._driven(part)
+                if fastener is not None:
+                    height_m = fastener.length_m + _BELOW_SHANK_M
+                    found[name]["height_m"] = math.ceil(height_m * 1e3) / 1e3
+        return found
+
     def _part(
         self, part: Part, layout: Tray, groups: Mapping[str, str], files: dict[str, str]
     ) -> dict[str, Any]:
@@ -192,6 +217,7 @@ class _Writer:
         name, bottom = self.names[part.name], np.array(self.upright.bottom(part))
         local = self.upright.vertices(part) - bottom
         held, meshes = self._held(part, local)
+        self._meshes[part.name] = meshes
         entry: dict[str, Any] = {**held}
         entry["mass_kg"] = float(f"{max(part.mass_kg, 1e-6):.4g}")
         entry["meshes"] = []
@@ -252,7 +278,7 @@ class _Writer:
             other = contact.parts[1] if first else contact.parts[0]
             heights = [self.upright.vector(normal)[2] for normal in contact.normals]
             down = any(height < -0.999 if first else height > 0.999 for height in heights)
-            if down and not self._driven(self.product.parts[self.product.index(other)]):
+            if down and not self._driven(self._of(other)):
                 found.append(self.names[other])
         return found
 
@@ -271,7 +297,7 @@ class _Writer:
                 if direction < len(directions)
                 for x, y, z in (directions[direction],)
             ]
-            vectors = [vector for vector in vectors if vector[2] < 1e-6]
+            vectors = [vector for vector in vectors if vector[2] < _LEVEL]
             if vectors:
                 best = min(vectors, key=_height)
                 if not any(np.allclose(best, one, atol=1e-6) for one in found):
@@ -279,47 +305,17 @@ class _Writer:
         return found[:_MOST_WAYS]
 
     def _screw(self, part: Part, fastener: Fastener, groups: Mapping[str, str]) -> dict[str, Any]:
-        """Return the entry of a screw."""
-        axis = np.asarray(fastener.axis)
-        along = part.vertices_m @ axis
-        seat = self._seat(part, fastener)
-        point = np.asarray(fastener.point_m)
-        mouth = point + (seat - float(point @ axis)) * axis
-        apart = part.vertices_m - point
-        radius = float(np.linalg.norm(apart - np.outer(apart @ axis, axis), axis=1).max())
-        into = self.upright.vector((-float(axis[0]), -float(axis[1]), -float(axis[2])))
-        entry: dict[str, Any] = {
-            "tool": DRIVER,
-            "hole_m": list(self.upright.point((float(mouth[0]), float(mouth[1]), float(mouth[2])))),
-            "through": self._through(fastener),
-            "head_diameter_m": round(2 * radius, 6),
-            "head_height_m": round(float(along.max()) - seat, 6),
-            "mass_kg": float(f"{max(part.mass_kg, 1e-6):.4g}"),
-        }
-        if into != (0.0, 0.0, -1.0):
-            entry["axis"] = list(into)
-            if into[2] > 1e-6:
-                self._note(part.name, "is driven from below: the product has to be turned over")
-        if part.name in groups:
-            entry["feeder"] = groups[part.name]
-        return entry
+        """Return the entry of a screw, and note where it is driven from below."""
+        lies = [one for one in fastener.joins if self._driven(self._of(one)) is None]
+        through = self.names[lies[0] if lies else fastener.joins[0]]
+        entry = screw_entry(part, fastener, self.relation, self.upright)
+        if entry.get("axis", DOWN)[2] > _LEVEL:
+            self._note(part.name, "is driven from below: the product has to be turned over")
+        fed = {"feeder": groups[part.name]} if part.name in groups else {}
+        return {"tool": DRIVER, "through": through, **entry, **fed}
 
-    def _seat(self, part: Part, fastener: Fastener) -> float:
-        """Return where along a fastener's axis its head rests: where it touches what it joins."""
-        axis = np.asarray(fastener.axis)
-        for contact in self.relation.contacts:
-            if {part.name, fastener.joins[0]} != set(contact.parts) or not contact.points_m:
-                continue
-            if any(abs(float(np.dot(normal, axis))) > _FLAT for normal in contact.normals):
-                return float(np.median(np.asarray(contact.points_m) @ axis))
-        return float((part.vertices_m @ axis).min()) + fastener.length_m
-
-    def _through(self, fastener: Fastener) -> str:
-        """Return the part that a head rests on."""
-        for name in fastener.joins:
-            if self._driven(self.product.parts[self.product.index(name)]) is None:
-                return self.names[name]
-        return self.names[fastener.joins[0]]
+    def _of(self, name: str) -> Part:
+        return self.product.parts[self.product.index(name)]
 
     def _robot(self, gripped: list[Part]) -> dict[str, Any]:
         points = np.concatenate([self.upright.vertices(part) for part in self.product])
@@ -329,7 +325,9 @@ class _Writer:
         robot = {"name": self.robot, "model": self.robot, "home_m": list(HOME)}
         return {**robot, "safe_height_m": round(safe, 3)}
 
-    def _tools(self, parts: Mapping[str, Any], screws: Mapping[str, Any]) -> dict[str, Any]:
+    def _tools(
+        self, parts: Mapping[str, Any], screws: Mapping[str, Any], gripped: Sequence[Part]
+    ) -> dict[str, Any]:
         used = {entry["tool"] for entry in (*parts.values(), *screws.values())}
         kinds = {GRIPPER: "gripper", CUP: "suction", DRIVER: "screwdriver"}
         found: dict[str, Any] = {}
@@ -337,31 +335,20 @@ class _Writer:
             if name in used:
                 found[name] = {"type": kind, "holder_m": list(holder)}
         if GRIPPER in found:
-            found[GRIPPER]["opening_m"] = ARMS[self.robot][1].opening_m
+            hand = ARMS[self.robot][1]
+            found[GRIPPER]["opening_m"] = hand.opening_m
+            held = [p.mass_kg for p in gripped if parts[self.names[p.name]]["tool"] == GRIPPER]
+            found[GRIPPER]["force_n"] = _grip_n(max(held), hand.force_n)
         return found
 
     def _note(self, part: str, words: str) -> None:
         self.limits.setdefault(part, []).append(words)
 
-    def _note_limits(self, up: tuple[float, float, float]) -> None:
-        """Note what one arm cannot do of the plan."""
-        for step in self.plan.steps:
-            for part in step.parts:
-                if len(step.parts) > 1:
-                    others = ", ".join(name for name in step.parts if name != part)
-                    self._note(part, f"comes as one with {others}, put together apart before")
-                if step.path:
-                    self._note(part, f"comes by {len(step.path)} moves, not by a straight one")
-                if step.up != up:
-                    self._note(part, "comes after the product was turned over")
-        for name in (one.name for one in self.product):
-            steps = [step for step in self.plan.steps if name in step.held]
-            if steps:
-                words = [" with ".join(step.parts) for step in (steps[0], steps[-1])]
-                until = f" until that of {words[1]}" if len(steps) > 1 else ""
-                self._note(name, f"must be held from the step of {words[0]}{until}")
-        for stuck in self.plan.stuck:
-            self._note(stuck.part, f"cannot be taken out: {stuck.search.outcome}")
+
+def _grip_n(mass_kg: float, most_n: float) -> float:
+    """Return the force of jaws that lift a mass by friction, to a newton, well within its limit."""
+    needed_n = _GRIP_MARGIN * mass_kg * _GRAVITY_M_PER_S2 / (2 * _FRICTION)
+    return float(min(most_n, max(_LEAST_GRIP_N, math.ceil(needed_n))))
 
 
 def _height(vector: tuple[float, float, float]) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -13,7 +12,9 @@ from numpy.typing import NDArray
 from skillplan.robots.hand import Hand
 from skillplan.task.scene import Robot
 from skillplan_mujoco.arm.control import ArmState, posture_torques, torques
+from skillplan_mujoco.arm.smooth_pads import SmoothPads
 from skillplan_mujoco.simulator.cell_model import TIP, joint_name
+from skillplan_mujoco.simulator.shapes_model import ARM_TORSION_M
 from skillplan_mujoco.simulator.world import World
 from skillplan_pinocchio.simulation.arm.kinematics import TipPose, kinematics_of, unreachable
 from skillplan_pinocchio.simulation.arm.rotations import points_down
@@ -34,26 +35,6 @@ Vector = NDArray[np.float64]
 # [N s/m]: closing on a part, it is farther off than its force allows.
 _OPENING_FORCE_N = 40.0
 _JAW_STIFFNESS_N_PER_M, _JAW_DAMPING_N_S_PER_M = 4000.0, 40.0
-
-
-@dataclass(slots=True)
-class ContactGrip:
-    """A body held by its contacts alone; see `skillplan_pinocchio.simulation.simulator.Grip`.
-
-    Parameters
-    ----------
-    name
-        Of the body.
-    """
-
-    name: str
-    constraint: int | None = None
-
-    def hold(self, elapsed_s: float) -> None:
-        """Leave it to the contacts."""
-
-    def let_go(self) -> None:
-        """Leave it to the contacts."""
 
 
 class SimulatedArm:
@@ -79,6 +60,7 @@ class SimulatedArm:
         self.bears: tuple[str, ...] = ()
         self.press_n: Vector = np.zeros(3)
         self.wanted: Setpoint | None = None
+        self.shows_hand = True
         self.limit_nm = np.array(robot.model.torque_nm)
         model = world.model
         # Joints of the arm come first, and those of the jaws after them.
@@ -189,15 +171,20 @@ class SimulatedArm:
 
     def show_hand(self, visible: bool) -> None:
         """Take the hand and its fingers out of collision, or put them back."""
+        self.shows_hand = visible
         self.world.withdraw(ROBOT, () if visible else self.link_names)
 
     def grip(self, name: str) -> int:
         """Fix a body to the hand as it is; return the constraint."""
         return self.world.bond(self.world.ids[HAND], self.world.numbers[name])
 
-    def clasp(self, name: str) -> ContactGrip:
-        """Leave a body between the jaws to its contacts: they do not creep here."""
-        return ContactGrip(name)
+    def grip_friction(self, friction: float) -> tuple[float, float]:
+        """Return lateral [-] and torsional friction [m] between a jaw and what has a friction."""
+        return friction, ARM_TORSION_M * friction
+
+    def clasp(self, name: str) -> SmoothPads:
+        """Have friction hold a body that is between the jaws still."""
+        return SmoothPads(self.world, self, name)
 
     def _load(self) -> Vector:
         """Return force [N] and moment [N m] that bear the payload and press, shape (6,).

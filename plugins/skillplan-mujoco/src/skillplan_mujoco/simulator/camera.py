@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 import mujoco
@@ -10,31 +10,16 @@ import numpy as np
 
 from skillplan.physics.performance import Image
 from skillplan.physics.view import HEIGHT, WIDTH, View
+from skillplan.task.motion import Point
 from skillplan.task.scene import Scene
-from skillplan_mujoco.simulator.drawing_context import drawing_context
+from skillplan_mujoco.simulator.drawing_context import DrawingContext
 from skillplan_mujoco.simulator.world import World
 from skillplan_pinocchio.simulation import simulator
-from skillplan_pinocchio.simulation.colours import (
-    ALARMS,
-    PALE,
-    PALETTE,
-    TABLE_COLOUR,
-    Colour,
-    colour_number,
-)
-from skillplan_pinocchio.simulation.simulator import FINGERS, HAND, ROBOT, TABLE
+from skillplan_pinocchio.simulation.pictures.annotations import annotated
+from skillplan_pinocchio.simulation.pictures.seen_cell import PLACE_M, SeenCell
 
-_ARM_COLOUR: Colour = (0.93, 0.93, 0.94, 1.0)
-_HAND_COLOUR: Colour = (0.32, 0.33, 0.36, 1.0)
-# A ring on the table where something is taken: its colour, and how wide and high it is [m].
-_PLACE_COLOUR: Colour = (0.35, 0.45, 0.60, 0.55)
-_PLACE_M, _PLACE_HEIGHT_M = 0.022, 0.001
-# How places end where parts and tools are taken.
-_DOCK = "holder)"
-_TAKEN = (".start)", _DOCK)
-# How long and wide the arrow at a contact is [m].
-_ARROW_M, _ARROW_WIDTH_M = 0.12, 0.006
-_ARROW_COLOUR: Colour = (0.10, 0.10, 0.75, 1.0)
+# How high marks of places are [m].
+_PLACE_HEIGHT_M = 0.0005
 _MOST_SHAPES = 4000
 
 
@@ -47,19 +32,17 @@ class Camera:
         What bodies and tools there are.
     view
         From where.
+    context
+        Where to draw.
     labels
         Whether bodies, feeders and docks have name tags.
     """
 
-    def __init__(self, scene: Scene, view: View, *, labels: bool = False) -> None:
-        self._scene, self._labels = scene, labels
-        self._colours = {
-            name: PALETTE[colour_number(scene, name) % len(PALETTE)]
-            for name in (
-                *(body.name for body in scene.bodies),
-                *(tool.name for robot in scene.robots for tool in robot.tools),
-            )
-        }
+    def __init__(
+        self, scene: Scene, view: View, context: DrawingContext, *, labels: bool = False
+    ) -> None:
+        self._view, self._seen, self._context = view, SeenCell(scene, labels=labels), context
+        self._docks = {tool.name: tool.holder for tool in scene.robots[0].tools}
         self._eye = mujoco.MjvCamera()
         self._eye.lookat, self._eye.distance = np.array(view.target), view.distance_m
         self._eye.azimuth = view.angle.azimuth_deg + 90.0
@@ -70,10 +53,14 @@ class Camera:
         self._drawn: Any = None
         self._model: Any = None
 
-    def take(
-        self, world: simulator.World, caption: str = "", culprits: Sequence[str] = ()
-    ) -> Image:
-        """Return a picture of a world as it is now.
+    def shot(
+        self,
+        world: simulator.World,
+        arm: simulator.Arm,
+        caption: str = "",
+        culprits: Sequence[str] = (),
+    ) -> Callable[[], Image]:
+        """Draw a picture of a world as it is now, and return what writes on it.
 
         Raises
         ------
@@ -92,100 +79,66 @@ class Camera:
             self._drawn,
         )
         self._paint(seen, culprits)
-        self._mark_places(PALE if culprits else _PLACE_COLOUR)
-        if self._labels:
-            self._name(seen)
-        self._point_at_contact(seen, culprits)
+        self._mark_places(culprits)
         frame = mujoco.MjrRect(0, 0, WIDTH, HEIGHT)
         mujoco.mjr_render(frame, self._drawn, self._renderer)
-        words = f"{' and '.join(culprits)}: {caption}" if culprits else caption
-        if words:
-            corner = mujoco.mjtGridPos.mjGRID_BOTTOMLEFT.value
-            font = mujoco.mjtFont.mjFONT_NORMAL.value
-            mujoco.mjr_overlay(font, corner, frame, words, "", self._renderer)
         pixels = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
         mujoco.mjr_readPixels(pixels, None, frame, self._renderer)
-        return Image(WIDTH, HEIGHT, np.ascontiguousarray(pixels[::-1]).tobytes())
+        notes = self._seen.notes(world, caption, culprits, _middles(seen))
+        return lambda: annotated(
+            WIDTH, HEIGHT, np.ascontiguousarray(pixels[::-1]).tobytes(), self._view, notes
+        )
 
     def _set_up(self, world: World) -> None:
-        drawing_context().take_up()
+        self._context.take_up()
         if self._model is world.model:
             return
         self._model = world.model
-        self._renderer = mujoco.MjrContext(world.model, mujoco.mjtFontScale.mjFONTSCALE_150.value)
+        self._renderer = mujoco.MjrContext(world.model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._renderer)
         self._drawn = mujoco.MjvScene(world.model, _MOST_SHAPES)
         self._drawn.flags[mujoco.mjtRndFlag.mjRND_REFLECTION.value] = 0
         # In software shadows take as long as all the rest.
-        self._drawn.flags[mujoco.mjtRndFlag.mjRND_SHADOW.value] = 0
+        self._drawn.flags[mujoco.mjtRndFlag.mjRND_SHADOW.value] = not self._context.is_software
 
     def _paint(self, world: World, culprits: Sequence[str]) -> None:
-        """Give every shape its colour, and hide what is not there."""
+        """Give every shape its colour, have tools lie in their docks, hide what is not there."""
         kind = mujoco.mjtObj.mjOBJ_GEOM.value
         for shape in self._drawn.geoms[: self._drawn.ngeom]:
             if shape.objtype != kind:
                 continue
-            if world.is_seen(shape.objid):
-                shape.rgba = self._colour(world.cell.labels[shape.objid], culprits)
+            name = world.cell.labels[shape.objid]
+            lies = name in self._docks and name not in world.numbers
+            if lies:
+                _lay(shape, world, int(world.model.geom_bodyid[shape.objid]), self._docks[name])
+            if lies or world.is_seen(shape.objid):
+                shape.rgba = self._seen.colour(name, culprits)
             else:
                 shape.rgba = (0.0, 0.0, 0.0, 0.0)
 
-    def _colour(self, name: str, culprits: Sequence[str]) -> Colour:
-        if name in culprits:
-            return ALARMS[min(list(culprits).index(name), len(ALARMS) - 1)]
-        if name == TABLE:
-            return TABLE_COLOUR
-        if culprits:
-            return PALE
-        if name == ROBOT:
-            return _ARM_COLOUR
-        return _HAND_COLOUR if name in (HAND, *FINGERS) else self._colours[name]
+    def _mark_places(self, culprits: Sequence[str]) -> None:
+        """Draw marks on the table where feeders and docks are."""
+        kind = mujoco.mjtGeom.mjGEOM_CYLINDER.value
+        size = np.array((PLACE_M, _PLACE_HEIGHT_M, 0.0))
+        for _, (x_m, y_m, _z), colour in self._seen.places(culprits):
+            shape = self._drawn.geoms[self._drawn.ngeom]
+            where = np.array((x_m, y_m, _PLACE_HEIGHT_M))
+            rgba = np.array(colour, np.float32)
+            mujoco.mjv_initGeom(shape, kind, size, where, np.eye(3).ravel(), rgba)
+            self._drawn.ngeom += 1
 
-    def _mark_places(self, colour: Colour) -> None:
-        """Draw rings where feeders and docks are."""
-        for robot in self._scene.robots:
-            for name, (x_m, y_m, _) in robot.places.items():
-                if not name.endswith(_TAKEN):
-                    continue
-                where = np.array((x_m, y_m, _PLACE_HEIGHT_M))
-                size = np.array((_PLACE_M, _PLACE_HEIGHT_M, 0.0))
-                kind = mujoco.mjtGeom.mjGEOM_CYLINDER
-                label = name.removeprefix("at(").removesuffix(")")
-                self._add(
-                    kind,
-                    size,
-                    where,
-                    colour,
-                    label if self._labels and name.endswith(_DOCK) else "",
-                )
 
-    def _name(self, world: World) -> None:
-        for name in world.bodies:
-            if all(world.is_seen(geom) for geom in world.geoms(name)):
-                size, where = np.full(3, 0.001), world.centre(name)
-                self._add(mujoco.mjtGeom.mjGEOM_SPHERE, size, where, (0, 0, 0, 0.01), name)
+def _lay(shape: Any, world: World, body: int, dock: Point) -> None:
+    """Draw a shape as if its body were upright in a dock."""
+    turned = np.array(world.data.xmat[body]).reshape(3, 3).T
+    shape.pos = np.array(dock) + turned @ (np.array(shape.pos) - world.data.xpos[body])
+    shape.mat = turned @ np.array(shape.mat)
 
-    def _point_at_contact(self, world: World, culprits: Sequence[str]) -> None:
-        """Draw an arrow to where two culprits press on each other the hardest."""
-        found = [one for one in world.touches() if {one.first, one.second} == set(culprits)]
-        if not found:
-            return
-        tip = np.array(max(found, key=lambda one: one.normal_n).place)
-        azimuth = np.radians(self._eye.azimuth)
-        # From above, and from the left of the picture, where it hides nothing of the contact.
-        away = np.array((-np.sin(azimuth), np.cos(azimuth), 1.0)) / np.sqrt(2.0)
-        shape = self._add(mujoco.mjtGeom.mjGEOM_ARROW, np.zeros(3), np.zeros(3), _ARROW_COLOUR, "")
-        # The simulator draws an arrow about where it is said to begin.
-        half = _ARROW_M / 2 * away
-        arrow = mujoco.mjtGeom.mjGEOM_ARROW.value
-        mujoco.mjv_connector(shape, arrow, _ARROW_WIDTH_M, tip + half, tip - half)
 
-    def _add(self, kind: Any, size: Any, where: Any, colour: Colour, label: str) -> Any:
-        """Add a shape that is no body's."""
-        shape = self._drawn.geoms[self._drawn.ngeom]
-        mujoco.mjv_initGeom(
-            shape, kind.value, size, where, np.eye(3).ravel(), np.array(colour, np.float32)
-        )
-        shape.label = label
-        self._drawn.ngeom += 1
-        return shape
+def _middles(world: World) -> list[tuple[str, Point]]:
+    """Return names of bodies, and where they are."""
+    found: list[tuple[str, Point]] = []
+    for name in world.bodies:
+        x, y, z = world.centre(name).tolist()
+        found.append((name, (x, y, z)))
+    return found

@@ -16,6 +16,8 @@ from skillplan_pinocchio.simulation.simulator import FINGERS, HAND, ROBOT
 _CHANGED = (
     "geom_contype",
     "geom_conaffinity",
+    "geom_condim",
+    "geom_priority",
     "body_contype",
     "body_conaffinity",
     "eq_obj1id",

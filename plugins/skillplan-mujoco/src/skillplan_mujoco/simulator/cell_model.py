@@ -69,7 +69,7 @@ def cell_spec(robot: Robot, hands: Sequence[Hand], bodies: Sequence[Body], frict
     world = spec.worldbody
     table = world.add_body(name=TABLE, pos=(0.0, 0.0, -_TABLE_HALF_M[2]))
     touch(table.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=_TABLE_HALF_M), friction)
-    _add_arm(spec, robot, hands)
+    _add_arm(spec, robot, hands, friction)
     for number, body in enumerate(bodies):
         _add_part(spec, body, number, friction)
     for number in range(len(bodies) + _MORE_BONDS):
@@ -109,7 +109,7 @@ def joint_name(number: int) -> str:
     return f"joint {number + 1}"
 
 
-def _add_arm(spec: Any, robot: Robot, hands: Sequence[Hand]) -> None:
+def _add_arm(spec: Any, robot: Robot, hands: Sequence[Hand], friction: float) -> None:
     model = robot.model
     here = spec.worldbody.add_body(
         name=ROBOT, pos=robot.base, quat=_wxyz(np.array(robot.mount.rotation))
@@ -118,15 +118,15 @@ def _add_arm(spec: Any, robot: Robot, hands: Sequence[Hand]) -> None:
     here.gravcomp = 1.0
     shapes = model.shapes or [()] * (len(model.joints) + 1)
     for piece in shapes[0]:
-        add_piece(spec, here, piece)
+        add_piece(spec, here, piece, friction)
     for number, joint in enumerate(model.joints):
         here = _add_link(here, number, joint)
         for piece in shapes[number + 1]:
-            add_piece(spec, here, piece)
+            add_piece(spec, here, piece, friction)
     where = placement(model.tip) * placement(robot.tip)
     held = here.add_body(name=HAND, pos=where.translation, quat=_wxyz(where.rotation))
     held.add_site(name=TIP)
-    add_hands(spec, held, hands)
+    add_hands(spec, held, hands, friction)
 
 
 def _add_link(before: Any, number: int, joint: Joint) -> Any:

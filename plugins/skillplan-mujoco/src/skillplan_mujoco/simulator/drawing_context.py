@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import ctypes
+import os
 from functools import cache
 from typing import Any
 
 # Of EGL's header.
 _SURFACELESS, _OPENGL_API, _END = 0x31DD, 0x30A2, 0x3038
 _RED, _GREEN, _BLUE, _DEPTH, _SURFACE, _RENDERABLE = 0x3024, 0x3023, 0x3022, 0x3025, 0x3033, 0x3040
+# What graphics libraries call their drawing by the processor.
+_SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software")
+_GL_RENDERER = 0x1F01
+# The variable by which MuJoCo is told what to draw with, and its word for EGL.
+_CHOICE, _EGL = "MUJOCO_GL", "egl"
 _PBUFFER_BIT, _OPENGL_BIT, _DEPTH_BITS, _COLOUR_BITS = 1, 8, 24, 8
 _WANTED = (
     *(_RED, _COLOUR_BITS, _GREEN, _COLOUR_BITS, _BLUE, _COLOUR_BITS, _DEPTH, _DEPTH_BITS),
@@ -60,6 +66,16 @@ class DrawingContext:
         if not self._egl.eglMakeCurrent(self._display, None, None, self._context):
             raise ValueError(_instead("no drawing without a surface by EGL"))
 
+    @property
+    def is_software(self) -> bool:
+        """Whether the processor draws, which takes ten times as long as graphics hardware."""
+        self.take_up()
+        address = self._egl.eglGetProcAddress(b"glGetString")
+        if not address:
+            return True
+        name = ctypes.CFUNCTYPE(ctypes.c_char_p, ctypes.c_uint)(address)(_GL_RENDERER) or b""
+        return any(word in name.decode("ascii", "replace").lower() for word in _SOFTWARE)
+
     def _displays(self) -> list[int | None]:
         """Return displays to be tried: that without a screen, and the one that is there."""
         address = self._egl.eglGetProcAddress(b"eglGetPlatformDisplayEXT")
@@ -69,6 +85,27 @@ class DrawingContext:
 
     def _begins(self, display: int | None) -> bool:
         return display is not None and bool(self._egl.eglInitialize(display, None, None))
+
+
+def chosen_context() -> DrawingContext | None:
+    """Return what MuJoCo's renderer is to draw with; None where pictures are painted.
+
+    Where nothing else is chosen, graphics hardware draws, if there is any. ``MUJOCO_GL=egl`` has
+    the renderer draw without it, too; with any other value pictures are painted.
+
+    Raises
+    ------
+    ValueError
+        If EGL is chosen and not there, in words.
+    """
+    choice = os.environ.get(_CHOICE, "").lower()
+    if choice:
+        return drawing_context() if choice == _EGL else None
+    try:
+        found = drawing_context()
+        return None if found.is_software else found
+    except ValueError:
+        return None
 
 
 @cache
@@ -86,5 +123,5 @@ def drawing_context() -> DrawingContext:
 def _instead(reason: str) -> str:
     return (
         f"MuJoCo has nothing to draw with here ({reason}): install libegl1 and "
-        "libgl1-mesa-dri, or draw with --physics pybullet"
+        f"libgl1-mesa-dri, or do not set {_CHOICE}"
     )

@@ -60,7 +60,7 @@ def _box(mass_kg: float, centre: tuple[float, float, float], size: Sequence[floa
     return SolidMass(mass_kg, centre, (y + z, x + z, x + y))
 
 
-def add_hands(spec: Any, held: Any, hands: Sequence[Hand]) -> None:
+def add_hands(spec: Any, held: Any, hands: Sequence[Hand], friction: float) -> None:
     """Add hands to the body at the tip of an arm, and jaws that move by one gear.
 
     Parameters
@@ -71,13 +71,15 @@ def add_hands(spec: Any, held: Any, hands: Sequence[Hand]) -> None:
         Its body for the hand.
     hands
         All that there can be; the first counts at the start.
+    friction
+        Of what they touch [-].
     """
     masses = hand_masses(hands[0])
     _weigh(held, masses[HAND])
     held.gravcomp = 1.0
     for number, hand in enumerate(hands):
         for part in body_pieces(hand):
-            _name(spec, add_piece(spec, held, part), number)
+            _name(spec, add_piece(spec, held, part, friction), number)
     for side, name in zip(_SIDES, FINGERS, strict=True):
         jaw = held.add_body(name=name)
         jaw.gravcomp = 1.0
@@ -87,7 +89,7 @@ def add_hands(spec: Any, held: Any, hands: Sequence[Hand]) -> None:
         slide.armature = _DRIVE_KG
         for number, hand in enumerate(hands):
             for piece in jaw_pieces(hand, side):
-                _name(spec, add_piece(spec, jaw, piece), number)
+                _name(spec, add_piece(spec, jaw, piece, friction), number)
     gear = spec.add_equality(name="gear", type=mujoco.mjtEq.mjEQ_JOINT)
     gear.objtype = mujoco.mjtObj.mjOBJ_JOINT
     gear.name1, gear.name2 = FINGERS

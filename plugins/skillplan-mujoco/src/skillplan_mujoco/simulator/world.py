@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from skillplan.robots.hand import Hand
 from skillplan.task.scene import Body, Pose
 from skillplan_mujoco.simulator.cell import Cell
+from skillplan_mujoco.simulator.fixed_order import product, times
 from skillplan_mujoco.simulator.pair_masks import PairMasks
+from skillplan_mujoco.simulator.shapes_model import FRICTIONAL
 from skillplan_pinocchio.simulation.simulator import ROBOT, TABLE, Touch, UpsetError
 
 Vector = NDArray[np.float64]
@@ -144,6 +146,27 @@ class World:
                 return False
         return True
 
+    def velocity(self, name: str) -> tuple[Vector, Vector]:
+        """Return how fast a body's centre of mass moves [m/s] and the body turns [rad/s]."""
+        _, speed = self.cell.coordinates(name)
+        rotation, values = self._rotation(name), np.array(self.data.qvel[speed])
+        # A body turns about its own axes, and its place is that of its bottom.
+        turning = times(rotation, values[3:])
+        away = times(rotation, self.model.body_ipos[self.numbers[name]])
+        return values[:3] + np.cross(turning, away), turning
+
+    def inertia_kg_m2(self, name: str) -> Vector:
+        """Return the inertia of a body about its centre of mass in the world, shape (3, 3)."""
+        rotation = self._rotation(name)
+        along = rotation * self.model.body_inertia[self.numbers[name]]
+        return product(along, np.ascontiguousarray(rotation.T))
+
+    def _rotation(self, name: str) -> Vector:
+        place, _ = self.cell.coordinates(name)
+        found = np.zeros(9)
+        mujoco.mju_quat2Mat(found, self.data.qpos[place][3:])
+        return found.reshape(3, 3)
+
     def mass_kg(self, name: str) -> float:
         """Return the mass of a body [kg]."""
         return self._masses[name]
@@ -166,6 +189,17 @@ class World:
     def others(self, name: str) -> list[str]:
         """Return the names of the table and all bodies but one."""
         return [other for other in (TABLE, *self.bodies) if other != name]
+
+    def smooth(self, names: Iterable[str]) -> None:
+        """Have parts of the arm press without friction."""
+        geoms = [geom for name in names for geom in self._masks.geoms(self.ids[name])]
+        # Of two that touch, the one of the higher priority says what contacts are like.
+        self.model.geom_priority[geoms], self.model.geom_condim[geoms] = 1, 1
+
+    def roughen(self, names: Iterable[str]) -> None:
+        """Have parts of the arm press with friction again."""
+        geoms = [geom for name in names for geom in self._masks.geoms(self.ids[name])]
+        self.model.geom_priority[geoms], self.model.geom_condim[geoms] = 0, FRICTIONAL
 
     def part(self, one: str, others: Iterable[str]) -> None:
         """Let a body pass through others."""
@@ -237,14 +271,19 @@ class World:
             return []
         contacts, force_n = data.contact, np.array(data.efc_force)
         rows: Vector = contacts.efc_address
-        # A contact's rows are its normal force, two of friction, and a moment about the normal.
         pressing = [n for n, row in enumerate(rows.tolist()) if row >= 0 and force_n[row] > 0.0]
         if not pressing:
             return []
         first_row = rows[pressing]
         frames = contacts.frame[pressing].reshape(-1, 3, 3)
-        along = (force_n[first_row + axis, np.newaxis] * frames[:, axis] for axis in range(3))
-        normal, one, other = along
+        normal = force_n[first_row, np.newaxis] * frames[:, 0]
+        # A contact's rows are its normal force and, where it has any, two of friction, and a
+        # moment about the normal.
+        rough = contacts.dim[pressing] > 1
+        one, other = (
+            np.where(rough, force_n[first_row + axis * rough], 0.0)[:, np.newaxis] * frames[:, axis]
+            for axis in (1, 2)
+        )
         # The normal leads from the first geometry to the second, which feels the force.
         felt_n, places = normal + one + other, contacts.pos[pressing]
         labels = self.cell.labels
@@ -256,6 +295,14 @@ class World:
             for n, ((feels, gives), size_n) in enumerate(
                 zip(names, force_n[first_row].tolist(), strict=True)
             )
+        ]
+
+    def points_on(self, name: str) -> list[Touch]:
+        """Return where a body is touched, as what is felt by it."""
+        return [
+            point if point.first == name else point.turned()
+            for point in self.touches()
+            if name in (point.first, point.second)
         ]
 
     def pulled_n(self, name: str, constraint: int) -> Vector:

@@ -6,7 +6,11 @@ random numbers start anew at a fixed seed, and the end is counted in postures ch
 
 from __future__ import annotations
 
+import atexit
+import os
+import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from typing import Any, Final
 
@@ -124,4 +128,12 @@ def _ompl() -> tuple[Any, Any, Any]:
 
     # It would print what is said better by what is returned.
     util.setLogLevel(util.LogLevel.LOG_NONE)
+    atexit.register(_end_in_silence)
     return base, geometric, util
+
+
+def _end_in_silence() -> None:
+    """Have what OMPL's bindings print of leaks, once all else has ended, go nowhere."""
+    with suppress(OSError, ValueError, AttributeError):
+        sys.stderr.flush()
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)

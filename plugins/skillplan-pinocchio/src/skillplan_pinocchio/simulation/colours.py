@@ -22,7 +22,12 @@ PALETTE: tuple[Colour, ...] = (
     (0.70, 0.80, 0.92, 1.0),
     (0.25, 0.22, 0.22, 1.0),
 )
-TABLE_COLOUR: Colour = (0.88, 0.87, 0.84, 1.0)
+TABLE_COLOUR: Colour = (0.83, 0.82, 0.79, 1.0)
+ARM_COLOUR: Colour = (0.93, 0.93, 0.94, 1.0)
+HAND_COLOUR: Colour = (0.36, 0.37, 0.40, 1.0)
+# What is on the table where parts are taken, and tools.
+FEEDER_COLOUR: Colour = (0.60, 0.66, 0.74, 1.0)
+DOCK_COLOUR: Colour = (0.42, 0.46, 0.52, 1.0)
 # Of two bodies that touch the first is red and the other orange; all else is pale then.
 ALARMS: tuple[Colour, Colour] = ((0.90, 0.10, 0.10, 1.0), (1.0, 0.55, 0.05, 1.0))
 PALE: Colour = (0.80, 0.80, 0.80, 1.0)

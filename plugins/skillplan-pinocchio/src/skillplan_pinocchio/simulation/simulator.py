@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Protocol, Self
@@ -62,6 +62,11 @@ class Touch:
     normal: Vector
     normal_n: float
     force_n: Vector
+
+    def turned(self) -> Touch:
+        """Return it as the second feels it of the first."""
+        normal, force_n = -self.normal, -self.force_n
+        return Touch(self.second, self.first, self.place, normal, self.normal_n, force_n)
 
 
 class World(Protocol):
@@ -196,6 +201,8 @@ class Arm(Protocol):
         The force that it presses with [N], shape (3,).
     wanted
         Where the tip is to be.
+    shows_hand
+        Whether hand and fingers are there: not while the arm has another tool, or none.
     """
 
     robot: Robot
@@ -206,6 +213,7 @@ class Arm(Protocol):
     bears: tuple[str, ...]
     press_n: Vector
     wanted: Setpoint | None
+    shows_hand: bool
 
     def fit(self, hand: Hand) -> None:
         """Have the jaws of another hand, wide open; nothing may be fixed to the arm."""
@@ -247,18 +255,20 @@ class Arm(Protocol):
 class Camera(Protocol):
     """Takes pictures of worlds."""
 
-    def take(self, world: World, caption: str = "", culprits: Sequence[str] = ()) -> Image:
-        """Return a picture of a world as it is now.
+    def shot(
+        self, world: World, arm: Arm, caption: str = "", culprits: Sequence[str] = ()
+    ) -> Callable[[], Image]:
+        """Return what makes a picture of a world as it is now, at once or later, on any thread.
 
         Parameters
         ----------
-        world
+        world, arm
             Of the same simulator.
         caption
-            What is under way, where the simulator can write.
+            What is under way.
         culprits
             Bodies in the colours of alarm, all else pale; of the robot its hand or a finger.
-            An arrow leads to where they touch, where the simulator can draw one.
+            An arrow leads to where they touch.
         """
 
 
@@ -289,5 +299,5 @@ class Simulator(Protocol):
         view
             From where it looks.
         labels
-            Whether bodies, feeders and docks have name tags, where the simulator can write.
+            Whether bodies, feeders and docks have name tags.
         """

@@ -20,11 +20,11 @@ from skillplan_pinocchio.simulation.simulator import (
     ROBOT,
     STEP_S,
 )
+from skillplan_pinocchio.simulation.static_friction import StaticFriction
 from skillplan_pybullet.arm.dynamics import Dynamics, PinocchioDynamics, PybulletDynamics
 from skillplan_pybullet.arm.joint_tracking import tracking_torques
 from skillplan_pybullet.arm.operational_space import torques
 from skillplan_pybullet.arm.robot_file import RobotFile, robot_file
-from skillplan_pybullet.arm.static_friction import StaticFriction
 from skillplan_pybullet.simulation_settings import SimulationSettings
 from skillplan_pybullet.simulator.quiet_output import quiet_output
 from skillplan_pybullet.simulator.world import World
@@ -41,7 +41,6 @@ _GEAR_ERP = 0.1
 _GEAR_FORCE_N = 50.0
 # Proportional gain and torque limits of position control.
 _POSITION_GAIN = 0.3
-_SHOWN, _HIDDEN = (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.0)
 
 
 class SimulatedArm:
@@ -79,6 +78,7 @@ class SimulatedArm:
         self.bears: tuple[str, ...] = ()
         self.press_n: Vector = np.zeros(3)
         self.wanted: Setpoint | None = None
+        self.shows_hand = True
         self._joints = self.kinematics.home_rad
         self.limit_nm = np.array(robot.model.torque_nm)
 
@@ -288,15 +288,8 @@ class SimulatedArm:
 
     def show_hand(self, visible: bool) -> None:
         """Take the hand and its fingers out of collision and sight, or put them back."""
-        links = (self.file.hand, *self.file.jaws)
-        self.world.withdraw(ROBOT, () if visible else links)
-        for link in links:
-            pybullet.changeVisualShape(
-                self.number,
-                link,
-                rgbaColor=_SHOWN if visible else _HIDDEN,
-                physicsClientId=self.world.client,
-            )
+        self.shows_hand = visible
+        self.world.withdraw(ROBOT, () if visible else (self.file.hand, *self.file.jaws))
 
     def grip(self, name: str) -> int:
         """Fix a body to the hand as it is; return the constraint."""

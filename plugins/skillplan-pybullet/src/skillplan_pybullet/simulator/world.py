@@ -45,9 +45,9 @@ _FAST_M_PER_S = 50.0
 # simulator says of the two.
 _NEAR_M = 0.0005
 _DISTANCE = 8
-# Of a contact as the simulator gives it: bodies, links, place and normal on the second body, normal
-# force, and the two friction forces with their directions.
-_FIRST, _SECOND, _FIRST_LINK, _SECOND_LINK, _PLACE = 1, 2, 3, 4, 6
+# Of a contact as the simulator gives it: bodies, links, place on the first body, place and normal
+# on the second, normal force, and the two friction forces with their directions.
+_FIRST, _SECOND, _FIRST_LINK, _SECOND_LINK, _OWN_PLACE, _PLACE = 1, 2, 3, 4, 5, 6
 _NORMAL, _FORCE, _FRICTION, _OTHER_FRICTION = 7, 9, 10, 12
 
 
@@ -333,18 +333,23 @@ class World:
 
     def touches(self) -> list[Touch]:
         """Return where bodies press on each other, after the last step."""
-        return [
-            Touch(
-                self._named(point[_FIRST], point[_FIRST_LINK]),
-                self._named(point[_SECOND], point[_SECOND_LINK]),
-                np.array(point[_PLACE]),
-                np.array(point[_NORMAL]),
-                point[_FORCE],
-                _force_on_first(point),
-            )
-            for point in pybullet.getContactPoints(physicsClientId=self.client)
-            if point[_FORCE] > 0.0
-        ]
+        points = pybullet.getContactPoints(physicsClientId=self.client)
+        return [self._touch(point, _PLACE) for point in points if point[_FORCE] > 0.0]
+
+    def points_on(self, name: str) -> list[Touch]:
+        """Return where a body is touched, as what is felt by it, also where nothing presses."""
+        points = pybullet.getContactPoints(self.numbers[name], physicsClientId=self.client)
+        return [self._touch(point, _OWN_PLACE) for point in points]
+
+    def _touch(self, point: Sequence[Any], place: int) -> Touch:
+        return Touch(
+            self._named(point[_FIRST], point[_FIRST_LINK]),
+            self._named(point[_SECOND], point[_SECOND_LINK]),
+            np.array(point[place]),
+            np.array(point[_NORMAL]),
+            point[_FORCE],
+            _force_on_first(point),
+        )
 
     def pulled_n(self, name: str, constraint: int) -> NDArray[np.float64]:
         """Return what a constraint does to a body that it fixes to the robot [N], shape (3,)."""

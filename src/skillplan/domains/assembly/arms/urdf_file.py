@@ -92,7 +92,8 @@ class _Meshes:
     def corners(self, name: str, scale: Triple) -> tuple[Triple, ...]:
         """Return the corners of the convex hull of a mesh [m]."""
         # Takes trimesh, and numpy with it.
-        from skillplan.domains.assembly.mesh_files import MeshFileError, read_hull
+        from skillplan.domains.assembly.meshes.mesh_files import read_hull
+        from skillplan.domains.assembly.meshes.polyhedron import MeshFileError
 
         refusal = MeshFileError("It names no file.")
         for candidate in _candidates(name):

@@ -1,7 +1,8 @@
 """Lower bounds by a linear relaxation with precedence cuts, and reduced-cost fixing of arcs.
 
 The assignment relaxation: every node but the last is left once, every node but the first is
-reached once; and cuts, which include subtour elimination (see `precedence_cuts`). Solved by column
+reached once; and cuts, which include subtour elimination (see `precedence_cuts`), and least numbers
+of set-ups (see `set_up_cuts`), which stay. Solved by column
 generation with the dual simplex method of HiGHS (Huangfu and Hall, 2018). Bounds are computed from
 its dual values, so that they hold whatever the errors of these.
 """
@@ -20,33 +21,14 @@ from skillplan.solvers.ordering.instance import (
     Integers,
     OrderingInstance,
 )
+from skillplan.solvers.ordering.relaxation.assignment_program import assignment_program
 from skillplan.solvers.ordering.relaxation.precedence_cuts import pairs_of, separate
 from skillplan.solvers.ordering.relaxation.reduced_costs import Duals, repaired
+from skillplan.solvers.ordering.relaxation.set_up_cuts import set_up_cuts
 
 _NEAR = 8
 _SLACK_ROUNDS = 4
 _SETTLED = (highspy.HighsModelStatus.kOptimal, highspy.HighsModelStatus.kInfeasible)
-
-
-def assignment_program(n: int) -> highspy.Highs:
-    """Return a program without columns: rows 0 to n - 2 leave a node, the others reach one."""
-    highs = highspy.Highs()
-    for key, value in (
-        ("output_flag", False),
-        ("threads", 1),
-        ("presolve", "off"),
-        ("solver", "simplex"),
-        ("simplex_strategy", 1),
-        ("random_seed", 0),
-        ("dual_feasibility_tolerance", 1e-9),
-        ("primal_feasibility_tolerance", 1e-9),
-    ):
-        highs.setOptionValue(key, value)
-    rows = 2 * (n - 1)
-    ones = np.ones(rows)
-    none = np.zeros(0, dtype=np.int32)
-    highs.addRows(rows, ones, ones, 0, np.zeros(rows, dtype=np.int32), none, np.zeros(0))
-    return highs
 
 
 class CutRelaxation:
@@ -80,7 +62,13 @@ class CutRelaxation:
         self.heads = np.zeros(0, dtype=np.int64)
         self._upper = np.zeros(0)
         self._column = np.full((instance.n, instance.n), -1, dtype=np.int64)
-        self._highs = assignment_program(instance.n)
+        self.set_ups = set_up_cuts(instance)
+        self._set_ups = np.array([cut.arcs for cut in self.set_ups], dtype=np.bool_)
+        self._set_ups = self._set_ups.reshape(-1, *self.arcs.shape)
+        self._least = np.array([cut.least for cut in self.set_ups], dtype=np.float64)
+        # Rows before the cuts.
+        self._fixed = 2 * (instance.n - 1) + len(self.set_ups)
+        self._highs = assignment_program(instance.n, self._least)
         self._add(self._first_arcs(start))
         self._pairs = pairs_of(instance.before)
         self._next = 0
@@ -105,7 +93,9 @@ class CutRelaxation:
         if not many:
             return
         n = self.instance.n
-        crossing = self.leave[:, tails] & self.reach[:, heads]
+        crossing = np.concatenate(
+            (self._set_ups[:, tails, heads], self.leave[:, tails] & self.reach[:, heads])
+        )
         counts = 2 + crossing.sum(axis=0)
         starts = np.concatenate(([0], np.cumsum(counts)[:-1]))
         indices = np.empty(int(counts.sum()), dtype=np.int32)
@@ -155,7 +145,7 @@ class CutRelaxation:
         self._highs.run()
         self.solves += 1
         steps = max(0, self._highs.getInfo().simplex_iteration_count)
-        rows = 2 * (self.instance.n - 1) + len(self.leave)
+        rows = self._fixed + len(self.leave)
         self.work += (steps + 30) * (len(self.tails) + rows)
 
     def values(self) -> Floats:
@@ -164,41 +154,36 @@ class CutRelaxation:
 
     def duals(self, arcs: Booleans | None = None) -> Duals:
         """Return the bound and reduced costs of the present dual values, over all arcs or some."""
-        arcs = self.arcs if arcs is None else arcs
-        n = self.instance.n
+        return repaired(*self._priced(self.arcs if arcs is None else arcs))
+
+    def _priced(self, arcs: Booleans) -> tuple[float, Floats]:
+        """Return the bound of the present dual values, and the reduced costs of some arcs."""
+        n, fixed = self.instance.n, self._fixed
         prices = np.asarray(self._highs.getSolution().row_dual) / self.scale
-        leaving, reaching, cuts = (
-            prices[: n - 1],
-            prices[n - 1 : 2 * (n - 1)],
-            np.maximum(prices[2 * (n - 1) :], 0.0),
-        )
+        leaving, reaching = prices[: n - 1], prices[n - 1 : 2 * (n - 1)]
+        set_ups = np.maximum(prices[2 * (n - 1) : fixed], 0.0)
+        cuts = np.maximum(prices[fixed:], 0.0)
         used = cuts > 0
         reduced = np.where(arcs, self.instance.costs, np.inf)
         if used.any():
             weights = self.leave[used].T.astype(np.float64) * cuts[used]
             reduced -= weights @ self.reach[used].astype(np.float64)
+        for price, taken in zip(set_ups, self._set_ups, strict=True):
+            reduced -= price * taken
         reduced[:-1] -= leaving[:, None]
         reduced[:, 1:] -= reaching
-        bound = float(leaving.sum() + reaching.sum() + cuts.sum())
-        return repaired(bound, reduced)
+        bound = leaving.sum() + reaching.sum() + cuts.sum() + set_ups @ self._least
+        return float(bound), reduced
 
     def price(self, arcs: Booleans | None = None) -> int:
         """Price arcs, all or some, and add those of negative reduced cost; return how many."""
         arcs = self.arcs if arcs is None else arcs
-        n = self.instance.n
-        prices = np.asarray(self._highs.getSolution().row_dual) / self.scale
-        cuts = np.maximum(prices[2 * (n - 1) :], 0.0)
-        used = cuts > 0
-        reduced = np.where(arcs & (self._column < 0), self.instance.costs, np.inf)
-        weights = self.leave[used].T.astype(np.float64) * cuts[used]
-        reduced -= weights @ self.reach[used].astype(np.float64)
-        reduced[:-1] -= prices[: n - 1, None]
-        reduced[:, 1:] -= prices[n - 1 : 2 * (n - 1)]
+        _, reduced = self._priced(arcs & (self._column < 0))
         wanted = reduced < -1e-7 / self.scale
         many = int(wanted.sum())
-        if many > 4 * n:
-            worst = np.partition(reduced[wanted], 4 * n)[4 * n]
-            wanted &= reduced <= worst
+        most = 4 * self.instance.n
+        if many > most:
+            wanted &= reduced <= np.partition(reduced[wanted], most)[most]
         self._add(wanted)
         return many
 
@@ -244,14 +229,13 @@ class CutRelaxation:
 
     def drop(self) -> int:
         """Drop cuts that have been slack for some rounds; return how many."""
-        n = self.instance.n
-        duals = np.asarray(self._highs.getSolution().row_dual)[2 * (n - 1) :]
+        duals = np.asarray(self._highs.getSolution().row_dual)[self._fixed :]
         self._slack = np.where(duals > 1e-9, 0, self._slack + 1)
         gone = self._slack >= _SLACK_ROUNDS
         many = int(gone.sum())
         if many < 20:
             return 0
-        rows = (2 * (n - 1) + np.nonzero(gone)[0]).astype(np.int32)
+        rows = (self._fixed + np.nonzero(gone)[0]).astype(np.int32)
         self._highs.deleteRows(many, rows)
         kept = ~gone
         self.leave, self.reach = self.leave[kept], self.reach[kept]

@@ -19,7 +19,7 @@ from skillplan.solvers.ordering.instance import (
     Integers,
     OrderingInstance,
 )
-from skillplan.solvers.ordering.relaxation.cut_relaxation import assignment_program
+from skillplan.solvers.ordering.relaxation.assignment_program import assignment_program
 from skillplan.solvers.ordering.relaxation.reduced_costs import Duals, PairPrices, repaired
 
 # Rows that were slack so many times are dropped, some at a time.
@@ -254,6 +254,13 @@ class PairProgram:
         crossing = leave[:, self.tails] & reach[:, self.heads]
         row, column = np.nonzero(crossing)
         self.add(least, (row, column, np.ones(len(row))), terms)
+
+    def add_sum(self, arcs: Booleans, least: int) -> None:
+        """Add a cut: the sum of some arcs, shape (n, n), is no less than this."""
+        column = self.arc[arcs & (self.arc >= 0)]
+        many = len(column)
+        row = np.zeros(many, dtype=np.int64)
+        self.add(np.array([float(least)]), (row, column, np.ones(many)), terms_of())
 
     def add(
         self,

@@ -53,6 +53,8 @@ class PairRelaxation:
         self._program = PairProgram(instance, relaxation.arcs, relaxation.scale)
         ones = np.ones(len(relaxation.leave))
         self._program.add_cuts(relaxation.leave, relaxation.reach, ones, terms_of())
+        for cut in relaxation.set_ups:
+            self._program.add_sum(cut.arcs, cut.least)
         possible = ~instance.before.T
         np.fill_diagonal(possible, False)
         rest = np.argwhere(possible[1:-1, 1:-1]) + 1

@@ -96,7 +96,7 @@ def add_bench(playback: Playback, bench: Bench) -> None:
     far = float(max(high - low))
     playback.view = (
         (middle[0], middle[1], 0.25),
-        (middle[0] - 0.25 * far, middle[1] - 1.0 * far, 0.75 * far),
+        (middle[0] - 0.28 * far, middle[1] - 1.15 * far, 0.86 * far),
     )
 
 

@@ -9,13 +9,18 @@ from skillplan.domains.load import Problem
 from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.views.pictures.plan_bars import PlanBar
 from skillplan.views.report.chapters import ChainInput
+from skillplan.views.report.markup import Markup
+from skillplan.views.report.plan_sections import figure
+from skillplan.views.report.swarmitfix.bench_picture import bench_picture
 from skillplan.views.report.swarmitfix.bench_playback import bench_playback
 from skillplan.views.report.swarmitfix.fleet_playback import fleet_playback, swings_of
 
 _AGENTS = {"head": "head", "pkm": "PKM", "base": "base"}
 
 
-def bench_input(problem: Problem, document: Mapping[str, Any], playing: bool) -> ChainInput:
+def bench_input(
+    problem: Problem, document: Mapping[str, Any], name: str, playing: bool
+) -> ChainInput:
     """Return what a chapter on a chain of tasks is made of.
 
     Parameters
@@ -24,6 +29,8 @@ def bench_input(problem: Problem, document: Mapping[str, Any], playing: bool) ->
         The loaded file.
     document
         Its result.
+    name
+        Of the chapter.
     playing
         Whether the page has no playback yet.
     """
@@ -33,11 +40,16 @@ def bench_input(problem: Problem, document: Mapping[str, Any], playing: bool) ->
     }
     account = problem.account(plans, document.get("replans", 0))
     known = account.document
-    playback, missing = None, "the file describes no bench, or nothing has been planned"
-    if playing and "bench" in known:
+    playback, images = None, tuple[Markup, ...]()
+    missing = "the file describes no bench, or nothing has been planned"
+    if "bench" in known:
         shape = known["bench"]
         bench = Bench(shape["rows"], shape["cols"], shape["pitch_m"], shape["actions"])
-        if known.get("timeline"):
+        drawing, words = bench_picture(problem.name, bench, known)
+        images = (figure(drawing, f"{name}-bench", words),)
+        if not playing:
+            missing = "the page plays another plan"
+        elif known.get("timeline"):
             playback = bench_playback(problem.name, bench, known).document()
         elif known.get("schedule"):
             playback = fleet_playback(problem.name, bench, known).document()
@@ -45,6 +57,7 @@ def bench_input(problem: Problem, document: Mapping[str, Any], playing: bool) ->
         document,
         listings=account.listings,
         refused=_refused(known, document),
+        images=images,
         bars=_bars(known),
         playback=playback,
         missing=missing,
@@ -74,7 +87,9 @@ def _bars(known: Mapping[str, Any]) -> list[PlanBar]:
             begin_s, end_s = phase["start_s"], phase["end_s"]
             words = f"{begin_s:.2f} s to {end_s:.2f} s"
             title = f"sequence {phase['sequence']}, {phase['step']}: {label}, {words}"
-            bars.append(PlanBar(_AGENTS[agent], label, phase["step"], begin_s, end_s, title))
+            short = swing["action"] if swing else ""
+            row = _AGENTS[agent]
+            bars.append(PlanBar(row, label, phase["step"], begin_s, end_s, title, short))
     if not bars and known.get("schedule"):
         for number, robot, action, (start, end), times in swings_of(known):
             words = f"{start} to {end}, {times[0]:.2f} s to {times[1]:.2f} s"

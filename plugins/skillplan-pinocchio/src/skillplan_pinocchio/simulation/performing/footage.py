@@ -86,10 +86,10 @@ def picture(
 
     def watch(runner: SkillRunner) -> None:
         if runner.log.phases and frame is not None and runner.log.frames > frame:
-            taken.append(camera.take(runner.world, caption(runner), culprits))
+            taken.append(camera.shot(runner.world, runner.arm, caption(runner), culprits)())
             raise _Taken
         if frame is None and runner.world.steps == record.steps:
-            taken.append(camera.take(runner.world, caption(runner), culprits))
+            taken.append(camera.shot(runner.world, runner.arm, caption(runner), culprits)())
 
     try:
         workcell.execute(skill, state, watch)
@@ -116,12 +116,9 @@ def footage(workcell: Workcell, skill: Skill, state: State, frames_per_s: float)
 
     def watch(runner: SkillRunner) -> None:
         if runner.world.steps >= len(taken) * every:
-            taken.append(
-                camera.take(
-                    runner.world,
-                    caption_of(skill.name, runner.log.phase_now, runner.world.steps / STEPS_PER_S),
-                )
-            )
+            time_s = runner.world.steps / STEPS_PER_S
+            caption = caption_of(skill.name, runner.log.phase_now, time_s)
+            taken.append(camera.shot(runner.world, runner.arm, caption)())
 
     workcell.execute(skill, state, watch)
     yield from taken

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from itertools import product
 
@@ -30,9 +30,10 @@ from skillplan_pinocchio.simulation.execution.controlled_robot import StuckError
 from skillplan_pinocchio.simulation.execution.planned_paths import PlannedSkill
 from skillplan_pinocchio.simulation.execution.skill_runner import SkillRunner
 from skillplan_pinocchio.simulation.execution.workcell import SETTLE_S, Workcell
+from skillplan_pinocchio.simulation.performing.film import Film
 from skillplan_pinocchio.simulation.performing.footage import caption_of
 from skillplan_pinocchio.simulation.record import FRAMES_PER_S
-from skillplan_pinocchio.simulation.simulator import STEPS_PER_S, Arm, UpsetError, World
+from skillplan_pinocchio.simulation.simulator import STEPS_PER_S, Arm, Camera, UpsetError, World
 from skillplan_pinocchio.simulation.verdicts.contact_judge import Judge, collision_in
 from skillplan_pinocchio.simulation.verdicts.postconditions import (
     Tolerances,
@@ -113,26 +114,36 @@ def execute_plan(
     robot = workcell.robot
     hand = hand_of(robot, robot.tool(workcell.task.initial))
     world, arm = workcell.simulator.cell(hand, seen=True)
-    with world:
-        return _PlanExecution(workcell, rules, world, arm, observers).play(skills, stopped)
+    with world, ExitStack() as stack:
+        film = None
+        if observers.frames_per_s and observers.show is not None:
+            film = stack.enter_context(Film(observers.show))
+        return _PlanExecution(workcell, rules, world, arm, observers, film).play(skills, stopped)
 
 
 class _PlanExecution:
     def __init__(
-        self, workcell: Workcell, rules: Rules, world: World, arm: Arm, observers: Observers
+        self,
+        workcell: Workcell,
+        rules: Rules,
+        world: World,
+        arm: Arm,
+        observers: Observers,
+        film: Film | None,
     ) -> None:
         self.workcell, self.rules, self.world = workcell, rules, world
-        self.show, self.note = observers.show, observers.note
+        self.film, self.note = film, observers.note
         self.task = workcell.task
         self.robot = self.task.scene.robots[0]
         self.arm = arm
-        frames_per_s = observers.frames_per_s
-        self.every = STEPS_PER_S / frames_per_s if frames_per_s and self.show else None
+        self.every = STEPS_PER_S / (observers.frames_per_s or STEPS_PER_S)
         self.shown = 0
         self.skill = ""
         self.step = 0
-        view = View.about(self._extent(), observers.angle)
-        self.camera = workcell.simulator.camera(self.task.scene, view, labels=observers.labels)
+        self.camera: Camera | None = None
+        if film is not None:
+            view = View.about(self._extent(), observers.angle)
+            self.camera = workcell.simulator.camera(self.task.scene, view, labels=observers.labels)
 
     def play(self, skills: Sequence[Skill], stopped: Callable[[], bool]) -> Performance:
         state = self.task.initial
@@ -225,17 +236,19 @@ class _PlanExecution:
 
     def _every_step(self) -> None:
         steps = self.world.steps
-        if self.every is not None and self.show is not None and steps >= self.shown * self.every:
+        if self.film and self.camera and steps >= self.shown * self.every:
             skill = f"{self.step}. {self.skill}" if self.skill else ""
             caption = caption_of(skill, self.runner.log.phase_now, steps / STEPS_PER_S)
-            self.show(self.camera.take(self.world, caption))
+            self.film.add(self.camera.shot(self.world, self.arm, caption))
             self.shown += 1
         if self.note is not None and steps % STEPS_PER_FRAME == 0:
             self.note(self._sample())
 
     def _sample(self) -> Sample:
         assert self.arm.wanted is not None
-        x, y, z = self.arm.tip().position.tolist()
+        # Of the joints of this very moment: an engine's own frames may be those of a step before.
+        joints = self.arm.joints_rad()
+        x, y, z = self.arm.kinematics.tip(np.array(joints)).position.tolist()
         a, b, c = self.arm.wanted.position.tolist()
         known = {body.name for body in self.task.scene.bodies}
         return Sample(
@@ -244,7 +257,7 @@ class _PlanExecution:
             self.runner.log.phase_now,
             (x, y, z),
             (a, b, c),
-            self.arm.joints_rad(),
+            joints,
             self.arm.jaw_width_m(),
             self.runner.log.unexpected_n(),
             {name: self.world.pose(name) for name in self.world.bodies if name in known},

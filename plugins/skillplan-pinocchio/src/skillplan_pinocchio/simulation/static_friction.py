@@ -1,8 +1,8 @@
 """Static friction between jaws and what they hold: nothing moves while friction can hold it.
 
-The simulator works friction out as a velocity that is brought near to zero, at points of contact
-that it keeps as they were found. In a hand that turns, a part creeps by some tenths of a degree
-and of a millimetre in seconds, which no real part does. So a held part is fixed to the hand for
+Simulators work friction out as a velocity that is brought near to zero. What is left of it in every
+step, or what a turning arm strays from its velocity within one, adds up: a held part creeps by some
+tenths of a millimetre in a second, which no real part does. So a held part is fixed to the hand for
 as long as Coulomb's limit holds: its load, which is what the jaws have to do to it, stays within
 an ellipsoid in the space of forces and moments (Howe and Cutkosky, 1996). Its half axes are what
 the jaws' normal forces, the friction coefficients and the patches of contact allow. Beyond it the
@@ -12,22 +12,19 @@ part is let slip, as the contacts say.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Protocol
 
 import numpy as np
-import pybullet
+from numpy.typing import NDArray
 
-from skillplan_pinocchio.simulation.arm.rotations import Vector
-from skillplan_pinocchio.simulation.simulator import GRAVITY_M_PER_S2
-from skillplan_pybullet.simulator.world import World
+from skillplan_pinocchio.kinematics.fixed_order import dot, length, times
+from skillplan_pinocchio.simulation.arm.kinematics import TipPose
+from skillplan_pinocchio.simulation.simulator import FINGERS, GRAVITY_M_PER_S2, Touch
 
-if TYPE_CHECKING:
-    from skillplan_pybullet.arm.simulated_arm import SimulatedArm
+Vector = NDArray[np.float64]
 
-# Of what touches a body, as the simulator gives it: what and which of its links, where on the body,
-# the normal towards it, the normal force, and the two friction forces before their directions.
-_OTHER, _LINK, _PLACE, _NORMAL, _FORCE, _FRICTION, _OTHER_FRICTION = 2, 4, 5, 7, 9, 10, 12
 # What a part at rest is accelerated by, so as not to fall [m/s2].
 _UPWARDS = np.array([0.0, 0.0, GRAVITY_M_PER_S2])
 
@@ -75,20 +72,62 @@ def utilisation(
     """
     weaker_n, both_n = pads.normal_n
     if weaker_n <= 0.0:
-        return np.inf
-    across = float(force_n @ pads.closing)
-    along = float(np.linalg.norm(force_n - across * pads.closing))
-    twist = float(moment_nm @ pads.closing)
-    tilt = float(np.linalg.norm(moment_nm - twist * pads.closing))
+        return math.inf
+    across = dot(force_n, pads.closing)
+    along = length(force_n - across * pads.closing)
+    twist = dot(moment_nm, pads.closing)
+    tilt = length(moment_nm - twist * pads.closing)
     soft_m = spinning_m + friction * pads.reach_m
-    shares = (
+    return math.hypot(
         along / (friction * both_n),
         # A jaw is pushed open by more.
         across / (both_n / 2),
         twist / (soft_m * both_n),
         tilt / ((soft_m + pads.reach_m + friction * pads.apart_m / 2) * both_n),
     )
-    return float(np.linalg.norm(shares))
+
+
+class HeldWorld(Protocol):
+    """What of a world bears on a part in the jaws.
+
+    Attributes
+    ----------
+    friction
+        Coefficient of lateral friction of bodies [-].
+    """
+
+    friction: float
+
+    def velocity(self, name: str) -> tuple[Vector, Vector]:
+        """Return how fast a body's centre of mass moves [m/s] and the body turns [rad/s]."""
+
+    def centre(self, name: str) -> Vector:
+        """Return where the centre of mass of a body is [m], shape (3,)."""
+
+    def mass_kg(self, name: str) -> float:
+        """Return the mass of a body [kg]."""
+
+    def inertia_kg_m2(self, name: str) -> Vector:
+        """Return the inertia of a body about its centre of mass in the world, shape (3, 3)."""
+
+    def points_on(self, name: str) -> Sequence[Touch]:
+        """Return where a body is touched, as what is felt by it, also where nothing presses."""
+
+    def release(self, constraint: int) -> None:
+        """Undo a constraint."""
+
+
+class HoldingArm(Protocol):
+    """What of an arm bears on a part in its jaws."""
+
+    def tip(self) -> TipPose:
+        """Return where the tip is."""
+
+    def grip(self, name: str) -> int:
+        """Fix a body to the hand as it is; return the constraint."""
+
+    def grip_friction(self, friction: float) -> tuple[float, float]:
+        """Return lateral [-] and torsional friction [m] between a jaw and what has a friction."""
 
 
 class StaticFriction:
@@ -102,11 +141,11 @@ class StaticFriction:
         Of the part.
     """
 
-    def __init__(self, world: World, arm: SimulatedArm, name: str) -> None:
+    def __init__(self, world: HeldWorld, arm: HoldingArm, name: str) -> None:
         self.world, self.arm, self.name = world, arm, name
         self._reach_m = 0.0
         self._velocity: tuple[Vector, Vector] | None = None
-        pads = self._pads(self._points())
+        pads = self._pads(world.points_on(name))
         # What jaws do not hold between them is held by nothing.
         self.constraint = None if pads is None else arm.grip(name)
 
@@ -120,7 +159,7 @@ class StaticFriction:
         """
         if self.constraint is None:
             return
-        points = self._points()
+        points = self.world.points_on(self.name)
         pads = self._pads(points)
         if pads is None:
             self.let_go()
@@ -144,50 +183,38 @@ class StaticFriction:
             self.world.release(self.constraint)
             self.constraint = None
 
-    def _points(self) -> list[Any]:
-        return list(
-            pybullet.getContactPoints(
-                self.world.numbers[self.name], physicsClientId=self.world.client
-            )
-        )
-
-    def _load(self, linear: Vector, angular: Vector, points: list[Any]) -> tuple[Vector, Vector]:
+    def _load(
+        self, linear: Vector, angular: Vector, points: Sequence[Touch]
+    ) -> tuple[Vector, Vector]:
         """Return the force and the moment about its centre of mass that jaws do to the part.
 
         They are what its acceleration takes beside its weight and what else touches it.
         """
         force = self.world.mass_kg(self.name) * (linear + _UPWARDS)
-        moment = self.world.inertia_kg_m2(self.name) @ angular
+        moment = times(self.world.inertia_kg_m2(self.name), angular)
         centre = self.world.centre(self.name)
         for point in points:
-            if self._jaw_of(point) is not None:
-                continue
-            pushed = _push(point)
-            force = force - pushed
-            moment = moment - np.cross(np.array(point[_PLACE]) - centre, pushed)
+            if point.second not in FINGERS:
+                force = force - point.force_n
+                moment = moment - np.cross(point.place - centre, point.force_n)
         return force, moment
 
-    def _jaw_of(self, point: Any) -> int | None:
-        """Return the jaw that touches the part, if one does."""
-        is_jaw = point[_OTHER] == self.arm.number and point[_LINK] in self.arm.file.jaws
-        return int(point[_LINK]) if is_jaw else None
-
-    def _pads(self, points: list[Any]) -> Pads | None:
+    def _pads(self, points: Sequence[Touch]) -> Pads | None:
         """Return the pads; None where the part is not between two jaws."""
         forces: list[float] = []
         middles: list[Vector] = []
-        for jaw in self.arm.file.jaws:
-            touching = [point for point in points if self._jaw_of(point) == jaw]
+        for jaw in FINGERS:
+            touching = [point for point in points if point.second == jaw]
             if not touching:
                 return None
             middle = [
                 sum(axis) / len(touching)
-                for axis in zip(*(point[_PLACE] for point in touching), strict=True)
+                for axis in zip(*(point.place.tolist() for point in touching), strict=True)
             ]
-            away = sum(math.dist(point[_PLACE], middle) for point in touching) / len(touching)
+            away = sum(math.dist(point.place, middle) for point in touching) / len(touching)
             # Points that are found anew are few at first.
             self._reach_m = max(self._reach_m, away)
-            forces.append(sum(point[_FORCE] for point in touching))
+            forces.append(sum(point.normal_n for point in touching))
             middles.append(np.array(middle))
         left, right = middles
         return Pads(
@@ -197,11 +224,3 @@ class StaticFriction:
             math.dist(left, right),
             self._reach_m,
         )
-
-
-def _push(point: Any) -> Vector:
-    """Return what a body feels at a point of contact [N]."""
-    force: Vector = point[_FORCE] * np.array(point[_NORMAL])
-    for index in (_FRICTION, _OTHER_FRICTION):
-        force = force + point[index] * np.array(point[index + 1])
-    return force

@@ -1,0 +1,61 @@
+"""The product taken apart along the ways of its plan, for whoever draws it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from skillplan.task.pose import DOWN, Pose
+from skillplan.task.pose import Point as Point3
+from skillplan.task.scene import Body
+from skillplan.task.shape import Mesh
+from skillplan_cad.planning.assembly_plan import AssemblyPlan
+from skillplan_cad.product import Part, Product
+from skillplan_cad.writing.upright import Upright, standing
+
+Added = tuple[Body, Pose, Point3]
+"""A body, where it belongs, and the unit vector in which it comes."""
+
+Draw = Callable[[str, Sequence[Added]], bytes]
+"""Draws bodies, in the order in which they are added, under the name of a product."""
+
+_STUCK = "stuck"
+
+
+def added_bodies(product: Product, plan: AssemblyPlan) -> list[Added]:
+    """Return the parts of a product in the order of its plan; what is stuck is one with the base.
+
+    Parameters
+    ----------
+    product, plan
+        What was read and found.
+    """
+    upright = standing(product, plan.up, (0.0, 0.0))
+    stuck = [one.part for one in plan.stuck if one.part != plan.base]
+    name = f"{plan.base} with {', '.join(stuck)} ({_STUCK})" if stuck else plan.base
+    found = [(*_placed(product, upright, name, (plan.base, *stuck)), DOWN)]
+    taken = {plan.base, *stuck}
+    for step in plan.steps:
+        for part in step.parts:
+            if part not in taken:
+                taken.add(part)
+                placed = _placed(product, upright, part, (part,))
+                found.append((*placed, upright.vector(step.along)))
+    return found
+
+
+def _placed(
+    product: Product, upright: Upright, title: str, names: Sequence[str]
+) -> tuple[Body, Pose]:
+    """Return some parts as one body, and where it is."""
+    parts = [product.parts[product.index(name)] for name in names]
+    bottom = upright.bottom(parts[0])
+    meshes = [_mesh(part, upright, bottom) for part in parts]
+    body = Body(title, tuple(mesh.box for mesh in meshes), (), 1.0, surfaces=tuple(meshes))
+    return body, Pose(bottom)
+
+
+def _mesh(part: Part, upright: Upright, bottom: Point3) -> Mesh:
+    local = upright.vertices(part) - bottom
+    corners = tuple((float(x), float(y), float(z)) for x, y, z in local)
+    faces = tuple((int(a), int(b), int(c)) for a, b, c in part.triangles)
+    return Mesh(corners, faces, convex=False)

@@ -1,0 +1,139 @@
+"""What jaws hold does not creep while friction can hold it, and slips where it cannot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from situations import assembly
+from skillplan.task.task import Task
+from skillplan_mujoco.mujoco_simulator import MujocoSimulator
+from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of
+from skillplan_pinocchio.simulation.arm.joint_motion import JointMotion
+from skillplan_pinocchio.simulation.arm.rotations import (
+    Vector,
+    of_quaternion,
+    pose_of,
+    turn_between,
+)
+from skillplan_pinocchio.simulation.execution.controlled_robot import ControlledRobot
+from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
+from skillplan_pinocchio.simulation.simulator import FINGERS
+
+SETTINGS = ExecutionSettings()
+# How a part is turned in the hand: its x is along the closing axis.
+ACROSS = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+def task_with(shape: dict[str, object], mass_kg: float) -> Task:
+    """Return a task of a UR5e with a gripper and one part."""
+    part = {"tool": "gripper", "mass_kg": mass_kg, "start_m": [0.5, 0.0], "goal_m": [0.5, 0.2]}
+    return assembly(
+        {
+            "kind": "assembly",
+            "name": "held",
+            "robot": {"model": "ur5e", "home_m": [0.4, -0.1], "safe_height_m": 0.3},
+            "tools": {"gripper": {"holder_m": [0.3, 0.42]}},
+            "initial_tool": "gripper",
+            "parts": {"part": {**part, **shape}},
+        }
+    )
+
+
+@dataclass(frozen=True)
+class Swing:
+    """A run of an arm's last three joints to and fro, of which nothing is left."""
+
+    begin_rad: Vector
+    amplitude_rad: float
+    duration_s: float
+
+    def at(self, time_s: float) -> tuple[Vector, Vector, Vector]:
+        rate = 2 * np.pi / self.duration_s
+        wrist = np.zeros(len(self.begin_rad))
+        wrist[-3:] = self.amplitude_rad / 2
+        cosine, sine = np.cos(rate * time_s), np.sin(rate * time_s)
+        return (
+            self.begin_rad + wrist * (1 - cosine),
+            wrist * rate * sine,
+            wrist * rate**2 * cosine,
+        )
+
+
+class Held:
+    """A part between the jaws of an arm in a world of its own, held by what friction can."""
+
+    def __init__(self, task: Task, held_m: float = 0.06) -> None:
+        (robot,) = task.scene.robots
+        self.world, self.arm = MujocoSimulator(task, SETTINGS).cell(hand_of(robot), seen=False)
+        self.begin_rad = np.array(self.arm.kinematics.home_rad)
+        self.arm.stand(self.begin_rad, 0.04)
+        tip = self.arm.tip()
+        turned = tip.rotation @ ACROSS
+        self.world.add(
+            task.scene.body("part"), pose_of(tip.position - held_m * turned[:, 2], turned)
+        )
+        self.at_work = ControlledRobot(self.world, self.arm, task.scene, SETTINGS, robot.tools[0])
+        self.at_work.carry("part")
+        helping = self.arm.grip("part")
+        self.arm.close(SETTINGS.grip_force_n)
+        self.at_work.wait(0.5)
+        self.world.release(helping)
+        self.at_work.clasp("part")
+
+    def in_hand(self) -> tuple[Vector, Vector]:
+        """Return where the part is in the hand, and how it is turned there."""
+        hand, pose = self.arm.tip(), self.world.pose("part")
+        away = hand.rotation.T @ (np.array(pose.position) - hand.position)
+        return away, hand.rotation.T @ of_quaternion(pose.orientation)
+
+    def swung(self) -> tuple[float, float]:
+        """Swing it for 4 s; return how far it slips [mm] and turns [deg]."""
+        before = self.in_hand()
+        run = Swing(self.begin_rad, 1.6, 4.0)
+        path = np.array([self.begin_rad, self.begin_rad])
+        self.at_work.follow(JointMotion(self.arm.kinematics, path, run))
+        after = self.in_hand()
+        slip_mm = 1000 * float(np.linalg.norm(after[0] - before[0]))
+        return slip_mm, math.degrees(float(np.linalg.norm(turn_between(before[1], after[1]))))
+
+
+ROD = {"cylinder": {"diameter_m": 0.02, "height_m": 0.08}}
+BLOCK = {"size_m": [0.02, 0.02, 0.08]}
+
+
+@pytest.mark.parametrize("shape", [ROD, BLOCK], ids=["rod", "block"])
+def test_a_part_that_is_swung_to_and_fro_ends_where_it_was_in_the_hand(shape):
+    slip_mm, turn_deg = Held(task_with(shape, 0.1)).swung()
+    assert slip_mm < 0.1
+    assert turn_deg < 0.2
+
+
+@pytest.mark.parametrize(
+    ("mass_kg", "held_m", "mm", "deg"),
+    [pytest.param(1.0, 0.06, 10.0, 0.0, id="heavy"), pytest.param(0.2, 0.3, 0.0, 2.0, id="long")],
+)
+def test_what_friction_cannot_hold_slips(mass_kg, held_m, mm, deg):
+    shape = {"size_m": [0.02, 0.02, held_m + 0.02]}
+    slip_mm, turn_deg = Held(task_with(shape, mass_kg), held_m).swung()
+    assert slip_mm > mm
+    assert turn_deg > deg
+
+
+def test_jaws_press_alike_on_what_they_hold_and_on_what_slips():
+    """Friction is done by a bond and by contacts in turn; both jaws press by what is commanded."""
+    held = Held(task_with(BLOCK, 0.1))
+    for grips in (True, False):
+        assert (held.at_work._static is not None) == grips
+        points = held.world.points_on("part")
+        for jaw in FINGERS:
+            pressed_n = sum(point.normal_n for point in points if point.second == jaw)
+            assert pressed_n == pytest.approx(SETTINGS.grip_force_n, rel=0.05)
+        along = [point.force_n - point.normal_n * point.normal for point in points]
+        drawn_n = max(float(np.linalg.norm(force_n)) for force_n in along)
+        assert (drawn_n > 0.05) != grips
+        held.at_work.unclasp()
+        held.at_work.wait(0.2)

@@ -1,0 +1,70 @@
+"""Parts that nobody handles lie still in MuJoCo, and distances between them are exact."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from situations import assembly
+from skillplan.pipeline.setup import load_problem
+from skillplan.task.pose import Pose
+from skillplan.task.task import Task
+from skillplan_mujoco.mujoco_simulator import MujocoSimulator
+from skillplan_mujoco.simulator.world import World
+from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
+from skillplan_pinocchio.simulation.simulator import STEPS_PER_S
+
+GEAR_UNIT = Path(__file__).parents[3] / "configs" / "gear_unit.yaml"
+
+
+def placed(task: Task, *names: str) -> World:
+    """Return a world with parts where they belong."""
+    world = MujocoSimulator(task, ExecutionSettings()).world()
+    for name in names:
+        goal = task.skill(f"place({name})").motion.routes[0].visits[-1].pose
+        world.add(task.scene.body(name), goal)
+    return world
+
+
+def advance(world: World, duration_s: float) -> None:
+    for _ in range(round(duration_s * STEPS_PER_S)):
+        world.step()
+
+
+def test_a_round_part_in_a_hole_does_not_creep():
+    """A shaft in a bushing in a housing, behind its cover: what settles stays for 5 s."""
+    world = placed(load_problem(GEAR_UNIT).task, "housing", "bushing", "shaft", "cover")
+    advance(world, 1.0)
+    settled = {name: world.pose(name) for name in world.bodies}
+    advance(world, 5.0)
+    for name, before in settled.items():
+        along_m = abs(world.pose(name).position[1] - before.position[1])
+        assert along_m < 1e-5, name
+        assert math.dist(world.pose(name).position, before.position) < 2e-4, name
+
+
+@pytest.mark.parametrize("gap_m", [0.0001, 0.0004, 0.0006, 0.003])
+def test_what_is_near_is_known_to_a_micrometre(gap_m):
+    """Of a cylinder on its side, beside a box."""
+    rod = {"cylinder": {"diameter_m": 0.02, "height_m": 0.08}, "start_m": [0.3, 0.2]}
+    block = {"size_m": [0.04, 0.04, 0.04], "start_m": [0.3, -0.2]}
+    parts = {"rod": {**rod, "goal_m": [0.5, 0.2]}, "block": {**block, "goal_m": [0.5, -0.2]}}
+    task = assembly(
+        {
+            "kind": "assembly",
+            "name": "apart",
+            "robot": {"home_m": [0.307, 0.0], "safe_height_m": 0.15},
+            "tools": {"gripper": {"holder_m": [0.6, -0.3]}},
+            "initial_tool": "gripper",
+            "parts": {name: {"tool": "gripper", **part} for name, part in parts.items()},
+        }
+    )
+    world = placed(task, "rod", "block")
+    half = math.sqrt(0.5)
+    world.put("block", Pose((0.5, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
+    world.put("rod", Pose((0.5, 0.03 + gap_m, 0.02), (0.0, half, 0.0, half)))
+    assert world.is_near("rod", "block", gap_m + 1e-6)
+    assert not world.is_near("rod", "block", gap_m - 1e-6)
+    assert world.nearest("rod", ["block"]) == ("block" if gap_m < 0.0005 else None)

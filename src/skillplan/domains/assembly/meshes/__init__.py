@@ -1,0 +1,1 @@
+"""Polyhedra that a task file names, read and checked; it never looks at a board."""

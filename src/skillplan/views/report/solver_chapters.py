@@ -1,0 +1,126 @@
+"""What the page says of solvers: a comparison side by side, and runs of a learner."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from skillplan.views.pictures.gantt_picture import gantt_picture
+from skillplan.views.pictures.plan_bars import PlanBar
+from skillplan.views.report.markup import Markup, join, tag
+from skillplan.views.report.page import Chapter, Section
+from skillplan.views.report.plan_sections import figure
+from skillplan.views.report.summary import chip
+from skillplan.views.report.tables import facts, number, share, table
+
+
+def comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
+    """Return a comparison of solvers as a table and bars.
+
+    Parameters
+    ----------
+    document
+        ``skillplan.comparison/1``, which anybody may have written.
+    name
+        Of the chapter.
+    """
+    found = document.get("rows")
+    rows = [row for row in found if isinstance(row, Mapping)] if isinstance(found, list) else []
+    lines = []
+    for row in rows:
+        stats = _mapping(row.get("stats"))
+        lines.append(
+            [
+                row.get("solver"),
+                chip(row.get("status")),
+                f"{number(row.get('cost'))} {row.get('cost_unit') or ''}".strip(),
+                number(row.get("lower_bound")),
+                share(row.get("gap")),
+                number(stats.get("checks")),
+                number(stats.get("expanded")),
+                number(stats.get("wall_s"), 3),
+                row.get("reason") or "-",
+            ]
+        )
+    columns = ["solver", "status", "cost", "bound", "gap", "checks", "expanded", "seconds", "why"]
+    names = {str(_mapping(row.get("task")).get("name")) for row in rows}
+    title = f"Solvers compared: {', '.join(sorted(names)) or 'no task'}"
+    words = "Each solver began with a cold cache." if not document.get("warm") else "Warm cache."
+    made = table(f"{len(lines)} solvers side by side", columns, lines, "   nnnnn")
+    timed = [
+        PlanBar(
+            str(row.get("solver")), str(row.get("status")), str(row.get("status")), 0.0, took, ""
+        )
+        for row in rows
+        if (took := _seconds_of(row)) is not None
+    ]
+    sections = [Section("solvers", "Solvers", made)]
+    if timed:
+        drawing = replace(gantt_picture(timed, "Seconds of each solver"), cursor=None)
+        caption = "How long each solver took [s]; the colour is its status."
+        sections.append(Section("times", "Seconds", figure(drawing, f"{name}-times", caption)))
+    return Chapter(name, title, tag("p", {"class": "lead"}, words), sections)
+
+
+def _seconds_of(row: Mapping[str, Any]) -> float | None:
+    took = _mapping(row.get("stats")).get("wall_s")
+    return float(took) if isinstance(took, int | float) and took >= 0 else None
+
+
+def _mapping(value: object) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {}
+
+
+def training_chapter(
+    manifest: Sequence[tuple[str, object]],
+    document: Mapping[str, Any] | None,
+    images: Sequence[Markup],
+    heading: str,
+    name: str,
+) -> Chapter:
+    """Return what runs of a learner came to, with their learning curves.
+
+    Parameters
+    ----------
+    manifest
+        What was to be learned, and how: names with what is said of them.
+    document
+        ``skillplan.training/1``; None where it is not finished.
+    images
+        Learning curves.
+    heading, name
+        Of the chapter.
+    """
+    sections = []
+    if images:
+        sections.append(Section("curves", "Learning curves", join(images)))
+    lines: list[list[object]] = []
+    for run in (document or {}).get("runs", ()):
+        lines.append(
+            [
+                str(run.get("run", len(lines))),
+                number(run.get("seed")),
+                chip(run.get("status")),
+                number(run.get("cost")),
+                share(run.get("deviation")),
+                share(run.get("success_rate")),
+                number(run.get("best_cost_seen")),
+                number(run.get("wall_s"), 3),
+            ]
+        )
+    columns = ["run", "seed", "status", "cost", "deviation", "success", "best seen", "seconds"]
+    if lines:
+        made = table(f"{len(lines)} runs", columns, lines, " n nnnnn")
+        sections.append(Section("runs", "Runs", made))
+    sections.append(Section("facts", "What was learned, and how", facts(manifest)))
+    rate = (document or {}).get("success_rate")
+    words = (
+        "The training has not finished."
+        if document is None
+        else (
+            f"{len(lines)} runs; optimum {number(document.get('optimum'))} "
+            f"{document.get('cost_unit') or ''}; success of the policies {share(rate)}."
+        )
+    )
+    return Chapter(name, heading, tag("p", {"class": "lead"}, words), sections)

@@ -1,0 +1,162 @@
+"""``explain TASK 'free(PART)'``: what is in the way of a part, from the relation beside a task."""
+
+import json
+
+import pytest
+
+from skillplan.cli.app import run
+
+TASK = """\
+kind: assembly
+name: tower
+robot: {home_m: [0.3, 0.0], safe_height_m: 0.2}
+tools:
+  gripper: {opening_m: 0.080, holder_m: [0.5, 0.3]}
+  cup: {type: suction, holder_m: [0.6, 0.3]}
+initial_tool: gripper
+parts:
+  plate: {tool: cup, size_m: [0.10, 0.16, 0.02], start_m: [0.3, 0.2], goal_m: [0.5, 0.0]}
+  post:
+    {tool: gripper, size_m: [0.02, 0.02, 0.04], start_m: [0.4, -0.2], goal_m: [0.5, 0.0],
+     goal_on: plate}
+  cap:
+    {tool: gripper, size_m: [0.03, 0.03, 0.01], start_m: [0.3, -0.2], goal_m: [0.5, 0.0],
+     goal_on: post}
+"""
+AFTER_PLATE = "load(cup),pick(plate),place(plate)"
+AXES = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
+# The file has the tower lying: its x points up in the task.
+TURN = [[0, 0, -1], [0, 1, 0], [1, 0, 0]]
+
+
+def blocked(part, by, direction, distance_mm, *, sensitive=False):
+    """Return an entry of the relation, in the file's frame."""
+    return {
+        "part": part,
+        "by": by,
+        "direction": direction,
+        "distance_mm": distance_mm,
+        "width_mm": 8.0,
+        "point_mm": [10.0, 0.0, 2.0],
+        "sensitive": sensitive,
+    }
+
+
+@pytest.fixture
+def tower(tmp_path):
+    """A task with its relation: the post stands between plate and cap; screws hold nothing."""
+    (tmp_path / "product.yaml").write_text(TASK)
+    relation = {
+        "schema": "skillplan.relation/1",
+        "tolerance_mm": 0.1,
+        "parts": [{"name": name} for name in ("PLATE 1", "POST", "CAP")],
+        "directions": AXES,
+        "blocked": [
+            blocked("POST", "CAP", [1, 0, 0], 3.0),
+            blocked("POST", "PLATE 1", [-1, 0, 0], 0.0),
+            blocked("POST", "PLATE 1", [0, 1, 0], 5.0, sensitive=True),
+            blocked("POST", "CAP", [0, 1, 0], 1.0),
+            blocked("CAP", "POST", [-1, 0, 0], 0.0),
+        ],
+    }
+    report = {
+        "schema": "skillplan.import/1",
+        "task_names": {"PLATE 1": "plate", "POST": "post", "CAP": "cap"},
+        "placement": {"turn": TURN, "offset_mm": [500.0, 0.0, 20.0]},
+    }
+    (tmp_path / "relation.json").write_text(json.dumps(relation))
+    (tmp_path / "report.json").write_text(json.dumps(report))
+    return tmp_path / "product.yaml"
+
+
+def told(capsys, *words):
+    """Return the document and the exit code of a command."""
+    code = run(["explain", *map(str, words), "--format", "json"])
+    return json.loads(capsys.readouterr().out), code
+
+
+def test_in_the_whole_product_each_direction_names_what_blocks_it_the_nearest_first(tower, capsys):
+    """Directions and points are those of the task, in which the product stands."""
+    found, code = told(capsys, tower, "free(post)")
+    assert code == 0
+    assert found["present"] == ["plate", "cap"]
+    by = {tuple(one["direction"]): one for one in found["directions"]}
+    up, side = by[0, 0, 1], by[0, 1, 0]
+    assert [one["part"] for one in up["blocked_by"]] == ["cap"]
+    assert up["in_file"] == [1, 0, 0]
+    assert up["blocked_by"][0]["distance_mm"] == 3
+    assert up["blocked_by"][0]["point_mm"] == [498, 0, 30]
+    assert [one["part"] for one in side["blocked_by"]] == ["cap", "plate"]
+    assert [one["sensitive"] for one in side["blocked_by"]] == [False, True]
+    assert by[1, 0, 0]["free"]
+
+
+def test_after_a_sequence_only_what_it_has_put_there_is_in_the_way(tower, capsys):
+    """Up is free while the cap is not there; the sequence leads to the state as predicted."""
+    found, _ = told(capsys, tower, "free(post)", "--after", AFTER_PLATE)
+    assert found["present"] == ["plate"]
+    free = [tuple(one["direction"]) for one in found["directions"] if one["free"]]
+    assert (0, 0, 1) in free
+    assert (0, 0, -1) not in free
+
+
+def test_what_is_blocked_in_all_directions_ends_with_code_1(tower, capsys):
+    relation = json.loads((tower.parent / "relation.json").read_text())
+    relation["blocked"] += [blocked("CAP", "POST", axis, 1.0) for axis in AXES]
+    (tower.parent / "relation.json").write_text(json.dumps(relation))
+    found, code = told(capsys, tower, "free(cap)")
+    assert code == 1
+    assert not found["free"]
+
+
+def test_the_table_says_where_it_is_free_and_how_far_it_goes_elsewhere(tower, capsys):
+    assert run(["explain", str(tower), "free(post)"]) == 0
+    table = capsys.readouterr().out
+    assert "tower: post is free along" in table
+    assert "plate*" in table
+    assert "* half or double the tolerance of 0.1 mm says otherwise" in table
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg"])
+def test_a_picture_shows_the_part_and_what_is_in_its_way(tower, tmp_path, capsys, suffix):
+    path = tmp_path / f"post{suffix}"
+    found, _ = told(capsys, tower, "free(post)", "--picture", path)
+    assert found["files"] == {"picture": str(path)}
+    if suffix == ".svg":
+        assert "in its way" in path.read_text()
+    else:
+        assert path.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [("pots", "there is no part 'pots'. Did you mean 'post'?"), ("", "there is no part ''")],
+)
+def test_an_unknown_part_is_refused_with_the_nearest(tower, capsys, part, words):
+    assert run(["explain", str(tower), f"free({part})"]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_a_task_without_a_relation_is_told_what_to_ask_instead(tower, capsys):
+    (tower.parent / "relation.json").unlink()
+    assert run(["explain", str(tower), "free(post)"]) == 2
+    error = capsys.readouterr().err
+    assert "there is no relation.json beside it" in error
+    assert "place(PART)" in error
+
+
+@pytest.mark.parametrize("name", ["relation.json", "report.json"])
+def test_a_damaged_file_is_named_with_the_remedy(tower, capsys, name):
+    path = tower.parent / name
+    document = json.loads(path.read_text())
+    del document["blocked" if name == "relation.json" else "placement"]
+    path.write_text(json.dumps(document))
+    assert run(["explain", str(tower), "free(post)"]) == 2
+    error = capsys.readouterr().err
+    assert "Write it anew with `skillplan import-cad`" in error
+    assert str(tower.parent / "relation.json") in error
+
+
+def test_a_step_that_cannot_be_executed_is_named(tower, capsys):
+    assert run(["explain", str(tower), "free(post)", "--after", "place(plate)"]) == 2
+    assert "Step 1 of the sequence, place(plate), fails" in capsys.readouterr().err
