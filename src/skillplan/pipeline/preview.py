@@ -42,8 +42,8 @@ def preview(
         The engine that is queried; None for ``kinematic``, whatever the file chooses: a preview
         is instant.
     collision
-        Detectors that are queried; empty for ``aabb``, or ``swept`` where parts are turned. Of hollow
-        parts and many components no order is derived by itself.
+        Detectors that are queried; empty for ``aabb``, or ``swept`` where parts are turned. Of
+        hollow parts and many components no order is derived by itself.
     options
         Plugin name to option values.
     cache
