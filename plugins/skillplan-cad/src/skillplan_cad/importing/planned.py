@@ -89,9 +89,10 @@ def planned(
     if plan.complete:
         task = task_of(product, relation, plan, settings.robot)
         files |= task.files
-        document["task_names"] = dict(task.names)
-        document["placement"] = placement_document(task.upright)
-        document["pieces"] = pieces_document(task.pieces, relation)
+        if task.document:
+            document["task_names"] = dict(task.names)
+            document["placement"] = placement_document(task.upright)
+            document["pieces"] = pieces_document(task.pieces, relation)
         document["limits"] = {name: list(lines) for name, lines in task.limits.items()}
     limits = document.get("limits", {})
     return Planned(

@@ -13,33 +13,27 @@ import yaml
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
-from skillplan_cad.product import Part, Points, Product
+from skillplan_cad.product import Part, Product
 from skillplan_cad.relation import Fastener, Relation
+from skillplan_cad.writing.bearing import Bearing
+from skillplan_cad.writing.held_part import CUP, GRIPPER, grip_n, held_part
 from skillplan_cad.writing.mesh_text import obj_text, pieces_text
 from skillplan_cad.writing.names import task_names
 from skillplan_cad.writing.pieces_proof import ProvedPieces, proved_pieces
 from skillplan_cad.writing.plan_limits import plan_limits
 from skillplan_cad.writing.screw_entry import screw_entry
-from skillplan_cad.writing.suction_spot import suction_spot
-from skillplan_cad.writing.top_grasp import Meshes, top_grasp
+from skillplan_cad.writing.top_grasp import Meshes
 from skillplan_cad.writing.tray import HOLDERS, HOME, Item, Tray, tray
 from skillplan_cad.writing.upright import Upright, standing
 
-GRIPPER, CUP, DRIVER = "gripper", "suction_cup", "screwdriver"
+DRIVER = "screwdriver"
 _DRIVEN = ("screw", "nut")
-_PLAY_M = 0.004
 _MOST_WAYS = 3
-# Between jaws and parts, as engines have it. The margin is for parts held off their middle.
-_FRICTION, _GRIP_MARGIN, _LEAST_GRIP_N = 0.6, 4.0, 5.0
-_GRAVITY_M_PER_S2 = 9.81
 _BELOW_SHANK_M = 0.01
 # A direction that points up by less is level.
 _LEVEL = 1e-6
 _LEAST_SAFE_M = 0.15
 _ABOVE_PRODUCT_M = 0.05
-# What their makers have arms carry, the hand of 0.7 kg included.
-_CARRIES_KG = {"panda": 3.0, "ur5e": 5.0}
-_HAND_KG = 0.7
 
 _HEADER = """\
 # yaml-language-server: $schema=assembly.schema.json
@@ -103,7 +97,9 @@ class _Writer:
     limits: dict[str, list[str]] = field(init=False, default_factory=dict)
     steps: dict[str, Step] = field(init=False)
     upright: Upright = field(init=False)
+    bearing: Bearing = field(init=False)
     _meshes: dict[str, Meshes] = field(init=False, default_factory=dict)
+    _put_down: set[str] = field(init=False, default_factory=set)
 
     def __post_init__(self) -> None:
         taken = (GRIPPER, CUP, DRIVER, self.robot, "world", "home")
@@ -113,22 +109,27 @@ class _Writer:
         for step in self.plan.steps:
             for part in step.parts:
                 self.steps.setdefault(part, step)
+        self.upright = standing(self.product, self.plan.up, (0.0, 0.0))
+        self.bearing = Bearing(self.product, self.relation, self.upright)
 
     def task(self) -> WrittenTask:
         """Return it all."""
         up = self.plan.up
-        self.upright = standing(self.product, up, (0.0, 0.0))
-        gripped = [part for part in self.product if not self._driven(part)]
-        groups = self._groups()
+        gripped = self._borne()
+        self._put_down = {part.name for part in gripped}
+        driven = self._joining()
+        groups = self._groups([*gripped, *(self._of(name) for name in driven)])
         layout = self._layout(gripped, groups)
         self.upright = standing(self.product, up, layout.product_m)
         files: dict[str, str] = {}
         parts = {self.names[part.name]: self._part(part, layout, groups, files) for part in gripped}
         screws = {
-            self.names[part.name]: self._screw(part, fastener, groups)
-            for part in self.product
-            if (fastener := self._driven(part)) is not None
+            self.names[name]: self._screw(self._of(name), fastener, groups)
+            for name, fastener in driven.items()
         }
+        if not parts:
+            none = ProvedPieces({}, (), ())
+            return WrittenTask({}, {}, self.names, self._limits(), self.upright, none)
         proved = proved_pieces(self.product, self.relation, self._meshes, self.upright)
         for part_name, per_mesh in proved.pieces.items():
             for mesh, pieces in zip(parts[self.names[part_name]]["meshes"], per_mesh, strict=True):
@@ -155,8 +156,10 @@ class _Writer:
             document["initial_tool"] = next(iter(document["tools"]))
         text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
         files["product.yaml"] = _HEADER + text
-        limits = {name: tuple(lines) for name, lines in self.limits.items()}
-        return WrittenTask(document, files, self.names, limits, self.upright, proved)
+        return WrittenTask(document, files, self.names, self._limits(), self.upright, proved)
+
+    def _limits(self) -> Mapping[str, tuple[str, ...]]:
+        return {name: tuple(lines) for name, lines in self.limits.items()}
 
     def _name(self) -> str:
         return next(iter(task_names([self.product.name or "product"]).values()))
@@ -166,11 +169,11 @@ class _Writer:
         found = self.relation.fastener(part.name)
         return found if found is not None and found.kind in _DRIVEN and found.joins else None
 
-    def _groups(self) -> Mapping[str, str]:
+    def _groups(self, parts: Sequence[Part]) -> Mapping[str, str]:
         """Return for each part that has identical ones the name of their feeder."""
         found: dict[str, str] = {}
         by_shape: dict[int, list[Part]] = {}
-        for part in self.product:
+        for part in sorted(parts, key=lambda one: self.product.index(one.name)):
             by_shape.setdefault(part.shape, []).append(part)
         taken = {*self.names.values(), GRIPPER, CUP, DRIVER}
         for alike in by_shape.values():
@@ -185,7 +188,7 @@ class _Writer:
         items: dict[str, Item] = {}
         for part in self.product:
             name = groups.get(part.name, self.names[part.name])
-            if part in gripped or part.name in groups:
+            if part.name in self._put_down or part.name in groups:
                 x, y, z = (float(one) for one in self.upright.size(part))
                 items.setdefault(name, Item(name, (x, y, z)))
         points = np.concatenate([self.upright.vertices(part) for part in self.product])
@@ -216,13 +219,15 @@ class _Writer:
         """Return the entry of a part, and add its mesh to the files."""
         name, bottom = self.names[part.name], np.array(self.upright.bottom(part))
         local = self.upright.vertices(part) - bottom
-        held, meshes = self._held(part, local)
-        self._meshes[part.name] = meshes
-        entry: dict[str, Any] = {**held}
+        held = held_part(part, local, self._middle(part), self.robot)
+        for words in held.limits:
+            self._note(part.name, words)
+        self._meshes[part.name] = held.meshes
+        entry: dict[str, Any] = dict(held.entry)
         entry["mass_kg"] = float(f"{max(part.mass_kg, 1e-6):.4g}")
         entry["meshes"] = []
-        for number, (points, triangles) in enumerate(meshes, 1):
-            path = f"meshes/{name}{f'_{number}' if len(meshes) > 1 else ''}.obj"
+        for number, (points, triangles) in enumerate(held.meshes, 1):
+            path = f"meshes/{name}{f'_{number}' if len(held.meshes) > 1 else ''}.obj"
             files[path] = obj_text(points, triangles)
             low, high = points.min(axis=0), points.max(axis=0)
             centre = [round(float(one), 7) + 0.0 for one in (low + high) / 2]
@@ -233,54 +238,65 @@ class _Writer:
         else:
             entry["start_m"] = list(layout.places[name])
         entry["goal_m"] = [float(one) for one in bottom]
-        on = self._beneath(part)
+        on = [other for other in self.bearing.flat_on(part.name) if self._comes_before(other, part)]
         if on:
-            entry["goal_on"] = on
+            entry["goal_on"] = [self.names[other] for other in on]
         ways = self._ways(part)
         if ways != [[0.0, 0.0, -1.0]]:
             entry["insert_along"] = ways
         return entry
 
-    def _held(self, part: Part, local: Points) -> tuple[dict[str, Any], Meshes]:
-        """Return tool and grasp of a part, and its meshes: jaws if they open so far, or suction."""
-        whole = ((local, part.triangles),)
-        size = np.ptp(local, axis=0)
-        opening_m = ARMS[self.robot][1].opening_m
-        carries_kg = _CARRIES_KG.get(self.robot, min(_CARRIES_KG.values())) - _HAND_KG
-        if part.mass_kg > carries_kg:
-            words = f"weighs {part.mass_kg:.1f} kg, and {self.robot} carries {carries_kg:.1f} kg"
-            self._note(part.name, f"{words} in its hand")
-        held = top_grasp(local, part.triangles, opening_m)
-        if held is not None:
-            grasps = list(held.grasps)
-            return {"tool": GRIPPER, "grasp": grasps if len(grasps) > 1 else grasps[0]}, held.meshes
-        if float(size.min()) <= opening_m - _PLAY_M:
-            return {"tool": GRIPPER, "grasp": "auto"}, whole
+    def _middle(self, part: Part) -> tuple[float, float]:
+        """Return where the centre of mass of a part is beside the centre of its bottom, x y."""
         centre = self.upright.matrix @ np.asarray(part.centre_m) + self.upright.offset_m
         middle = centre - np.array(self.upright.bottom(part))
-        spot = suction_spot(local, part.triangles, (float(middle[0]), float(middle[1])))
-        if spot is None:
-            wide_mm = float(size[:2].min()) * 1e3
-            self._note(
-                part.name,
-                f"is {wide_mm:.0f} mm wide, more than jaws open, and has no flat top for a cup",
-            )
-            return {"tool": CUP}, whole
-        return {"tool": CUP, "grasp": {"at_m": list(spot)}}, whole
+        return float(middle[0]), float(middle[1])
 
-    def _beneath(self, part: Part) -> list[str]:
-        """Return what a part lies on with a flat face, by its name in the task."""
-        found = []
-        for contact in self.relation.contacts:
-            if part.name not in contact.parts or contact.kind != "plane":
+    def _borne(self) -> list[Part]:
+        """Return the parts that a hand puts down; note what is left out, or has to wait."""
+        names = [part.name for part in self.product if not self._driven(part)]
+        borne = self.bearing.borne(names)
+        for name in names:
+            if name not in borne:
+                into = self.bearing.hangs_in(name)
+                words = f"hangs in {', '.join(into)}" if into else "touches nothing"
+                self._note(name, f"{words}, with nothing beneath it: it is left out of the task")
+        order = sorted(borne, key=self._place)
+        for name, later in self.bearing.waits_for(order).items():
+            high_mm = self.bearing.height_m(name) * 1e3
+            self._note(
+                name,
+                f"lies on nothing before {later} is there: it needs a stand, its lowest point "
+                f"{high_mm:.1f} mm above the table",
+            )
+        return [part for part in self.product if part.name in borne]
+
+    def _joining(self) -> Mapping[str, Fastener]:
+        """Return the screws that join what is in the task, and note which do not."""
+        found: dict[str, Fastener] = {}
+        for part in self.product:
+            fastener = self._driven(part)
+            if fastener is None:
                 continue
-            first = contact.parts[0] == part.name
-            other = contact.parts[1] if first else contact.parts[0]
-            heights = [self.upright.vector(normal)[2] for normal in contact.normals]
-            down = any(height < -0.999 if first else height > 0.999 for height in heights)
-            if down and not self._driven(self._of(other)):
-                found.append(self.names[other])
+            joined = [one for one in fastener.joins if not self._driven(self._of(one))]
+            missing = [one for one in joined if one not in self._put_down]
+            if missing:
+                self._note(part.name, f"joins {', '.join(missing)}, and is left out with it")
+            else:
+                found[part.name] = fastener
         return found
+
+    def _place(self, name: str) -> int:
+        """Return when a part comes; the base is first."""
+        for number, step in enumerate(self.plan.steps):
+            if name in step.parts:
+                return number + 1
+        return 0
+
+    def _comes_before(self, name: str, part: Part) -> bool:
+        """Whether another part is there, and is put down, before one."""
+        is_put_down = not self._driven(self._of(name)) and name in self._put_down
+        return is_put_down and self._place(name) < self._place(part.name)
 
     def _ways(self, part: Part) -> list[list[float]]:
         """Return the directions in which a part comes: that of the plan, then others it has."""
@@ -338,17 +354,11 @@ class _Writer:
             hand = ARMS[self.robot][1]
             found[GRIPPER]["opening_m"] = hand.opening_m
             held = [p.mass_kg for p in gripped if parts[self.names[p.name]]["tool"] == GRIPPER]
-            found[GRIPPER]["force_n"] = _grip_n(max(held), hand.force_n)
+            found[GRIPPER]["force_n"] = grip_n(max(held), hand.force_n)
         return found
 
     def _note(self, part: str, words: str) -> None:
         self.limits.setdefault(part, []).append(words)
-
-
-def _grip_n(mass_kg: float, most_n: float) -> float:
-    """Return the force of jaws that lift a mass by friction, to a newton, well within its limit."""
-    needed_n = _GRIP_MARGIN * mass_kg * _GRAVITY_M_PER_S2 / (2 * _FRICTION)
-    return float(min(most_n, max(_LEAST_GRIP_N, math.ceil(needed_n))))
 
 
 def _height(vector: tuple[float, float, float]) -> float:

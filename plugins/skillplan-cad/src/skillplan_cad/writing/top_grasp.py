@@ -21,6 +21,7 @@ _FLAT_M = 1e-4
 _PLAY_M = 0.004
 _SHARE = 0.5
 _LEAST_DEPTH_M = 0.001
+_THIN_SHARE = 0.75
 _MOST_DEPTH_M = 0.012
 _LEAST_KNOB_M = 0.004
 _NARROWER_M = 0.001
@@ -60,7 +61,9 @@ def top_grasp(vertices_m: Points, triangles: Triangles, opening_m: float) -> Top
         meshes = _halves(vertices_m, triangles, shoulder) or meshes
     held = meshes[0][0]
     size = np.ptp(held, axis=0)
-    depth = min(_MOST_DEPTH_M, max(_LEAST_DEPTH_M, _SHARE * float(size[2])))
+    height_m = float(size[2])
+    # Fingers end above the bottom, of what is thin, too.
+    depth = min(_MOST_DEPTH_M, max(_LEAST_DEPTH_M, _SHARE * height_m), _THIN_SHARE * height_m)
     grasps = [
         {"closing_axis": "xy"[axis], "depth_m": round(depth, 6)}
         for axis in np.argsort(np.round(size[:2], 6), kind="stable").tolist()
