@@ -16,6 +16,7 @@ from skillplan_cad.reading.raw_part import RawPart, RawProduct
 SUFFIXES = (".stl", ".obj", ".ply")
 UNITS_M = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0.0254, "foot": 0.3048}
 MOST_BYTES = 128 * 1024 * 1024
+_REMEDY = "Save it anew, or take it out of the folder"
 
 
 def read_folder(folder: Path, unit: str | None) -> RawProduct:
@@ -59,11 +60,12 @@ def _mesh(path: Path, scale: float) -> tuple[Points, Triangles]:
     try:
         content = read_bytes(path, MOST_BYTES)
     except RefusedFile as refused:
-        raise OptionError(f"{path}: cannot be read: {refused.strerror}.") from None
+        remedy = ". Save it with fewer triangles" if refused.why == "large" else ""
+        raise OptionError(f"{path}: cannot be read: {refused.strerror}{remedy}.") from None
     except OSError as error:
         raise OptionError(f"{path}: cannot be read: {error.strerror or error}.") from None
     if not content.strip():
-        raise OptionError(f"{path}: is empty.")
+        raise OptionError(f"{path}: is empty. {_REMEDY}.")
     try:
         mesh: Any = trimesh.load(
             BytesIO(content), file_type=path.suffix[1:].lower(), force="mesh", process=False
@@ -72,9 +74,11 @@ def _mesh(path: Path, scale: float) -> tuple[Points, Triangles]:
         triangles = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
     except Exception as error:
         kind = path.suffix[1:].upper()
-        raise OptionError(f"{path}: cannot be read as {kind}: {error or 'damaged'}.") from None
+        raise OptionError(
+            f"{path}: cannot be read as {kind}: {error or 'damaged'}. {_REMEDY}."
+        ) from None
     if not len(triangles):
-        raise OptionError(f"{path}: holds no triangles.")
+        raise OptionError(f"{path}: holds no triangles. {_REMEDY}.")
     if not np.isfinite(vertices).all():
-        raise OptionError(f"{path}: holds coordinates that are no finite numbers.")
+        raise OptionError(f"{path}: holds coordinates that are no finite numbers. {_REMEDY}.")
     return vertices, triangles

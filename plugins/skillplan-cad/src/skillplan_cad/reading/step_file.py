@@ -75,8 +75,9 @@ def _content(path: Path) -> bytes:
         )
     lost = _lost(content)
     if lost:
+        entities = "entity" if len(lost) == 1 else "entities"
         raise OptionError(
-            f"{path}: is damaged: it refers to {len(lost)} entities that it lacks, such as "
+            f"{path}: is damaged: it refers to {len(lost)} {entities} that it lacks, such as "
             f"#{min(lost)}; parts would be missing. Save or copy it anew."
         )
     return content
