@@ -189,9 +189,13 @@ class Sequencer:
             for direction in self._precedence.free_directions(part, way.present):
                 now = self._up(before.up if before else up, direction)
                 others = way.present & ~(1 << part)
-                step = self._step(way, part, direction, now, up)
                 key = (others, direction, tool, now)
                 known = best.get(key)
+                if known is not None:
+                    least = self._fixed_cost(before, part, direction, now)
+                    if way.cost + least >= known.cost:
+                        continue
+                step = self._step(way, part, direction, now, up)
                 if known is None or way.cost + step.cost < known.cost:
                     best[key] = self._longer(way, step, tool, up)
 

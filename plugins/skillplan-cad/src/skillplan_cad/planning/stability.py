@@ -8,6 +8,7 @@ held. What stands on the table must also have its centre of mass over what it st
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,9 +167,10 @@ class Stability:
 
     def _wrench(self, part: int, sign: float, point: Array, force: Array) -> list[float]:
         """Return the force on a part and the torque about its centre of mass."""
-        torque = np.cross(point - self._centres[part], force)
-        found: list[float] = (sign * np.concatenate([force, torque])).tolist()
-        return found
+        x, y, z = (point - self._centres[part]).tolist()
+        a, b, c = force.tolist()
+        torque = (y * c - z * b, z * a - x * c, x * b - y * a)
+        return [sign * one for one in (a, b, c, *torque)]
 
 
 def _sparse(columns: Sequence[Sequence[tuple[int, float]]], rows: int) -> csc_array:
@@ -229,6 +231,7 @@ def _spread(points: Array) -> Array:
     return points[sorted(set(chosen))]
 
 
+@lru_cache(maxsize=1024)
 def _across(up: Vector) -> Array:
     """Return two unit vectors across a third, which with it are right-handed."""
     along = np.asarray(up)
