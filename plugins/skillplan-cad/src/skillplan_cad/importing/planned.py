@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from skillplan_cad.importing.attitude import attitude, attitude_document, attitude_warnings
 from skillplan_cad.importing.exploded import Draw, added_bodies
 from skillplan_cad.importing.settings import ImportSettings
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Planner, Step, Stuck, with_groups
@@ -77,7 +78,9 @@ def planned(
     """
     tell("planning")
     tolerance_m = settings.tolerance_mm / 1000
-    plan = Planner(product, relation, tolerance_m).plan(settings.base, settings.up_vector)
+    bearing = attitude(product, relation, settings.up)
+    grounded = [name for name in bearing.order if not bearing.on[name]]
+    plan = Planner(product, relation, tolerance_m).plan(settings.base, bearing.up, grounded)
     tell("replaying the plan with other meshes")
     finer = _finer(path, product, settings)
     share = 1.0 if finer is product else _FINER
@@ -86,13 +89,22 @@ def planned(
     files: dict[str, str | bytes] = {}
     if draw is not None:
         files["exploded.png"] = draw(product.name, added_bodies(product, plan))
+    told = []
     if plan.complete:
-        task = task_of(product, relation, plan, settings.robot)
-        files |= task.files
-        document["task_names"] = dict(task.names)
-        document["placement"] = placement_document(task.upright)
-        document["pieces"] = pieces_document(task.pieces, relation)
-        document["limits"] = {name: list(lines) for name, lines in task.limits.items()}
+        document["attitude"] = attitude_document(bearing)
+        told += attitude_warnings(product, relation, bearing, settings.up)
+        task = task_of(product, relation, plan, bearing, settings.robot)
+        document["left_out"] = dict(bearing.why_not if task is None else task.left_out)
+        told += [f"{name} is left out: it {words}." for name, words in document["left_out"].items()]
+        if task is None:
+            told.append("No part is left that one arm could place: no product.yaml is written.")
+        else:
+            files |= task.files
+            document["task_names"] = dict(task.names)
+            document["placement"] = placement_document(task.upright)
+            document["pieces"] = pieces_document(task.pieces, relation)
+            document["limits"] = {name: list(lines) for name, lines in task.limits.items()}
+            told += [f"check refuses product.yaml: {words}" for words in task.faults]
     limits = document.get("limits", {})
     return Planned(
         with_groups(relation, plan),
@@ -102,6 +114,7 @@ def planned(
         tuple(_lines(plan, again)),
         (
             *_warnings(plan, again),
+            *told,
             *_limit_lines(limits),
             *_piece_lines(document.get("pieces", {})),
         ),

@@ -89,8 +89,8 @@ class Stability:
         feet = [self._foot(part, up) for part in numbers]
         lowest = min(height for height, _ in feet)
         points = np.concatenate([p for height, p in feet if height < lowest + _GROUND_M])
-        across = _across(up)
-        return not _is_over(centre @ across.T, points @ across.T)
+        across = axes_across(up)
+        return not is_over(centre @ across.T, points @ across.T)
 
     def _foot(self, part: int, up: Vector) -> tuple[float, Array]:
         """Return how low a part reaches, and its points down there."""
@@ -168,7 +168,7 @@ def _forces(contact: Contact, firm: bool) -> list[tuple[Array, Array]]:
     found = []
     for point in points:
         for normal in _normals(contact, point):
-            across = _across((float(normal[0]), float(normal[1]), float(normal[2])))
+            across = axes_across((float(normal[0]), float(normal[1]), float(normal[2])))
             # The second part pushes the first one back, against its outward normal.
             for sideways in (across[0], -across[0], across[1], -across[1]):
                 found.append((point, -normal + FRICTION * sideways))
@@ -203,7 +203,7 @@ def _spread(points: Array) -> Array:
     return points[sorted(set(chosen))]
 
 
-def _across(up: Vector) -> Array:
+def axes_across(up: Vector) -> Array:
     """Return two unit vectors across a third, which with it are right-handed."""
     along = np.asarray(up)
     least = np.eye(3)[int(np.argmin(np.abs(along)))]
@@ -212,7 +212,7 @@ def _across(up: Vector) -> Array:
     return np.stack([one, np.cross(along, one)])
 
 
-def _is_over(point: Array, corners: Array) -> bool:
+def is_over(point: Array, corners: Array) -> bool:
     """Return whether a point of the plane is within the hull of others."""
     if len(corners) < 3:
         return False

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -13,33 +14,26 @@ import yaml
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
-from skillplan_cad.product import Part, Points, Product
+from skillplan_cad.planning.bearing import Bearing
+from skillplan_cad.product import Part, Product
 from skillplan_cad.relation import Fastener, Relation
+from skillplan_cad.writing.accepted import refused
+from skillplan_cad.writing.arm_entries import DRIVER, robot_entry, tool_entries
+from skillplan_cad.writing.held_part import CUP, GRIPPER, held_part
 from skillplan_cad.writing.mesh_text import obj_text, pieces_text
 from skillplan_cad.writing.names import task_names
 from skillplan_cad.writing.pieces_proof import ProvedPieces, proved_pieces
-from skillplan_cad.writing.plan_limits import plan_limits
+from skillplan_cad.writing.plan_limits import not_straight, plan_limits
 from skillplan_cad.writing.screw_entry import screw_entry
-from skillplan_cad.writing.suction_spot import suction_spot
-from skillplan_cad.writing.top_grasp import Meshes, top_grasp
-from skillplan_cad.writing.tray import HOLDERS, HOME, Item, Tray, tray
+from skillplan_cad.writing.top_grasp import Meshes
+from skillplan_cad.writing.tray import Item, Tray, tray
 from skillplan_cad.writing.upright import Upright, standing
 
-GRIPPER, CUP, DRIVER = "gripper", "suction_cup", "screwdriver"
-_DRIVEN = ("screw", "nut")
-_PLAY_M = 0.004
 _MOST_WAYS = 3
-# Between jaws and parts, as engines have it. The margin is for parts held off their middle.
-_FRICTION, _GRIP_MARGIN, _LEAST_GRIP_N = 0.6, 4.0, 5.0
-_GRAVITY_M_PER_S2 = 9.81
 _BELOW_SHANK_M = 0.01
 # A direction that points up by less is level.
 _LEVEL = 1e-6
-_LEAST_SAFE_M = 0.15
-_ABOVE_PRODUCT_M = 0.05
-# What their makers have arms carry, the hand of 0.7 kg included.
-_CARRIES_KG = {"panda": 3.0, "ur5e": 5.0}
-_HAND_KG = 0.7
+_COMMENT_WIDTH = 98
 
 _HEADER = """\
 # yaml-language-server: $schema=assembly.schema.json
@@ -59,9 +53,13 @@ class WrittenTask:
     files
         Contents of all files, by their path within the folder.
     names
-        Of each part of the product its name in the task.
+        Of each part that is in the task its name there.
     limits
         Of parts, by their names in the product, what one arm cannot do about them.
+    left_out
+        Of parts that are not in the task why they are not, in words that go after a name.
+    faults
+        What `check` would refuse the task for, in words, and no part left out mends.
     upright
         Where the product stands.
     pieces
@@ -72,23 +70,49 @@ class WrittenTask:
     files: Mapping[str, str]
     names: Mapping[str, str]
     limits: Mapping[str, tuple[str, ...]]
+    left_out: Mapping[str, str]
+    faults: tuple[str, ...]
     upright: Upright
     pieces: ProvedPieces
 
 
 def task_of(
-    product: Product, relation: Relation, plan: AssemblyPlan, robot: str = "panda"
-) -> WrittenTask:
-    """Return the task of putting a product together with one arm.
+    product: Product,
+    relation: Relation,
+    plan: AssemblyPlan,
+    bearing: Bearing,
+    robot: str = "panda",
+) -> WrittenTask | None:
+    """Return the task of putting a product together with one arm, as `check` accepts it.
+
+    What nothing bears is left out, what no straight move of one part brings, and what `check`
+    refuses after that. None where nothing is left.
 
     Parameters
     ----------
-    product, relation, plan
-        What was read and found.
+    product, relation, plan, bearing
+        What was read and found. Where nothing is borne at all, no part is left out for that.
     robot
         Name of an arm that skillplan knows.
     """
-    return _Writer(product, relation, plan, robot).task()
+    left_out = {**not_straight(plan), **(bearing.why_not if bearing.order else {})}
+    while True:
+        for name in relation.driven - left_out.keys():
+            fastener = relation.fastener(name)
+            lost = [one for one in fastener.joins if one in left_out] if fastener else []
+            if lost:
+                left_out[name] = f"goes through or into {lost[0]}, which is left out"
+        if all(part.name in left_out or part.name in relation.driven for part in product):
+            return None
+        made = _Writer(product, relation, plan, bearing, robot, left_out).task()
+        found = refused(made.document, made.files)
+        if not found:
+            return made
+        owners = {own: name for name, own in made.names.items()}
+        more = {owners[own]: f"is refused: {words}" for own, words in found.items() if own}
+        if not more:
+            return replace(made, faults=tuple(found.values()))
+        left_out |= more
 
 
 @dataclass
@@ -98,8 +122,11 @@ class _Writer:
     product: Product
     relation: Relation
     plan: AssemblyPlan
+    bearing: Bearing
     robot: str
+    left_out: Mapping[str, str]
     names: Mapping[str, str] = field(init=False)
+    kept: tuple[Part, ...] = field(init=False)
     limits: dict[str, list[str]] = field(init=False, default_factory=dict)
     steps: dict[str, Step] = field(init=False)
     upright: Upright = field(init=False)
@@ -107,7 +134,9 @@ class _Writer:
 
     def __post_init__(self) -> None:
         taken = (GRIPPER, CUP, DRIVER, self.robot, "world", "home")
-        self.names = task_names((part.name for part in self.product), taken)
+        names = task_names((part.name for part in self.product), taken)
+        self.names = {name: own for name, own in names.items() if name not in self.left_out}
+        self.kept = tuple(part for part in self.product if part.name in self.names)
         # A part of a sub-assembly has a step of its own before the one in which all come.
         self.steps = {}
         for step in self.plan.steps:
@@ -116,17 +145,17 @@ class _Writer:
 
     def task(self) -> WrittenTask:
         """Return it all."""
-        up = self.plan.up
-        self.upright = standing(self.product, up, (0.0, 0.0))
-        gripped = [part for part in self.product if not self._driven(part)]
+        up = self.bearing.up
+        gripped = [part for part in self.kept if not self._driven(part)]
+        self.upright = standing(gripped, up, (0.0, 0.0))
         groups = self._groups()
         layout = self._layout(gripped, groups)
-        self.upright = standing(self.product, up, layout.product_m)
+        self.upright = standing(gripped, up, layout.product_m)
         files: dict[str, str] = {}
         parts = {self.names[part.name]: self._part(part, layout, groups, files) for part in gripped}
         screws = {
             self.names[part.name]: self._screw(part, fastener, groups)
-            for part in self.product
+            for part in self.kept
             if (fastener := self._driven(part)) is not None
         }
         proved = proved_pieces(self.product, self.relation, self._meshes, self.upright)
@@ -140,9 +169,9 @@ class _Writer:
         document = {
             "kind": "assembly",
             "name": self._name(),
-            "description": f"{len(self.product)} parts of {self.product.name}, from CAD.",
-            "robot": self._robot(gripped),
-            "tools": self._tools(parts, screws, gripped),
+            "description": f"{self._count()} of {self.product.name}, from CAD.",
+            "robot": robot_entry(self.robot, self.kept, gripped, self.upright),
+            "tools": tool_entries(self.robot, (*parts.values(), *screws.values())),
             "initial_tool": GRIPPER,
             "tool_change": {"style": "swap"},
             "feeders": self._feeders(layout, groups),
@@ -154,23 +183,28 @@ class _Writer:
         if GRIPPER not in document["tools"]:
             document["initial_tool"] = next(iter(document["tools"]))
         text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
-        files["product.yaml"] = _HEADER + text
         limits = {name: tuple(lines) for name, lines in self.limits.items()}
-        return WrittenTask(document, files, self.names, limits, self.upright, proved)
+        files["product.yaml"] = _HEADER + _comments(self.left_out, limits) + text
+        return WrittenTask(
+            document, files, self.names, limits, self.left_out, (), self.upright, proved
+        )
+
+    def _count(self) -> str:
+        count, all_of_them = len(self.kept), len(self.product)
+        return f"{count} parts" if count == all_of_them else f"{count} of {all_of_them} parts"
 
     def _name(self) -> str:
         return next(iter(task_names([self.product.name or "product"]).values()))
 
     def _driven(self, part: Part) -> Fastener | None:
         """Return the fastener that a part is, if a screwdriver drives it."""
-        found = self.relation.fastener(part.name)
-        return found if found is not None and found.kind in _DRIVEN and found.joins else None
+        return self.relation.fastener(part.name) if part.name in self.relation.driven else None
 
     def _groups(self) -> Mapping[str, str]:
         """Return for each part that has identical ones the name of their feeder."""
         found: dict[str, str] = {}
         by_shape: dict[int, list[Part]] = {}
-        for part in self.product:
+        for part in self.kept:
             by_shape.setdefault(part.shape, []).append(part)
         taken = {*self.names.values(), GRIPPER, CUP, DRIVER}
         for alike in by_shape.values():
@@ -183,15 +217,15 @@ class _Writer:
 
     def _layout(self, gripped: list[Part], groups: Mapping[str, str]) -> Tray:
         items: dict[str, Item] = {}
-        for part in self.product:
+        for part in self.kept:
             name = groups.get(part.name, self.names[part.name])
             if part in gripped or part.name in groups:
                 x, y, z = (float(one) for one in self.upright.size(part))
                 items.setdefault(name, Item(name, (x, y, z)))
-        points = np.concatenate([self.upright.vertices(part) for part in self.product])
+        points = np.concatenate([self.upright.vertices(part) for part in self.kept])
         x, y, z = (float(one) for one in np.ptp(points, axis=0))
         layout = tray((x, y, z), list(items.values()), ARMS[self.robot][0].works_within_m)
-        for part in self.product:
+        for part in self.kept:
             if groups.get(part.name, self.names[part.name]) in layout.without:
                 self._note(part.name, "finds no place within the arm's reach")
         beside = dict.fromkeys(layout.without, (0.30, -0.55))
@@ -200,7 +234,7 @@ class _Writer:
     def _feeders(self, layout: Tray, groups: Mapping[str, str]) -> dict[str, Any]:
         """Return where identical parts come from; shanks of screws hang in their feeder."""
         found: dict[str, Any] = {}
-        for part in self.product:
+        for part in self.kept:
             name = groups.get(part.name)
             if name is not None and name in layout.places:
                 found[name] = {"position_m": list(layout.places[name])}
@@ -216,9 +250,16 @@ class _Writer:
         """Return the entry of a part, and add its mesh to the files."""
         name, bottom = self.names[part.name], np.array(self.upright.bottom(part))
         local = self.upright.vertices(part) - bottom
-        held, meshes = self._held(part, local)
+        ways = self._ways(part)
+        down = ways == [[0.0, 0.0, -1.0]]
+        sunk_m = max(0.0, self._sunk_m(part) - float(bottom[2])) if down else 0.0
+        centre = self.upright.matrix @ np.asarray(part.centre_m) + self.upright.offset_m - bottom
+        held = held_part(part, local, (float(centre[0]), float(centre[1])), self.robot, sunk_m)
+        for words in held.limits:
+            self._note(part.name, words)
+        meshes = held.meshes
         self._meshes[part.name] = meshes
-        entry: dict[str, Any] = {**held}
+        entry: dict[str, Any] = {**held.entry}
         entry["mass_kg"] = float(f"{max(part.mass_kg, 1e-6):.4g}")
         entry["meshes"] = []
         for number, (points, triangles) in enumerate(meshes, 1):
@@ -233,54 +274,24 @@ class _Writer:
         else:
             entry["start_m"] = list(layout.places[name])
         entry["goal_m"] = [float(one) for one in bottom]
-        on = self._beneath(part)
+        on = [self.names[one] for one in self.bearing.on.get(part.name, ()) if one in self.names]
         if on:
             entry["goal_on"] = on
-        ways = self._ways(part)
-        if ways != [[0.0, 0.0, -1.0]]:
+        if not down:
             entry["insert_along"] = ways
         return entry
 
-    def _held(self, part: Part, local: Points) -> tuple[dict[str, Any], Meshes]:
-        """Return tool and grasp of a part, and its meshes: jaws if they open so far, or suction."""
-        whole = ((local, part.triangles),)
-        size = np.ptp(local, axis=0)
-        opening_m = ARMS[self.robot][1].opening_m
-        carries_kg = _CARRIES_KG.get(self.robot, min(_CARRIES_KG.values())) - _HAND_KG
-        if part.mass_kg > carries_kg:
-            words = f"weighs {part.mass_kg:.1f} kg, and {self.robot} carries {carries_kg:.1f} kg"
-            self._note(part.name, f"{words} in its hand")
-        held = top_grasp(local, part.triangles, opening_m)
-        if held is not None:
-            grasps = list(held.grasps)
-            return {"tool": GRIPPER, "grasp": grasps if len(grasps) > 1 else grasps[0]}, held.meshes
-        if float(size.min()) <= opening_m - _PLAY_M:
-            return {"tool": GRIPPER, "grasp": "auto"}, whole
-        centre = self.upright.matrix @ np.asarray(part.centre_m) + self.upright.offset_m
-        middle = centre - np.array(self.upright.bottom(part))
-        spot = suction_spot(local, part.triangles, (float(middle[0]), float(middle[1])))
-        if spot is None:
-            wide_mm = float(size[:2].min()) * 1e3
-            self._note(
-                part.name,
-                f"is {wide_mm:.0f} mm wide, more than jaws open, and has no flat top for a cup",
-            )
-            return {"tool": CUP}, whole
-        return {"tool": CUP, "grasp": {"at_m": list(spot)}}, whole
-
-    def _beneath(self, part: Part) -> list[str]:
-        """Return what a part lies on with a flat face, by its name in the task."""
-        found = []
-        for contact in self.relation.contacts:
-            if part.name not in contact.parts or contact.kind != "plane":
-                continue
-            first = contact.parts[0] == part.name
-            other = contact.parts[1] if first else contact.parts[0]
-            heights = [self.upright.vector(normal)[2] for normal in contact.normals]
-            down = any(height < -0.999 if first else height > 0.999 for height in heights)
-            if down and not self._driven(self._of(other)):
-                found.append(self.names[other])
-        return found
+    def _sunk_m(self, part: Part) -> float:
+        """Return up to which height a part is in what came before it, 0 for on the table [m]."""
+        order = self.bearing.order
+        before = order[: order.index(part.name)] if part.name in order else ()
+        heights = [
+            self.upright.point(point)[2]
+            for contact in self.relation.contacts
+            if part.name in contact.parts and any(other in before for other in contact.parts)
+            for point in contact.points_m
+        ]
+        return max(heights, default=0.0)
 
     def _ways(self, part: Part) -> list[list[float]]:
         """Return the directions in which a part comes: that of the plan, then others it has."""
@@ -317,38 +328,16 @@ class _Writer:
     def _of(self, name: str) -> Part:
         return self.product.parts[self.product.index(name)]
 
-    def _robot(self, gripped: list[Part]) -> dict[str, Any]:
-        points = np.concatenate([self.upright.vertices(part) for part in self.product])
-        height = float(points[:, 2].max())
-        tallest = max(float(self.upright.size(part)[2]) for part in gripped)
-        safe = max(_LEAST_SAFE_M, height + _ABOVE_PRODUCT_M, tallest + _ABOVE_PRODUCT_M)
-        robot = {"name": self.robot, "model": self.robot, "home_m": list(HOME)}
-        return {**robot, "safe_height_m": round(safe, 3)}
-
-    def _tools(
-        self, parts: Mapping[str, Any], screws: Mapping[str, Any], gripped: Sequence[Part]
-    ) -> dict[str, Any]:
-        used = {entry["tool"] for entry in (*parts.values(), *screws.values())}
-        kinds = {GRIPPER: "gripper", CUP: "suction", DRIVER: "screwdriver"}
-        found: dict[str, Any] = {}
-        for (name, kind), holder in zip(kinds.items(), HOLDERS, strict=True):
-            if name in used:
-                found[name] = {"type": kind, "holder_m": list(holder)}
-        if GRIPPER in found:
-            hand = ARMS[self.robot][1]
-            found[GRIPPER]["opening_m"] = hand.opening_m
-            held = [p.mass_kg for p in gripped if parts[self.names[p.name]]["tool"] == GRIPPER]
-            found[GRIPPER]["force_n"] = _grip_n(max(held), hand.force_n)
-        return found
-
     def _note(self, part: str, words: str) -> None:
         self.limits.setdefault(part, []).append(words)
 
 
-def _grip_n(mass_kg: float, most_n: float) -> float:
-    """Return the force of jaws that lift a mass by friction, to a newton, well within its limit."""
-    needed_n = _GRIP_MARGIN * mass_kg * _GRAVITY_M_PER_S2 / (2 * _FRICTION)
-    return float(min(most_n, max(_LEAST_GRIP_N, math.ceil(needed_n))))
+def _comments(left_out: Mapping[str, str], limits: Mapping[str, tuple[str, ...]]) -> str:
+    """Return as comments what is left out, and what one arm cannot do."""
+    told = [f"Left out: {name} {words}." for name, words in left_out.items()]
+    told += [f"Beware: {name} {words}." for name, lines in limits.items() for words in lines]
+    wrapped = [textwrap.wrap(line, _COMMENT_WIDTH, break_long_words=False) for line in told]
+    return "".join(f"# {line}\n" for lines in wrapped for line in lines)
 
 
 def _height(vector: tuple[float, float, float]) -> float:
