@@ -182,6 +182,10 @@ class _Standing:
             for other in contact.parts
             if other != name
         ]
+        ground = min((self._lowest[one] for one in borne), default=-np.inf)
+        below = self._lowest[name] < ground - _TOUCH_M
+        if below and is_over(self._centres[name], self._foot(name)):
+            return "stands lower than all others, more of which stand without it"
         if there:
             return f"would tip off {_listed(there)}: its centre of mass is beside what bears it"
         if beneath:
