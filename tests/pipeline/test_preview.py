@@ -44,6 +44,19 @@ parts:
     start_m: [0.2, 0.2]
     goal_m: [0.2, -0.2]
 """
+MESHES = CONFIGS.parent / "tests" / "bad_input" / "files"
+HOLLOW = """kind: assembly
+name: hollow
+robot: {home_m: [0.3, 0.0], safe_height_m: 0.2}
+tools: {gripper: {opening_m: 0.08, holder_m: [0.6, 0.3]}}
+initial_tool: gripper
+parts:
+  channel:
+    tool: gripper
+    meshes: [{file: channel.obj}]
+    start_m: [0.4, -0.2]
+    goal_m: [0.5, 0.0]
+"""
 
 
 def loaded(folder: Path, text: str) -> Problem:
@@ -85,9 +98,18 @@ class TestTheDerivedOrder:
     def test_of_a_large_task_waits_to_be_asked_for(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """A preview is instant; with a detector named it takes its time."""
         monkeypatch.setattr(stage, "MOST_COMPONENTS", 3)
-        assert preview(BOARD).orders == (DerivedOrder("inverter-board", ()),)
+        large = DerivedOrder("inverter-board", (), not_derived="so many components")
+        assert preview(BOARD).orders == (large,)
         assert preview(BOARD).document()["precedence"] == []
         assert preview(BOARD, collision=("aabb",)).orders[0].pairs > 0
+
+    def test_of_hollow_parts_waits_to_be_asked_for(self, tmp_path: Path) -> None:
+        """Boxes about them fill what others go into, and true meshes take minutes."""
+        (tmp_path / "channel.obj").write_bytes((MESHES / "channel.obj").read_bytes())
+        problem = loaded(tmp_path, HOLLOW)
+        assert preview(problem).orders == (DerivedOrder("hollow", (), not_derived="hollow parts"),)
+        (order,) = preview(problem, collision=("swept",)).orders
+        assert order.back_ends == ("kinematic", "swept")
 
     @pytest.mark.parametrize("name", ["ESC12.sop", "swarmitfix_triangular.yaml"])
     def test_is_none_where_nothing_has_a_shape(self, name: str) -> None:

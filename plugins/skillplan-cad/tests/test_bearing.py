@@ -123,3 +123,14 @@ def test_what_floats_or_comes_round_a_corner_is_left_out(name, left_out):
     product, known = fixture(name), relation(name)
     plan, bearing = Planner(product, known).plan(), best_bearing(product, known)
     assert list(task_of(product, known, plan, bearing).left_out) == left_out
+
+
+@pytest.mark.slow(reason="reads products; solids in every run")
+def test_turned_over_what_bears_the_others_comes_first():
+    """A dovetail on its slide, and a plate on its edge, beside which all else hangs."""
+    product, known = fixture("dovetail"), relation("dovetail")
+    assert bearing_of(product, known, ATTITUDES["-z"]).order == ("slide", "rail")
+    product, known = fixture("mirrored"), relation("mirrored")
+    found = bearing_of(product, known, ATTITUDES["x"])
+    assert found.order == ("plate",)
+    assert sorted(found.why_not) == ["left_1", "left_2", "right"]

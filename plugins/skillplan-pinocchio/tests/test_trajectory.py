@@ -202,6 +202,16 @@ def test_a_limit_that_is_none_is_refused(values):
         JointLimits(values, PANDA.acceleration_rad_per_s2)
 
 
+@given(NODES, st.lists(st.floats(0.0, 1.0), min_size=1, max_size=8))
+@settings(max_examples=examples(25))
+def test_many_places_have_the_angles_and_rates_of_each_to_the_bit(nodes, places):
+    """An execution reads a whole move at once, and no digit of it may depend on that."""
+    path = JointPath(nodes)
+    each = [(path.at(place), *path.rates(place)) for place in places]
+    for together, apart in zip(path.at_each(places), zip(*each, strict=True), strict=True):
+        np.testing.assert_array_equal(together, np.array(apart))
+
+
 def test_a_path_needs_two_nodes():
     """One is no way."""
     with pytest.raises(ValueError, match="at least two nodes"):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from situations import assembly
+from skillplan import Setup
 from skillplan.task.scene import Body, Scene
 from skillplan.task.shape import Box, Cylinder
 from skillplan_pinocchio.simulation.arm.joint_motion import JointMotion
@@ -166,3 +167,31 @@ def test_what_friction_cannot_hold_slips(
     slip_mm, turn_deg = slip_of(scene, body, swing_rad=1.6, held_m=held_m)
     assert slip_mm > mm
     assert turn_deg > deg
+
+
+def test_a_bar_beside_whose_middle_jaws_close_is_lifted_from_its_feeder_level() -> None:
+    """That the feeder lets go of it takes nothing from what friction holds."""
+    bar = {
+        "tool": "gripper",
+        "mass_kg": 0.15,
+        "size_m": [0.16, 0.02, 0.02],
+        "grasp": {"at_m": [0.06, 0.0], "closing_axis": "y"},
+        "feeder": "tray",
+        "goal_m": [0.5, 0.2],
+    }
+    task = assembly(
+        {
+            "kind": "assembly",
+            "name": "fed",
+            "robot": {"home_m": [0.4, -0.1], "safe_height_m": 0.3},
+            "tools": {"gripper": {"holder_m": [0.3, 0.42]}},
+            "initial_tool": "gripper",
+            "feeders": {"tray": {"position_m": [0.5, -0.2]}},
+            "parts": {"bar": bar},
+        }
+    )
+    (engine, *_) = Setup("pybullet", ("contact-pairs",)).back_ends(task)
+    (pick,) = (skill for skill in task.skills if skill.name == "pick(bar)")
+    verdict = engine.check(pick, task.initial)
+    assert verdict.is_feasible, verdict.reason
+    assert verdict.evidence["tilt_deg"] < 0.1

@@ -42,7 +42,8 @@ def preview(
         The engine that is queried; None for ``kinematic``, whatever the file chooses: a preview
         is instant.
     collision
-        Detectors that are queried; empty for ``aabb``, or ``swept`` where boxes do not do.
+        Detectors that are queried; empty for ``aabb``, or ``swept`` where parts are turned. Of
+        hollow parts and many components no order is derived by itself.
     options
         Plugin name to option values.
     cache
@@ -74,10 +75,13 @@ def preview(
 
 def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool) -> DerivedOrder:
     if not named:
-        quick = _quick_setup(task, setup)
-        if quick is None or len(task.operations) > MOST_COMPONENTS:
-            return DerivedOrder(task.name, ())
-        setup = quick
+        left_out = _too_expensive(task)
+        if left_out:
+            return DerivedOrder(task.name, (), not_derived=left_out)
+        if AabbDetector(task).refuses() is not None:
+            if not setup.has_screen(task):
+                return DerivedOrder(task.name, (), not_derived="turned parts")
+            setup = replace(setup, collision=(SCREEN,))
     feasibility = make_feasibility(task, setup, cache)
     with closing(feasibility):
         chart = derive_chart(feasibility)
@@ -92,15 +96,15 @@ def _order(task: Task, setup: Setup, cache: VerdictCache | None, *, named: bool)
     )
 
 
-def _quick_setup(task: Task, boxes: Setup) -> Setup | None:
-    """Return the quickest geometry that serves a task: boxes, or hulls where these do not do.
+def _too_expensive(task: Task) -> str:
+    """Return what makes an order of a task expensive to derive, in words; empty for nothing.
 
-    They do not where parts are turned, and about a hollow part they fill what another goes into.
+    A box about a hollow part fills what another goes into, and of true meshes a relation takes
+    minutes.
     """
-    hollow = any(body.surfaces for body in task.scene.bodies)
-    if not hollow and AabbDetector(task).refuses() is None:
-        return boxes
-    return replace(boxes, collision=(SCREEN,)) if boxes.has_screen(task) else None
+    if any(body.surfaces for body in task.scene.bodies):
+        return "hollow parts"
+    return "so many components" if len(task.operations) > MOST_COMPONENTS else ""
 
 
 def _obstacles(chart: DerivedChart, task: Task, names: tuple[str, ...]) -> Iterator[str]:

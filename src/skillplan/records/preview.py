@@ -19,7 +19,7 @@ class DerivedOrder:
     task
         The task's name.
     back_ends
-        Names of those that were queried; empty where the task is too large to query by itself.
+        Names of those that were queried; empty where none was.
     pairs
         How many pairs of components have an order.
     cycle
@@ -29,6 +29,8 @@ class DerivedOrder:
         Skills that are feasible in no state, with the reason.
     lines
         Why there is no order, in words; empty where there is one, or a skill is never feasible.
+    not_derived
+        Of what no order is derived by itself, where no back end was queried.
     """
 
     task: str
@@ -37,6 +39,7 @@ class DerivedOrder:
     cycle: tuple[str, ...] = ()
     never: Mapping[str, str] = field(default_factory=dict)
     lines: tuple[str, ...] = ()
+    not_derived: str = ""
 
     def document(self) -> dict[str, Any]:
         """Return it as JSON values."""

@@ -23,7 +23,7 @@ class MujocoEngine(PerformingEngine):
     """
 
     name = "mujoco"
-    version = "4"
+    version = "5"
     expected_s = 0.3
 
     class Options(SimulatingEngine.Options):

@@ -25,7 +25,7 @@ class PybulletEngine(PerformingEngine):
     """
 
     name = "pybullet"
-    version = "10"
+    version = "11"
     expected_s = 0.6
     contact_detectors = ("contact-pairs", "contact-force")
 

@@ -31,9 +31,10 @@ def command(
 
     Warns of what is valid, but found out late: parts too wide for jaws, feeders that are blocked
     at the start, drawings in a doubtful unit, and cycles of the precedence relation. That one is
-    derived by kinematic and aabb, which are instant, whatever the file chooses; what no posture of
-    the arm reaches, swept says where it is installed. --physics and --collision name others, which
-    also report what they find wrong with the file's parts.
+    derived by kinematic and aabb, which are instant, whatever the file chooses, and of hollow parts
+    only where a detector is named; what no posture of the arm reaches, swept says where it is
+    installed. --physics and --collision name others, which also report what they find wrong with
+    the file's parts.
     """
     from skillplan.cli.output import emit
     from skillplan.errors import OptionError

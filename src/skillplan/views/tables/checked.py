@@ -39,7 +39,7 @@ def _preview_notes(preview: Preview) -> list[str]:
     notes = list(preview.overview.lines)
     for order in preview.orders:
         if not order.back_ends:
-            notes.append("order      not derived of so many components; give --collision for it")
+            notes.append(f"order      not derived of {order.not_derived}; give --collision for it")
             continue
         by = f"by {', '.join(order.back_ends)}"
         pairs = f"{order.pairs} pair{'' if order.pairs == 1 else 's'} of components {by}"

@@ -75,6 +75,16 @@ class SimulatedArm:
         self._tip_at = data.site_xpos[self._site]
         self._tip_turned = data.site_xmat[self._site].reshape(3, 3)
         self._jacobian = np.zeros((6, model.nv))
+        self._qpos, self._qvel = data.qpos, data.qvel
+        self._all_bias, self._all_applied = data.qfrc_bias, data.qfrc_applied
+        self._state = ArmState(
+            self._angles,
+            self._rates,
+            TipPose(self._tip_at, self._tip_turned),
+            np.zeros((count, count)),
+            np.zeros((6, count)),
+            self._bias,
+        )
         self._entries = mass_entries(model, count)
         self._posture: Vector = self.kinematics.home_rad
         self._take(hand)
@@ -142,16 +152,10 @@ class SimulatedArm:
         assert self.wanted is not None
         self.world.prepare()
         self._move_jaws()
-        jacobian, count = self._jacobian, self._count
+        jacobian, state = self._jacobian, self._state
         mujoco.mj_jacSite(self.world.model, self.world.data, jacobian[:3], jacobian[3:], self._site)
-        state = ArmState(
-            self._angles,
-            self._rates,
-            TipPose(self._tip_at, self._tip_turned),
-            self.world.data.M[self._entries],
-            np.array(jacobian[:, :count]),
-            self._bias,
-        )
+        state.mass = self.world.data.M[self._entries]
+        state.jacobian[:] = jacobian[:, : self._count]
         if self.settings.control == "position":
             self._posture = self._posture_for(self.wanted)
             found = posture_torques(state, self._posture, self._load())
@@ -210,13 +214,13 @@ class SimulatedArm:
         step_m = JAW_SPEED_M_PER_S * STEP_S
         left_m = self._jaw_wanted_m - self._jaw_target_m
         self._jaw_target_m += max(-step_m, min(step_m, left_m))
-        data, most_n = self.world.data, self._jaw_force_n
+        most_n = self._jaw_force_n
         for jaw in self._jaws:
-            away_m = self._jaw_target_m - float(data.qpos[jaw])
-            force_n = _JAW_STIFFNESS_N_PER_M * away_m - _JAW_DAMPING_N_S_PER_M * float(
-                data.qvel[jaw]
-            )
-            data.qfrc_applied[jaw] = max(-most_n, min(most_n, force_n)) + data.qfrc_bias[jaw]
+            away_m = self._jaw_target_m - float(self._qpos[jaw])
+            speed_m_per_s = float(self._qvel[jaw])
+            force_n = _JAW_STIFFNESS_N_PER_M * away_m - _JAW_DAMPING_N_S_PER_M * speed_m_per_s
+            applied_n = max(-most_n, min(most_n, force_n)) + float(self._all_bias[jaw])
+            self._all_applied[jaw] = applied_n
 
 
 def mass_entries(model: Any, count: int) -> NDArray[np.intp]:

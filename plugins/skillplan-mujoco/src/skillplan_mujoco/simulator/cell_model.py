@@ -36,8 +36,8 @@ Vector = NDArray[np.float64]
 TIP = "tip"
 
 _TABLE_HALF_M = (1.5, 1.5, 0.05)
-# Friction holds by so much more firmly than contacts press, and its slip is taken back so often.
-_FRICTION_RATIO, _NO_SLIP_STEPS, _SOLVER_STEPS = 20.0, 5, 100
+# Friction holds by so much more firmly than contacts press.
+_FRICTION_RATIO, _SOLVER_STEPS = 20.0, 100
 # So many bonds there are besides one for every body.
 _MORE_BONDS = 8
 
@@ -61,7 +61,6 @@ def cell_spec(robot: Robot, hands: Sequence[Hand], bodies: Sequence[Body], frict
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = _FRICTION_RATIO
-    option.noslip_iterations = _NO_SLIP_STEPS
     option.iterations = _SOLVER_STEPS
     spec.compiler.balanceinertia = True
     spec.compiler.degree = False

@@ -44,6 +44,8 @@ class World:
         self._masses: dict[str, float] = {}
         self._masks = PairMasks(self.model, cell.owners, self.numbers)
         self._is_prepared = False
+        # Of the last step, once somebody has read them.
+        self._touches: list[Touch] | None = None
         self._masks.set()
 
     def __enter__(self) -> World:
@@ -80,13 +82,13 @@ class World:
         """Work out what the next step begins with: places, contacts, inertia and bias."""
         if not self._is_prepared:
             mujoco.mj_step1(self.model, self.data)
-            self._is_prepared = True
+            self._is_prepared, self._touches = True, None
 
     def step(self) -> None:
         """Advance by 1/240 s."""
         self.prepare()
         mujoco.mj_step2(self.model, self.data)
-        self._is_prepared = False
+        self._is_prepared, self._touches = False, None
         self.steps += 1
 
     def add(self, body: Body, pose: Pose, colour: int = 0, *, stands: bool = False) -> int:
@@ -266,6 +268,11 @@ class World:
 
     def touches(self) -> list[Touch]:
         """Return where bodies press on each other, after the last step."""
+        if self._touches is None:
+            self._touches = self._read_touches()
+        return self._touches
+
+    def _read_touches(self) -> list[Touch]:
         data = self.data
         if not data.ncon:
             return []

@@ -36,6 +36,12 @@ def dot(one: Array, other: Array) -> float:
     return float(np.einsum("i,i", one, other))
 
 
+def cross(one: Array, other: Array) -> Array:
+    """Return the cross product of two vectors, shape (3,) each."""
+    (a, b, c), (p, q, r) = one.tolist(), other.tolist()
+    return np.array([b * r - c * q, c * p - a * r, a * q - b * p])
+
+
 def length(vector: Array) -> float:
     """Return the Euclidean length of a vector, shape (n,)."""
     return math.hypot(*vector.tolist())

@@ -116,6 +116,29 @@ class JointPath:
         slope = rise + step / 6 * ((1 - 3 * v**2) * m0 + (3 * u**2 - 1) * m1)
         return slope, v * m0 + u * m1
 
+    def at_each(self, places: Sequence[float]) -> tuple[Array, Array, Array]:
+        """Return angles, first and second derivative at many parameters, shape (places, joints).
+
+        To the bit those of `at` and `rates`, in a fraction of the time.
+
+        Parameters
+        ----------
+        places
+            Parameters in [0, 1].
+        """
+        step, intervals = self._step, len(self.nodes) - 1
+        numbers = [min(max(int(place * intervals), 0), intervals - 1) for place in places]
+        shares = [place / step - number for place, number in zip(places, numbers, strict=True)]
+        # Powers as `at` takes them: those of an array may differ in the last digit.
+        weights = np.array([(*_weights(u), *_weights(1 - u)) for u in shares])
+        u, rise, bent, v, rise_before, bent_before = weights.T[:, :, np.newaxis]
+        before = np.array(numbers)
+        q0, q1 = self.nodes[before], self.nodes[before + 1]
+        m0, m1 = self._bends[before], self._bends[before + 1]
+        angles = v * q0 + u * q1 + step**2 / 6 * (bent_before * m0 + bent * m1)
+        slopes = (q1 - q0) / step + step / 6 * (-rise_before * m0 + rise * m1)
+        return angles, slopes, v * m0 + u * m1
+
     @cached_property
     def steepest(self) -> Array:
         """Greatest size of the first derivative of every joint, shape (joints,)."""
@@ -136,6 +159,11 @@ class JointPath:
         share = np.divide(before, before - after, out=np.zeros_like(before), where=turns)
         inner = rise + step / 6 * ((1 - 3 * (1 - share) ** 2) * before + (3 * share**2 - 1) * after)
         return np.asarray(np.maximum(found, np.where(turns, np.abs(inner), 0.0)))
+
+
+def _weights(share: float) -> tuple[float, float, float]:
+    """Return a share, and what a second derivative there does to the slope and to the angle."""
+    return share, 3 * share**2 - 1, share**3 - share
 
 
 @lru_cache(maxsize=64)

@@ -19,7 +19,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_pinocchio.kinematics.fixed_order import dot, length, times
+from skillplan_pinocchio.kinematics.fixed_order import cross, dot, length, times
 from skillplan_pinocchio.simulation.arm.kinematics import TipPose
 from skillplan_pinocchio.simulation.simulator import FINGERS, GRAVITY_M_PER_S2, Touch
 
@@ -171,7 +171,7 @@ class StaticFriction:
             (now - then) / elapsed_s for now, then in zip(self._velocity, before, strict=True)
         )
         force_n, moment_nm = self._load(linear, angular, points)
-        moment_nm = moment_nm + np.cross(self.world.centre(self.name) - pads.centre, force_n)
+        moment_nm = moment_nm + cross(self.world.centre(self.name) - pads.centre, force_n)
         friction, spinning_m = self.arm.grip_friction(self.world.friction)
         share = utilisation(pads, force_n, moment_nm, friction=friction, spinning_m=spinning_m)
         if share > 1.0:
@@ -196,7 +196,7 @@ class StaticFriction:
         for point in points:
             if point.second not in FINGERS:
                 force = force - point.force_n
-                moment = moment - np.cross(point.place - centre, point.force_n)
+                moment = moment - cross(point.place - centre, point.force_n)
         return force, moment
 
     def _pads(self, points: Sequence[Touch]) -> Pads | None:

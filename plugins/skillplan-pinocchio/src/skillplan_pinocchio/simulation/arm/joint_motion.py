@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -113,6 +114,10 @@ class JointMotion:
         still = np.zeros(3)
         rates = JointRates(speeds, gains)
         return Setpoint(tip.position, tip.rotation, joints, still, still, still, rates, True)
+
+    def at_each(self, times_s: Sequence[float]) -> Iterator[Setpoint]:
+        """Yield the setpoints after many times, as `at` does each of them."""
+        return map(self.at, times_s)
 
     def postures(self) -> list[Vector]:
         """Return postures on the way, both ends included, so dense that it is straight between."""

@@ -67,14 +67,17 @@ def turn_between(start: Vector, end: Vector) -> Vector:
 
 def rotation_error(rotation: Vector, wanted: Vector) -> Vector:
     """Return the rotation that is left to be made, as an axis times the sine of the angle."""
+    return np.array(rotation_left(rotation, wanted))
+
+
+def rotation_left(rotation: Vector, wanted: Vector) -> tuple[float, float, float]:
+    """Return `rotation_error` as three numbers."""
     # Half the sum of what the axes of the hand lack, each a cross product; numbers are quicker here
     # than arrays of three.
     (a, d, g), (b, e, h), (c, f, i) = rotation.tolist()
     (p, s, v), (q, t, w), (r, u, x) = wanted.tolist()
-    return np.array(
-        [
-            0.5 * ((b * r - c * q) + (e * u - f * t) + (h * x - i * w)),
-            0.5 * ((c * p - a * r) + (f * s - d * u) + (i * v - g * x)),
-            0.5 * ((a * q - b * p) + (d * t - e * s) + (g * w - h * v)),
-        ]
+    return (
+        0.5 * ((b * r - c * q) + (e * u - f * t) + (h * x - i * w)),
+        0.5 * ((c * p - a * r) + (f * s - d * u) + (i * v - g * x)),
+        0.5 * ((a * q - b * p) + (d * t - e * s) + (g * w - h * v)),
     )

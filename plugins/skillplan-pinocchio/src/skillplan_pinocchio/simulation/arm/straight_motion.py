@@ -6,6 +6,7 @@ The hand is not turned meanwhile.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -27,8 +28,11 @@ class PosturePath(Protocol):
     def at(self, place: float) -> Vector:
         """Return the joint angles [rad] after a share of it, shape (joints,)."""
 
-    def rates(self, place: float) -> tuple[Vector, Vector]:
-        """Return the first and second derivative by the share, shape (joints,) each."""
+    def at_each(self, places: Sequence[float]) -> tuple[Vector, Vector, Vector]:
+        """Return joint angles [rad], first and second derivative by the share, at many shares.
+
+        Shape (places, joints) each.
+        """
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,20 +162,31 @@ class StraightMotion:
 
     def at(self, time_s: float) -> Setpoint:
         """Return the setpoint after some time; the end from the duration on."""
-        share, rate, change = self.profile.at(time_s)
-        start = self.start
+        return next(self.at_each([time_s]))
+
+    def at_each(self, times_s: Sequence[float]) -> Iterator[Setpoint]:
+        """Yield the setpoints after many times, as `at` does each of them."""
+        course = [self.profile.at(time_s) for time_s in times_s]
+        shares = [share for share, _, _ in course]
+        # Powers as of numbers: those of an array may differ in the last digit.
+        table = np.array([(*values, values[1] ** 2) for values in course])
+        share, rate, change, rate_squared = table.T[:, :, np.newaxis]
+        start, still = self.start, np.zeros(3)
         way = self.end - start.position
-        posture, joints = start.posture, None
-        if self.path is not None:
-            posture = self.path.at(share)
-            slope, bend = self.path.rates(share)
-            joints = JointRates(rate * slope, change * slope + rate**2 * bend)
-        return Setpoint(
-            start.position + share * way,
-            start.rotation,
-            posture,
-            rate * way,
-            np.zeros(3),
-            change * way,
-            joints,
-        )
+        positions, velocities, gains = start.position + share * way, rate * way, change * way
+        if self.path is None:
+            for place, speed, gain in zip(positions, velocities, gains, strict=True):
+                yield Setpoint(place, start.rotation, start.posture, speed, still, gain)
+            return
+        postures, slopes, bends = self.path.at_each(shares)
+        speeds, bent = rate * slopes, change * slopes + rate_squared * bends
+        for number, posture in enumerate(postures):
+            yield Setpoint(
+                positions[number],
+                start.rotation,
+                posture,
+                velocities[number],
+                still,
+                gains[number],
+                JointRates(speeds[number], bent[number]),
+            )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from itertools import combinations
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.physics.performance import Contact
+from skillplan.task.motion import Point
 from skillplan.task.scene import Pose
 from skillplan_pinocchio.kinematics.fixed_order import dot, length
 from skillplan_pinocchio.simulation.record import FRAMES_PER_S, Pair
@@ -59,7 +61,7 @@ class ContactLog:
         self._last_points: list[Touch] = []
         # Where bodies that are not handled stood when the log was begun.
         self.stood: dict[str, Pose] = {}
-        self._origin: dict[str, Vector] = {}
+        self._origin: dict[str, Point] = {}
         self._begun = False
 
     def begin(self) -> None:
@@ -69,7 +71,7 @@ class ContactLog:
         self.stood = {
             name: self.world.pose(name) for name in self.world.bodies if name not in self.handled
         }
-        self._origin = {name: np.array(pose.position) for name, pose in self.stood.items()}
+        self._origin = {name: pose.position for name, pose in self.stood.items()}
         self.moved = {name: [] for name in self._origin}
 
     def insert(self, name: str) -> None:
@@ -102,8 +104,7 @@ class ContactLog:
                     self.beside.add(pair)
                 self.pairs.setdefault(pair, [0.0] * self.frames).append(force_n)
         for name, origin in self._origin.items():
-            away = np.array(self.world.pose(name).position) - origin
-            self.moved[name].append(length(away))
+            self.moved[name].append(math.dist(self.world.pose(name).position, origin))
         self.frames += 1
         for values in self.pairs.values():
             if len(values) < self.frames:

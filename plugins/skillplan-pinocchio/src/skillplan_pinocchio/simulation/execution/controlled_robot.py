@@ -205,8 +205,9 @@ class ControlledRobot:
         """
         assert self.arm.wanted is not None
         felt = self.arm.wanted.rotation
-        for step in range(1, int(motion.duration_s / STEP_S) + 2):
-            self.arm.wanted = motion.at(step * STEP_S)
+        times_s = [step * STEP_S for step in range(1, int(motion.duration_s / STEP_S) + 2)]
+        for setpoint in motion.at_each(times_s):
+            self.arm.wanted = setpoint
             self.step()
             if _angle(felt, self.arm.wanted.rotation) > _TURN_FELT_RAD:
                 self._feel_anew()

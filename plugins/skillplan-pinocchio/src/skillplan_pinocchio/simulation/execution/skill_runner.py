@@ -251,11 +251,12 @@ class SkillRunner(ControlledRobot):
         else:
             self.arm.close(self._grip_force_n)
             self.wait(self._jaws_s + _GRIP_S)
+        if self._bond is None:
+            # Before the collisions of the body change: some engines then forget its contacts.
+            self.clasp(subject)
         if subject in self._kept:
             self.world.release(self._kept.pop(subject))
             self.world.join(subject, self.world.others(subject))
-        if self._bond is None:
-            self.clasp(subject)
         self.carry(subject)
 
     def _release(self, motion: LinearMotion) -> None:
