@@ -10,8 +10,9 @@ import pytest
 from cad_fixtures import box, part_of, rod
 from cad_products import product as fixture
 from cad_products import related, relation
+from skillplan_cad.importing.attitude import attitude, attitude_warnings
 from skillplan_cad.planning.assembly_plan import Planner
-from skillplan_cad.planning.bearing import ATTITUDES, bearing_of, best_bearing
+from skillplan_cad.planning.bearing import ATTITUDES, Bearing, bearing_of, best_bearing
 from skillplan_cad.product import Face, Product
 from skillplan_cad.writing.task_document import task_of
 
@@ -123,6 +124,42 @@ def test_what_floats_or_comes_round_a_corner_is_left_out(name, left_out):
     product, known = fixture(name), relation(name)
     plan, bearing = Planner(product, known).plan(), best_bearing(product, known)
     assert list(task_of(product, known, plan, bearing).left_out) == left_out
+
+
+def test_what_check_refuses_is_left_out_with_its_words():
+    """Whatever was thought to bear it."""
+    product = product_of(plate=PLATE, balloon=box(20, 20, 40, 40, 40, 50))
+    known = related(product)
+    wrong = Bearing(UP, ("plate", "balloon"), {"plate": (), "balloon": ("plate",)})
+    task = task_of(product, known, Planner(product, known).plan(), wrong)
+    assert list(task.document["parts"]) == ["plate"]
+    assert task.left_out["balloon"].startswith("is refused: 'balloon' floats 30.0 mm above")
+    assert task.faults == ()
+
+
+def test_where_nothing_stands_all_parts_are_in_the_task_and_a_warning_says_so():
+    """As of round parts that lie; here they are only said to."""
+    product = product_of(plate=PLATE, sleeve=SLEEVE)
+    known = related(product)
+    none = Bearing(UP, (), {}, {"plate": "rolls", "sleeve": "rolls"})
+    task = task_of(product, known, Planner(product, known).plan(), none)
+    assert list(task.document["parts"]) == ["plate", "sleeve"]
+    assert task.limits == {"plate": ("rolls",), "sleeve": ("rolls",)}
+    assert "# Beware: sleeve rolls.\n" in task.files["product.yaml"]
+    told = attitude_warnings(product, known, none, "z")
+    assert told[0] == ("with z up 0 of 2 parts stand by themselves; with --up z it would be 2.")
+    assert "no part stands on a level face" in told[1]
+
+
+def test_another_side_up_than_z_is_told_and_so_is_a_better_one_than_was_asked_for():
+    lying = product_of(plate=box(0, 0, 0, 10, 60, 60), post=box(10, 20, 20, 60, 40, 40))
+    known = related(lying)
+    found = attitude(lying, known, "auto")
+    (chosen,) = attitude_warnings(lying, known, found, "auto")
+    assert chosen.startswith("x points up, as then 2 of 2 parts stand by themselves")
+    asked = attitude(lying, known, "z")
+    (better,) = attitude_warnings(lying, known, asked, "z")
+    assert better.endswith("1 of 2 parts stand by themselves; with --up x it would be 2.")
 
 
 @pytest.mark.slow(reason="reads products; solids in every run")

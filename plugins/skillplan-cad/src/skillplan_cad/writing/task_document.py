@@ -166,6 +166,8 @@ class _Writer:
                     files[mesh["pieces"]] = pieces_text(pieces)
         for name, words in plan_limits(self.product, self.plan, up):
             self._note(name, words)
+        for name in [one for one in self.names if one in self.bearing.why_not]:
+            self._note(name, self.bearing.why_not[name])
         document = {
             "kind": "assembly",
             "name": self._name(),
