@@ -96,7 +96,7 @@ def rammed():
     product = product_of(plate=PLATE, sleeve=SLEEVE, ram=RAM)
     known = related(product)
     bearing = bearing_of(product, known, UP)
-    return task_of(product, known, Planner(product, known).plan(), bearing)
+    return task_of(product, known, Planner(product, known).plan(), bearing=bearing)
 
 
 def test_what_is_not_borne_is_left_out_of_the_task_with_the_reason_in_the_file(rammed):
@@ -123,7 +123,7 @@ def test_what_is_not_borne_is_left_out_of_the_task_with_the_reason_in_the_file(r
 def test_what_floats_or_comes_round_a_corner_is_left_out(name, left_out):
     product, known = fixture(name), relation(name)
     plan, bearing = Planner(product, known).plan(), best_bearing(product, known)
-    assert list(task_of(product, known, plan, bearing).left_out) == left_out
+    assert list(task_of(product, known, plan, bearing=bearing).left_out) == left_out
 
 
 def test_what_check_refuses_is_left_out_with_its_words():
@@ -131,7 +131,7 @@ def test_what_check_refuses_is_left_out_with_its_words():
     product = product_of(plate=PLATE, balloon=box(20, 20, 40, 40, 40, 50))
     known = related(product)
     wrong = Bearing(UP, ("plate", "balloon"), {"plate": (), "balloon": ("plate",)})
-    task = task_of(product, known, Planner(product, known).plan(), wrong)
+    task = task_of(product, known, Planner(product, known).plan(), bearing=wrong)
     assert list(task.document["parts"]) == ["plate"]
     assert task.left_out["balloon"].startswith("is refused: 'balloon' floats 30.0 mm above")
     assert task.faults == ()
@@ -142,7 +142,7 @@ def test_where_nothing_stands_all_parts_are_in_the_task_and_a_warning_says_so():
     product = product_of(plate=PLATE, sleeve=SLEEVE)
     known = related(product)
     none = Bearing(UP, (), {}, {"plate": "rolls", "sleeve": "rolls"})
-    task = task_of(product, known, Planner(product, known).plan(), none)
+    task = task_of(product, known, Planner(product, known).plan(), bearing=none)
     assert list(task.document["parts"]) == ["plate", "sleeve"]
     assert task.limits == {"plate": ("rolls",), "sleeve": ("rolls",)}
     assert "# Beware: sleeve rolls.\n" in task.files["product.yaml"]

@@ -12,7 +12,6 @@ import yaml
 from cad_fixtures import box, part_of, step_path
 from skillplan_cad.build_relation import blocked_of, joints_of, relation_of
 from skillplan_cad.planning.assembly_plan import Planner
-from skillplan_cad.planning.bearing import best_bearing
 from skillplan_cad.planning.replay import replay
 from skillplan_cad.reading.product_reader import ReadOptions, read_product
 from skillplan_cad.writing.names import task_names
@@ -25,12 +24,12 @@ TOLERANCE_M = 1e-4
 
 
 def planned(name):
-    """Return a product from STEP, its relation, its plan and what bears its parts."""
+    """Return a product from STEP, its relation and its plan."""
     product = read_product(step_path(name), ReadOptions())
     joints = joints_of(product, TOLERANCE_M, "axes", "unscrew")
     blocked = blocked_of(product, joints.directions, TOLERANCE_M)
     relation = relation_of(product, joints, blocked, TOLERANCE_M, "unscrew")
-    return product, relation, Planner(product, relation).plan(), best_bearing(product, relation)
+    return product, relation, Planner(product, relation).plan()
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +56,7 @@ def test_the_plan_of_eight_parts_is_the_cheapest_and_needs_no_turn_and_no_second
 
 
 def test_the_plan_stands_when_finer_solids_are_taken_apart(eight):
-    _, relation, plan, _ = eight
+    _, relation, plan = eight
     finer = read_product(step_path("eight"), ReadOptions(chord_m=2e-5))
     assert replay(finer, relation, plan, TOLERANCE_M / 2).agrees
 

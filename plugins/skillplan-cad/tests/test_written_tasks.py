@@ -56,7 +56,7 @@ def written(request, tmp_path):
     bearing = best_bearing(parts, known)
     grounded = [name for name in bearing.order if not bearing.on[name]]
     plan = Planner(parts, known).plan(None, bearing.up, grounded)
-    task = task_of(parts, known, plan, bearing)
+    task = task_of(parts, known, plan, bearing=bearing)
     for name, content in task.files.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(content, "utf-8")

@@ -87,7 +87,7 @@ def planned(
     if plan.complete:
         document["attitude"] = attitude_document(bearing)
         told += attitude_warnings(product, relation, bearing, settings.up)
-        task = task_of(product, relation, plan, bearing, settings.robot)
+        task = task_of(product, relation, plan, settings.robot, bearing)
         document["left_out"] = dict(bearing.why_not if task is None else task.left_out)
         told += [f"{name} is left out: it {words}." for name, words in document["left_out"].items()]
         if task is None:

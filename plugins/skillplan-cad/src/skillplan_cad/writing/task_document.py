@@ -14,7 +14,7 @@ import yaml
 from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
-from skillplan_cad.planning.bearing import Bearing
+from skillplan_cad.planning.bearing import Bearing, best_bearing
 from skillplan_cad.product import Part, Product
 from skillplan_cad.relation import Fastener, Relation
 from skillplan_cad.writing.accepted import refused
@@ -80,8 +80,8 @@ def task_of(
     product: Product,
     relation: Relation,
     plan: AssemblyPlan,
-    bearing: Bearing,
     robot: str = "panda",
+    bearing: Bearing | None = None,
 ) -> WrittenTask | None:
     """Return the task of putting a product together with one arm, as `check` accepts it.
 
@@ -90,11 +90,15 @@ def task_of(
 
     Parameters
     ----------
-    product, relation, plan, bearing
-        What was read and found. Where nothing is borne at all, no part is left out for that.
+    product, relation, plan
+        What was read and found.
     robot
         Name of an arm that skillplan knows.
+    bearing
+        What bears the parts; None for that of the side up with which the most parts stand. Where
+        nothing is borne at all, no part is left out for that.
     """
+    bearing = bearing or best_bearing(product, relation)
     left_out = {**not_straight(plan), **(bearing.why_not if bearing.order else {})}
     while True:
         for name in relation.driven - left_out.keys():
@@ -104,7 +108,12 @@ def task_of(
                 left_out[name] = f"goes through or into {lost[0]}, which is left out"
         if all(part.name in left_out or part.name in relation.driven for part in product):
             return None
-        made = _Writer(product, relation, plan, bearing, robot, left_out).task()
+        writer = _Writer(product, relation, plan, bearing, robot, left_out)
+        apart = writer.place()
+        if apart:
+            left_out |= dict.fromkeys(apart, "finds no place within the arm's reach")
+            continue
+        made = writer.task()
         found = refused(made.document, made.files)
         if not found:
             return made
@@ -129,6 +138,9 @@ class _Writer:
     kept: tuple[Part, ...] = field(init=False)
     limits: dict[str, list[str]] = field(init=False, default_factory=dict)
     steps: dict[str, Step] = field(init=False)
+    gripped: list[Part] = field(init=False)
+    groups: Mapping[str, str] = field(init=False)
+    layout: Tray = field(init=False)
     upright: Upright = field(init=False)
     _meshes: dict[str, Meshes] = field(init=False, default_factory=dict)
 
@@ -143,14 +155,20 @@ class _Writer:
             for part in step.parts:
                 self.steps.setdefault(part, step)
 
-    def task(self) -> WrittenTask:
-        """Return it all."""
+    def place(self) -> list[str]:
+        """Choose where everything lies and goes; return the parts for which there is no room."""
         up = self.bearing.up
-        gripped = [part for part in self.kept if not self._driven(part)]
-        self.upright = standing(gripped, up, (0.0, 0.0))
-        groups = self._groups()
-        layout = self._layout(gripped, groups)
-        self.upright = standing(gripped, up, layout.product_m)
+        self.gripped = [part for part in self.kept if not self._driven(part)]
+        self.upright = standing(self.gripped, up, (0.0, 0.0))
+        self.groups = self._groups()
+        self.layout = self._layout()
+        self.upright = standing(self.gripped, up, self.layout.product_m)
+        items = {part.name: self.groups.get(part.name, self.names[part.name]) for part in self.kept}
+        return [name for name, item in items.items() if item in self.layout.without]
+
+    def task(self) -> WrittenTask:
+        """Return it all, once everything has a place."""
+        up, gripped, groups, layout = self.bearing.up, self.gripped, self.groups, self.layout
         files: dict[str, str] = {}
         parts = {self.names[part.name]: self._part(part, layout, groups, files) for part in gripped}
         screws = {
@@ -217,21 +235,16 @@ class _Writer:
                 found |= {part.name: name for part in alike}
         return found
 
-    def _layout(self, gripped: list[Part], groups: Mapping[str, str]) -> Tray:
+    def _layout(self) -> Tray:
         items: dict[str, Item] = {}
         for part in self.kept:
-            name = groups.get(part.name, self.names[part.name])
-            if part in gripped or part.name in groups:
+            name = self.groups.get(part.name, self.names[part.name])
+            if part in self.gripped or part.name in self.groups:
                 x, y, z = (float(one) for one in self.upright.size(part))
                 items.setdefault(name, Item(name, (x, y, z)))
         points = np.concatenate([self.upright.vertices(part) for part in self.kept])
         x, y, z = (float(one) for one in np.ptp(points, axis=0))
-        layout = tray((x, y, z), list(items.values()), ARMS[self.robot][0].works_within_m)
-        for part in self.kept:
-            if groups.get(part.name, self.names[part.name]) in layout.without:
-                self._note(part.name, "finds no place within the arm's reach")
-        beside = dict.fromkeys(layout.without, (0.30, -0.55))
-        return Tray(layout.product_m, {**layout.places, **beside}, layout.without)
+        return tray((x, y, z), list(items.values()), ARMS[self.robot][0].works_within_m)
 
     def _feeders(self, layout: Tray, groups: Mapping[str, str]) -> dict[str, Any]:
         """Return where identical parts come from; shanks of screws hang in their feeder."""
