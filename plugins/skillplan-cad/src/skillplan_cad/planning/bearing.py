@@ -64,8 +64,8 @@ class Bearing:
 def bearing_of(product: Product, relation: Relation, up: Vector) -> Bearing:
     """Return what bears each part that a hand brings, with one side up.
 
-    Where more stand without the lowest parts, as where a cap hangs below what it is put on, those
-    are left out.
+    Where more stand, in one group, without the lowest parts, as where a cap hangs below what it is
+    put on, those are left out.
     """
     return _Standing(product, relation, up).best()
 
@@ -110,7 +110,9 @@ class _Standing:
         best: dict[str, tuple[str, ...]] = {}
         while len(present) > len(best):
             found = self._borne(present)
-            if len(found) > len(best):
+            # What is left of a product without its base has to hang together.
+            whole = len(present) == len(self._parts) or self._hang_together(found)
+            if len(found) > len(best) and whole:
                 best = found
             ground = min(self._lowest[name] for name in present)
             present = {name for name in present if self._lowest[name] > ground + _TOUCH_M}
@@ -134,6 +136,14 @@ class _Standing:
                     break
             else:
                 return found
+
+    def _hang_together(self, names: Collection[str]) -> bool:
+        """Return whether parts touch each other in one group."""
+        pairs = [one.parts for one in self._relation.contacts if set(one.parts) <= set(names)]
+        reached = set(list(names)[:1])
+        while more := {name for pair in pairs if reached & set(pair) for name in pair} - reached:
+            reached |= more
+        return len(reached) == len(names)
 
     def _foot(self, name: str) -> Array:
         """Return the corners of the level faces on which a part stands, in plan."""

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import yaml
 
-from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
 from skillplan_cad.planning.bearing import Bearing, best_bearing
@@ -23,11 +22,11 @@ from skillplan_cad.writing.held_part import CUP, GRIPPER, held_part
 from skillplan_cad.writing.mesh_text import obj_text, pieces_text
 from skillplan_cad.writing.names import task_names
 from skillplan_cad.writing.pieces_proof import ProvedPieces, proved_pieces
+from skillplan_cad.writing.places import Places, places_of
 from skillplan_cad.writing.plan_limits import not_straight, plan_limits
 from skillplan_cad.writing.screw_entry import screw_entry
 from skillplan_cad.writing.top_grasp import Meshes
-from skillplan_cad.writing.tray import Item, Tray, tray
-from skillplan_cad.writing.upright import Upright, standing
+from skillplan_cad.writing.upright import Upright
 
 _MOST_WAYS = 3
 _BELOW_SHANK_M = 0.01
@@ -109,9 +108,9 @@ def task_of(
         if all(part.name in left_out or part.name in relation.driven for part in product):
             return None
         writer = _Writer(product, relation, plan, bearing, robot, left_out)
-        apart = writer.place()
-        if apart:
-            left_out |= dict.fromkeys(apart, "finds no place within the arm's reach")
+        if writer.places.without:
+            words = "finds no place within the arm's reach"
+            left_out |= dict.fromkeys(writer.places.without, words)
             continue
         made = writer.task()
         found = refused(made.document, made.files)
@@ -139,13 +138,12 @@ class _Writer:
     limits: dict[str, list[str]] = field(init=False, default_factory=dict)
     steps: dict[str, Step] = field(init=False)
     gripped: list[Part] = field(init=False)
-    groups: Mapping[str, str] = field(init=False)
-    layout: Tray = field(init=False)
+    places: Places = field(init=False)
     upright: Upright = field(init=False)
     _meshes: dict[str, Meshes] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        taken = (GRIPPER, CUP, DRIVER, self.robot, "world", "home")
+        taken = {GRIPPER, CUP, DRIVER, self.robot, "world", "home"}
         names = task_names((part.name for part in self.product), taken)
         self.names = {name: own for name, own in names.items() if name not in self.left_out}
         self.kept = tuple(part for part in self.product if part.name in self.names)
@@ -154,25 +152,18 @@ class _Writer:
         for step in self.plan.steps:
             for part in step.parts:
                 self.steps.setdefault(part, step)
-
-    def place(self) -> list[str]:
-        """Choose where everything lies and goes; return the parts for which there is no room."""
-        up = self.bearing.up
         self.gripped = [part for part in self.kept if not self._driven(part)]
-        self.upright = standing(self.gripped, up, (0.0, 0.0))
-        self.groups = self._groups()
-        self.layout = self._layout()
-        self.upright = standing(self.gripped, up, self.layout.product_m)
-        items = {part.name: self.groups.get(part.name, self.names[part.name]) for part in self.kept}
-        return [name for name, item in items.items() if item in self.layout.without]
+        known, up = taken | set(self.names.values()), self.bearing.up
+        self.places = places_of(self.kept, self.gripped, self.names, known, up, self.robot)
+        self.upright = self.places.upright
 
     def task(self) -> WrittenTask:
-        """Return it all, once everything has a place."""
-        up, gripped, groups, layout = self.bearing.up, self.gripped, self.groups, self.layout
+        """Return it all."""
+        up, gripped = self.bearing.up, self.gripped
         files: dict[str, str] = {}
-        parts = {self.names[part.name]: self._part(part, layout, groups, files) for part in gripped}
+        parts = {self.names[part.name]: self._part(part, files) for part in gripped}
         screws = {
-            self.names[part.name]: self._screw(part, fastener, groups)
+            self.names[part.name]: self._screw(part, fastener)
             for part in self.kept
             if (fastener := self._driven(part)) is not None
         }
@@ -194,7 +185,7 @@ class _Writer:
             "tools": tool_entries(self.robot, (*parts.values(), *screws.values())),
             "initial_tool": GRIPPER,
             "tool_change": {"style": "swap"},
-            "feeders": self._feeders(layout, groups),
+            "feeders": self._feeders(),
             "parts": parts,
             "screws": screws,
             "collision": {"swept": None},
@@ -220,34 +211,9 @@ class _Writer:
         """Return the fastener that a part is, if a screwdriver drives it."""
         return self.relation.fastener(part.name) if part.name in self.relation.driven else None
 
-    def _groups(self) -> Mapping[str, str]:
-        """Return for each part that has identical ones the name of their feeder."""
-        found: dict[str, str] = {}
-        by_shape: dict[int, list[Part]] = {}
-        for part in self.kept:
-            by_shape.setdefault(part.shape, []).append(part)
-        taken = {*self.names.values(), GRIPPER, CUP, DRIVER}
-        for alike in by_shape.values():
-            if len(alike) > 1:
-                wanted = f"{self.names[alike[0].name]}_feeder"
-                name = task_names([wanted], taken)[wanted]
-                taken.add(name)
-                found |= {part.name: name for part in alike}
-        return found
-
-    def _layout(self) -> Tray:
-        items: dict[str, Item] = {}
-        for part in self.kept:
-            name = self.groups.get(part.name, self.names[part.name])
-            if part in self.gripped or part.name in self.groups:
-                x, y, z = (float(one) for one in self.upright.size(part))
-                items.setdefault(name, Item(name, (x, y, z)))
-        points = np.concatenate([self.upright.vertices(part) for part in self.kept])
-        x, y, z = (float(one) for one in np.ptp(points, axis=0))
-        return tray((x, y, z), list(items.values()), ARMS[self.robot][0].works_within_m)
-
-    def _feeders(self, layout: Tray, groups: Mapping[str, str]) -> dict[str, Any]:
+    def _feeders(self) -> dict[str, Any]:
         """Return where identical parts come from; shanks of screws hang in their feeder."""
+        groups, layout = self.places.feeders, self.places.tray
         found: dict[str, Any] = {}
         for part in self.kept:
             name = groups.get(part.name)
@@ -259,9 +225,7 @@ class _Writer:
                     found[name]["height_m"] = math.ceil(height_m * 1e3) / 1e3
         return found
 
-    def _part(
-        self, part: Part, layout: Tray, groups: Mapping[str, str], files: dict[str, str]
-    ) -> dict[str, Any]:
+    def _part(self, part: Part, files: dict[str, str]) -> dict[str, Any]:
         """Return the entry of a part, and add its mesh to the files."""
         name, bottom = self.names[part.name], np.array(self.upright.bottom(part))
         local = self.upright.vertices(part) - bottom
@@ -283,11 +247,11 @@ class _Writer:
             low, high = points.min(axis=0), points.max(axis=0)
             centre = [round(float(one), 7) + 0.0 for one in (low + high) / 2]
             entry["meshes"].append({"file": path, "centre_m": centre})
-        feeder = groups.get(part.name)
+        feeder = self.places.feeders.get(part.name)
         if feeder is not None:
             entry["feeder"] = feeder
         else:
-            entry["start_m"] = list(layout.places[name])
+            entry["start_m"] = list(self.places.tray.places[name])
         entry["goal_m"] = [float(one) for one in bottom]
         on = [self.names[one] for one in self.bearing.on.get(part.name, ()) if one in self.names]
         if on:
@@ -330,14 +294,15 @@ class _Writer:
                     found.append(list(best))
         return found[:_MOST_WAYS]
 
-    def _screw(self, part: Part, fastener: Fastener, groups: Mapping[str, str]) -> dict[str, Any]:
+    def _screw(self, part: Part, fastener: Fastener) -> dict[str, Any]:
         """Return the entry of a screw, and note where it is driven from below."""
         lies = [one for one in fastener.joins if self._driven(self._of(one)) is None]
         through = self.names[lies[0] if lies else fastener.joins[0]]
         entry = screw_entry(part, fastener, self.relation, self.upright)
         if entry.get("axis", DOWN)[2] > _LEVEL:
             self._note(part.name, "is driven from below: the product has to be turned over")
-        fed = {"feeder": groups[part.name]} if part.name in groups else {}
+        feeders = self.places.feeders
+        fed = {"feeder": feeders[part.name]} if part.name in feeders else {}
         return {"tool": DRIVER, "through": through, **entry, **fed}
 
     def _of(self, name: str) -> Part:
