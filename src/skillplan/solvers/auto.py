@@ -38,6 +38,12 @@ class AutoSolver(Solver):
             chosen: Solver = ValueIterationSolver(stop=self.stop)
             refusal = chosen.refuses(model)
             if refusal is not None:
+                from skillplan.solvers.chance.replan import ReplanSolver
+
+                replan = ReplanSolver(stop=self.stop)
+                if replan.refuses(model) is None:
+                    why = "replan, as skills may fail and there are too many states for tables"
+                    return self._by(replan, model, seed, why)
                 return Solution(trace={"reason": refusal, "choice": "none fits"})
             return self._by(chosen, model, seed, "value-iteration, as skills may fail by chance")
         small = len(model.task.operations) <= _SMALL
