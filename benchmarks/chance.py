@@ -58,6 +58,8 @@ def main() -> None:
                 with options.out.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(done[key]) + "\n")
             print(shown(key, done[key]), flush=True)
+            if options.learn:
+                learnt(key, options)
 
 
 def parsed() -> argparse.Namespace:
@@ -67,6 +69,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=3, help="boards of each size")
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--time-limit", type=float, default=300.0, help="of each solver [s]")
+    parser.add_argument("--learn", action="store_true", help="train imitate, too; not kept")
     parser.add_argument("--max-states", type=int, default=1_000_000, help="for value iteration")
     return parser.parse_args()
 
@@ -151,6 +154,19 @@ def optimum(task: Task, options: argparse.Namespace) -> dict[str, Any]:
         "states": found.trace["states"],
         "vi_s": time.perf_counter() - begin_s,
     }
+
+
+def learnt(key: tuple[int, float, int], options: argparse.Namespace) -> None:
+    """Print what a network costs that learned from replan, and what its answers take."""
+    solver = make_solver("imitate", {}, Stop(time_limit_s=options.time_limit))
+    begin_s = time.perf_counter()
+    trace = solver.solve(make_model(board(*key))).trace
+    print(
+        f"      imitate: teacher {text(trace.get('teacher_cost'), 5)}, imitated "
+        f"{text(trace.get('imitated_cost'), 5)}, reinforced {text(trace.get('learned_cost'), 5)}; "
+        f"{text(trace.get('answer_ms'), 3)} ms an answer; {time.perf_counter() - begin_s:.1f} s",
+        flush=True,
+    )
 
 
 def shown(key: tuple[int, float, int], line: dict[str, Any]) -> str:
