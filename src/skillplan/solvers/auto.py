@@ -20,6 +20,9 @@ from skillplan.task import back_end
 _SMALL = 24
 _LABELS = 6_000
 
+# Where there are too many states for tables, replanning takes plans that are found much sooner.
+_WEIGHT = 1.2
+
 
 class AutoSolver(Solver):
     """Choose: exact where small, the portfolio for orders, fleet for agents, else exact again."""
@@ -40,7 +43,7 @@ class AutoSolver(Solver):
             if refusal is not None:
                 from skillplan.solvers.chance.replan import ReplanSolver
 
-                replan = ReplanSolver(stop=self.stop)
+                replan = ReplanSolver(ReplanSolver.Options(weight=_WEIGHT), self.stop)
                 if replan.refuses(model) is None:
                     why = "replan, as skills may fail and there are too many states for tables"
                     return self._by(replan, model, seed, why)

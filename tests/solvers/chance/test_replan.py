@@ -163,6 +163,21 @@ def test_where_failing_saves_something_no_bound_is_claimed() -> None:
     assert least - 1e-9 <= cost < math.inf
 
 
+def test_what_is_given_up_still_bounds_and_what_is_weighted_still_plans(board: Task) -> None:
+    """A bound by few labels is below that of a whole search; weight 1.2 costs 20 % more at most."""
+    model = make_model(board)
+    whole = ReplanSolver(ReplanSolver.Options(roll_outs=2)).solve(model)
+    few = {"bound_labels": 20, "weight": 1.2, "roll_outs": 2}
+    rough = ReplanSolver(ReplanSolver.Options(**few)).solve(model)
+    assert whole.lower_bound is not None
+    assert rough.lower_bound is not None
+    assert 0 < rough.lower_bound < whole.lower_bound
+    planned = whole.trace["planned_cost"]
+    assert planned <= rough.trace["planned_cost"] <= 1.2 * planned + 1e-9
+    assert rough.policy is not None
+    assert evaluate_policy(model, rough.policy.get).cost is not None
+
+
 def test_its_policy_answers_where_nothing_was_worked_out(board: Task) -> None:
     """With policy_states=0 a state is planned for where it is met, in the same way."""
     model = make_model(board)

@@ -41,6 +41,9 @@ class AdaptiveSearch:
         When to give up.
     max_labels
         So many labels may be made by one search, >= 1.
+    weight
+        Bounds on the cost to go are taken so many times, >= 1. Above 1 the first path may cost as
+        many times the least (weighted A*: Pohl, 1970), and nothing is learnt of other states.
 
     Attributes
     ----------
@@ -48,9 +51,18 @@ class AdaptiveSearch:
         How many searches there were, and states expanded by all of them.
     questions
         Bits of the facts that verdicts rested on; of verdicts that do not say so, all.
+    floor
+        Of a search that was given up, the least that a path from its start may cost, >= 0.
     """
 
-    def __init__(self, model: SkillModel, certain: Task, stop: Stop, max_labels: int) -> None:
+    def __init__(
+        self,
+        model: SkillModel,
+        certain: Task,
+        stop: Stop,
+        max_labels: int,
+        weight: float = 1.0,
+    ) -> None:
         self._model, self._task, self._stop = model, certain, stop
         self._max_labels = max_labels
         self._landmarks = LandmarkBound(certain)
@@ -63,6 +75,8 @@ class AdaptiveSearch:
         self.searches = 0
         self.expanded = 0
         self.questions = 0
+        self.floor = 0.0
+        self._weight = weight
 
     def skill(self, state: State) -> Skill | None:
         """Return the first skill of a cheapest path, with its failures; None without a path."""
@@ -110,9 +124,11 @@ class AdaptiveSearch:
             if cost > spent[state.bits] or state.bits in closed:
                 continue
             if self._model.is_goal(state) or state.bits in self._steps:
-                self._keep(start, state, total, came, closed)
+                learnt = closed if self._weight == 1.0 else {}
+                self._keep(start, state, total, came, learnt)
                 return
             if made > self._max_labels or (self.expanded % 64 == 0 and self._stop()):
+                self.floor = from_units(total) if self._weight == 1.0 else 0.0
                 return
             closed[state.bits] = cost
             self.expanded += 1
@@ -130,7 +146,8 @@ class AdaptiveSearch:
                 came[following.bits] = (state, skill, step)
                 closed.pop(following.bits, None)
                 made += 1
-                heapq.heappush(queue, (reached + bound, -made, following, reached))
+                ahead = reached + (bound if self._weight == 1.0 else int(self._weight * bound))
+                heapq.heappush(queue, (ahead, -made, following, reached))
 
     def feasible(self, state: State, skill: Skill) -> bool:
         """Whether a skill can be executed, and again from where it may have failed."""

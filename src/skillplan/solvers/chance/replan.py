@@ -129,10 +129,18 @@ class ReplanSolver(Solver):
             description="labels made by one search before it is given up: 0.6 to 1 kB of memory "
             "each [-]",
         )
-        bound: bool = Field(
-            default=True,
-            description="prove a lower bound on the expected cost of every policy, by a second "
-            "search [-]",
+        weight: float = Field(
+            default=1.0,
+            ge=1.0,
+            le=100.0,
+            description="above 1, a first plan may cost so many times the least, and is found much "
+            "sooner: 1.2 where there are more than 100,000 states [-]",
+        )
+        bound_labels: int = Field(
+            default=200_000,
+            ge=0,
+            description="labels of the search that proves a lower bound on every policy's "
+            "expected cost: beyond, the least of what is open bounds it; 0 for none [-]",
         )
 
     options: Options
@@ -149,7 +157,10 @@ class ReplanSolver(Solver):
         begin_s = time.perf_counter()
         bound, trace = self._bound(model)
         bound_s = time.perf_counter() - begin_s
-        search = AdaptiveSearch(model, retried(model.task), self.stop, self.options.max_labels)
+        options = self.options
+        search = AdaptiveSearch(
+            model, retried(model.task), self.stop, options.max_labels, options.weight
+        )
         planned = search.cost(model.initial)
         if planned is None:
             why = (
@@ -174,20 +185,27 @@ class ReplanSolver(Solver):
             "replan_s": time.perf_counter() - begin_s - bound_s - plan_s,
         }
         # Without chance the plan is all there is, and the two searches are one.
-        proved = model.task.deterministic and bound is not None and whole
-        proved = proved and len(policy) <= model.step_limit
+        proved = (
+            model.task.deterministic
+            and whole
+            and bound is not None
+            and bound >= planned - _ROUNDING
+            and len(policy) <= model.step_limit
+        )
         return Solution(policy, planned if proved else bound, proved=proved, trace=trace)
 
     def _bound(self, model: SkillModel) -> tuple[float | None, dict[str, Any]]:
         """Return a lower bound on every policy's expected cost, or None and why there is none."""
-        task = relaxed(model.task) if self.options.bound else None
+        labels = self.options.bound_labels
+        task = relaxed(model.task) if labels else None
         if task is None:
-            why = "a failure might save something" if self.options.bound else "not asked for"
+            why = "a failure might save something" if labels else "not asked for"
             return None, {"no_bound": why}
-        search = AdaptiveSearch(model, task, self.stop, self.options.max_labels)
+        search = AdaptiveSearch(model, task, self.stop, labels)
         cost = search.cost(model.initial)
-        if cost is None:
-            return None, {"no_bound": "the search was given up"}
+        if cost is None and not search.floor:
+            return None, {"no_bound": "there is no plan"}
+        cost = search.floor if cost is None else cost
         if search.questions & touched(model.task):
             return None, {"no_bound": "verdicts rest on what a failure changes"}
         self.stop.bound(cost)
