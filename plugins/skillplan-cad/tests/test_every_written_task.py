@@ -41,9 +41,7 @@ def written(name, folder, **settings):
     [
         name
         if name == IN_EVERY_RUN
-        else pytest.param(
-            name, marks=pytest.mark.slow(reason="imports; one in every run")
-        )
+        else pytest.param(name, marks=pytest.mark.slow(reason="imports; one in every run"))
         for name in NAMES
     ],
 )

@@ -66,19 +66,32 @@ def test_a_picture_shows_the_parts_taken_apart(made):
 
 
 @pytest.mark.slow(reason="imports twice; a relation that was written is read in every run")
-def test_the_same_file_makes_the_same_bytes_and_stages_are_run_once(tmp_path, made, capsys):
-    """What is kept is as good as what is made; other threads test no ray again."""
+def test_the_same_file_makes_the_same_bytes_and_stages_are_run_once(
+    tmp_path, made, capsys, monkeypatch
+):
+    """Kept or made, by any number of processes; a change reruns what follows."""
     said = []
-    for number, more in enumerate(([], [], ["--threads", "solid"])):
+    calls = ([], ["--jobs", "2"], ["--threads", "solid"], ["--robot", "ur5e"])
+    for number, more in enumerate(calls):
         assert run(["import-cad", SOURCE, "--out", str(tmp_path / str(number)), *more]) == 0
         said.append(capsys.readouterr().err)
-    for name in ("relation.json", "report.json", "exploded.png", "product.yaml"):
-        contents = [folder / name for folder in (made, tmp_path / "0", tmp_path / "1")]
-        assert len({content.read_bytes() for content in contents}) == 1
+    monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "other"))
+    assert run(["import-cad", SOURCE, "--out", str(tmp_path / "4"), "--jobs", "2"]) == 0
+    first, *others = (contents(folder) for folder in (made, *(tmp_path / n for n in "014")))
+    assert {"relation.json", "report.json", "exploded.png", "product.yaml"} < first.keys()
+    assert all(other == first for other in others)
     assert "kept from" not in said[0]
-    assert said[1].count("kept from an earlier run") == 4
+    assert said[1].count("kept from an earlier run") == 6
     assert "joints ..." in said[2]
     assert "blocking: kept from an earlier run" in said[2]
+    assert "planning ..." in said[2]
+    assert said[3].count("kept from an earlier run") == 6
+
+
+def contents(folder):
+    """Return the bytes of all files in a folder."""
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 @pytest.mark.slow(reason="imports again; a relation that was written is read in every run")

@@ -38,6 +38,10 @@ class Findings:
     ----------
     product, joints, blocked, doubts, relation
         As the stages made them.
+    stages
+        Where they are kept.
+    read_hash
+        Of the product.
     """
 
     product: Product
@@ -45,6 +49,8 @@ class Findings:
     blocked: Blocked
     doubts: tuple[Doubt, ...]
     relation: Relation
+    stages: KeptStages
+    read_hash: str
 
 
 def found_in(path: Path, settings: ImportSettings, tell: Tell) -> Findings:
@@ -91,7 +97,8 @@ def found_in(path: Path, settings: ImportSettings, tell: Tell) -> Findings:
         ),
     )
     relation = relation_of(product, joints, blocked, tolerance_m, settings.threads)
-    return Findings(product, joints, blocked, doubts_from(content), relation)
+    doubts = doubts_from(content)
+    return Findings(product, joints, blocked, doubts, relation, stages, read_hash)
 
 
 def _content_hash(path: Path) -> str:

@@ -74,7 +74,7 @@ def import_cad(
     product, relation = findings.product, findings.relation
     if settings.base is not None and settings.base not in relation.names:
         raise OptionError(_no_base(settings.base, relation))
-    made = planned(path, product, relation, settings, tell, draw)
+    made = planned(path, findings, settings, draw)
     relation = made.relation
     waived = waived_pairs(findings.joints, findings.blocked, settings.threads)
     document = report_document(findings, waived, settings, path.name)

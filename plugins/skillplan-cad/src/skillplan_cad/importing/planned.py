@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from skillplan_cad.importing.exploded import Draw, added_bodies
+from skillplan_cad.importing.findings import Findings
+from skillplan_cad.importing.kept_plan import plan_bytes, plan_from, replay_bytes, replay_from
 from skillplan_cad.importing.settings import ImportSettings
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Planner, Step, Stuck, with_groups
 from skillplan_cad.planning.precedence import members
@@ -17,6 +20,7 @@ from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
 from skillplan_cad.reading.product_reader import read_product
 from skillplan_cad.reading.step_file import is_step
 from skillplan_cad.relation import Relation
+from skillplan_cad.relation_file import relation_text
 from skillplan_cad.writing.pieces_proof import ProvedPieces
 from skillplan_cad.writing.task_document import task_of
 from skillplan_cad.writing.upright import Upright
@@ -53,12 +57,7 @@ class Planned:
 
 
 def planned(
-    path: Path,
-    product: Product,
-    relation: Relation,
-    settings: ImportSettings,
-    tell: Callable[[str], None],
-    draw: Draw | None = None,
+    path: Path, findings: Findings, settings: ImportSettings, draw: Draw | None = None
 ) -> Planned:
     """Return the plan of a product.
 
@@ -66,22 +65,15 @@ def planned(
     ----------
     path
         What it was read from, to be read again for the replay.
-    product, relation
+    findings
         What was found.
     settings
         What was asked for.
-    tell
-        Told of progress.
     draw
         Draws `exploded.png`; None for no picture.
     """
-    tell("planning")
-    tolerance_m = settings.tolerance_mm / 1000
-    plan = Planner(product, relation, tolerance_m).plan(settings.base, settings.up_vector)
-    tell("replaying the plan with other meshes")
-    finer = _finer(path, product, settings)
-    share = 1.0 if finer is product else _FINER
-    again = replay(finer, relation, plan, share * tolerance_m)
+    product, relation = findings.product, findings.relation
+    plan, again = _plan_and_replay(path, findings, settings)
     document: dict[str, Any] = {"plan": plan_document(plan, again, relation)}
     files: dict[str, str | bytes] = {}
     if draw is not None:
@@ -107,6 +99,40 @@ def planned(
             *_piece_lines(document.get("pieces", {})),
         ),
     )
+
+
+def _plan_and_replay(
+    path: Path, findings: Findings, settings: ImportSettings
+) -> tuple[AssemblyPlan, Replay]:
+    """Return a plan, and what other meshes say of it; neither is made again from the same."""
+    product, relation = findings.product, findings.relation
+    tolerance_m = settings.tolerance_mm / 1000
+    content, plan_hash = findings.stages.run(
+        "planning",
+        {
+            "product": findings.read_hash,
+            "relation": hashlib.sha256(relation_text(relation).encode()).hexdigest(),
+            "tolerance_m": tolerance_m,
+            "base": settings.base,
+            "up": settings.up_vector,
+        },
+        lambda: plan_bytes(
+            Planner(product, relation, tolerance_m).plan(settings.base, settings.up_vector)
+        ),
+    )
+    plan = plan_from(content)
+
+    def replayed() -> bytes:
+        finer = _finer(path, product, settings)
+        share = 1.0 if finer is product else _FINER
+        return replay_bytes(replay(finer, relation, plan, share * tolerance_m))
+
+    content, _ = findings.stages.run(
+        "replaying the plan with other meshes",
+        {"product": findings.read_hash, "plan": plan_hash, "tolerance_m": tolerance_m},
+        replayed,
+    )
+    return plan, replay_from(content)
 
 
 def plan_document(plan: AssemblyPlan, again: Replay, relation: Relation) -> dict[str, Any]:

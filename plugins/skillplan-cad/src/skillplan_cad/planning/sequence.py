@@ -8,8 +8,9 @@ was cut down to its most promising.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -106,6 +107,21 @@ class _Way:
     before: _Way | None = field(default=None, repr=False)
 
 
+_Layer = dict[tuple[int, int, str, Vector], _Way]
+
+
+class _Step(NamedTuple):
+    """One more removal, as `Removal` has it, and what it costs."""
+
+    cost: float
+    part: int
+    direction: int
+    up: Vector
+    stays: bool
+    tips: bool
+    connected: bool
+
+
 class Sequencer:
     """Seeks the cheapest order.
 
@@ -138,6 +154,7 @@ class Sequencer:
         self._directions, self._tools, self._prices = directions, tools, prices
         self._vectors = np.asarray(directions)
         self._connected: dict[int, bool] = {}
+        self._cosines: dict[tuple[int, Vector], float] = {}
 
     def sequence(self, present: int, base: int, up: Vector) -> Sequence:
         """Return the cheapest order that leaves the base, or what no single part leaves.
@@ -155,39 +172,45 @@ class Sequencer:
         layer = [_Way(0.0, present)]
         width, cheapest = _width(present.bit_count()), True
         for _ in range((present & ~left).bit_count()):
-            best: dict[tuple[int, int, str, Vector], _Way] = {}
+            best: _Layer = {}
             for way in layer:
-                for new in self._steps(way, left, up):
-                    last = new.last
-                    assert last is not None
-                    key = (new.present, last.direction, last.tool, last.up)
-                    if key not in best or new.cost < best[key].cost:
-                        best[key] = new
+                self._lengthen(way, left, up, best)
             ordered = sorted(best.items(), key=lambda item: (item[1].cost, item[0]))
             cheapest = cheapest and len(ordered) <= width
             layer = [way for _, way in ordered[:width]]
         best_way = min(layer, key=lambda way: way.cost)
         return Sequence(_removals(best_way), left, round(best_way.cost, 6), cheapest)
 
-    def _steps(self, way: _Way, left: int, up: Vector) -> Iterator[_Way]:
-        """Yield each way that is longer by one part."""
+    def _lengthen(self, way: _Way, left: int, up: Vector, best: _Layer) -> None:
+        """Add each way that is longer by one part, unless one as far costs no more."""
         before = way.last
         for part in members(way.present & ~left):
+            tool = self._tools.get(part, "gripper")
             for direction in self._precedence.free_directions(part, way.present):
                 now = self._up(before.up if before else up, direction)
-                cost = self._fixed_cost(before, part, direction, now)
-                yield self._step(way, part, direction, now, cost, up)
+                others = way.present & ~(1 << part)
+                step = self._step(way, part, direction, now, up)
+                key = (others, direction, tool, now)
+                known = best.get(key)
+                if known is None or way.cost + step.cost < known.cost:
+                    best[key] = self._longer(way, step, tool, up)
 
     def _up(self, now: Vector, direction: int) -> Vector:
         """Return what points up while a part goes: it never comes from below."""
-        vector = self._directions[direction]
-        return now if float(np.dot(now, vector)) > -1e-3 else vector
+        return now if self._along(direction, now) > -1e-3 else self._directions[direction]
+
+    def _along(self, direction: int, up: Vector) -> float:
+        """Return the cosine between a direction and what points up."""
+        key = (direction, up)
+        if key not in self._cosines:
+            self._cosines[key] = float(np.dot(self._vectors[direction], up))
+        return self._cosines[key]
 
     def _fixed_cost(self, before: Removal | None, part: int, direction: int, up: Vector) -> float:
         """Return what a removal costs, whatever it leaves."""
         prices, tool = self._prices, self._tools.get(part, "gripper")
         cost = 0.0
-        if float(np.dot(self._vectors[direction], up)) < 1 - 1e-3:
+        if self._along(direction, up) < 1 - 1e-3:
             cost += prices.sideways
         if before is not None:
             cost += prices.direction * (before.direction != direction)
@@ -195,22 +218,26 @@ class Sequencer:
             cost += prices.turn * (before.up != up)
         return cost
 
-    def _step(
-        self, way: _Way, part: int, direction: int, up: Vector, cost: float, first: Vector
-    ) -> _Way:
-        """Return a way with one more removal."""
+    def _step(self, way: _Way, part: int, direction: int, up: Vector, first: Vector) -> _Step:
+        """Return what one more removal costs, and why."""
         others = way.present & ~(1 << part)
-        now = way.last.up if way.last else first
         stays = self._stability.stays(part, others, up)
         tips = self._stability.tips(way.present, up)
         connected = self._hang_together(others)
         prices = self._prices
+        cost = self._fixed_cost(way.last, part, direction, up)
         cost += prices.held * (not stays) + prices.held * tips + prices.apart * (not connected)
         if way.last is None:
-            cost += prices.turn * (now != up)
-        tool = self._tools.get(part, "gripper")
-        removal = Removal(part, direction, up, tool, now != up, stays, tips, connected)
-        return _Way(way.cost + cost, others, removal, way)
+            cost += prices.turn * (first != up)
+        return _Step(cost, part, direction, up, stays, tips, connected)
+
+    def _longer(self, way: _Way, step: _Step, tool: str, first: Vector) -> _Way:
+        """Return a way with one more removal."""
+        turn = (way.last.up if way.last else first) != step.up
+        removal = Removal(
+            step.part, step.direction, step.up, tool, turn, step.stays, step.tips, step.connected
+        )
+        return _Way(way.cost + step.cost, way.present & ~(1 << step.part), removal, way)
 
     def _hang_together(self, parts: int) -> bool:
         if parts not in self._connected:

@@ -54,17 +54,26 @@ class Stability:
             found = _forces(contact, firm)
             if found:
                 self._contacts.setdefault((one, other), []).extend(found)
+        self._touched: dict[int, int] = {}
+        for one, other in self._contacts:
+            self._touched[one] = self._touched.get(one, 0) | 1 << other
+            self._touched[other] = self._touched.get(other, 0) | 1 << one
         self._known: dict[tuple[int, int, Vector], bool] = {}
         self._tipping: dict[tuple[int, Vector], bool] = {}
         self._feet: dict[tuple[int, Vector], tuple[float, Array]] = {}
+        self._grounds: dict[tuple[tuple[int, ...], Vector], Array | None] = {}
+        # Of each part at a contact, what each force there does to it: forces, then torques.
+        self._wrenches = {
+            pair: [
+                [self._wrench(part, sign, *force) for force in forces]
+                for part, sign in zip(pair, (1.0, -1.0), strict=True)
+            ]
+            for pair, forces in self._contacts.items()
+        }
 
     def stays(self, part: int, others: int, up: Vector) -> bool:
         """Return whether a part stays on others, taken to be firm."""
-        touching = sum(
-            1 << other
-            for other in members(others)
-            if (part, other) in self._contacts or (other, part) in self._contacts
-        )
+        touching = others & self._touched.get(part, 0)
         key = (part, touching, up)
         if key not in self._known:
             self._known[key] = not self._held([part], touching, up)
@@ -86,11 +95,22 @@ class Stability:
         numbers = list(members(present))
         masses = self._masses[numbers]
         centre = (self._centres[numbers] * masses[:, None]).sum(axis=0) / masses.sum()
-        feet = [self._foot(part, up) for part in numbers]
-        lowest = min(height for height, _ in feet)
-        points = np.concatenate([p for height, p in feet if height < lowest + _GROUND_M])
-        across = _across(up)
-        return not _is_over(centre @ across.T, points @ across.T)
+        heights = [self._foot(part, up)[0] for part in numbers]
+        lowest = min(heights)
+        pairs = zip(numbers, heights, strict=True)
+        ground = self._ground(tuple(n for n, height in pairs if height < lowest + _GROUND_M), up)
+        if ground is None:
+            return True
+        normals, offsets = ground[:, :2], ground[:, 2]
+        return not bool((normals @ (_across(up) @ centre) + offsets <= _TIPPING_M).all())
+
+    def _ground(self, parts: tuple[int, ...], up: Vector) -> Array | None:
+        """Return the lines about what some parts stand on, as `ConvexHull` has them, or None."""
+        key = (parts, up)
+        if key not in self._grounds:
+            points = np.concatenate([self._foot(part, up)[1] for part in parts])
+            self._grounds[key] = _outline(points @ _across(up).T)
+        return self._grounds[key]
 
     def _foot(self, part: int, up: Vector) -> tuple[float, Array]:
         """Return how low a part reaches, and its points down there."""
@@ -135,13 +155,19 @@ class Stability:
             whole = all(part in rows or firm >> part & 1 for part in (one, other))
             if not sides or not whole:
                 continue
-            for point, force in forces:
+            wrenches = self._wrenches[one, other]
+            for number in range(len(forces)):
                 entries = []
                 for part, sign in sides:
-                    torque = np.cross(point - self._centres[part], force)
-                    wrench = sign * np.concatenate([force, torque])
-                    entries += [(rows[part] + k, float(wrench[k])) for k in range(6)]
+                    wrench = wrenches[0 if sign > 0 else 1][number]
+                    entries += [(rows[part] + k, wrench[k]) for k in range(6)]
                 found.append(entries)
+        return found
+
+    def _wrench(self, part: int, sign: float, point: Array, force: Array) -> list[float]:
+        """Return the force on a part and the torque about its centre of mass."""
+        torque = np.cross(point - self._centres[part], force)
+        found: list[float] = (sign * np.concatenate([force, torque])).tolist()
         return found
 
 
@@ -212,12 +238,11 @@ def _across(up: Vector) -> Array:
     return np.stack([one, np.cross(along, one)])
 
 
-def _is_over(point: Array, corners: Array) -> bool:
-    """Return whether a point of the plane is within the hull of others."""
+def _outline(corners: Array) -> Array | None:
+    """Return the lines of the hull of points of the plane; None where there is no area."""
     if len(corners) < 3:
-        return False
+        return None
     try:
-        hull = ConvexHull(corners)
+        return np.asarray(ConvexHull(corners).equations)
     except QhullError:
-        return False
-    return bool((hull.equations[:, :2] @ point + hull.equations[:, 2] <= _TIPPING_M).all())
+        return None
