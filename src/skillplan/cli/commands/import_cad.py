@@ -164,9 +164,9 @@ def command(
 
     Writes relation.json (which part, moved in which direction, is blocked by which others, and
     where), report.json (parts, masses, what was assumed, what overlaps, the plan), and, unless a
-    part is stuck, product.yaml with its meshes: a task that check accepts. Parts that one arm cannot
-    put in place are left out of it, and named with the reason. Stages that ran before with the same input are not
-    run again. Needs the plugin skillplan-cad.
+    part is stuck, product.yaml with its meshes: a task that check accepts. Parts that one arm
+    cannot put in place are left out of it, and named with the reason. Stages that ran before with
+    the same input are not run again. Needs the plugin skillplan-cad.
     """
     from skillplan.cli.output import emit
     from skillplan.cli.writing import tell
