@@ -160,3 +160,19 @@ def test_a_damaged_file_is_named_with_the_remedy(tower, capsys, name):
 def test_a_step_that_cannot_be_executed_is_named(tower, capsys):
     assert run(["explain", str(tower), "free(post)", "--after", "place(plate)"]) == 2
     assert "Step 1 of the sequence, place(plate), fails" in capsys.readouterr().err
+
+
+def test_a_part_that_the_task_leaves_out_is_explained_by_its_name_in_the_file(tower, capsys):
+    """It is in the way in the whole product, and never in place after a sequence."""
+    report = json.loads((tower.parent / "report.json").read_text("utf-8"))
+    del report["task_names"]["CAP"]
+    report["left_out"] = {"CAP": "has no level face beneath it"}
+    (tower.parent / "report.json").write_text(json.dumps(report))
+    own, _ = told(capsys, tower, "free(CAP)")
+    assert [way["blocked_by"][0]["part"] for way in own["directions"] if way["blocked_by"]] == [
+        "post"
+    ]
+    whole, _ = told(capsys, tower, "free(post)")
+    assert "CAP" in whole["present"]
+    after, _ = told(capsys, tower, "free(post)", "--after", AFTER_PLATE)
+    assert after["present"] == ["plate"]

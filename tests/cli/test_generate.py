@@ -44,6 +44,22 @@ def test_a_name_is_the_tasks(cli: Any) -> None:
     assert "--seed 0 --name my-board\n" in out
 
 
+def test_grasps_may_fail(cli: Any, tmp_path: Path) -> None:
+    """And replan takes the board; a wrong range is told so."""
+    path = tmp_path / "missed.yaml"
+    words = (*FIVE, "--failures", "0.1:0.4", "--failing-share", "0.4")
+    written = cli(*words, "--out", str(path))
+    assert written.out.endswith("; 2 grasps may fail\n")
+    assert "--failures 0.1:0.4 --failing-share 0.4\n" in path.read_text("utf-8")
+    solved = cli("search-optimal", str(path), "--solver", "replan", "--format", "json")
+    assert (0, "solved") == (solved.code, solved.document["status"])
+    assert solved.document["lower_bound"] <= solved.document["cost"]
+    assert 2_000 == solved.document["trace"]["expected_cost"]["roll_outs"]
+    refused = cli(*FIVE, "--failures", "0.4:0.1")
+    assert 2 == refused.code
+    assert "must be LEAST:GREATEST below 1, such as 0.1:0.4, not 0.4:0.1" in refused.err
+
+
 def test_no_file_is_overwritten(cli: Any, tmp_path: Path) -> None:
     """Not even one that leads nowhere."""
     there, link = tmp_path / "there.yaml", tmp_path / "link.yaml"

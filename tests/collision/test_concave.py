@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from concave_shapes import channel, channel_boxes
 from skillplan.collision.solids import decomposition
-from skillplan.collision.solids.concave import depths
+from skillplan.collision.solids.concave import deepest_within, depths, outermost
 from skillplan.collision.solids.decomposition import NoPieces, decomposition_of
 from skillplan.collision.solids.polyhedron import polyhedron_of
 from skillplan.collision.solids.solid import TOUCH_M, Solid
@@ -56,6 +56,24 @@ def test_points_are_as_deep_as_they_are_far_from_the_surface():
     points = np.array([[0, 0, 0.001], [0.0485, 0, 0.03], [0, 0, 0.014], [0, 0, 0.5]])
     found = depths(polyhedron_of(channel(), Pose(ORIGIN)), points)
     assert found == pytest.approx([0.001, 0.0015, -0.01, -math.hypot(0.45, 0.046)], abs=1e-9)
+
+
+def test_of_points_the_outermost_outside_counts_however_deep_others_are():
+    """The middle of the floor is deeper than the outer point is far away."""
+    surface = polyhedron_of(channel(), Pose(ORIGIN))
+    points = np.array([[0, 0, 0.001], [0, 0, 0.0025], [0, 0, -0.0005]])
+    assert outermost(surface, points) == pytest.approx(0.0005, abs=1e-9)
+    assert outermost(surface, points[:2]) == 0.0
+
+
+@given(st.lists(st.tuples(*[st.floats(-0.06, 0.06)] * 6), min_size=1, max_size=4))
+def test_the_deepest_point_of_edges_is_as_deep_as_that_of_many_points_on_them(ends):
+    """Whatever bounds leave out; what is shallower than 0.2 mm counts as none."""
+    surface, edges = polyhedron_of(channel(), Pose(ORIGIN)), np.array(ends).reshape(-1, 2, 3)
+    shares = np.linspace(0, 1, 201)[:, None]
+    points = np.concatenate([begin + shares * (end - begin) for begin, end in edges])
+    deepest = max(0.0, float(depths(surface, points).max()))
+    assert deepest - 2e-4 <= deepest_within(surface, edges) <= deepest + 5e-4
 
 
 @pytest.mark.slow(reason="many depths; other walls in every run")

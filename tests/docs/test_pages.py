@@ -72,7 +72,8 @@ def test_the_glossary_is_short():
 
 def test_every_decision_has_its_four_parts():
     """Decisions are numbered without a gap, and each says at least what was decided."""
-    pages = sorted((DOCS / "explanation/decisions").glob("[0-9]*.md"))
+    pages = (DOCS / "explanation/decisions").glob("[0-9]*.md")
+    pages = sorted(pages, key=lambda page: int(page.name.partition("-")[0]))
     for number, page in enumerate(pages, 1):
         text = page.read_text("utf-8")
         assert text.startswith(f"# {number}. "), page.name

@@ -152,7 +152,15 @@ def test_overlaps_and_what_floats_are_told(tmp_path, capsys):
     assert [one["parts"] for one in document["interference"]] == [["block", "pin"]]
     assert document == json.loads((out / "report.json").read_text("utf-8"))
     run(["import-cad", str(file("floating")), "--out", str(tmp_path / "other")])
-    assert "balloon: touches no other part" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "balloon: touches no other part" in told
+    assert "balloon is left out: it has nothing beneath it" in told
+    document = json.loads((tmp_path / "other" / "report.json").read_text("utf-8"))
+    assert list(document["left_out"]) == ["balloon"]
+    assert document["attitude"]["stands"] == [
+        {"part": "plate", "on": []},
+        {"part": "block", "on": ["plate"]},
+    ]
 
 
 def test_a_plan_is_told_and_written_as_a_task(made):

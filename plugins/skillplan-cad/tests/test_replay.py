@@ -51,3 +51,21 @@ def test_a_part_that_comes_too_early_is_told(keyed):
     straight = replace(plan.steps[0], path=())
     found = replay(product, relation, replace(plan, steps=(straight, *plan.steps[1:])))
     assert {(fault.part, fault.by) for fault in found.faults} == {("key", "body")}
+
+
+def test_a_lid_before_what_lies_beneath_it_is_a_wrong_order():
+    """The block would have to come through the lid."""
+    solids = {
+        "tray": box(0, 0, 0, 40, 40, 12) - box(5, 5, 3, 35, 35, 12),
+        "block": box(10, 10, 3, 30, 30, 12),
+        "lid": box(0, 0, 12, 40, 40, 14),
+    }
+    across = {"tray": "block", "block": "tray"}
+    blocked = {"+x": across, "+y": across, "+z": {"tray": "block lid", "block": "lid"}}
+    product = Product("box", tuple(part_of(*item) for item in solids.items()), "mm", 0.0)
+    relation = relation_by_hand(solids, blocked, ["tray block", "tray lid"])
+    plan = Planner(product, relation).plan("tray")
+    assert [step.parts for step in plan.steps] == [("block",), ("lid",)]
+    assert replay(product, relation, plan).agrees
+    found = replay(product, relation, replace(plan, steps=plan.steps[::-1]))
+    assert {(fault.step, fault.part, fault.by) for fault in found.faults} == {(1, "block", "lid")}

@@ -10,7 +10,6 @@ import trimesh
 import yaml
 
 from cad_fixtures import box, part_of, step_path
-from skillplan import load_problem
 from skillplan_cad.build_relation import blocked_of, joints_of, relation_of
 from skillplan_cad.planning.assembly_plan import Planner
 from skillplan_cad.planning.replay import replay
@@ -126,30 +125,6 @@ def test_shanks_of_screws_hang_clear_of_the_table_in_their_feeder(written):
 def test_the_file_is_what_the_document_says_and_the_same_every_time(eight, written):
     assert yaml.safe_load(written.files["product.yaml"]) == written.document
     assert task_of(*eight).files == written.files
-
-
-@pytest.mark.parametrize(
-    ("product", "skills"),
-    [
-        pytest.param(
-            "dovetail", 5, marks=pytest.mark.slow(reason="a plan; the document is in every run")
-        ),
-        pytest.param(
-            "eight",
-            16,
-            marks=pytest.mark.release(
-                reason="half a minute to take concave meshes apart; two parts in the whole suite"
-            ),
-        ),
-    ],
-)
-def test_the_written_task_is_valid(product, skills, tmp_path):
-    for name, content in task_of(*planned(product)).files.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(content, "utf-8")
-    task = load_problem(tmp_path / "product.yaml").task
-    assert task.name == product
-    assert len(task.skills) == skills
 
 
 def test_a_knob_is_a_mesh_of_its_own_by_which_the_part_is_held():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 from skillplan.errors import ModelTooLarge
 from skillplan.model.skill_model import SkillModel, Transition
@@ -10,7 +11,16 @@ from skillplan.quick_dataclass import dataclass
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 
-MAX_STATES = 5_000
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+MAX_STATES = 200_000
+# Up to so many states a dense linear system is solved; beyond, values are swept until they rest.
+_MOST_EQUATIONS = 2_000
+_MOST_SWEEPS = 20_000
+# Values that a sweep changes by less, as a fraction of the largest, have come to rest.
+_AT_REST = 1e-14
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,14 +125,57 @@ def _solve(model: SkillModel, chain: Mapping[State, Transition | None]) -> Polic
     import numpy as np
 
     index = {state: i for i, state in enumerate(chain)}
-    matrix = np.eye(len(chain))
     gains = np.zeros((len(chain), 3))
+    owners, successors, shares = [], [], []
     for state, step in chain.items():
         if step is None:
             continue
-        row = index[state]
-        gains[row] = (step.cost, step.duration_s, 1.0)
+        gains[index[state]] = (step.cost, step.duration_s, 1.0)
         for probability, next_state in step.outcomes:
-            matrix[row, index[next_state]] -= probability
-    cost, duration_s, steps = np.linalg.solve(matrix, gains)[index[model.initial]]
+            owners.append(index[state])
+            successors.append(index[next_state])
+            shares.append(probability)
+    first = index[model.initial]
+    if len(chain) <= _MOST_EQUATIONS:
+        matrix = np.eye(len(chain))
+        np.subtract.at(matrix, (owners, successors), shares)
+        cost, duration_s, steps = np.linalg.solve(matrix, gains)[first]
+    else:
+        cost, duration_s, steps = _swept(gains, owners, successors, shares)[first]
     return PolicyValue(float(cost), float(duration_s), float(steps))
+
+
+def _swept(
+    gains: NDArray[np.float64], owners: list[int], successors: list[int], shares: list[float]
+) -> NDArray[np.float64]:
+    """Return the values of a chain that ends for certain, by sweeps from 0.
+
+    Parameters
+    ----------
+    gains
+        What every state adds to each of k sums, shape (n, k).
+    owners, successors, shares
+        State, next state and probability of every outcome.
+
+    Raises
+    ------
+    ModelTooLarge
+        If the values have not come to rest, as the chain hardly ever ends.
+    """
+    import numpy as np
+
+    rows, following, share = np.array(owners), np.array(successors), np.array(shares)
+    values = np.zeros_like(gains)
+    for _ in range(_MOST_SWEEPS):
+        after = gains + np.stack(
+            [
+                np.bincount(rows, share * values[following, column], minlength=len(gains))
+                for column in range(gains.shape[1])
+            ],
+            axis=1,
+        )
+        change = float(np.abs(after - values).max())
+        values = after
+        if change <= _AT_REST * max(1.0, float(values.max())):
+            return values
+    raise ModelTooLarge(f"The policy takes too long to evaluate in {len(gains):,} states.")

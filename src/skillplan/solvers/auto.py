@@ -20,6 +20,9 @@ from skillplan.task import back_end
 _SMALL = 24
 _LABELS = 6_000
 
+# Where there are too many states for tables, replanning takes plans that are found much sooner.
+_WEIGHT = 1.2
+
 
 class AutoSolver(Solver):
     """Choose: exact where small, the portfolio for orders, fleet for agents, else exact again."""
@@ -38,6 +41,12 @@ class AutoSolver(Solver):
             chosen: Solver = ValueIterationSolver(stop=self.stop)
             refusal = chosen.refuses(model)
             if refusal is not None:
+                from skillplan.solvers.chance.replan import ReplanSolver
+
+                replan = ReplanSolver(ReplanSolver.Options(weight=_WEIGHT), self.stop)
+                if replan.refuses(model) is None:
+                    why = "replan, as skills may fail and there are too many states for tables"
+                    return self._by(replan, model, seed, why)
                 return Solution(trace={"reason": refusal, "choice": "none fits"})
             return self._by(chosen, model, seed, "value-iteration, as skills may fail by chance")
         small = len(model.task.operations) <= _SMALL

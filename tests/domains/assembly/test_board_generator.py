@@ -241,3 +241,33 @@ def test_a_value_out_of_its_range_is_refused(values: dict[str, Any], message: st
     with pytest.raises(OptionError) as refused:
         BoardGenerator(**{"parts": 5, "density": 0.5, **values})
     assert message in str(refused.value)
+
+
+class TestGraspsThatFail:
+    def test_a_share_of_the_parts_may_be_missed(self) -> None:
+        """By probabilities between the two, with a way home; the rest of the board is the same."""
+        plain = BoardGenerator(12, 0.2, 2, 7)
+        failing = dataclasses.replace(plain, failures=(0.1, 0.4), failing_share=0.33)
+        parts = content(failing)["parts"]
+        missed = {n: part["grasp_failure"] for n, part in parts.items() if "grasp_failure" in part}
+        assert 4 == len(missed)
+        assert all(0.1 <= one <= 0.4 for one in missed.values())
+        assert content(plain)["parts"] == but_for(parts, "grasp_failure")
+        assert content(failing)["robot"]["look_m"] == content(failing)["robot"]["home_m"]
+        task = loaded(failing)
+        assert not task.deterministic
+        assert task.step_limit > loaded(plain).step_limit
+        assert failing.summary.endswith("; 4 grasps may fail")
+        assert failing.text() == dataclasses.replace(failing).text()
+
+    @pytest.mark.parametrize("failures", [(0.4, 0.1), (-0.1, 0.2), (0.5, 1.0)])
+    def test_what_is_no_range_of_probabilities_is_refused(
+        self, failures: tuple[float, float]
+    ) -> None:
+        with pytest.raises(OptionError, match="failures must be LEAST:GREATEST"):
+            BoardGenerator(4, 0.2, failures=failures)
+
+    @pytest.mark.parametrize("share", [0.0, 1.5])
+    def test_a_share_is_above_0_and_at_most_1(self, share: float) -> None:
+        with pytest.raises(OptionError, match="failing share"):
+            BoardGenerator(4, 0.2, failures=(0.1, 0.4), failing_share=share)

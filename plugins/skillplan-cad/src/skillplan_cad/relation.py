@@ -207,3 +207,10 @@ class Relation:
     def fastener(self, part: str) -> Fastener | None:
         """Return what is known of a fastener, or None for what is no fastener."""
         return next((one for one in self.fasteners if one.part == part), None)
+
+    @cached_property
+    def driven(self) -> frozenset[str]:
+        """Names of the screws and nuts that a screwdriver brings; all else is held in a hand."""
+        return frozenset(
+            one.part for one in self.fasteners if one.kind in ("screw", "nut") and one.joins
+        )

@@ -9,7 +9,7 @@ import typer
 from skillplan import __version__
 from skillplan.cli.options.panels import OUTPUT, TASK
 from skillplan.cli.options.single import Seed
-from skillplan.cli.options.values import count_option, fraction
+from skillplan.cli.options.values import Probabilities, count_option, fraction, probabilities
 
 HELP = """Write task files at random, of a kind: for studies of scale.
 
@@ -54,6 +54,28 @@ def assembly(
             rich_help_panel=TASK,
         ),
     ] = "",
+    failures: Annotated[
+        Probabilities | None,
+        typer.Option(
+            "--failures",
+            parser=probabilities,
+            metavar="P:Q",
+            help="Least and greatest probability that a grasp fails, of the parts that may be "
+            "missed, such as 0.1:0.4; the arm then goes home before it tries again. Default: none "
+            "fails.",
+            rich_help_panel=TASK,
+        ),
+    ] = None,
+    failing_share: Annotated[
+        float,
+        typer.Option(
+            "--failing-share",
+            parser=fraction,
+            metavar="S",
+            help="Share of the parts whose grasp may fail, with --failures.",
+            rich_help_panel=TASK,
+        ),
+    ] = 1.0,
     out: Annotated[
         str | None,
         typer.Option(
@@ -74,7 +96,7 @@ def assembly(
     from skillplan.cli.writing import write_out
     from skillplan.domains.assembly.board_generator import BoardGenerator
 
-    board = BoardGenerator(parts, density, tools, seed, name)
+    board = BoardGenerator(parts, density, tools, seed, name, failures, failing_share)
     text = board.text(__version__)
     if out is None:
         write_out(text)

@@ -14,7 +14,7 @@ from skillplan.cli.options.values import one_of, positive_number
 GEOMETRY = "Geometry"
 PLANNING = "Planning"
 
-_UPS = ("x", "y", "z", "-x", "-y", "-z")
+_UPS = ("auto", "x", "y", "z", "-x", "-y", "-z")
 _DIRECTIONS = ("axes", "cylinders", "contacts")
 _THREADS = ("unscrew", "solid", "ignore")
 # The plugin that is asked for by the command's name.
@@ -112,15 +112,16 @@ def command(
         ),
     ] = None,
     up: Annotated[
-        Literal["x", "y", "z", "-x", "-y", "-z"],
+        Literal["auto", "x", "y", "z", "-x", "-y", "-z"],
         typer.Option(
             "--up",
             parser=one_of(_UPS),
             metavar="AXIS",
-            help="Axis of the file that points up: x, y, z, -x, -y or -z.",
+            help="Axis of the file that points up: x, y, z, -x, -y or -z; auto: z, or that with "
+            "which more parts stand by themselves.",
             rich_help_panel=PLANNING,
         ),
-    ] = "z",
+    ] = "auto",
     base: Annotated[
         str | None,
         typer.Option(
@@ -163,8 +164,9 @@ def command(
 
     Writes relation.json (which part, moved in which direction, is blocked by which others, and
     where), report.json (parts, masses, what was assumed, what overlaps, the plan), and, unless a
-    part is stuck, product.yaml with its meshes. Stages that ran before with the same input are not
-    run again. Needs the plugin skillplan-cad.
+    part is stuck, product.yaml with its meshes: a task that check accepts. Parts that one arm
+    cannot put in place are left out of it, and named with the reason. Stages that ran before with
+    the same input are not run again. Needs the plugin skillplan-cad.
     """
     from skillplan.cli.output import emit
     from skillplan.cli.writing import tell

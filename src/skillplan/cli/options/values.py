@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import typer
 
@@ -107,6 +107,30 @@ def fraction(value: str | float) -> float:
     if not 0 <= number <= 1:
         raise typer.BadParameter(f"must be from 0 to 1, not {value}.")
     return number
+
+
+class Probabilities(NamedTuple):
+    """The least and the greatest of some probabilities."""
+
+    least: float
+    greatest: float
+
+
+def probabilities(value: str | Probabilities) -> Probabilities:
+    """Return two probabilities in [0, 1), given as LEAST:GREATEST, or as one for both.
+
+    Raises
+    ------
+    typer.BadParameter
+        If they are none.
+    """
+    if isinstance(value, Probabilities):
+        return value
+    least, colon, greatest = value.partition(":")
+    found = Probabilities(fraction(least), fraction(greatest if colon else least))
+    if not found.least <= found.greatest < 1:
+        raise typer.BadParameter(f"must be LEAST:GREATEST below 1, such as 0.1:0.4, not {value}.")
+    return found
 
 
 def memory_size(value: str | int) -> int:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from skillplan.collision.solids.concave import depths
+from skillplan.collision.solids.concave import outermost
 from skillplan.collision.solids.polyhedron import Floats, polyhedron_of
 from skillplan.errors import PluginError
 from skillplan.files.atomic_file import write_whole
@@ -149,8 +149,8 @@ def _measured(mesh: Mesh, pieces: tuple[Mesh, ...]) -> Decomposition:
     for part in parts:
         normals, offsets = part.planes
         reached = np.maximum(reached, (offsets - own @ normals.T).min(axis=1))
-    outside_m = max(0.0, -float(depths(whole, outer).min()))
-    return Decomposition(pieces, round(outside_m, 7), round(max(0.0, -float(reached.min())), 7))
+    missing_m = max(0.0, -float(reached.min()))
+    return Decomposition(pieces, round(outermost(whole, outer), 7), round(missing_m, 7))
 
 
 def _samples(triangles: Floats, count: int) -> Floats:

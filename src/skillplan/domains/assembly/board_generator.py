@@ -35,6 +35,8 @@ _DENSITY_KG_PER_M3 = 2700.0
 # On an arc about the base: a path from one to another through a third always costs more.
 _HOLDER_RADIUS_M = 0.740
 _HOLDER_PITCH_M = 0.080
+# Where the arm goes after a missed grasp, out of the camera's view: home.
+_LOOK_M = (0.307, 0.000)
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
 
 
@@ -61,6 +63,12 @@ class BoardGenerator:
         Governs all randomness, at least 0.
     name
         The task's name; "" for one made of parts, tools and seed.
+    failures
+        Least and greatest probability that the grasp of a part fails which may, in [0, 1), drawn
+        evenly and rounded to hundredths [-]; None for grasps that never fail. After a miss the arm
+        goes home before it does anything else, and that way counts.
+    failing_share
+        Of the parts that share may be missed, rounded to the nearest number, in (0, 1] [-].
 
     Raises
     ------
@@ -73,6 +81,8 @@ class BoardGenerator:
     tools: int = 1
     seed: int = 0
     name: str = ""
+    failures: tuple[float, float] | None = None
+    failing_share: float = 1.0
 
     def __post_init__(self) -> None:
         if not 1 <= self.parts <= MOST_PARTS:
@@ -83,6 +93,13 @@ class BoardGenerator:
             raise OptionError(f"tools must be from 1 to {MOST_TOOLS}, not {self.tools}.")
         if self.seed < 0:
             raise OptionError(f"seed must be at least 0, not {self.seed}.")
+        if self.failures is not None and not 0 <= self.failures[0] <= self.failures[1] < 1:
+            shown = ":".join(f"{one}" for one in self.failures)
+            raise OptionError(f"failures must be LEAST:GREATEST in [0, 1), not {shown}.")
+        if not 0 < self.failing_share <= 1:
+            raise OptionError(
+                f"failing share must be above 0 and at most 1, not {self.failing_share}."
+            )
         if self.name and not _NAME.fullmatch(self.name):
             shown = self.name if len(self.name) <= 48 else f"{self.name[:45]}..."
             raise OptionError(
@@ -108,9 +125,11 @@ class BoardGenerator:
     @property
     def summary(self) -> str:
         """What the board holds, in a few words."""
+        missed = len(self._misses)
+        failing = f"; {_counted(missed, 'grasp')} may fail" if missed else ""
         return (
             f"{_counted(self.parts, 'part')} and {_counted(self.tools, 'tool')}; "
-            f"{self.ordered_pairs} of {_counted(self.pairs, 'pair')} of parts ordered"
+            f"{self.ordered_pairs} of {_counted(self.pairs, 'pair')} of parts ordered{failing}"
         )
 
     @property
@@ -118,9 +137,13 @@ class BoardGenerator:
         """The command line that makes this board."""
         density = f"{self.density}".removesuffix(".0")
         name = f" --name {self.name}" if self.name else ""
+        failing = ""
+        if self.failures is not None:
+            least, greatest = self.failures
+            failing = f" --failures {least:g}:{greatest:g} --failing-share {self.failing_share:g}"
         return (
             f"skillplan generate assembly --parts {self.parts} --density {density} "
-            f"--tools {self.tools} --seed {self.seed}{name}"
+            f"--tools {self.tools} --seed {self.seed}{failing}{name}"
         )
 
     @cached_property
@@ -147,6 +170,8 @@ class BoardGenerator:
         yield "robot:"
         yield "  name: panda"
         yield "  home_m: [0.307, 0.000]"
+        if self._misses:
+            yield f"  look_m: [{_LOOK_M[0]:.3f}, {_LOOK_M[1]:.3f}]"
         yield "  reach_m: 0.855"
         yield "  safe_height_m: 0.180"
         yield "  travel_speed_m_per_s: 0.25"
@@ -164,7 +189,9 @@ class BoardGenerator:
         yield ""
         yield "parts:"
         for number, tool in enumerate(self._tools_of_parts()):
-            yield f"  {_part(number)}: {{tool: {_tool(tool)}, {self._geometry[number]}}}"
+            failure = self._misses.get(number)
+            missed = "" if failure is None else f"grasp_failure: {failure:.2f}, "
+            yield f"  {_part(number)}: {{tool: {_tool(tool)}, {missed}{self._geometry[number]}}}"
         yield ""
         if self.chart:
             yield "chart:"
@@ -182,8 +209,10 @@ class BoardGenerator:
         yield "  out_of_time: -10.0"
         if self.tools > 1:
             yield "  repeated_tool_change: -2.5"
-        # Pick and place, and a tool change before each: two changes in a row never save distance.
-        yield f"step_limit: {3 * self.parts}"
+        if not self._misses:
+            # Pick and place, and a tool change before each: two changes in a row never save
+            # distance. With grasps that may fail, the kind's own limit leaves room for them.
+            yield f"step_limit: {3 * self.parts}"
 
     @cached_property
     def _geometry(self) -> list[str]:
@@ -202,6 +231,21 @@ class BoardGenerator:
                 f"goal_m: {_vector(*_within(_BOARD_M, goal, sides_m, draw))}"
             )
         return lines
+
+    @cached_property
+    def _misses(self) -> dict[int, float]:
+        """Probability that the grasp fails, by number of each part of which it may."""
+        if self.failures is None:
+            return {}
+        draw = self._draws("failures")
+        count = math.floor(self.failing_share * self.parts + 0.5)
+        least, greatest = self.failures
+        found = {}
+        for number in _shuffled(self.parts, draw)[:count]:
+            probability = round(least + (greatest - least) * draw(), 2)
+            if probability:
+                found[number] = probability
+        return found
 
     def _tools_of_parts(self) -> list[int]:
         """Return the tool of every part: of the first ones each another, then any."""

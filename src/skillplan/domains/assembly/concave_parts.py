@@ -53,5 +53,4 @@ def _concave(config: AssemblyConfig) -> Iterator[tuple[str, int, Mesh, tuple[Mes
     for name, part in config.parts.items():
         for index, mesh in enumerate(part.meshes or ()):
             if not mesh.convex:
-                whole = Mesh(mesh.corners, mesh.faces, convex=False)
-                yield name, index, whole, mesh.given_pieces
+                yield name, index, mesh.shape, mesh.given_pieces

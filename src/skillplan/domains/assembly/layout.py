@@ -15,7 +15,7 @@ from skillplan.domains.assembly.part_schema import PartConfig, ScrewConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.task.grasp import AXES
 from skillplan.task.pose import DOWN, Point, Pose, cross, same_direction, unit
-from skillplan.task.shape import Box, Cylinder, Mesh, Shape
+from skillplan.task.shape import Box, Cylinder, Shape
 
 _TABLE_M = 40.0
 # An axis of which z is more than this is taken for upright.
@@ -31,7 +31,7 @@ def shapes_of(part: PartConfig) -> tuple[Shape, ...]:
         height_m = part.cylinder.height_m
         return (Cylinder(part.cylinder.diameter_m, height_m, (0.0, 0.0, height_m / 2)),)
     if part.meshes is not None:
-        return tuple(Mesh(mesh.corners, mesh.faces, mesh.convex) for mesh in part.meshes)
+        return tuple(mesh.shape for mesh in part.meshes)
     return tuple(Box(point(box.size_m), point(box.centre_m)) for box in part.boxes or ())
 
 
@@ -50,11 +50,10 @@ def pieces_of(part: PartConfig) -> tuple[Shape, ...]:
 
     found: list[Shape] = []
     for mesh in part.meshes or ():
-        shape = Mesh(mesh.corners, mesh.faces, mesh.convex)
         if mesh.convex:
-            found.append(shape)
+            found.append(mesh.shape)
         else:
-            found += mesh.given_pieces or decomposition_of(shape).pieces
+            found += mesh.given_pieces or decomposition_of(mesh.shape).pieces
     return tuple(found)
 
 

@@ -98,6 +98,7 @@ class MeshConfig(Strict):
     _sha256: str = PrivateAttr("")
     _convex: bool = PrivateAttr(True)
     _pieces: tuple[Mesh, ...] = PrivateAttr(())
+    _shape: Mesh | None = PrivateAttr(None)
 
     @model_validator(mode="wrap")
     @classmethod
@@ -140,6 +141,13 @@ class MeshConfig(Strict):
     def convex(self) -> bool:
         """Whether it is convex."""
         return self._convex
+
+    @property
+    def shape(self) -> Mesh:
+        """It in the part's frame: made once, as a mesh of thousands of corners is tested long."""
+        if self._shape is None:
+            self._shape = Mesh(self._corners, self._faces, self._convex)
+        return self._shape
 
     @property
     def given_pieces(self) -> tuple[Mesh, ...]:

@@ -50,7 +50,7 @@ class ProductRelation:
     path
         Of `relation.json`.
     parts
-        Names in the task, in the order of the file.
+        Names in the task, in the order of the file; those of the file of what the task leaves out.
     tolerance_m
         Radius of the disc that has to be blocked before a pair is.
     directions
@@ -109,7 +109,9 @@ def relation_beside(task_file: Path) -> ProductRelation:
 
 
 def _relation(path: Path, relation: dict[str, Any], report: dict[str, Any]) -> ProductRelation:
-    names = {str(name): str(own) for name, own in report["task_names"].items()}
+    # What the task leaves out keeps its name of the file.
+    names = {str(name): str(name) for name in report.get("left_out", {})}
+    names |= {str(name): str(own) for name, own in report["task_names"].items()}
     placement = report["placement"]
     turn = [_point(row) for row in placement["turn"]]
     offset_m = _scaled(_point(placement["offset_mm"]))

@@ -75,7 +75,7 @@ class ExactSolver(Solver):
         if not model.task.deterministic:
             return (
                 "exact search looks for one sequence and needs skills with one outcome each; "
-                "under chance take value-iteration"
+                "under chance take value-iteration, or replan"
             )
         return None
 

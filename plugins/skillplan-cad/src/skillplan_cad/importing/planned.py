@@ -8,12 +8,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from skillplan_cad.importing.attitude import attitude, attitude_document, attitude_warnings
 from skillplan_cad.importing.exploded import Draw, added_bodies
 from skillplan_cad.importing.findings import Findings
 from skillplan_cad.importing.kept_plan import plan_bytes, plan_from, replay_bytes, replay_from
+from skillplan_cad.importing.plan_document import (
+    pieces_document,
+    placement_document,
+    plan_document,
+)
 from skillplan_cad.importing.settings import ImportSettings
-from skillplan_cad.planning.assembly_plan import AssemblyPlan, Planner, Step, Stuck, with_groups
-from skillplan_cad.planning.precedence import members
+from skillplan_cad.planning.assembly_plan import AssemblyPlan, Planner, with_groups
+from skillplan_cad.planning.bearing import Bearing
 from skillplan_cad.planning.replay import Replay, replay
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
@@ -21,9 +27,7 @@ from skillplan_cad.reading.product_reader import read_product
 from skillplan_cad.reading.step_file import is_step
 from skillplan_cad.relation import Relation
 from skillplan_cad.relation_file import relation_text
-from skillplan_cad.writing.pieces_proof import ProvedPieces
 from skillplan_cad.writing.task_document import task_of
-from skillplan_cad.writing.upright import Upright
 
 # Of the chord and the tolerance of the plan, what its replay takes.
 _FINER = 0.4
@@ -73,19 +77,28 @@ def planned(
         Draws `exploded.png`; None for no picture.
     """
     product, relation = findings.product, findings.relation
-    plan, again = _plan_and_replay(path, findings, settings)
+    bearing = attitude(product, relation, settings.up)
+    plan, again = _plan_and_replay(path, findings, settings, bearing)
     document: dict[str, Any] = {"plan": plan_document(plan, again, relation)}
     files: dict[str, str | bytes] = {}
     if draw is not None:
         files["exploded.png"] = draw(product.name, added_bodies(product, plan))
+    told = []
     if plan.complete:
-        task = task_of(product, relation, plan, settings.robot)
-        files |= task.files
-        if task.document:
+        document["attitude"] = attitude_document(bearing)
+        told += attitude_warnings(product, relation, bearing, settings.up)
+        task = task_of(product, relation, plan, settings.robot, bearing)
+        document["left_out"] = dict(bearing.why_not if task is None else task.left_out)
+        told += [f"{name} is left out: it {words}." for name, words in document["left_out"].items()]
+        if task is None:
+            told.append("No part is left that one arm could place: no product.yaml is written.")
+        else:
+            files |= task.files
             document["task_names"] = dict(task.names)
             document["placement"] = placement_document(task.upright)
             document["pieces"] = pieces_document(task.pieces, relation)
-        document["limits"] = {name: list(lines) for name, lines in task.limits.items()}
+            document["limits"] = {name: list(lines) for name, lines in task.limits.items()}
+            told += [f"check refuses product.yaml: {words}" for words in task.faults]
     limits = document.get("limits", {})
     return Planned(
         with_groups(relation, plan),
@@ -95,6 +108,7 @@ def planned(
         tuple(_lines(plan, again)),
         (
             *_warnings(plan, again),
+            *told,
             *_limit_lines(limits),
             *_piece_lines(document.get("pieces", {})),
         ),
@@ -102,11 +116,12 @@ def planned(
 
 
 def _plan_and_replay(
-    path: Path, findings: Findings, settings: ImportSettings
+    path: Path, findings: Findings, settings: ImportSettings, bearing: Bearing
 ) -> tuple[AssemblyPlan, Replay]:
     """Return a plan, and what other meshes say of it; neither is made again from the same."""
     product, relation = findings.product, findings.relation
     tolerance_m = settings.tolerance_mm / 1000
+    grounded = [name for name in bearing.order if not bearing.on[name]]
     content, plan_hash = findings.stages.run(
         "planning",
         {
@@ -114,10 +129,11 @@ def _plan_and_replay(
             "relation": hashlib.sha256(relation_text(relation).encode()).hexdigest(),
             "tolerance_m": tolerance_m,
             "base": settings.base,
-            "up": settings.up_vector,
+            "up": bearing.up,
+            "grounded": grounded,
         },
         lambda: plan_bytes(
-            Planner(product, relation, tolerance_m).plan(settings.base, settings.up_vector)
+            Planner(product, relation, tolerance_m).plan(settings.base, bearing.up, grounded)
         ),
     )
     plan = plan_from(content)
@@ -135,107 +151,12 @@ def _plan_and_replay(
     return plan, replay_from(content)
 
 
-def plan_document(plan: AssemblyPlan, again: Replay, relation: Relation) -> dict[str, Any]:
-    """Return a plan as JSON; lengths are millimetres, vectors in the file's frame."""
-    return {
-        "base": plan.base,
-        "why_base": plan.why_base,
-        "complete": plan.complete,
-        "cheapest": plan.cheapest,
-        "cost": plan.cost,
-        "steps": [_step(step) for step in plan.steps],
-        "subassemblies": [list(one) for one in plan.subassemblies],
-        "stuck": [_stuck(one, relation) for one in plan.stuck],
-        "locks": [
-            {
-                "parts": [relation.names[part] for part in members(lock.parts)],
-                "rounds": [[relation.names[part] for part in one] for one in lock.rounds],
-            }
-            for lock in plan.locks
-        ],
-        "precedence": {
-            name: [
-                {
-                    "directions": [
-                        list(relation.directions[direction])
-                        for direction in one.directions
-                        if direction < len(relation.directions)
-                    ],
-                    "absent": [relation.names[part] for part in members(one.blockers)],
-                }
-                for one in plan.precedence.minimal(number)
-            ]
-            for number, name in enumerate(relation.names)
-        },
-        "replay": {
-            "agrees": again.agrees,
-            "samples": again.samples,
-            "not_solid": list(again.not_solid),
-            "faults": [
-                {
-                    "step": fault.step,
-                    "part": fault.part,
-                    "by": fault.by,
-                    "offset_mm": _mm3(fault.offset_m),
-                    "thickness_mm": _mm(fault.thickness_m),
-                    "point_mm": _mm3(fault.point_m),
-                }
-                for fault in again.faults
-            ],
-        },
-    }
-
-
 def _finer(path: Path, product: Product, settings: ImportSettings) -> Product:
     """Return the product of another tessellation, where it can have one."""
     if path.suffix.lower() in MESHES or not is_step(path):
         return product
     reading = settings.reading
     return read_product(path, replace(reading, chord_m=_FINER * reading.chord_m))
-
-
-def _step(step: Step) -> dict[str, Any]:
-    return {
-        "parts": list(step.parts),
-        "onto": step.onto,
-        "along": list(step.along),
-        "up": list(step.up),
-        "tool": step.tool,
-        "turn": step.turn,
-        "held": list(step.held),
-        "tips": step.tips,
-        "connected": step.connected,
-        "path": [
-            {
-                "offset_mm": _mm3(move.offset_m),
-                "angle_rad": round(move.angle_rad, 9),
-                "axis": None if move.axis is None else list(move.axis.direction),
-                "axis_point_mm": None if move.axis is None else _mm3(move.axis.point_m),
-            }
-            for move in step.path
-        ],
-    }
-
-
-def _stuck(stuck: Stuck, relation: Relation) -> dict[str, Any]:
-    among = set(stuck.among)
-    return {
-        "part": stuck.part,
-        "among": list(stuck.among),
-        "outcome": stuck.search.outcome,
-        "iterations": stuck.search.iterations,
-        "turned": stuck.search.turned,
-        "in_the_way": [
-            {"part": met.part, "point_mm": _mm3(met.point_m)} for met in stuck.search.in_the_way
-        ],
-        "blocked": [
-            {
-                "direction": list(relation.directions[number]),
-                "by": [name for name in relation.blockers(stuck.part, number) if name in among],
-            }
-            for number in range(len(relation.directions))
-        ],
-    }
 
 
 def _lines(plan: AssemblyPlan, again: Replay) -> list[str]:
@@ -282,30 +203,6 @@ def _warnings(plan: AssemblyPlan, again: Replay) -> list[str]:
     return found
 
 
-def placement_document(upright: Upright) -> dict[str, Any]:
-    """Return as JSON how the product of the file stands in the world of the task."""
-    return {
-        "turn": [[round(float(one), 9) + 0.0 for one in row] for row in upright.matrix],
-        "offset_mm": [round(float(one) * 1000, 6) + 0.0 for one in upright.offset_m],
-    }
-
-
-def pieces_document(proved: ProvedPieces, relation: Relation) -> dict[str, Any]:
-    """Return as JSON of how many convex pieces parts are, and which pairs these block wrongly."""
-    return {
-        "counts": {name: sum(map(len, made)) for name, made in proved.pieces.items()},
-        "cut_back": list(proved.cut_back),
-        "differences": [
-            {
-                "part": one.part,
-                "by": one.by,
-                "direction": list(relation.directions[one.direction]),
-            }
-            for one in proved.differences
-        ],
-    }
-
-
 def _piece_lines(pieces: Mapping[str, Any]) -> list[str]:
     pairs = {
         " and ".join(sorted((one["part"], one["by"]))) for one in pieces.get("differences", ())
@@ -326,11 +223,3 @@ def _limit_lines(limits: Mapping[str, list[str]]) -> list[str]:
 
 def _words(point_m: Vector) -> str:
     return ", ".join(f"{value * 1000:.4g}" for value in point_m)
-
-
-def _mm(value_m: float) -> float:
-    return round(value_m * 1000, 4) + 0.0
-
-
-def _mm3(point_m: Vector) -> list[float]:
-    return [_mm(one) for one in point_m]

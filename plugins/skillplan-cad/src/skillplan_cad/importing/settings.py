@@ -28,7 +28,7 @@ class ImportSettings:
     chord_mm
         How far triangles may lie from curved faces of STEP; None for half the tolerance.
     up
-        Axis of the file that points up.
+        Axis of the file that points up; ``auto`` for z, or what bears more parts.
     base
         Part that the others are put on; None to have one chosen.
     robot
@@ -50,7 +50,7 @@ class ImportSettings:
     unit: str | None = None
     tolerance_mm: float = 0.1
     chord_mm: float | None = None
-    up: str = "z"
+    up: str = "auto"
     base: str | None = None
     robot: str = DEFAULT_ARM
     directions: Source = "cylinders"
@@ -84,13 +84,6 @@ class ImportSettings:
         """How the file is read."""
         chord = self.chord_mm if self.chord_mm is not None else self.tolerance_mm / 2
         return ReadOptions(self.unit, chord / 1000, self.split_bodies, self.density_kg_m3)
-
-    @property
-    def up_vector(self) -> tuple[float, float, float]:
-        """The direction that points up, in the file's frame."""
-        sign = -1.0 if self.up.startswith("-") else 1.0
-        x, y, z = (sign if axis == self.up[-1] else 0.0 for axis in "xyz")
-        return x, y, z
 
 
 def settings_of(given: dict[str, Any]) -> ImportSettings:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -171,7 +171,12 @@ class Planner:
         self._stability = Stability(product, relation)
         self._tools = _tools(relation)
 
-    def plan(self, base: str | None = None, up: Vector = (0.0, 0.0, 1.0)) -> AssemblyPlan:
+    def plan(
+        self,
+        base: str | None = None,
+        up: Vector = (0.0, 0.0, 1.0),
+        grounded: Collection[str] = (),
+    ) -> AssemblyPlan:
         """Return the plan for a base, by name; left out, one is chosen.
 
         Parameters
@@ -180,9 +185,12 @@ class Planner:
             The part that everything comes to.
         up
             What points up in the finished product.
+        grounded
+            Names of the parts that stand on the table by themselves, of which the base is one if
+            all others come off any of them.
         """
         precedence = precedence_of(self._relation)
-        number, why = self._base(precedence, base)
+        number, why = self._base(precedence, base, grounded)
         locks = groups_of(self._relation, precedence, 1 << number).locks
         work = _Work(precedence, list(self._relation.directions))
         self._take_apart(work, precedence.everything, number, up)
@@ -199,7 +207,9 @@ class Planner:
             work.cheapest,
         )
 
-    def _base(self, precedence: Precedence, asked: str | None) -> tuple[int, str]:
+    def _base(
+        self, precedence: Precedence, asked: str | None, grounded: Collection[str]
+    ) -> tuple[int, str]:
         """Return the base and why it is."""
         if asked is not None:
             return self._product.index(asked), "It was asked for."
@@ -207,9 +217,10 @@ class Planner:
         others = max(1, len(masses) - 1)
         shares = masses / masses.sum()
         touched = np.array([each.bit_count() for each in self._touches]) / others
+        names = self._relation.names
         order = sorted(range(len(masses)), key=lambda n: (-(shares[n] + touched[n]), n))
         free = [n for n in order if precedence.core(fixed=1 << n) == 1 << n]
-        best = (free or order)[0]
+        best = next((n for n in free if names[n] in grounded), (free or order)[0])
         why = (
             f"It has {shares[best]:.0%} of the mass and touches "
             f"{self._touches[best].bit_count()} of the {others} other parts"

@@ -102,15 +102,14 @@ class Stability:
         ground = self._ground(tuple(n for n, height in pairs if height < lowest + _GROUND_M), up)
         if ground is None:
             return True
-        normals, offsets = ground[:, :2], ground[:, 2]
-        return not bool((normals @ (_across(up) @ centre) + offsets <= _TIPPING_M).all())
+        return not _is_within(axes_across(up) @ centre, ground)
 
     def _ground(self, parts: tuple[int, ...], up: Vector) -> Array | None:
         """Return the lines about what some parts stand on, as `ConvexHull` has them, or None."""
         key = (parts, up)
         if key not in self._grounds:
             points = np.concatenate([self._foot(part, up)[1] for part in parts])
-            self._grounds[key] = _outline(points @ _across(up).T)
+            self._grounds[key] = _outline(points @ axes_across(up).T)
         return self._grounds[key]
 
     def _foot(self, part: int, up: Vector) -> tuple[float, Array]:
@@ -196,7 +195,7 @@ def _forces(contact: Contact, firm: bool) -> list[tuple[Array, Array]]:
     found = []
     for point in points:
         for normal in _normals(contact, point):
-            across = _across((float(normal[0]), float(normal[1]), float(normal[2])))
+            across = axes_across((float(normal[0]), float(normal[1]), float(normal[2])))
             # The second part pushes the first one back, against its outward normal.
             for sideways in (across[0], -across[0], across[1], -across[1]):
                 found.append((point, -normal + FRICTION * sideways))
@@ -232,7 +231,7 @@ def _spread(points: Array) -> Array:
 
 
 @lru_cache(maxsize=1024)
-def _across(up: Vector) -> Array:
+def axes_across(up: Vector) -> Array:
     """Return two unit vectors across a third, which with it are right-handed."""
     along = np.asarray(up)
     least = np.eye(3)[int(np.argmin(np.abs(along)))]
@@ -249,3 +248,13 @@ def _outline(corners: Array) -> Array | None:
         return np.asarray(ConvexHull(corners).equations)
     except QhullError:
         return None
+
+
+def is_over(point: Array, corners: Array) -> bool:
+    """Return whether a point of the plane is within the hull of others."""
+    outline = _outline(corners)
+    return outline is not None and _is_within(point, outline)
+
+
+def _is_within(point: Array, outline: Array) -> bool:
+    return bool((outline[:, :2] @ point + outline[:, 2] <= _TIPPING_M).all())

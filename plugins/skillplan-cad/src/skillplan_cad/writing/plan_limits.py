@@ -8,17 +8,25 @@ from skillplan_cad.planning.assembly_plan import AssemblyPlan
 from skillplan_cad.product import Product
 
 
+def not_straight(plan: AssemblyPlan) -> dict[str, str]:
+    """Return the parts that no straight move of a single part brings, with why, after the name."""
+    found: dict[str, str] = {}
+    for step in plan.steps:
+        for part in step.parts:
+            if len(step.parts) > 1:
+                others = ", ".join(name for name in step.parts if name != part)
+                found[part] = f"comes as one with {others}, put together apart before"
+            elif step.path:
+                found[part] = f"comes by {len(step.path)} moves, not by a straight one"
+    return found
+
+
 def plan_limits(
     product: Product, plan: AssemblyPlan, up: tuple[float, float, float]
 ) -> Iterator[tuple[str, str]]:
     """Yield names of parts, each with what stands against it; `up` is what the task points up."""
     for step in plan.steps:
         for part in step.parts:
-            if len(step.parts) > 1:
-                others = ", ".join(name for name in step.parts if name != part)
-                yield part, f"comes as one with {others}, put together apart before"
-            if step.path:
-                yield part, f"comes by {len(step.path)} moves, not by a straight one"
             if step.up != up:
                 yield part, "comes after the product was turned over"
     for name in (one.name for one in product):

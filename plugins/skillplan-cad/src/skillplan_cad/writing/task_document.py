@@ -3,37 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import yaml
 
-from skillplan.robots.catalogue import ARMS
 from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
+from skillplan_cad.planning.bearing import Bearing, best_bearing
 from skillplan_cad.product import Part, Product
 from skillplan_cad.relation import Fastener, Relation
-from skillplan_cad.writing.bearing import Bearing
-from skillplan_cad.writing.held_part import CUP, GRIPPER, grip_n, held_part
+from skillplan_cad.writing.accepted import refused
+from skillplan_cad.writing.arm_entries import DRIVER, robot_entry, tool_entries
+from skillplan_cad.writing.held_part import CUP, GRIPPER, held_part
 from skillplan_cad.writing.mesh_text import obj_text, pieces_text
 from skillplan_cad.writing.names import task_names
 from skillplan_cad.writing.pieces_proof import ProvedPieces, proved_pieces
-from skillplan_cad.writing.plan_limits import plan_limits
+from skillplan_cad.writing.places import Places, places_of
+from skillplan_cad.writing.plan_limits import not_straight, plan_limits
 from skillplan_cad.writing.screw_entry import screw_entry
 from skillplan_cad.writing.top_grasp import Meshes
-from skillplan_cad.writing.tray import HOLDERS, HOME, Item, Tray, tray
-from skillplan_cad.writing.upright import Upright, standing
+from skillplan_cad.writing.upright import Upright
 
-DRIVER = "screwdriver"
-_DRIVEN = ("screw", "nut")
 _MOST_WAYS = 3
 _BELOW_SHANK_M = 0.01
 # A direction that points up by less is level.
 _LEVEL = 1e-6
-_LEAST_SAFE_M = 0.15
-_ABOVE_PRODUCT_M = 0.05
+_COMMENT_WIDTH = 98
 
 _HEADER = """\
 # yaml-language-server: $schema=assembly.schema.json
@@ -53,9 +52,13 @@ class WrittenTask:
     files
         Contents of all files, by their path within the folder.
     names
-        Of each part of the product its name in the task.
+        Of each part that is in the task its name there.
     limits
         Of parts, by their names in the product, what one arm cannot do about them.
+    left_out
+        Of parts that are not in the task why they are not, in words that go after a name.
+    faults
+        What `check` would refuse the task for, in words, and no part left out mends.
     upright
         Where the product stands.
     pieces
@@ -66,14 +69,23 @@ class WrittenTask:
     files: Mapping[str, str]
     names: Mapping[str, str]
     limits: Mapping[str, tuple[str, ...]]
+    left_out: Mapping[str, str]
+    faults: tuple[str, ...]
     upright: Upright
     pieces: ProvedPieces
 
 
 def task_of(
-    product: Product, relation: Relation, plan: AssemblyPlan, robot: str = "panda"
-) -> WrittenTask:
-    """Return the task of putting a product together with one arm.
+    product: Product,
+    relation: Relation,
+    plan: AssemblyPlan,
+    robot: str = "panda",
+    bearing: Bearing | None = None,
+) -> WrittenTask | None:
+    """Return the task of putting a product together with one arm, as `check` accepts it.
+
+    What nothing bears is left out, what no straight move of one part brings, and what `check`
+    refuses after that. None where nothing is left.
 
     Parameters
     ----------
@@ -81,8 +93,34 @@ def task_of(
         What was read and found.
     robot
         Name of an arm that skillplan knows.
+    bearing
+        What bears the parts; None for that of the side up with which the most parts stand. Where
+        nothing is borne at all, no part is left out for that.
     """
-    return _Writer(product, relation, plan, robot).task()
+    bearing = bearing or best_bearing(product, relation)
+    left_out = {**not_straight(plan), **(bearing.why_not if bearing.order else {})}
+    while True:
+        for name in relation.driven - left_out.keys():
+            fastener = relation.fastener(name)
+            lost = [one for one in fastener.joins if one in left_out] if fastener else []
+            if lost:
+                left_out[name] = f"goes through or into {lost[0]}, which is left out"
+        if all(part.name in left_out or part.name in relation.driven for part in product):
+            return None
+        writer = _Writer(product, relation, plan, bearing, robot, left_out)
+        if writer.places.without:
+            words = "finds no place within the arm's reach"
+            left_out |= dict.fromkeys(writer.places.without, words)
+            continue
+        made = writer.task()
+        found = refused(made.document, made.files)
+        if not found:
+            return made
+        owners = {own: name for name, own in made.names.items()}
+        more = {owners[own]: f"is refused: {words}" for own, words in found.items() if own}
+        if not more:
+            return replace(made, faults=tuple(found.values()))
+        left_out |= more
 
 
 @dataclass
@@ -92,44 +130,43 @@ class _Writer:
     product: Product
     relation: Relation
     plan: AssemblyPlan
+    bearing: Bearing
     robot: str
+    left_out: Mapping[str, str]
     names: Mapping[str, str] = field(init=False)
+    kept: tuple[Part, ...] = field(init=False)
     limits: dict[str, list[str]] = field(init=False, default_factory=dict)
     steps: dict[str, Step] = field(init=False)
+    gripped: list[Part] = field(init=False)
+    places: Places = field(init=False)
     upright: Upright = field(init=False)
-    bearing: Bearing = field(init=False)
     _meshes: dict[str, Meshes] = field(init=False, default_factory=dict)
-    _put_down: set[str] = field(init=False, default_factory=set)
 
     def __post_init__(self) -> None:
-        taken = (GRIPPER, CUP, DRIVER, self.robot, "world", "home")
-        self.names = task_names((part.name for part in self.product), taken)
+        taken = {GRIPPER, CUP, DRIVER, self.robot, "world", "home"}
+        names = task_names((part.name for part in self.product), taken)
+        self.names = {name: own for name, own in names.items() if name not in self.left_out}
+        self.kept = tuple(part for part in self.product if part.name in self.names)
         # A part of a sub-assembly has a step of its own before the one in which all come.
         self.steps = {}
         for step in self.plan.steps:
             for part in step.parts:
                 self.steps.setdefault(part, step)
-        self.upright = standing(self.product, self.plan.up, (0.0, 0.0))
-        self.bearing = Bearing(self.product, self.relation, self.upright)
+        self.gripped = [part for part in self.kept if not self._driven(part)]
+        known, up = taken | set(self.names.values()), self.bearing.up
+        self.places = places_of(self.kept, self.gripped, self.names, known, up, self.robot)
+        self.upright = self.places.upright
 
     def task(self) -> WrittenTask:
         """Return it all."""
-        up = self.plan.up
-        gripped = self._borne()
-        self._put_down = {part.name for part in gripped}
-        driven = self._joining()
-        groups = self._groups([*gripped, *(self._of(name) for name in driven)])
-        layout = self._layout(gripped, groups)
-        self.upright = standing(self.product, up, layout.product_m)
+        up, gripped = self.bearing.up, self.gripped
         files: dict[str, str] = {}
-        parts = {self.names[part.name]: self._part(part, layout, groups, files) for part in gripped}
+        parts = {self.names[part.name]: self._part(part, files) for part in gripped}
         screws = {
-            self.names[name]: self._screw(self._of(name), fastener, groups)
-            for name, fastener in driven.items()
+            self.names[part.name]: self._screw(part, fastener)
+            for part in self.kept
+            if (fastener := self._driven(part)) is not None
         }
-        if not parts:
-            none = ProvedPieces({}, (), ())
-            return WrittenTask({}, {}, self.names, self._limits(), self.upright, none)
         proved = proved_pieces(self.product, self.relation, self._meshes, self.upright)
         for part_name, per_mesh in proved.pieces.items():
             for mesh, pieces in zip(parts[self.names[part_name]]["meshes"], per_mesh, strict=True):
@@ -138,15 +175,17 @@ class _Writer:
                     files[mesh["pieces"]] = pieces_text(pieces)
         for name, words in plan_limits(self.product, self.plan, up):
             self._note(name, words)
+        for name in [one for one in self.names if one in self.bearing.why_not]:
+            self._note(name, self.bearing.why_not[name])
         document = {
             "kind": "assembly",
             "name": self._name(),
-            "description": f"{len(self.product)} parts of {self.product.name}, from CAD.",
-            "robot": self._robot(gripped),
-            "tools": self._tools(parts, screws, gripped),
+            "description": f"{self._count()} of {self.product.name}, from CAD.",
+            "robot": robot_entry(self.robot, self.kept, gripped, self.upright),
+            "tools": tool_entries(self.robot, (*parts.values(), *screws.values())),
             "initial_tool": GRIPPER,
             "tool_change": {"style": "swap"},
-            "feeders": self._feeders(layout, groups),
+            "feeders": self._feeders(),
             "parts": parts,
             "screws": screws,
             "collision": {"swept": None},
@@ -155,55 +194,28 @@ class _Writer:
         if GRIPPER not in document["tools"]:
             document["initial_tool"] = next(iter(document["tools"]))
         text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=100)
-        files["product.yaml"] = _HEADER + text
-        return WrittenTask(document, files, self.names, self._limits(), self.upright, proved)
+        limits = {name: tuple(lines) for name, lines in self.limits.items()}
+        files["product.yaml"] = _HEADER + _comments(self.left_out, limits) + text
+        return WrittenTask(
+            document, files, self.names, limits, self.left_out, (), self.upright, proved
+        )
 
-    def _limits(self) -> Mapping[str, tuple[str, ...]]:
-        return {name: tuple(lines) for name, lines in self.limits.items()}
+    def _count(self) -> str:
+        count, all_of_them = len(self.kept), len(self.product)
+        return f"{count} parts" if count == all_of_them else f"{count} of {all_of_them} parts"
 
     def _name(self) -> str:
         return next(iter(task_names([self.product.name or "product"]).values()))
 
     def _driven(self, part: Part) -> Fastener | None:
         """Return the fastener that a part is, if a screwdriver drives it."""
-        found = self.relation.fastener(part.name)
-        return found if found is not None and found.kind in _DRIVEN and found.joins else None
+        return self.relation.fastener(part.name) if part.name in self.relation.driven else None
 
-    def _groups(self, parts: Sequence[Part]) -> Mapping[str, str]:
-        """Return for each part that has identical ones the name of their feeder."""
-        found: dict[str, str] = {}
-        by_shape: dict[int, list[Part]] = {}
-        for part in sorted(parts, key=lambda one: self.product.index(one.name)):
-            by_shape.setdefault(part.shape, []).append(part)
-        taken = {*self.names.values(), GRIPPER, CUP, DRIVER}
-        for alike in by_shape.values():
-            if len(alike) > 1:
-                wanted = f"{self.names[alike[0].name]}_feeder"
-                name = task_names([wanted], taken)[wanted]
-                taken.add(name)
-                found |= {part.name: name for part in alike}
-        return found
-
-    def _layout(self, gripped: list[Part], groups: Mapping[str, str]) -> Tray:
-        items: dict[str, Item] = {}
-        for part in self.product:
-            name = groups.get(part.name, self.names[part.name])
-            if part.name in self._put_down or part.name in groups:
-                x, y, z = (float(one) for one in self.upright.size(part))
-                items.setdefault(name, Item(name, (x, y, z)))
-        points = np.concatenate([self.upright.vertices(part) for part in self.product])
-        x, y, z = (float(one) for one in np.ptp(points, axis=0))
-        layout = tray((x, y, z), list(items.values()), ARMS[self.robot][0].works_within_m)
-        for part in self.product:
-            if groups.get(part.name, self.names[part.name]) in layout.without:
-                self._note(part.name, "finds no place within the arm's reach")
-        beside = dict.fromkeys(layout.without, (0.30, -0.55))
-        return Tray(layout.product_m, {**layout.places, **beside}, layout.without)
-
-    def _feeders(self, layout: Tray, groups: Mapping[str, str]) -> dict[str, Any]:
+    def _feeders(self) -> dict[str, Any]:
         """Return where identical parts come from; shanks of screws hang in their feeder."""
+        groups, layout = self.places.feeders, self.places.tray
         found: dict[str, Any] = {}
-        for part in self.product:
+        for part in self.kept:
             name = groups.get(part.name)
             if name is not None and name in layout.places:
                 found[name] = {"position_m": list(layout.places[name])}
@@ -213,90 +225,52 @@ class _Writer:
                     found[name]["height_m"] = math.ceil(height_m * 1e3) / 1e3
         return found
 
-    def _part(
-        self, part: Part, layout: Tray, groups: Mapping[str, str], files: dict[str, str]
-    ) -> dict[str, Any]:
+    def _part(self, part: Part, files: dict[str, str]) -> dict[str, Any]:
         """Return the entry of a part, and add its mesh to the files."""
         name, bottom = self.names[part.name], np.array(self.upright.bottom(part))
         local = self.upright.vertices(part) - bottom
-        held = held_part(part, local, self._middle(part), self.robot)
+        ways = self._ways(part)
+        down = ways == [[0.0, 0.0, -1.0]]
+        sunk_m = max(0.0, self._sunk_m(part) - float(bottom[2])) if down else 0.0
+        centre = self.upright.matrix @ np.asarray(part.centre_m) + self.upright.offset_m - bottom
+        held = held_part(part, local, (float(centre[0]), float(centre[1])), self.robot, sunk_m)
         for words in held.limits:
             self._note(part.name, words)
-        self._meshes[part.name] = held.meshes
-        entry: dict[str, Any] = dict(held.entry)
+        meshes = held.meshes
+        self._meshes[part.name] = meshes
+        entry: dict[str, Any] = {**held.entry}
         entry["mass_kg"] = float(f"{max(part.mass_kg, 1e-6):.4g}")
         entry["meshes"] = []
-        for number, (points, triangles) in enumerate(held.meshes, 1):
-            path = f"meshes/{name}{f'_{number}' if len(held.meshes) > 1 else ''}.obj"
+        for number, (points, triangles) in enumerate(meshes, 1):
+            path = f"meshes/{name}{f'_{number}' if len(meshes) > 1 else ''}.obj"
             files[path] = obj_text(points, triangles)
             low, high = points.min(axis=0), points.max(axis=0)
             centre = [round(float(one), 7) + 0.0 for one in (low + high) / 2]
             entry["meshes"].append({"file": path, "centre_m": centre})
-        feeder = groups.get(part.name)
+        feeder = self.places.feeders.get(part.name)
         if feeder is not None:
             entry["feeder"] = feeder
         else:
-            entry["start_m"] = list(layout.places[name])
+            entry["start_m"] = list(self.places.tray.places[name])
         entry["goal_m"] = [float(one) for one in bottom]
-        on = [other for other in self.bearing.flat_on(part.name) if self._comes_before(other, part)]
+        on = [self.names[one] for one in self.bearing.on.get(part.name, ()) if one in self.names]
         if on:
-            entry["goal_on"] = [self.names[other] for other in on]
-        ways = self._ways(part)
-        if ways != [[0.0, 0.0, -1.0]]:
+            entry["goal_on"] = on
+        if not down:
             entry["insert_along"] = ways
         return entry
 
-    def _middle(self, part: Part) -> tuple[float, float]:
-        """Return where the centre of mass of a part is beside the centre of its bottom, x y."""
-        centre = self.upright.matrix @ np.asarray(part.centre_m) + self.upright.offset_m
-        middle = centre - np.array(self.upright.bottom(part))
-        return float(middle[0]), float(middle[1])
-
-    def _borne(self) -> list[Part]:
-        """Return the parts that a hand puts down; note what is left out, or has to wait."""
-        names = [part.name for part in self.product if not self._driven(part)]
-        borne = self.bearing.borne(names)
-        for name in names:
-            if name not in borne:
-                into = self.bearing.hangs_in(name)
-                words = f"hangs in {', '.join(into)}" if into else "touches nothing"
-                self._note(name, f"{words}, with nothing beneath it: it is left out of the task")
-        order = sorted(borne, key=self._place)
-        for name, later in self.bearing.waits_for(order).items():
-            high_mm = self.bearing.height_m(name) * 1e3
-            self._note(
-                name,
-                f"lies on nothing before {later} is there: it needs a stand, its lowest point "
-                f"{high_mm:.1f} mm above the table",
-            )
-        return [part for part in self.product if part.name in borne]
-
-    def _joining(self) -> Mapping[str, Fastener]:
-        """Return the screws that join what is in the task, and note which do not."""
-        found: dict[str, Fastener] = {}
-        for part in self.product:
-            fastener = self._driven(part)
-            if fastener is None:
-                continue
-            joined = [one for one in fastener.joins if not self._driven(self._of(one))]
-            missing = [one for one in joined if one not in self._put_down]
-            if missing:
-                self._note(part.name, f"joins {', '.join(missing)}, and is left out with it")
-            else:
-                found[part.name] = fastener
-        return found
-
-    def _place(self, name: str) -> int:
-        """Return when a part comes; the base is first."""
-        for number, step in enumerate(self.plan.steps):
-            if name in step.parts:
-                return number + 1
-        return 0
-
-    def _comes_before(self, name: str, part: Part) -> bool:
-        """Whether another part is there, and is put down, before one."""
-        is_put_down = not self._driven(self._of(name)) and name in self._put_down
-        return is_put_down and self._place(name) < self._place(part.name)
+    def _sunk_m(self, part: Part) -> float:
+        """Return up to which height a part is in what came before it, 0 for on the table [m]."""
+        order = self.bearing.order
+        before = order[: order.index(part.name)] if part.name in order else ()
+        heights = [
+            self.upright.point(point)[2]
+            for contact in self.relation.contacts
+            if part.name in contact.parts and any(other in before for other in contact.parts)
+            for point in contact.points_m
+        ]
+        return max(heights, default=0.0)
 
     def _ways(self, part: Part) -> list[list[float]]:
         """Return the directions in which a part comes: that of the plan, then others it has."""
@@ -320,45 +294,30 @@ class _Writer:
                     found.append(list(best))
         return found[:_MOST_WAYS]
 
-    def _screw(self, part: Part, fastener: Fastener, groups: Mapping[str, str]) -> dict[str, Any]:
+    def _screw(self, part: Part, fastener: Fastener) -> dict[str, Any]:
         """Return the entry of a screw, and note where it is driven from below."""
         lies = [one for one in fastener.joins if self._driven(self._of(one)) is None]
         through = self.names[lies[0] if lies else fastener.joins[0]]
         entry = screw_entry(part, fastener, self.relation, self.upright)
         if entry.get("axis", DOWN)[2] > _LEVEL:
             self._note(part.name, "is driven from below: the product has to be turned over")
-        fed = {"feeder": groups[part.name]} if part.name in groups else {}
+        feeders = self.places.feeders
+        fed = {"feeder": feeders[part.name]} if part.name in feeders else {}
         return {"tool": DRIVER, "through": through, **entry, **fed}
 
     def _of(self, name: str) -> Part:
         return self.product.parts[self.product.index(name)]
 
-    def _robot(self, gripped: list[Part]) -> dict[str, Any]:
-        points = np.concatenate([self.upright.vertices(part) for part in self.product])
-        height = float(points[:, 2].max())
-        tallest = max(float(self.upright.size(part)[2]) for part in gripped)
-        safe = max(_LEAST_SAFE_M, height + _ABOVE_PRODUCT_M, tallest + _ABOVE_PRODUCT_M)
-        robot = {"name": self.robot, "model": self.robot, "home_m": list(HOME)}
-        return {**robot, "safe_height_m": round(safe, 3)}
-
-    def _tools(
-        self, parts: Mapping[str, Any], screws: Mapping[str, Any], gripped: Sequence[Part]
-    ) -> dict[str, Any]:
-        used = {entry["tool"] for entry in (*parts.values(), *screws.values())}
-        kinds = {GRIPPER: "gripper", CUP: "suction", DRIVER: "screwdriver"}
-        found: dict[str, Any] = {}
-        for (name, kind), holder in zip(kinds.items(), HOLDERS, strict=True):
-            if name in used:
-                found[name] = {"type": kind, "holder_m": list(holder)}
-        if GRIPPER in found:
-            hand = ARMS[self.robot][1]
-            found[GRIPPER]["opening_m"] = hand.opening_m
-            held = [p.mass_kg for p in gripped if parts[self.names[p.name]]["tool"] == GRIPPER]
-            found[GRIPPER]["force_n"] = grip_n(max(held), hand.force_n)
-        return found
-
     def _note(self, part: str, words: str) -> None:
         self.limits.setdefault(part, []).append(words)
+
+
+def _comments(left_out: Mapping[str, str], limits: Mapping[str, tuple[str, ...]]) -> str:
+    """Return as comments what is left out, and what one arm cannot do."""
+    told = [f"Left out: {name} {words}." for name, words in left_out.items()]
+    told += [f"Beware: {name} {words}." for name, lines in limits.items() for words in lines]
+    wrapped = [textwrap.wrap(line, _COMMENT_WIDTH, break_long_words=False) for line in told]
+    return "".join(f"# {line}\n" for lines in wrapped for line in lines)
 
 
 def _height(vector: tuple[float, float, float]) -> float:

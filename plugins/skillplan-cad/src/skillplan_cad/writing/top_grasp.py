@@ -20,8 +20,6 @@ Meshes = tuple[tuple[Points, Triangles], ...]
 _FLAT_M = 1e-4
 _PLAY_M = 0.004
 _SHARE = 0.5
-_LEAST_DEPTH_M = 0.001
-_THIN_SHARE = 0.75
 _MOST_DEPTH_M = 0.012
 _LEAST_KNOB_M = 0.004
 _NARROWER_M = 0.001
@@ -44,7 +42,9 @@ class TopGrasp:
     grasps: tuple[dict[str, Any], ...]
 
 
-def top_grasp(vertices_m: Points, triangles: Triangles, opening_m: float) -> TopGrasp | None:
+def top_grasp(
+    vertices_m: Points, triangles: Triangles, opening_m: float, most_depth_m: float | None = None
+) -> TopGrasp | None:
     """Return how jaws hold a part from above, or None where they do not open so wide.
 
     Parameters
@@ -53,6 +53,8 @@ def top_grasp(vertices_m: Points, triangles: Triangles, opening_m: float) -> Top
         The part, upright, its bottom at z = 0.
     opening_m
         Greatest distance between the jaws.
+    most_depth_m
+        How far down fingers may reach at most; None for no bound but that of jaws.
     """
     corners = vertices_m[triangles]
     meshes: Meshes = ((vertices_m, triangles),)
@@ -61,9 +63,8 @@ def top_grasp(vertices_m: Points, triangles: Triangles, opening_m: float) -> Top
         meshes = _halves(vertices_m, triangles, shoulder) or meshes
     held = meshes[0][0]
     size = np.ptp(held, axis=0)
-    height_m = float(size[2])
-    # Fingers end above the bottom, of what is thin, too.
-    depth = min(_MOST_DEPTH_M, max(_LEAST_DEPTH_M, _SHARE * height_m), _THIN_SHARE * height_m)
+    most = _MOST_DEPTH_M if most_depth_m is None else min(_MOST_DEPTH_M, most_depth_m)
+    depth = min(most, _SHARE * float(size[2]))
     grasps = [
         {"closing_axis": "xy"[axis], "depth_m": round(depth, 6)}
         for axis in np.argsort(np.round(size[:2], 6), kind="stable").tolist()

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_cad.product import Part, Points, Product, Vector
+from skillplan_cad.product import Part, Points, Vector
 
 Array = NDArray[np.float64]
 _DECIMALS = 7
@@ -51,20 +52,20 @@ class Upright:
         return np.asarray(np.ptp(self.vertices(part), axis=0))
 
 
-def standing(product: Product, up: Vector, place_m: tuple[float, float]) -> Upright:
-    """Return the product with its lowest point on the table, its middle over a place.
+def standing(parts: Iterable[Part], up: Vector, place_m: tuple[float, float]) -> Upright:
+    """Return parts of a product with their lowest point on the table, their middle over a place.
 
     Parameters
     ----------
-    product
-        Its parts.
+    parts
+        Those that stand.
     up
         What points up, in its frame.
     place_m
         Of the middle of its box on the table, x y.
     """
     matrix = _rotation_to_z(up)
-    points = np.concatenate([part.vertices_m for part in product]) @ matrix.T
+    points = np.concatenate([part.vertices_m for part in parts]) @ matrix.T
     low, high = points.min(axis=0), points.max(axis=0)
     middle = (low + high) / 2
     return Upright(matrix, np.array([place_m[0] - middle[0], place_m[1] - middle[1], -low[2]]))

@@ -1,0 +1,173 @@
+"""What bears a part, which side is up, and what of a product one arm is not asked to place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cad_fixtures import box, part_of, rod
+from cad_products import product as fixture
+from cad_products import related, relation
+from skillplan_cad.importing.attitude import attitude, attitude_warnings
+from skillplan_cad.planning.assembly_plan import Planner
+from skillplan_cad.planning.bearing import ATTITUDES, Bearing, bearing_of, best_bearing
+from skillplan_cad.product import Face, Product
+from skillplan_cad.writing.task_document import task_of
+
+UP = ATTITUDES["z"]
+PLATE = box(0, 0, 0, 60, 60, 10)
+SLEEVE = box(20, 20, 10, 40, 40, 50) - box(25, 25, 10, 35, 35, 50)
+# Fills the sleeve, and ends above the plate.
+RAM = box(25, 25, 20, 35, 35, 60)
+
+
+def product_of(**solids):
+    """Return a product of solids in millimetres."""
+    return Product("made", tuple(part_of(*item) for item in solids.items()), "mm", 0.0)
+
+
+def borne(product, up=UP):
+    """Return what bears the parts of a product."""
+    return bearing_of(product, related(product), up)
+
+
+def test_parts_stand_on_the_table_and_on_what_stands():
+    found = borne(product_of(plate=PLATE, sleeve=SLEEVE))
+    assert found.order == ("plate", "sleeve")
+    assert found.on == {"plate": (), "sleeve": ("plate",)}
+    assert found.why_not == {}
+
+
+def test_what_only_its_fit_holds_is_not_borne_and_neither_is_what_stands_on_it():
+    knob = box(20, 20, 60, 40, 40, 65)
+    found = borne(product_of(plate=PLATE, sleeve=SLEEVE, ram=RAM, knob=knob))
+    assert found.order == ("plate", "sleeve")
+    assert "only its fit to sleeve or knob holds it" in found.why_not["ram"]
+    assert "stands on ram alone, which nothing bears" in found.why_not["knob"]
+
+
+def test_a_part_with_its_centre_of_mass_beside_what_bears_it_would_tip():
+    found = borne(product_of(plate=PLATE, board=box(50, 0, 10, 150, 60, 14)))
+    assert "would tip off plate" in found.why_not["board"]
+
+
+def test_without_what_hangs_below_all_others_they_stand():
+    """A collar round the foot of a block, held there by its fit alone."""
+    block, hole = box(0, 0, 0, 40, 40, 60), box(0, 0, -10, 40, 40, 20)
+    collar = box(-5, -5, -10, 45, 45, 20) - hole
+    shelf = box(5, 5, 60, 35, 35, 70)
+    found = borne(product_of(block=block, collar=collar, shelf=shelf))
+    assert found.order == ("block", "shelf")
+    assert "stands lower than all others" in found.why_not["collar"]
+
+
+def test_the_side_is_up_with_which_the_most_parts_stand_and_z_where_none_has_more():
+    lying = product_of(
+        plate=box(0, 0, 0, 10, 60, 60),
+        post=box(10, 20, 20, 60, 40, 40),
+        cap=box(60, 20, 20, 70, 40, 40),
+    )
+    found = best_bearing(lying, related(lying))
+    assert (found.up, found.order) == (ATTITUDES["x"], ("plate", "post", "cap"))
+    flat = borne(lying)
+    assert flat.order == ("post", "cap")
+    assert "stands lower than all others" in flat.why_not["plate"]
+    standing = product_of(plate=PLATE, sleeve=SLEEVE)
+    assert best_bearing(standing, related(standing)).up == UP
+
+
+def test_a_round_part_that_lies_does_not_stand_on_the_chord_beneath_it():
+    """However CAD is cut into triangles; it stands on either end."""
+    shaft = part_of("shaft", rod(0, 0, 0, 5, 60))
+    corners = shaft.vertices_m[shaft.triangles]
+    wall = np.flatnonzero(np.ptp(corners[:, :, 2], axis=1) > 0)
+    shaft = replace(shaft, faces=(Face("cylinder", wall, radius_m=0.005),))
+    known = related(product_of(shaft=rod(0, 0, 0, 5, 60), plate=PLATE))
+    alone = Product("one", (shaft,), "mm", 0.0)
+    sides = {name: bearing_of(alone, known, up).order for name, up in ATTITUDES.items()}
+    assert [name for name, order in sides.items() if order] == ["z", "-z"]
+
+
+@pytest.fixture(scope="module")
+def rammed():
+    """A task of three parts of which one is held by its fit alone."""
+    product = product_of(plate=PLATE, sleeve=SLEEVE, ram=RAM)
+    known = related(product)
+    bearing = bearing_of(product, known, UP)
+    return task_of(product, known, Planner(product, known).plan(), bearing=bearing)
+
+
+def test_what_is_not_borne_is_left_out_of_the_task_with_the_reason_in_the_file(rammed):
+    assert list(rammed.document["parts"]) == ["plate", "sleeve"]
+    assert list(rammed.left_out) == ["ram"]
+    assert rammed.document["description"].startswith("2 of 3 parts")
+    comment = " ".join(
+        line.removeprefix("#").strip()
+        for line in rammed.files["product.yaml"].splitlines()
+        if line.startswith("#")
+    )
+    assert "Left out: ram has no level face beneath it: only its fit to sleeve" in comment
+    assert not any("ram" in name for name in rammed.files)
+
+
+@pytest.mark.parametrize(
+    ("name", "left_out"),
+    [
+        ("floating", ["balloon"]),
+        ("l_slot", ["key"]),
+    ],
+)
+@pytest.mark.slow(reason="reads a product; what its fit holds is left out in every run")
+def test_what_floats_or_comes_round_a_corner_is_left_out(name, left_out):
+    product, known = fixture(name), relation(name)
+    plan, bearing = Planner(product, known).plan(), best_bearing(product, known)
+    assert list(task_of(product, known, plan, bearing=bearing).left_out) == left_out
+
+
+def test_what_check_refuses_is_left_out_with_its_words():
+    """Whatever was thought to bear it."""
+    product = product_of(plate=PLATE, balloon=box(20, 20, 40, 40, 40, 50))
+    known = related(product)
+    wrong = Bearing(UP, ("plate", "balloon"), {"plate": (), "balloon": ("plate",)})
+    task = task_of(product, known, Planner(product, known).plan(), bearing=wrong)
+    assert list(task.document["parts"]) == ["plate"]
+    assert task.left_out["balloon"].startswith("is refused: 'balloon' floats 30.0 mm above")
+    assert task.faults == ()
+
+
+def test_where_nothing_stands_all_parts_are_in_the_task_and_a_warning_says_so():
+    """As of round parts that lie; here they are only said to."""
+    product = product_of(plate=PLATE, sleeve=SLEEVE)
+    known = related(product)
+    none = Bearing(UP, (), {}, {"plate": "rolls", "sleeve": "rolls"})
+    task = task_of(product, known, Planner(product, known).plan(), bearing=none)
+    assert list(task.document["parts"]) == ["plate", "sleeve"]
+    assert task.limits == {"plate": ("rolls",), "sleeve": ("rolls",)}
+    assert "# Beware: sleeve rolls.\n" in task.files["product.yaml"]
+    told = attitude_warnings(product, known, none, "z")
+    assert told[0] == ("with z up 0 of 2 parts stand by themselves; with --up z it would be 2.")
+    assert "no part stands on a level face" in told[1]
+
+
+def test_another_side_up_than_z_is_told_and_so_is_a_better_one_than_was_asked_for():
+    lying = product_of(plate=box(0, 0, 0, 10, 60, 60), post=box(10, 20, 20, 60, 40, 40))
+    known = related(lying)
+    found = attitude(lying, known, "auto")
+    (chosen,) = attitude_warnings(lying, known, found, "auto")
+    assert chosen.startswith("x points up, as then 2 of 2 parts stand by themselves")
+    asked = attitude(lying, known, "z")
+    (better,) = attitude_warnings(lying, known, asked, "z")
+    assert better.endswith("1 of 2 parts stand by themselves; with --up x it would be 2.")
+
+
+@pytest.mark.slow(reason="reads products; solids in every run")
+def test_turned_over_what_bears_the_others_comes_first():
+    """A dovetail on its slide, and a plate on its edge, beside which all else hangs."""
+    product, known = fixture("dovetail"), relation("dovetail")
+    assert bearing_of(product, known, ATTITUDES["-z"]).order == ("slide", "rail")
+    product, known = fixture("mirrored"), relation("mirrored")
+    found = bearing_of(product, known, ATTITUDES["x"])
+    assert found.order == ("plate",)
+    assert sorted(found.why_not) == ["left_1", "left_2", "right"]

@@ -1,0 +1,1 @@
+"""Solvers of tasks with chance and too many states for tables; they never list all states."""

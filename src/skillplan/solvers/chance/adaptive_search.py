@@ -1,0 +1,183 @@
+"""A* over and over to the same goal, each search more focused by those before.
+
+Adaptive A* (Koenig and Likhachev, "Adaptive A*", 2005): after a search that found the least cost D
+from its start, what a state expanded at cost g has still to go is at least D - g. These bounds
+stay true for searches from other starts, as the goal does not change; along the cheapest path
+they are what it costs, so that a later search ends where it meets one.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass
+
+from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.search.landmark_bound import LandmarkBound, from_units, to_units
+from skillplan.solvers.stop import Stop
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What is done in a state on a cheapest path, and what it costs from there to the goal."""
+
+    skill: Skill
+    to_go: int
+
+
+class AdaptiveSearch:
+    """Cheapest paths of a deterministic task from one state after another.
+
+    Parameters
+    ----------
+    model
+        Says which skills are feasible: of the task as it is, with the failures.
+    certain
+        The same task, where every skill succeeds, with the costs that count.
+    stop
+        When to give up.
+    max_labels
+        So many labels may be made by one search, >= 1.
+    weight
+        Bounds on the cost to go are taken so many times, >= 1. Above 1 the first path may cost as
+        many times the least (weighted A*: Pohl, 1970), and nothing is learnt of other states.
+
+    Attributes
+    ----------
+    searches, expanded
+        How many searches there were, and states expanded by all of them.
+    questions
+        Bits of the facts that verdicts rested on; of verdicts that do not say so, all.
+    floor
+        Of a search that was given up, the least that a path from its start may cost, >= 0.
+    """
+
+    def __init__(
+        self,
+        model: SkillModel,
+        certain: Task,
+        stop: Stop,
+        max_labels: int,
+        weight: float = 1.0,
+    ) -> None:
+        self._model, self._task, self._stop = model, certain, stop
+        self._max_labels = max_labels
+        self._landmarks = LandmarkBound(certain)
+        self._bounds: dict[int, int] = {}
+        self._steps: dict[int, Step] = {}
+        self._tries = {
+            skill.name: tuple(one for one in skill.outcomes[1:]) for skill in model.task.skills
+        }
+        self._skills = {skill.name: skill for skill in certain.skills}
+        self.searches = 0
+        self.expanded = 0
+        self.questions = 0
+        self.floor = 0.0
+        self._weight = weight
+
+    def skill(self, state: State) -> Skill | None:
+        """Return the first skill of a cheapest path, with its failures; None without a path."""
+        step = self._step(state)
+        return None if step is None else step.skill
+
+    def cost(self, state: State) -> float | None:
+        """Return the cost of a cheapest path to the goal; None where none was found."""
+        if self._model.is_goal(state):
+            return 0.0
+        step = self._step(state)
+        return None if step is None else from_units(step.to_go)
+
+    def bound(self, state: State) -> float:
+        """Return a lower bound on the cost to the goal without a search; inf for a dead end."""
+        units = 0 if self._model.is_goal(state) else self._bound(state)
+        return math.inf if units < 0 else from_units(units)
+
+    def _step(self, state: State) -> Step | None:
+        if state.bits not in self._steps:
+            self._search(state)
+        return self._steps.get(state.bits)
+
+    def _bound(self, state: State) -> int:
+        """Return a lower bound on what it costs to the goal [units], -1 where that is closed."""
+        known = self._steps.get(state.bits)
+        if known is not None:
+            return known.to_go
+        own, _ = self._landmarks(state)
+        return own if own < 0 else max(own, self._bounds.get(state.bits, 0))
+
+    def _search(self, start: State) -> None:
+        """Find a cheapest path and keep its steps; nothing is kept where there is none."""
+        self.searches += 1
+        bound = self._bound(start)
+        if bound < 0:
+            return
+        spent = {start.bits: 0}
+        came: dict[int, tuple[State, Skill, int]] = {}
+        closed: dict[int, int] = {}
+        queue: list[tuple[int, int, State, int]] = [(bound, 0, start, 0)]
+        made = 0
+        while queue:
+            total, _, state, cost = heapq.heappop(queue)
+            if cost > spent[state.bits] or state.bits in closed:
+                continue
+            if self._model.is_goal(state) or state.bits in self._steps:
+                learnt = closed if self._weight == 1.0 else {}
+                self._keep(start, state, total, came, learnt)
+                return
+            if made > self._max_labels or (self.expanded % 64 == 0 and self._stop()):
+                self.floor = from_units(total) if self._weight == 1.0 else 0.0
+                return
+            closed[state.bits] = cost
+            self.expanded += 1
+            for skill in self._model.applicable(state):
+                sure = self._skills[skill.name]
+                following = sure.prediction_in(state).apply(state)
+                step = to_units(sure.cost.at(state))
+                reached = cost + step
+                if reached >= spent.get(following.bits, reached + 1):
+                    continue
+                bound = self._bound(following)
+                if bound < 0 or not self.feasible(state, skill):
+                    continue
+                spent[following.bits] = reached
+                came[following.bits] = (state, skill, step)
+                closed.pop(following.bits, None)
+                made += 1
+                ahead = reached + (bound if self._weight == 1.0 else int(self._weight * bound))
+                heapq.heappush(queue, (ahead, -made, following, reached))
+
+    def feasible(self, state: State, skill: Skill) -> bool:
+        """Whether a skill can be executed, and again from where it may have failed."""
+        failed = (one.apply(state) for one in self._tries[skill.name])
+        for where in (state, *failed):
+            verdict = self._model.verdict(where, skill)
+            if verdict.present is None or verdict.absent is None:
+                self.questions = self._task.facts.all_bits
+            else:
+                self.questions |= verdict.present.bits | verdict.absent.bits
+            if not verdict.is_feasible:
+                return False
+        return True
+
+    def _keep(
+        self,
+        start: State,
+        end: State,
+        total: int,
+        came: dict[int, tuple[State, Skill, int]],
+        closed: dict[int, int],
+    ) -> None:
+        """Keep the path that was found, and what the search says about other states."""
+        for bits, cost in closed.items():
+            if total - cost > self._bounds.get(bits, 0):
+                self._bounds[bits] = total - cost
+        known = self._steps.get(end.bits)
+        to_go = 0 if known is None else known.to_go
+        state = end
+        while state != start:
+            state, skill, step = came[state.bits]
+            to_go += step
+            self._steps[state.bits] = Step(skill, to_go)

@@ -1,0 +1,243 @@
+"""Replanning: plan as if skills succeeded, follow the plan, plan anew after a failure.
+
+FF-Replan (Yoon, Fern and Givan, "FF-Replan: a baseline for probabilistic planning", 2007). Here
+the plan counts every skill that may fail at what it costs on average until it succeeds, if it is
+tried again at once. So what a plan costs is what following it without replanning would cost, and
+planning anew after a failure can only save (a step of policy improvement: Bertsekas, Tsitsiklis
+and Wu, "Rollout algorithms for combinatorial optimization", 1997). A second plan, whose failures
+cost no more than the least detour, bounds from below what every policy costs.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydantic import Field
+
+from skillplan.model.policy_sample import PolicySample, sample_policy
+from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.chance.adaptive_search import AdaptiveSearch
+from skillplan.solvers.chance.retries import relaxed, retried, touched, why_not_retried
+from skillplan.solvers.solution import Solution
+from skillplan.solvers.solver import Solver
+from skillplan.task import back_end
+from skillplan.task.skill import Skill
+from skillplan.task.state import State
+
+# What costs less by no more than this, a sum of rounding errors, is no better.
+_ROUNDING = 1e-12
+
+
+class Replanning(Mapping[State, Skill]):
+    """A policy that plans anew in every state that no plan of before leads through.
+
+    Parameters
+    ----------
+    search
+        Finds plans, and remembers them.
+    model
+        Says what may come of skills.
+    lookahead
+        Whether skills that may fail are also weighed by what a new plan costs after the failure.
+    """
+
+    def __init__(self, search: AdaptiveSearch, model: SkillModel, *, lookahead: bool) -> None:
+        self._search, self._model, self._lookahead = search, model, lookahead
+        self._said: dict[State, Skill] = {}
+
+    def __getitem__(self, state: State) -> Skill:
+        skill = self._said.get(state)
+        if skill is None:
+            skill = None if self._model.is_goal(state) else self._search.skill(state)
+            if skill is None:
+                raise KeyError(state)
+            skill = self._said[state] = self._weighed(state, skill) if self._lookahead else skill
+        return skill
+
+    def _weighed(self, state: State, planned: Skill) -> Skill:
+        """Return the skill of the least cost, if plans are made anew after it.
+
+        What succeeds for certain costs with a plan after it no less than the plan from here does,
+        so that of these only the plan's own skill need be looked at.
+        """
+        best = planned
+        least = self._value(state, planned, math.inf)
+        for skill in self._model.applicable(state):
+            if skill is not planned and not skill.deterministic:
+                value = self._value(state, skill, least)
+                if value < least - _ROUNDING:
+                    best, least = skill, value
+        return best
+
+    def _value(self, state: State, skill: Skill, most: float) -> float:
+        """Return what a skill and new plans after it cost, inf where that is at least `most`."""
+        search, model = self._search, self._model
+        cost = model.cost(state, skill)
+        following = [(one.probability, one.apply(state)) for one in skill.outcomes_in(state)]
+        if cost + sum(share * search.bound(after) for share, after in following) >= most:
+            return math.inf
+        if not search.feasible(state, skill):
+            return math.inf
+        for share, after in following:
+            to_go = search.cost(after)
+            if to_go is None:
+                return math.inf
+            cost += share * to_go
+        return cost
+
+    def __iter__(self) -> Iterator[State]:
+        return iter(list(self._said))
+
+    def __len__(self) -> int:
+        return len(self._said)
+
+
+class ReplanSolver(Solver):
+    """Plan as if skills were tried until they succeed; plan anew wherever one has failed."""
+
+    name = "replan"
+    polls = True
+
+    class Options(back_end.Options):
+        """Limits of the searches, and how the policy is tried."""
+
+        roll_outs: int = Field(
+            default=2_000,
+            ge=2,
+            le=1_000_000,
+            description="roll-outs of which the expected cost is the mean, with its 95 % "
+            "interval [-]",
+        )
+        policy_states: int = Field(
+            default=5_000,
+            ge=0,
+            le=1_000_000,
+            description="work the policy out in every state that it may reach, up to so many: "
+            "beyond, states are planned for where they are met [-]",
+        )
+        lookahead: bool = Field(
+            default=True,
+            description="before a skill that may fail, weigh what new plans cost after its success "
+            "and after its failure, instead of following the plan blindly [-]",
+        )
+        max_labels: int = Field(
+            default=2_000_000,
+            ge=1,
+            description="labels made by one search before it is given up: 0.6 to 1 kB of memory "
+            "each [-]",
+        )
+        weight: float = Field(
+            default=1.0,
+            ge=1.0,
+            le=100.0,
+            description="above 1, a first plan may cost so many times the least, and is found much "
+            "sooner: 1.2 where there are more than 100,000 states [-]",
+        )
+        bound_labels: int = Field(
+            default=200_000,
+            ge=0,
+            description="labels of the search that proves a lower bound on every policy's "
+            "expected cost: beyond, the least of what is open bounds it; 0 for none [-]",
+        )
+
+    options: Options
+
+    def refuses(self, model: SkillModel) -> str | None:
+        """Return why not, where a failed skill cannot be tried again or costs are not known."""
+        if model.asks_costs:
+            return "costs that back ends tell are not known before a search; take value-iteration"
+        why = why_not_retried(model.task)
+        return None if why is None else f"{why}: it cannot be tried again; take value-iteration"
+
+    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
+        """Plan from the initial state, then from wherever the policy may get to."""
+        begin_s = time.perf_counter()
+        bound, trace = self._bound(model)
+        bound_s = time.perf_counter() - begin_s
+        options = self.options
+        search = AdaptiveSearch(
+            model, retried(model.task), self.stop, options.max_labels, options.weight
+        )
+        planned = search.cost(model.initial)
+        if planned is None:
+            why = (
+                "no plan was found" if self.stop() else "no plan exists, or none within max_labels"
+            )
+            return Solution(None, bound, trace={**trace, "reason": why})
+        plan_s = time.perf_counter() - begin_s - bound_s
+        policy = Replanning(search, model, lookahead=self.options.lookahead)
+        whole = self._spread(model, policy)
+        sample = sample_policy(model, policy.get, seed, self.options.roll_outs, self.stop)
+        trace |= {
+            "planned_cost": planned,
+            "determinisation": "every skill costs what it does on average until it succeeds",
+            "expected_cost": None if sample is None else _document(sample),
+            "policy_states": len(policy),
+            "policy_complete": whole,
+            "searches": search.searches,
+            "expanded": search.expanded,
+            "states": search.expanded,
+            "bound_s": bound_s,
+            "plan_s": plan_s,
+            "replan_s": time.perf_counter() - begin_s - bound_s - plan_s,
+        }
+        # Without chance the plan is all there is, and the two searches are one.
+        proved = (
+            model.task.deterministic
+            and whole
+            and bound is not None
+            and bound >= planned - _ROUNDING
+            and len(policy) <= model.step_limit
+        )
+        return Solution(policy, planned if proved else bound, proved=proved, trace=trace)
+
+    def _bound(self, model: SkillModel) -> tuple[float | None, dict[str, Any]]:
+        """Return a lower bound on every policy's expected cost, or None and why there is none."""
+        labels = self.options.bound_labels
+        task = relaxed(model.task) if labels else None
+        if task is None:
+            why = "a failure might save something" if labels else "not asked for"
+            return None, {"no_bound": why}
+        search = AdaptiveSearch(model, task, self.stop, labels)
+        cost = search.cost(model.initial)
+        if cost is None and not search.floor:
+            return None, {"no_bound": "there is no plan"}
+        cost = search.floor if cost is None else cost
+        if search.questions & touched(model.task):
+            return None, {"no_bound": "verdicts rest on what a failure changes"}
+        self.stop.bound(cost)
+        return cost, {
+            "bound_method": "search with every failure at its least detour",
+            "bound_expanded": search.expanded,
+        }
+
+    def _spread(self, model: SkillModel, policy: Replanning) -> bool:
+        """Ask the policy wherever it may get to; return whether that was everywhere."""
+        todo, seen = [model.initial], {model.initial}
+        while todo:
+            if self.stop() or len(policy) >= self.options.policy_states:
+                return False
+            state = todo.pop()
+            skill = None if model.is_goal(state) else policy.get(state)
+            for outcome in () if skill is None else skill.outcomes_in(state):
+                following = outcome.apply(state)
+                if following not in seen:
+                    seen.add(following)
+                    todo.append(following)
+        return True
+
+
+def _document(sample: PolicySample) -> dict[str, Any]:
+    """Return the figures of roll-outs as JSON values."""
+    if sample.problem is not None:
+        return {"problem": sample.problem}
+    low, high = sample.cost - sample.half_width, sample.cost + sample.half_width
+    return {
+        "value": sample.cost,
+        "ci95": [low, high],
+        "roll_outs": sample.roll_outs,
+        "steps": sample.steps,
+    }

@@ -1,0 +1,30 @@
+"""What `auto` takes where tables do not suffice under chance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from skillplan.domains.assembly.board_generator import BoardGenerator
+from skillplan.pipeline.run import solve
+from skillplan.pipeline.setup import load_problem
+from skillplan.records.result import Status
+from skillplan.solvers.mdp.value_iteration import ValueIterationSolver
+
+
+def test_beyond_tables_auto_plans_anew_after_a_miss(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And says so; with a bound, and without the claim of a proof."""
+    path = tmp_path / "board.yaml"
+    path.write_text(BoardGenerator(5, 0.2, 2, failures=(0.2, 0.2)).text(), "utf-8")
+    monkeypatch.setattr(
+        ValueIterationSolver, "refuses", lambda self, model: "more than 1 reachable state"
+    )
+    result = solve(load_problem(path).task, "auto")
+    assert result.status is Status.SOLVED
+    assert "replan" in result.trace["choice"]
+    assert result.lower_bound is not None
+    assert result.cost is not None
+    assert 0 < result.lower_bound <= result.cost
