@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,6 +53,15 @@ class ProvedPieces:
     pieces: Mapping[str, tuple[Pieces, ...]]
     cut_back: tuple[str, ...]
     differences: tuple[Difference, ...]
+
+    def of(self, names: Collection[str]) -> ProvedPieces:
+        """Return what is about some parts, and about what has no pieces."""
+        gone = self.pieces.keys() - set(names)
+        return ProvedPieces(
+            {name: pieces for name, pieces in self.pieces.items() if name not in gone},
+            tuple(name for name in self.cut_back if name not in gone),
+            tuple(one for one in self.differences if not {one.part, one.by} & gone),
+        )
 
 
 def proved_pieces(

@@ -99,6 +99,8 @@ def task_of(
     """
     bearing = bearing or best_bearing(product, relation)
     left_out = {**not_straight(plan), **(bearing.why_not if bearing.order else {})}
+    # Of all parts that are ever tried: leaving some out changes no other's pieces.
+    proved: ProvedPieces | None = None
     while True:
         for name in relation.driven - left_out.keys():
             fastener = relation.fastener(name)
@@ -112,7 +114,8 @@ def task_of(
             words = "finds no place within the arm's reach"
             left_out |= dict.fromkeys(writer.places.without, words)
             continue
-        made = writer.task()
+        made = writer.task(proved)
+        proved = proved or made.pieces
         found = refused(made.document, made.files)
         if not found:
             return made
@@ -157,8 +160,8 @@ class _Writer:
         self.places = places_of(self.kept, self.gripped, self.names, known, up, self.robot)
         self.upright = self.places.upright
 
-    def task(self) -> WrittenTask:
-        """Return it all."""
+    def task(self, proved: ProvedPieces | None = None) -> WrittenTask:
+        """Return it all; convex pieces are made unless they are known."""
         up, gripped = self.bearing.up, self.gripped
         files: dict[str, str] = {}
         parts = {self.names[part.name]: self._part(part, files) for part in gripped}
@@ -167,7 +170,9 @@ class _Writer:
             for part in self.kept
             if (fastener := self._driven(part)) is not None
         }
-        proved = proved_pieces(self.product, self.relation, self._meshes, self.upright)
+        if proved is None:
+            proved = proved_pieces(self.product, self.relation, self._meshes, self.upright)
+        proved = proved.of(self._meshes)
         for part_name, per_mesh in proved.pieces.items():
             for mesh, pieces in zip(parts[self.names[part_name]]["meshes"], per_mesh, strict=True):
                 if pieces:
