@@ -37,7 +37,7 @@ _MOVES = 1_000_000
 # Work of branch and cut in the first round, of it what this process does before others join in,
 # and work of the relaxation over pairs in the first round.
 _WORK = 40_000_000
-_FIRST_WORK = 28_000_000
+_FIRST_WORK = 40_000_000
 _PAIRS_WORK = 75_000_000
 # Where branch and cut has closed such a share of the gap, the pair relaxation is skipped.
 _ENOUGH = 1 / 3
