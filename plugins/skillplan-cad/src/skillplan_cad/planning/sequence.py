@@ -8,6 +8,8 @@ was cut down to its most promising.
 
 from __future__ import annotations
 
+import functools
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -154,6 +156,12 @@ class Sequencer:
         self._directions, self._tools, self._prices = directions, tools, prices
         self._vectors = np.asarray(directions)
         self._connected: dict[int, bool] = {}
+        # Of each part what may block it at all, and where it may go by what of that is there.
+        self._blockers = [
+            functools.reduce(operator.or_, (one.blockers for one in ways), 0)
+            for ways in precedence.alternatives
+        ]
+        self._free: dict[tuple[int, int], tuple[int, ...]] = {}
         self._cosines: dict[tuple[int, Vector], float] = {}
 
     def sequence(self, present: int, base: int, up: Vector) -> Sequence:
@@ -186,7 +194,7 @@ class Sequencer:
         before = way.last
         for part in members(way.present & ~left):
             tool = self._tools.get(part, "gripper")
-            for direction in self._precedence.free_directions(part, way.present):
+            for direction in self._free_directions(part, way.present):
                 now = self._up(before.up if before else up, direction)
                 others = way.present & ~(1 << part)
                 key = (others, direction, tool, now)
@@ -198,6 +206,12 @@ class Sequencer:
                 step = self._step(way, part, direction, now, up)
                 if known is None or way.cost + step.cost < known.cost:
                     best[key] = self._longer(way, step, tool, up)
+
+    def _free_directions(self, part: int, present: int) -> tuple[int, ...]:
+        key = (part, present & self._blockers[part])
+        if key not in self._free:
+            self._free[key] = self._precedence.free_directions(part, present)
+        return self._free[key]
 
     def _up(self, now: Vector, direction: int) -> Vector:
         """Return what points up while a part goes: it never comes from below."""

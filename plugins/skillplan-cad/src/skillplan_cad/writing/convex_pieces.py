@@ -37,6 +37,8 @@ _FILM_MM = 1e-3
 # Where the best cut leaves more than this share of what a hull adds, gaps are halved.
 _WORTH = 0.6
 _LEAST_SHARE = 1e-3
+# Of three coordinates from -1000 to 1000.
+_PLACES = np.array([10**8, 10**4, 1])
 # Of the corners of a gap so many lie on the wall of a round hollow, if it is the hollow's.
 _ON_WALL = 0.3
 # Corners whose middle is so near to the axis, of the radius, are all round it.
@@ -152,7 +154,9 @@ def _widest_gap(added: manifold3d.Manifold) -> tuple[float, manifold3d.Manifold]
         if 2 * gap.volume() < _FILM_MM * float(areas.sum()):
             continue
         large = normals[areas > 1e-3 * areas.max()]
-        _, first = np.unique(np.round(large, 3), axis=0, return_index=True)
+        # A number each, in the order of the rows: far quicker to tell apart than rows.
+        numbers = np.round(large * 1000).astype(np.int64) @ _PLACES
+        _, first = np.unique(numbers, return_index=True)
         heights = corners.reshape(-1, 3) @ large[first].T
         width = float(np.ptp(heights, axis=0).min())
         if width > widest:
