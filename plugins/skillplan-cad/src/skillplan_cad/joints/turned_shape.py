@@ -27,7 +27,7 @@ class TurnedShape:
     low_m, high_m
         Where the part begins and ends along it, from the origin on.
     shank
-        The longest cylinder about it.
+        The longest cylinder about it; of a part that has none on its outside the longest hole.
     head_radius_m
         Greatest radius at the wide end.
     shank_length_m
@@ -59,11 +59,19 @@ class TurnedShape:
         """Radius of the wide end by the shank's."""
         return self.head_radius_m / self.shank.radius_m
 
+    @property
+    def is_ring(self) -> bool:
+        """Whether nothing but a hole is round about the axis, as in a hexagon nut."""
+        return self.shank.hollow
+
 
 def turned_shape(part: Part) -> TurnedShape | None:
-    """Return a part about the axis of its greatest cylinder, or None without one."""
+    """Return a part about the axis of its greatest cylinder, or None without one.
+
+    Cylinders on its outside go before holes.
+    """
     round_faces = [one for one in part.faces if one.kind == "cylinder" and one.radius_m > 0]
-    outer = [one for one in round_faces if not one.hollow]
+    outer = [one for one in round_faces if not one.hollow] or round_faces
     if not outer:
         return None
     main = max(outer, key=lambda one: one.radius_m * _length_m(one) * one.turn_rad)

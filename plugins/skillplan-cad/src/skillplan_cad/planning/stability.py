@@ -168,6 +168,9 @@ class Stability:
 def _forces(contact: Contact, firm: bool) -> list[tuple[Array, Array]]:
     """Return (point, force on the first part) of which the forces of a contact are sums."""
     points = _spread(np.array(contact.points_m).reshape(-1, 3))
+    if firm and not len(points) and contact.axis_point_m is not None:
+        # A thread that is drawn as an overlap has no surface at which parts touch.
+        points = np.array([contact.axis_point_m])
     if not len(points):
         return []
     if firm:
