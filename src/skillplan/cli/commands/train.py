@@ -134,7 +134,8 @@ def command(
         bool,
         typer.Option(
             "--resume",
-            help="Go on with the training in the folder of --out.",
+            help="Go on with the training in the folder of --out; with a larger --steps extend it, "
+            "where its option schedule_steps is set.",
             rich_help_panel=OUTPUT,
         ),
     ] = False,

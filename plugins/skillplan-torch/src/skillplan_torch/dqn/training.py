@@ -61,7 +61,7 @@ class DqnTraining(NetworkTraining):
             priority=options.priority,
         )
         self._networks = QNetworks(options, features, self._actions, self._generators)
-        self._schedules = Schedules(options, steps)
+        self._schedules = Schedules(options, self._total)
         self._exploration = Exploration(
             options, self._schedules, self._generators, self._counts, self._limit
         )
