@@ -12,6 +12,7 @@ from skillplan.records.optimum import Optimum
 from skillplan.records.training.layouts_result import LayoutsResult
 from skillplan.records.training.outcome import RunOutcome, RunStatus, Tally, deviation
 from skillplan.records.training.published_runs import PublishedRun, published_runs
+from skillplan.records.training.shortfall import Shortfall
 from skillplan.task.task import Task
 
 # A deviation below half of the last digit is printed as 0.00 %.
@@ -80,6 +81,8 @@ class TrainingResult:
         Whether the runs were stopped before they had done their steps.
     layouts
         What the policies do on layouts that they have not seen; None where nobody tried.
+    shortfall
+        Why runs do not complete the task; None where all do, or where nobody knows.
     family
         Whether the runs learned on other layouts than the task's own: what they saw while they
         learned is not to be held to its optimum.
@@ -104,6 +107,7 @@ class TrainingResult:
     steps_per_s: float | None = None
     interrupted: bool = False
     layouts: LayoutsResult | None = None
+    shortfall: Shortfall | None = None
     family: bool = False
     notes: tuple[str, ...] = ()
 
@@ -236,6 +240,7 @@ class TrainingResult:
             "steps_per_s": self.steps_per_s,
             "interrupted": self.interrupted,
             "layouts": None if self.layouts is None else self.layouts.document(),
+            "shortfall": None if self.shortfall is None else self.shortfall.document(),
             "notes": list(self.notes),
         }
 
