@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from skillplan.records import schemas
-from skillplan.records.interval import Estimate, interquartile_mean
+from skillplan.records.interval import Estimate, interquartile_mean, share
 from skillplan.records.optimum import Optimum
 from skillplan.records.training.layouts_result import LayoutsResult
 from skillplan.records.training.outcome import RunOutcome, RunStatus, Tally, deviation
@@ -134,6 +134,11 @@ class TrainingResult:
         return sum(one.cost is not None for one in self.outcomes)
 
     @property
+    def completion(self) -> Estimate | None:
+        """Share of the runs that complete the task, with Wilson's interval; None of no runs."""
+        return share(self.completed, len(self.outcomes))
+
+    @property
     def failed(self) -> list[RunOutcome]:
         """The runs that could not go on or cannot be read."""
         return [one for one in self.outcomes if one.status is RunStatus.FAILED]
@@ -221,6 +226,7 @@ class TrainingResult:
                 "seed": self.sampling.seed,
             },
             "completed_runs": self.completed,
+            "completion": _estimate(self.completion),
             "optimal_runs": self.at_most(0.0),
             "zero_percent_runs": self.at_most(_ZERO_PERCENT),
             "one_percent_runs": self.at_most(_ONE_PERCENT),
