@@ -7,7 +7,7 @@ thing or another.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +16,6 @@ from numpy.typing import NDArray
 from skillplan.chart.partial_order import closure
 from skillplan.chart.precedence_chart import DerivedChart, derive_chart
 from skillplan.model.skill_model import SkillModel
-
-Choice = tuple[int, tuple[tuple[int, int], ...]]
-"""Bits of the elements that must be done, and of those that must not."""
 
 
 @dataclass(frozen=True)
@@ -66,19 +63,38 @@ class ElementOrder:
             choices.append((own, tuple(groups)))
         return cls(before, tuple(choices))
 
-    def unmet(self, element: int, done: int) -> bool:
-        """Whether no choice of an element holds where exactly these are done."""
-        return any(
-            not any(done & must == must and not done & never for must, never in groups)
-            for own, groups in self.choices
-            if own == element
-        )
+    def after(self, done: int) -> NDArray[np.bool_]:
+        """Return what comes before what once some are done, shape (n, n).
 
-    def closes(self, element: int, done: int) -> bool:
-        """Whether doing an element would leave another without a choice that may still hold."""
-        following = done | 1 << element
-        return any(
-            not following >> own & 1
-            and all(following & never for _, never in groups)
-            for own, groups in self.choices
-        )
+        That is what holds in every order, and of a choice what all that is still possible have in
+        common. Where something has to be done for each of them, so much is added of the one that
+        takes least.
+
+        Parameters
+        ----------
+        done
+            Bits of the elements that are done.
+        """
+        if not self.choices:
+            return self.before
+        found = self.before.copy()
+        for own, groups in self.choices:
+            possible = [(must & ~done, never) for must, never in groups if not done & never]
+            if done >> own & 1 or not possible:
+                continue
+            needed, barred = possible[0]
+            for must, never in possible[1:]:
+                needed, barred = needed & must, barred & never
+            if not needed and all(must for must, _ in possible):
+                needed = min((must for must, _ in possible), key=int.bit_count)
+            found[list(each_index(needed)), own] = True
+            found[own, list(each_index(barred))] = True
+        return found
+
+
+def each_index(bits: int) -> Iterator[int]:
+    """Yield the index of every bit that is set, in ascending order."""
+    while bits:
+        low = bits & -bits
+        yield low.bit_length() - 1
+        bits ^= low

@@ -83,7 +83,7 @@ class ElementPaths:
         for skill in self._between:
             self._free |= effects(skill)
         self._situation = self._free | self._read_bits()
-        self._ends: dict[int, dict[int, tuple[str, int, float, int]]] = {}
+        self._ends: dict[int, dict[int, tuple[str, int, float]]] = {}
         self._ways: dict[tuple[int, str], Way | None] = {}
 
     def owner(self, skill: Skill) -> str | None:
@@ -147,13 +147,13 @@ class ElementPaths:
 
     def _bits_before(self, skill: Skill, bits: int) -> int:
         """Return the bits of a state after what comes between it and a skill."""
-        for end, _ in self._reach(bits).items():
+        for end in self._reach(bits):
             if self._fits(skill, end):
                 return bits & ~self._situation | end & self._situation
         return bits
 
     def _found_way(self, skill: Skill, bits: int) -> Way | None:
-        for end, (first, between, cost, _) in self._reach(bits).items():
+        for end, (first, between, cost) in self._reach(bits).items():
             if self._fits(skill, end):
                 total = cost + self._cost(skill, end)
                 return Way(first or skill.name, between, total)
@@ -164,7 +164,7 @@ class ElementPaths:
         free = self._free
         return bits & needs & free == needs & free and not bits & bars & free
 
-    def _reach(self, bits: int) -> Mapping[int, tuple[str, int, float, int]]:
+    def _reach(self, bits: int) -> Mapping[int, tuple[str, int, float]]:
         """Return what skills between lead to: first skill, how many, cost; the nearest first."""
         key = bits & self._situation
         found = self._ends.get(key)
@@ -174,13 +174,13 @@ class ElementPaths:
             found = self._ends[key] = self._explored(key)
         return found
 
-    def _explored(self, start: int) -> dict[int, tuple[str, int, float, int]]:
-        found = {start: ("", 0, 0.0, 0)}
+    def _explored(self, start: int) -> dict[int, tuple[str, int, float]]:
+        found = {start: ("", 0, 0.0)}
         level = [start]
         for count in range(1, _MOST_BETWEEN + 1):
             following = []
             for bits in level:
-                first, _, cost, _ = found[bits]
+                first, _, cost = found[bits]
                 for skill in self._between:
                     if not skill.precondition.holds(State(bits, self.task.facts)):
                         continue
@@ -190,7 +190,7 @@ class ElementPaths:
                         continue
                     if end not in found:
                         following.append(end)
-                    found[end] = (first or skill.name, count, total, 0)
+                    found[end] = (first or skill.name, count, total)
             level = following
         return dict(sorted(found.items(), key=lambda one: one[1][1:3]))
 

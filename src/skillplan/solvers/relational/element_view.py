@@ -22,8 +22,6 @@ ELEMENT_FEATURES = (
     "by how much it costs more to come to than the cheapest",
     "something must come before it that is not done",
     "how many such there are",
-    "no choice of what must come before it is met",
-    "doing it would leave another without a choice",
     "skills come between, such as a tool change",
     "how many must come after it",
     "how many wait for it alone",
@@ -131,20 +129,21 @@ class ElementView:
             ways.append(None if skill is None else paths.way(skill, bits))
         come = np.array([np.inf if way is None else way.cost for way in ways])
         between = np.array([0 if way is None else way.between for way in ways]) > 0
-        features = self._features(left, done, come, between)
-        features[:, 0] = [way is not None and not wait for way, wait in zip(ways, waits, strict=True)]
+        mask = sum(1 << one for one in np.flatnonzero(done).tolist())
+        before = self.order.after(mask)[np.ix_(left, left)]
+        features = self._features(left, before, come, between)
         usable = tuple(None if wait else way for way, wait in zip(ways, waits, strict=True))
-        return Sight(left, usable, features, self._pairs(left))
+        features[:, 0] = [way is not None for way in usable]
+        return Sight(left, usable, features, self._pairs(left, before))
 
     def _features(
         self,
         left: NDArray[np.int64],
-        done: NDArray[np.bool_],
+        before: NDArray[np.bool_],
         come: NDArray[np.float64],
         between: NDArray[np.bool_],
     ) -> Figures:
         count = len(left)
-        before = self.order.before[np.ix_(left, left)]
         same = self._same[np.ix_(left, left)]
         waiting = before.sum(axis=0)
         alone = (before & (waiting == 1)[None]).sum(axis=1)
@@ -155,25 +154,21 @@ class ElementView:
         out = np.zeros((count, len(ELEMENT_FEATURES)), dtype=np.float32)
         free = waiting == 0
         least = come[free].min() if free.any() else come.min(initial=np.inf)
-        out[:, 1] = self._spreads(come - least)
+        out[:, 1] = self._spreads(come - (least if np.isfinite(least) else 0.0))
         out[:, 2] = ~free
         out[:, 3] = np.log1p(waiting)
-        if self.order.choices:
-            mask = int(sum(1 << one for one in np.flatnonzero(done).tolist()))
-            out[:, 4] = [self.order.unmet(one, mask) for one in left.tolist()]
-            out[:, 5] = [self.order.closes(one, mask) for one in left.tolist()]
-        out[:, 6] = between
-        out[:, 7] = np.log1p(before.sum(axis=1))
-        out[:, 8] = np.log1p(alone)
-        out[:, 9] = np.log1p(group_left)
-        out[:, 10] = np.log1p(in_row)
-        out[:, 11] = share
+        out[:, 4] = between
+        out[:, 5] = np.log1p(before.sum(axis=1))
+        out[:, 6] = np.log1p(alone)
+        out[:, 7] = np.log1p(group_left)
+        out[:, 8] = np.log1p(in_row)
+        out[:, 9] = share
         onward = self.costs[np.ix_(left, left)].min(axis=1, initial=np.inf)
         finite = onward[np.isfinite(onward)]
-        out[:, 12] = self._spreads(onward - (finite.min() if finite.size else 0.0))
-        out[:, 13] = np.log1p(count)
-        out[:, 14] = bool((at_hand & free).any())
-        out[:, 15] = share[at_hand].max(initial=0.0)
+        out[:, 10] = self._spreads(onward - (finite.min() if finite.size else 0.0))
+        out[:, 11] = np.log1p(count)
+        out[:, 12] = bool((at_hand & free).any())
+        out[:, 13] = share[at_hand].max(initial=0.0)
         return out
 
     def _in_a_row(self, before: NDArray[np.bool_], same: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -183,9 +178,9 @@ class ElementView:
         counted: NDArray[np.int64] = (same & ~blocked[None]).sum(axis=1)
         return counted
 
-    def _pairs(self, left: NDArray[np.int64]) -> Figures:
+    def _pairs(self, left: NDArray[np.int64], before: NDArray[np.bool_]) -> Figures:
         grid = np.ix_(left, left)
-        costs, before, same = self.costs[grid], self.order.before[grid], self._same[grid]
+        costs, same = self.costs[grid], self._same[grid]
         after = self._spreads(costs - _least(costs, 1))
         ahead = self._spreads(costs - _least(costs, 0))
         waiting = before.sum(axis=0)
@@ -198,8 +193,7 @@ class ElementView:
         return out
 
     def _spreads(self, differences: NDArray[np.float64]) -> NDArray[np.float64]:
-        scaled = np.nan_to_num(differences, nan=0.0, posinf=np.inf) / self._spread
-        return np.clip(scaled, -_MOST_SPREADS, _MOST_SPREADS)
+        return np.clip(differences / self._spread, -_MOST_SPREADS, _MOST_SPREADS)
 
 
 def _least(costs: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
