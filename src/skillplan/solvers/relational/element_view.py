@@ -146,7 +146,7 @@ class ElementView:
         count = len(left)
         same = self._same[np.ix_(left, left)]
         waiting = before.sum(axis=0)
-        alone = (before & (waiting == 1)[None]).sum(axis=1)
+        alone = (before & (waiting[None] == 1)).sum(axis=1)
         in_row = self._in_a_row(before, same)
         group_left = same.sum(axis=1)
         share = in_row / np.maximum(group_left, 1)
@@ -174,7 +174,7 @@ class ElementView:
     def _in_a_row(self, before: NDArray[np.bool_], same: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Return how many of the same tool can be done from here with nothing else between."""
         # What waits for one of another tool, however far back, cannot.
-        blocked = (before & ~same).any(axis=0)
+        blocked = np.asarray((before & ~same).any(axis=0))
         counted: NDArray[np.int64] = (same & ~blocked[None]).sum(axis=1)
         return counted
 
@@ -184,7 +184,7 @@ class ElementView:
         after = self._spreads(costs - _least(costs, 1))
         ahead = self._spreads(costs - _least(costs, 0))
         waiting = before.sum(axis=0)
-        alone = before & (waiting == 1)[None]
+        alone = before & (waiting[None] == 1)
         layers = (after, ahead, after.T, ahead.T, before, before.T, same, alone)
         out = np.zeros((len(left), len(left), len(PAIR_FEATURES)), dtype=np.float32)
         for index, layer in enumerate(layers):

@@ -50,7 +50,7 @@ class RelationalLearning:
         self._adam = torch.optim.Adam(self._torch.parameters.values(), lr=learning_rate)
         self._rate, self._batch = learning_rate, batch
         self._slips, self._sharpness = slips, sharpness
-        self._lessons = Lessons(max(len(board.view.rest) for board in boards))
+        self._lessons = Lessons()
         self.updates = 0
 
     @property
@@ -90,7 +90,7 @@ class RelationalLearning:
             places = self._chance.integers(len(self._lessons), size=self._batch)
             loss, regret = self._loss(self._lessons.batch(places))
             self._adam.zero_grad()
-            loss.backward()
+            loss.backward()  # type: ignore[no-untyped-call]
             torch.nn.utils.clip_grad_norm_(self._torch.parameters.values(), 1.0)
             self._adam.step()
             self.updates += 1

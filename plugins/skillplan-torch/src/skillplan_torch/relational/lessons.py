@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -100,25 +100,22 @@ class Board:
     def regrets(self, done: NDArray[np.bool_], sight: Sight) -> NDArray[np.float64]:
         """Return by how much each choice is worse than the best, in shares of the whole."""
         to_pay = self.teacher.of_state(done, sight)
-        return np.minimum((to_pay - to_pay.min()) / self.least, DEAD_END)
+        regrets: NDArray[np.float64] = np.minimum((to_pay - to_pay.min()) / self.least, DEAD_END)
+        return regrets
 
 
 @dataclass
 class Lessons:
-    """States met so far, padded to one number of elements.
+    """States met so far, and by how much each choice there is worse than the best."""
 
-    Parameters
-    ----------
-    most
-        How many elements a state has at most.
-    """
-
-    most: int
     _sights: list[Sight] = field(default_factory=list)
     _regrets: list[NDArray[np.float64]] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self._sights)
+
+    def __iter__(self) -> Iterator[tuple[Sight, NDArray[np.float64]]]:
+        return iter(zip(self._sights, self._regrets, strict=True))
 
     def add(self, met: Sequence[tuple[Sight, NDArray[np.float64]]]) -> None:
         """Keep what was met."""

@@ -72,7 +72,7 @@ class RelationalSolver(FamilyLearner):
         """Learn in rounds: walk on all boards, then learn from all that was met so far."""
         options = self.options
         torch.set_num_threads(1)
-        taught = []
+        taught: list[Board] = []
         for model in boards:
             if self.stop() and taught:
                 break
