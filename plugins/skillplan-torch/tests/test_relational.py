@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from skillplan_torch.relational.options import RelationalOptions
 from skillplan_torch.relational.torch_network import TorchNetwork
 
 CONFIGS = Path(__file__).parents[3] / "configs"
-TINY = {"boards": 4, "rounds": 2, "updates": 10, "batch": 16, "width": 16, "layers": 1}
+TINY = {"boards": 2, "rounds": 2, "updates": 3, "batch": 8, "width": 16, "layers": 1}
 
 
 def learned(family: str, seed: int = 0, **options: int) -> FamilyLesson:
@@ -108,7 +109,7 @@ def test_what_is_learned_on_few_parts_completes_boards_of_more(tmp_path: Path) -
         wall_s=0.0,
     )
     network = read_relational(tmp_path).network
-    tasks = list(GeneratedFamily(8, 12).tasks(6, 9))
+    tasks = list(GeneratedFamily(8, 10).tasks(4, 9))
     tasks.append(load_problem(CONFIGS / "inverter_board.yaml").task)
     for task in tasks:
         _, walked = followed(network, task)
@@ -119,3 +120,25 @@ def test_what_is_learned_on_few_parts_completes_boards_of_more(tmp_path: Path) -
     solver = RelationalSolver(RelationalOptions(run=str(tmp_path)))
     found = solver.solve(make_model(tasks[0]))
     assert found.plan is not None
+
+
+@pytest.mark.slow("tries a policy on 20 boards: 2 s")
+def test_the_command_line_trains_and_keeps_what_was_learned(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The printed document is the kept one; a second training does not go into the folder."""
+    from skillplan.cli.app import main
+
+    out = tmp_path / "run"
+    words = [word for key, value in TINY.items() for word in ("-O", f"{key}={value}")]
+    command = ["train", "--family", "generated:3-4", "--solver", "relational", *words]
+    command += ["--out", str(out)]
+    with pytest.raises(SystemExit):
+        main([*command, "--format", "json"])
+    printed = json.loads(capsys.readouterr().out)
+    assert json.loads((out / "relational.json").read_text("utf-8")) == printed
+    assert (printed["boards"], printed["trial"]["boards"]) == (2, 20)
+    with pytest.raises(SystemExit) as ended:
+        main(command)
+    assert ended.value.code == 2
+    assert "--out" in capsys.readouterr().err
