@@ -92,7 +92,7 @@ def test_without_a_policy_to_follow_it_refuses() -> None:
     assert "train --family" in why
 
 
-@pytest.mark.slow("learns on 40 boards: 5 s")
+@pytest.mark.slow(reason="learns on 40 boards; a tiny one in every run")
 def test_what_is_learned_on_few_parts_completes_boards_of_more(tmp_path: Path) -> None:
     """Unseen ones of twice the parts, and a board with screws; answered from its files alone."""
     lesson = learned("generated:4-6", boards=40, rounds=3, updates=50, batch=64, width=32)
@@ -122,7 +122,7 @@ def test_what_is_learned_on_few_parts_completes_boards_of_more(tmp_path: Path) -
     assert found.plan is not None
 
 
-@pytest.mark.slow("tries a policy on 20 boards: 2 s")
+@pytest.mark.slow(reason="tries a policy on 20 boards")
 def test_the_command_line_trains_and_keeps_what_was_learned(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
