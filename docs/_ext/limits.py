@@ -95,6 +95,11 @@ ROWS: list[tuple[str, str, list[str]]] = [
         "{bytes}",
         ["records.training.network_policy_file:_MOST_BYTES"],
     ),
+    (
+        "policy that carries over (safetensors)",
+        "{bytes}",
+        ["records.training.relational_file:_MOST_BYTES"],
+    ),
     ("metrics of a run", "{bytes}", ["records.training.metrics_file:_MOST_BYTES"]),
     (
         "checkpoint",

@@ -262,6 +262,9 @@ class TestRuns:
         document = outcome.document
         assert (0, "skillplan.trainings/1") == (outcome.code, document["schema"])
         assert [2, 1] == [row["completed_runs"] for row in document["rows"]]
+        halved = document["rows"][1]["completion"]
+        assert 0.5 == halved["value"]
+        assert [0.0945, 0.9055] == pytest.approx(halved["ci95"], abs=1e-4)
         assert cli("evaluate", str(good), *JSON).document["runs"] == document["rows"][0]["runs"]
 
     @pytest.mark.slow(reason="every run has them side by side in JSON")
@@ -270,6 +273,7 @@ class TestRuns:
         lines = cli("evaluate", str(good), str(poor), "--format", "csv").out.splitlines()
         assert 3 == len(lines)
         assert [str(good), str(poor)] == [line.split(",")[0] for line in lines[1:]]
+        assert "50 % [9 %, 91 %]" in lines[2]
 
     @pytest.mark.parametrize("command", ["evaluate", "plot"])
     def test_something_else_among_them_is_refused(self, cli: Any, good: Path, command: str) -> None:

@@ -344,11 +344,12 @@ class TestFolders:
             [
                 ({"runs": 8}, "in the runs: 7 from seed 0 there, 8 from seed 0 now"),
                 ({"seed": 2}, "in the runs: 7 from seed 0 there, 7 from seed 2 now"),
-                ({"steps": 800}, "in the solver's options: steps: 400 there, 800 now"),
+                ({"steps": 300}, "in the solver's options: steps: 400 there, 300 now"),
+                ({"steps": 800}, "the schedules of the training in"),
                 ({"options": {"alpha": 0.1}}, "in the solver's options: alpha: 0.5 there, 0.1 now"),
             ],
             ({"runs": 8}, "in the runs: 7 from seed 0 there, 8 from seed 0 now"),
-            ({"steps": 800}, "in the solver's options: steps: 400 there, 800 now"),
+            ({"steps": 800}, "the schedules of the training in"),
         ),
     )
     def test_another_training_is_refused_by_what_differs(
@@ -359,6 +360,26 @@ class TestFolders:
             train(whole, resume=True, **more)
         assert message in str(caught.value)
         assert before == learned_bytes(whole)
+
+    @pytest.mark.parametrize("stop_after", [None, 3])
+    def test_a_training_that_is_extended_is_the_one_that_was_asked_for_in_whole(
+        self, tmp_path: Path, stop_after: int | None
+    ) -> None:
+        """To the byte, done or cut off before; all steps are in its result, and in its manifest."""
+        lasting = {"schedule_steps": 300}
+        train(tmp_path / "whole", lasting, steps=600)
+        train(tmp_path / "grown", lasting, steps=400, stop_after=stop_after)
+        result = train(tmp_path / "grown", lasting, steps=600, resume=True)
+        assert learned_bytes(tmp_path / "whole") == learned_bytes(tmp_path / "grown")
+        assert (600, False) == (result.steps, result.interrupted)
+        manifests = [RunFolder(tmp_path / name).manifest for name in ("whole", "grown")]
+        assert manifests[0] == manifests[1].model_copy(update={"command": manifests[0].command})
+
+    def test_what_ends_between_two_hundreds_is_not_extended(self, tmp_path: Path) -> None:
+        train(tmp_path / "a", {"schedule_steps": 300}, steps=250)
+        with pytest.raises(OptionError, match="has 250 steps, and only whole hundreds can be"):
+            train(tmp_path / "a", {"schedule_steps": 300}, steps=400, resume=True)
+        assert 250 == RunFolder(tmp_path / "a").manifest.steps
 
     def test_another_task_is_refused_by_the_keys_that_changed(
         self, whole: Path, tmp_path: Path

@@ -15,7 +15,7 @@ from skillplan_cad.reading.product_reader import ReadOptions, read_product
 from thinned import thinned
 
 SOLID = ("dovetail", "floating", "interlocked", "l_slot", "mirrored", "nested", "threads")
-LARGER = ("bracket", "eight")
+LARGER = ("bracket", "eight", "fastened")
 
 
 def assert_true(name, found):

@@ -11,7 +11,19 @@ from cad_products import moved, product, relation, truth
 from skillplan_cad.build_relation import joints_of
 from thinned import thinned
 
-NAMES = ("bracket", "eight", "bayonet", "dovetail", "floating", "nested", "threads", "mirrored")
+NAMES = (
+    "bracket",
+    "eight",
+    "bayonet",
+    "dovetail",
+    "fastened",
+    "floating",
+    "interlocked",
+    "l_slot",
+    "nested",
+    "threads",
+    "mirrored",
+)
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +39,7 @@ def joints():
     return found
 
 
-@pytest.mark.parametrize("name", thinned(NAMES, "eight", "mirrored"))
+@pytest.mark.parametrize("name", thinned(NAMES, "fastened", "mirrored"))
 def test_fasteners_are_found_and_none_is_invented(joints, name):
     """With what they are, and the line along which they come out."""
     wanted = truth(name).get("fasteners", {})
@@ -38,9 +50,9 @@ def test_fasteners_are_found_and_none_is_invented(joints, name):
         assert abs(np.dot(about["axis"], found[part].axis)) == pytest.approx(1, abs=1e-3)
 
 
-@pytest.mark.parametrize("name", ["bracket", "eight"])
+@pytest.mark.parametrize("name", thinned(["bracket", "eight", "fastened"], "bracket", "fastened"))
 def test_screws_without_a_name_are_known_by_head_and_drive(name):
-    """As are washers on them."""
+    """As are washers and nuts on them; a pin without a name is a cylinder in holes."""
     whole = product(name)
     plain = dataclasses.replace(
         whole,
@@ -53,6 +65,7 @@ def test_screws_without_a_name_are_known_by_head_and_drive(name):
     wanted = {
         f"part {whole.index(part)}": about["kind"]
         for part, about in truth(name)["fasteners"].items()
+        if about["kind"] != "pin"
     }
     assert wanted == found
 
@@ -66,7 +79,29 @@ def test_a_screw_comes_out_towards_its_head_and_joins_what_it_passes(joints):
     assert screw.diameter_m == pytest.approx(0.004)
 
 
-@pytest.mark.parametrize("name", ["bracket", "eight"])
+def test_a_nut_comes_off_the_end_of_its_bolt_and_joins_what_it_lies_on(joints):
+    """And the bolt is threaded in it, not in what only guides it."""
+    found = {one.part: one for one in joints("fastened").fasteners}
+    assert found["nut"].axis == pytest.approx((0, 0, -1), abs=1e-6)
+    assert found["nut"].joins == ("bolt", "base")
+    assert found["nut"].threaded_in == ("bolt",)
+    assert found["bolt"].threaded_in == ("nut",)
+    assert found["bolt"].joins == ("washer", "cover", "base", "nut")
+
+
+def test_a_fit_has_its_radius_and_by_how_much_the_hole_is_wider(joints):
+    """Pins in holes of their own size, and a bolt with 0.3 mm of room all round."""
+    found = {frozenset(one.parts): one for one in joints("fastened").contacts}
+    for pin, radius_m in (("pin_1", 0.002), ("plug", 0.004)):
+        fit = found[frozenset((pin, "base"))]
+        assert fit.kind == "cylinder"
+        assert fit.radius_m == pytest.approx(radius_m, abs=1e-6)
+        assert fit.radius_difference_m == pytest.approx(0, abs=1e-6)
+    assert found[frozenset(("bolt", "nut"))].radius_difference_m == pytest.approx(-5e-4, abs=1e-6)
+    assert frozenset(("bolt", "base")) not in found
+
+
+@pytest.mark.parametrize("name", thinned(["bracket", "eight", "fastened"], "bracket", "fastened"))
 def test_contacts_have_their_kinds(joints, name):
     """Flat on flat, and a cylinder in a cylinder, which is a thread where a screw is gripped."""
     kinds = {frozenset(one.parts): one.kind for one in joints(name).contacts}

@@ -41,7 +41,9 @@ def test_minimal_alternatives_ask_for_nothing_that_another_does_without():
             assert [o.blockers for o in subsets] == [one.blockers]
 
 
-@pytest.mark.parametrize("name", ["bracket", "mirrored", "nested", "dovetail", "eight", "threads"])
+@pytest.mark.parametrize(
+    "name", ["bracket", "mirrored", "nested", "dovetail", "eight", "fastened", "threads"]
+)
 def test_fixtures_that_come_apart_leave_no_core(name):
     precedence = precedence_of(of_fixture(name))
     assert precedence.core().bit_count() == 1

@@ -107,6 +107,11 @@ def test_pieces_are_few_and_block_what_the_true_meshes_do(written):
             assert written.files[mesh["pieces"]].startswith("o piece_1"), name
 
 
+def test_identical_parts_have_identical_pieces(written):
+    posts = [written.files[f"meshes/post_{number}.pieces.obj"] for number in (1, 2)]
+    assert posts[0] == posts[1]
+
+
 def test_jaws_lift_the_heaviest_part_by_friction(written):
     """The base weighs 12.9 N; at friction 0.6 two jaws need more than 10.7 N each."""
     parts = written.document["parts"]

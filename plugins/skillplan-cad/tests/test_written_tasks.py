@@ -24,6 +24,7 @@ WRITTEN = {
     "bracket": (6, 6),
     "dovetail": (2, 2),
     "eight": (8, 8),
+    "fastened": (6, 8),
     "floating": (2, 3),
     "inch": (6, 6),
     "l_slot": (1, 2),
@@ -94,6 +95,21 @@ def chart_of(file, capsys):
         moving = one["evidence"]["moving"]
         pairs[moving == "a finger"].add((one["before"], one["after"]))
     return pairs[False], pairs[True]
+
+
+@pytest.mark.slow(reason="plans a product of eight parts; words of other limits in every run")
+@pytest.mark.parametrize("written", ["fastened"], indirect=True)
+def test_what_takes_a_second_hand_or_a_turn_is_told_in_words(written):
+    """The nut is held from the step after it, until the bolt is in it, and comes from below."""
+    _, _, task, _ = written
+    assert task.left_out == {
+        "nut": "is driven from below: the product has to be turned over, or held up by a fixture",
+        "bolt": "goes through or into nut, which is left out",
+    }
+    assert task.limits["nut"] == (
+        "comes after the product was turned over",
+        "must be held once cover is placed, until bolt is",
+    )
 
 
 @pytest.mark.parametrize("written", ["made", *CASES], indirect=True)

@@ -68,7 +68,7 @@ class Held:
 
     def __init__(self, task: Task, held_m: float = 0.06) -> None:
         (robot,) = task.scene.robots
-        self.world, self.arm = MujocoSimulator(task, SETTINGS).cell(hand_of(robot), seen=False)
+        self.world, self.arm = MujocoSimulator(task, SETTINGS).cell(hand_of(robot))
         self.begin_rad = np.array(self.arm.kinematics.home_rad)
         self.arm.stand(self.begin_rad, 0.04)
         tip = self.arm.tip()

@@ -91,7 +91,7 @@ def test_an_arm_takes_the_jaws_of_the_gripper_that_it_couples() -> None:
     cup, tweezers, clamp = robot.tools
     assert hand_of(robot, cup) == hand_of(robot, tweezers) != hand_of(robot, clamp)
     with World(0.6) as world:
-        arm = SimulatedArm(world, robot, SimulationSettings(), hand_of(robot, tweezers), seen=False)
+        arm = SimulatedArm(world, robot, SimulationSettings(), hand_of(robot, tweezers))
         arm.stand(arm.kinematics.home_rad, 0.02)
         before, stood = arm.joints_rad(), arm.tip().position
         arm.fit(hand_of(robot, clamp))

@@ -102,7 +102,7 @@ def slip_of(
     """Swing a body in the jaws for 4 s; return how far it slips [mm] and turns [deg]."""
     (robot,) = scene.robots
     with World(SETTINGS.friction) as world:
-        arm = SimulatedArm(world, robot, SETTINGS, seen=False)
+        arm = SimulatedArm(world, robot, SETTINGS)
         begin = np.array(arm.kinematics.home_rad)
         arm.stand(begin, 0.04)
         tip = arm.tip()

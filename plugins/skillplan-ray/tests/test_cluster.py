@@ -37,6 +37,11 @@ slow = pytest.mark.slow(reason="starts two nodes of Ray; what machines differ in
 @pytest.fixture
 def cluster() -> Iterator[Any]:
     """A cluster of two nodes with a CPU each; this process is not connected to it."""
+    yield from two_nodes()
+
+
+def two_nodes() -> Iterator[Any]:
+    """Start both, and end them after the test."""
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
     import ray
     from ray.cluster_utils import Cluster
@@ -138,6 +143,72 @@ def test_the_loss_of_a_node_is_told_in_words_and_costs_its_check_only(cluster: A
     assert isinstance(ended, Ended)
     assert (ended.started, ended.killed) == (True, True)
     assert ended.how.startswith("the loss of its ")
+    assert verdicts == Feasibility(task, [ExpensiveBoxes(task)]).verdicts(asked)
+    checks.close()
+    executor.close()
+
+
+def processes_of(node: Any) -> list[int]:
+    """Return the processes of a node, its actors too, but for what keeps track of the cluster."""
+    own = [
+        info.process.pid
+        for kind, infos in node.all_processes.items()
+        for info in infos
+        if kind != "gcs_server"
+    ]
+    found = list(own)
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            parent = int(path.read_text().rpartition(")")[2].split()[1])
+        except OSError:
+            continue
+        if parent in own:
+            found.append(int(path.parent.name))
+    return found
+
+
+@pytest.fixture
+def impatient_cluster(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """The same, in which a node counts as lost after some seconds of silence."""
+    monkeypatch.setenv("RAY_health_check_initial_delay_ms", "5000")
+    monkeypatch.setenv("RAY_health_check_period_ms", "1000")
+    monkeypatch.setenv("RAY_health_check_timeout_ms", "4000")
+    monkeypatch.setenv("RAY_health_check_failure_threshold", "3")
+    yield from two_nodes()
+
+
+@pytest.mark.release(reason="silences a node for seconds; its loss is told in the whole suite")
+def test_a_node_whose_network_falls_silent_costs_its_check_only(impatient_cluster: Any) -> None:
+    """Its processes stand still: nothing is closed, nothing answers; the check is made elsewhere.
+
+    Nor does it matter that the node comes back later.
+    """
+    cluster = impatient_cluster
+    task, asked = queries()
+    options = ExpensiveBoxes.Options(check_s=0.2)
+    checks = Feasibility(
+        task, [ExpensiveBoxes(task, options)], jobs=2, make_executor=at(cluster).make_executor
+    )
+    executor = executor_at(cluster)
+    workers = workers_of(executor)
+    workers[cluster.second.node_id].take("__import__('time').sleep(600)")
+    silenced: list[int] = []
+
+    def poll() -> None:
+        if not silenced and len(actors()) == 4:
+            silenced.extend(processes_of(cluster.second))
+            for process in silenced:
+                os.kill(process, signal.SIGSTOP)
+
+    try:
+        verdicts = checks.verdicts(asked, poll)
+        ended = heard(executor, workers[cluster.second.node_id])
+    finally:
+        for process in silenced:
+            os.kill(process, signal.SIGCONT)
+    assert len(silenced) >= 3
+    assert isinstance(ended, Ended)
+    assert ended.how.startswith("the loss of its machine")
     assert verdicts == Feasibility(task, [ExpensiveBoxes(task)]).verdicts(asked)
     checks.close()
     executor.close()

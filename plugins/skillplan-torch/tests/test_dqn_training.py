@@ -80,6 +80,25 @@ def test_a_stop_changes_nothing(tmp_path: Path) -> None:
     assert checkpoints(cut) == checkpoints(whole)
 
 
+@pytest.mark.slow(reason="four trainings; another learner is extended in every run")
+@pytest.mark.parametrize("solver", ["dqn", "ppo"])
+def test_an_extended_training_is_the_one_that_was_asked_for_in_whole(
+    tmp_path: Path, solver: str
+) -> None:
+    """Beyond the end of its schedules, too: metrics, policies and checkpoints, to the byte."""
+    options = ["-O", f"{solver}.schedule_steps=300", "-O", f"{solver}.width=64"]
+    for name, steps in (("whole", 700), ("grown", 400), ("grown", 700)):
+        words = ["train", str(BOARD), "--solver", solver, "--runs", "2", "--steps", str(steps)]
+        words += ["--checkpoint", "100", "--out", str(tmp_path / name), *options]
+        words += ["--resume"] if (name, steps) == ("grown", 700) else []
+        with pytest.raises(SystemExit) as ended:
+            main(words)
+        assert ended.value.code in (0, 1)
+    whole, grown = tmp_path / "whole", tmp_path / "grown"
+    assert learned_bytes(whole) == learned_bytes(grown)
+    assert checkpoints(whole) == checkpoints(grown)
+
+
 @pytest.mark.parametrize(
     ("runs", "steps", "kills"),
     [

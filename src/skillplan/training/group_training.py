@@ -17,7 +17,7 @@ from skillplan.files.folder_lock import FolderLock
 from skillplan.model.skill_model import SkillModel
 from skillplan.pipeline.run import make_model, warm_cache
 from skillplan.records.training.run_folder import CHECKPOINT, GroupProgress, RunFolder, group_path
-from skillplan.solvers.learning.learner import Training
+from skillplan.solvers.learning.learner import STRIDE_STEPS, Training
 from skillplan.training.checkpoint_file import Checkpoint, read_checkpoint, write_checkpoint
 from skillplan.training.group_job import (
     NO_PROGRESS,
@@ -30,8 +30,6 @@ from skillplan.training.learned_policies import store_policies
 from skillplan.training.run_log import RunLog, writing
 from skillplan.workers.inside import shares_files
 
-STRIDE_STEPS = 100
-"""After so many environment steps a run notes what it has, and may be stopped."""
 # Processes of a program that was killed end within this time.
 _PATIENCE_S = 10.0
 

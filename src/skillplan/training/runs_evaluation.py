@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 from skillplan.domains.load import Problem
 from skillplan.env.observation import Observation
@@ -13,9 +14,16 @@ from skillplan.pipeline.setup import Setup
 from skillplan.records.optimum import Optimum
 from skillplan.records.task_difference import resolved_config, what_changed
 from skillplan.records.training.network_policy_file import StoredNetwork
-from skillplan.records.training.outcome import GreedyRollOut, RunOutcome, Tally, training_record
+from skillplan.records.training.outcome import (
+    GreedyRollOut,
+    RunOutcome,
+    RunStatus,
+    Tally,
+    training_record,
+)
 from skillplan.records.training.result import Sampling, TrainingResult
 from skillplan.records.training.run_folder import RunFolder, StoredRun, run_path
+from skillplan.records.training.shortfall import Shortfall, shortfall_of
 from skillplan.task.task import Task
 from skillplan.training.policy_roll_out import greedy_roll_out, random_baseline, sampled_roll_outs
 
@@ -134,10 +142,23 @@ class RunsEvaluation:
             checks=model.stats.checks,
             executions=model.feasibility.executions,
             wall_s=time.perf_counter() - begin_s,
+            shortfall=self._shortfall(outcomes),
             interrupted=any(not one.failure and one.steps < manifest.steps for one in stored),
             family=manifest.family is not None,
             notes=self._notes(),
         )
+
+    def _shortfall(self, outcomes: Sequence[RunOutcome]) -> Shortfall | None:
+        """Return why runs do not complete the task; None of another one than they learned."""
+        manifest = self.folder.manifest
+        if self.task.sha256 != manifest.task.sha256 or manifest.family is not None:
+            return None
+        episodes = {
+            one.run: one.episodes
+            for one, outcome in zip(self._stored, outcomes, strict=True)
+            if outcome.status is RunStatus.INCOMPLETE and one.episodes
+        }
+        return shortfall_of(self.task, manifest.solver, manifest.options, manifest.steps, episodes)
 
     def _notes(self) -> tuple[str, ...]:
         manifest = self.folder.manifest

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.errors import SkillplanError
 from skillplan.pipeline.run import warm_cache
 from skillplan.records.optimum import Optimum
-from skillplan.records.training.outcome import RunOutcome, training_record
+from skillplan.records.training.outcome import RunOutcome, RunStatus, training_record
 from skillplan.records.training.result import TrainingResult
 from skillplan.records.training.run_folder import GroupProgress, RunFolder
+from skillplan.records.training.shortfall import shortfall_of
+from skillplan.solvers.learning.learner import Episode
 from skillplan.solvers.stop import Stop
 from skillplan.training.group_job import GroupJob, GroupReport, failed_progress, write_progress
 from skillplan.training.group_workers import Ending, GroupFailure, drive
@@ -144,6 +146,7 @@ class Trainer:
     ) -> TrainingResult:
         plan = self._plan
         outcomes = []
+        short: dict[int, Sequence[Episode]] = {}
         progress: list[GroupProgress] = []
         for group, runs in enumerate(plan.groups):
             ending = endings[group][1] if group in endings else None
@@ -163,6 +166,8 @@ class Trainer:
                         training=training_record(one.episodes, one.steps, one.wall_s),
                     )
                 )
+                if outcomes[-1].status is RunStatus.INCOMPLETE and one.episodes:
+                    short[run] = one.episodes
         steps = sum(one.training.steps for one in outcomes if one.training is not None)
         undone = any(
             one.training is None or one.training.steps < plan.steps
@@ -184,6 +189,9 @@ class Trainer:
             wall_s=wall_s,
             steps_per_s=steps / wall_s if steps and wall_s > 0 else None,
             interrupted=undone,
+            shortfall=None
+            if plan.family is not None
+            else shortfall_of(plan.task, plan.solver, plan.options, plan.steps, short),
             family=self._folder.manifest.family is not None,
         )
 

@@ -43,6 +43,7 @@ from skillplan.records.training.run_folder import (
     group_path,
     run_path,
 )
+from skillplan.training.longer_training import refuse_longer, with_steps
 from skillplan.training.run_log import writing
 from skillplan.training.training_plan import TrainingPlan
 from skillplan.workers.program import output_of
@@ -145,12 +146,17 @@ class TrainingFolder(HeldFolder):
             )
         if MANIFEST in there:
             stored = RunFolder(self.path)
-            self._compare(stored, wanted, problem)
+            longer = stored.manifest.steps < wanted.steps
+            kept = with_steps(stored.manifest, wanted.steps) if longer else stored.manifest
+            self._compare(stored, kept, wanted, problem)
+            if longer:
+                refuse_longer(self.path, stored.manifest, wanted.steps)
+                write_whole(self.path / MANIFEST, json_text(schemas.RUN, kept), within=self.path)
             runs = [run_path(self.path, run) for run in range(len(stored.manifest.seeds))]
             groups = [group_path(self.path, group) for group in range(len(stored.manifest.groups))]
             for folder in (self.path, *runs, *groups):
                 remove_unfinished(folder, within=self.path)
-            return stored.manifest
+            return kept
         if there - begun:
             raise OptionError(f"--out {self.path}: holds no {MANIFEST}, so nothing to resume.")
         content = read_bytes(problem.source, max(MAX_BYTES, problem.domain.max_bytes))
@@ -161,8 +167,9 @@ class TrainingFolder(HeldFolder):
         remove_unfinished(self.path, within=self.path)
         return wanted
 
-    def _compare(self, stored: RunFolder, wanted: RunManifest, problem: Problem) -> None:
-        was = stored.manifest
+    def _compare(
+        self, stored: RunFolder, was: RunManifest, wanted: RunManifest, problem: Problem
+    ) -> None:
         if (was.task.sha256, was.task.part) != (wanted.task.sha256, wanted.task.part):
             changed = what_changed(stored.config, resolved_config(problem))
             if was.task.sha256 == wanted.task.sha256:

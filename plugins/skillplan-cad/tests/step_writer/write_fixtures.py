@@ -17,6 +17,7 @@ import sys
 from pathlib import Path
 
 from check_truth import differences
+from fastened import fastened
 from OCP.BRep import BRep_Builder
 from OCP.TopAbs import TopAbs_FACE
 from OCP.TopExp import TopExp_Explorer
@@ -49,19 +50,24 @@ def write(product, name, unit="MM"):
         path.unlink()
 
 
+def write_with_truth(name, product, truth):
+    """Write a file and what is true of it; with ``--check`` say where its solids differ."""
+    if "--check" in sys.argv:
+        for line in differences(product, truth):
+            sys.stdout.write(f"{name}: {line}\n")
+    write(product, name)
+    (FIXTURES / f"{name}.json").write_text(json.dumps(truth, indent=1) + "\n", "utf-8")
+
+
 def main():
     """Write all, and say what differs."""
     FIXTURES.mkdir(exist_ok=True)
     # All of them: a file's numbers depend on those written before it.
     for name in PRODUCTS:
-        product, truth = PRODUCTS[name]()
-        if "--check" in sys.argv:
-            for line in differences(product, truth):
-                sys.stdout.write(f"{name}: {line}\n")
-        write(product, name)
-        (FIXTURES / f"{name}.json").write_text(json.dumps(truth, indent=1) + "\n", "utf-8")
+        write_with_truth(name, *PRODUCTS[name]())
     write(PRODUCTS["bracket"]()[0], "inch", "INCH")
     write(open_shell(), "open_mesh")
+    write_with_truth("fastened", *fastened())
 
 
 if __name__ == "__main__":

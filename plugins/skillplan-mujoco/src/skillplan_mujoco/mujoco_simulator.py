@@ -39,7 +39,7 @@ class MujocoSimulator:
             self._cell = Cell(spec.compile(), hands, self.settings.friction)
         return World(self._cell)
 
-    def cell(self, hand: Hand, *, seen: bool) -> tuple[World, SimulatedArm]:
+    def cell(self, hand: Hand) -> tuple[World, SimulatedArm]:
         """Return a world with a table and the task's arm, and the arm."""
         world = self.world()
         world.show_arm()

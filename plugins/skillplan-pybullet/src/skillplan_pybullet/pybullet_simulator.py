@@ -29,10 +29,10 @@ class PybulletSimulator:
         """Return a world with a table and nothing else."""
         return World(self.settings.friction)
 
-    def cell(self, hand: Hand, *, seen: bool) -> tuple[World, SimulatedArm]:
+    def cell(self, hand: Hand) -> tuple[World, SimulatedArm]:
         """Return a world with a table and the task's arm, and the arm."""
         world = self.world()
-        return world, SimulatedArm(world, self.robot, self.settings, hand, seen=seen)
+        return world, SimulatedArm(world, self.robot, self.settings, hand)
 
     def camera(self, scene: Scene, view: View, *, labels: bool = False) -> Camera:
         """Return a camera."""

@@ -40,7 +40,10 @@ class CompletedEpisode:
 
     def follows_from(self, policy: NetworkPolicy) -> bool:
         """Whether a policy takes the same actions throughout."""
-        return bool((policy.greedy(self.observations, self.masks) == self.actions).all())
+        # Of a run that breaks scores overflow; it is named where its network is seen to.
+        with np.errstate(over="ignore", invalid="ignore"):
+            chosen = policy.greedy(self.observations, self.masks)
+        return bool((chosen == self.actions).all())
 
 
 class BestPolicies:
@@ -89,6 +92,10 @@ class BestPolicies:
             if one.follows_from(policy):
                 self._best[run] = (one.cost, step, policy)
                 return
+
+    def cheapest(self, run: int) -> CompletedEpisode | None:
+        """Return the cheapest episode of a run that completed the task; None without one."""
+        return self._cheapest[run]
 
     def learned(self, run: int, last: NetworkPolicy) -> Learned:
         """Return what a run has learned, given its policy as it is."""

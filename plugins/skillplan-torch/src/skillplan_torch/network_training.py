@@ -40,7 +40,8 @@ class NetworkTraining(Training):
         # Sums must not depend on how many cores there are; of so small ones, one is the fastest.
         torch.set_num_threads(1)
         self.steps, self.failed = 0, {}
-        self._env, self._total = env, steps
+        # Over so many steps schedules run; after that, they stay at their end.
+        self._env, self._total = env, options.schedule_steps or steps
         task = env.models[0].task
         self._actions, self._limit = len(task.skills), task.step_limit
         self._scaling = RewardScaling.of(

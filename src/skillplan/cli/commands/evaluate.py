@@ -26,6 +26,7 @@ OF_TASK = "Of a task: what is replayed"
 # What only a task file takes, what it does not, and what only a folder of runs takes.
 _REPLAYED = ("sequence", "policy_file", "start")
 _RECORDED = ("task_file", "changed_task")
+_TRIED = ("episodes", "temperature", "seed", "layouts", "changed_task")
 _RUN_ONLY = ("episodes", "temperature", "seed", "layouts")
 # Whoever proves the optimum beside a sequence; its options need not name it.
 DEFAULT_SOLVER = "auto"
@@ -134,10 +135,28 @@ def command(
 
     The policy of every run of a RUN is followed greedily and by drawn actions, beside chance
     alone. Back ends are those of the training. Several are shown side by side.
+
+    A RUN of train --family generated:A-B carries over: its policy is followed greedily on any
+    --task FILE, with the applicable mask.
     """
+    from skillplan.cli.training_runs.family import carried_skills
     from skillplan.errors import OptionError
     from skillplan.records.stored.result_folder import is_result, run_folder
+    from skillplan.records.training.relational_file import is_relational
 
+    if is_relational(inputs[0]):
+        refuse_given(ctx, _REPLAYED, "is for a task file, not for a policy that carries over")
+        refuse_given(ctx, _TRIED, "is for runs of training, not for a policy that carries over")
+        if len(inputs) > 1:
+            raise OptionError(
+                f"{inputs[0]} carries over: evaluate takes it alone, with one --task."
+            )
+        if roll_outs.task_file is None:
+            raise OptionError(f"{inputs[0]} carries over: name the task to try it on by --task.")
+        task = reading.task(roll_outs.task_file, back_ends)
+        setup = back_ends.setup(task, (DEFAULT_SOLVER,), executor=checking.executor)
+        skills = carried_skills(inputs[0], task, setup)
+        return _evaluate(task, setup, skills, checking, time_limit_s, style)
     folders = [run_folder(one) for one in inputs]
     if len(inputs) > 1 and None in folders:
         odd = inputs[folders.index(None)]

@@ -9,18 +9,19 @@ from typing import Annotated
 
 import typer
 
+from skillplan.cli.options.fit import refuse_given
 from skillplan.cli.options.limits import time_limit_option
 from skillplan.cli.options.panels import OUTPUT, SOLVER
 from skillplan.cli.options.shared import BackEnds, Caching, PartReading
 from skillplan.cli.options.single import (
     ExecutorName,
+    MaybeTaskFile,
     NoScreening,
     Seed,
     Style,
-    TaskFile,
     solver_option,
 )
-from skillplan.cli.options.values import count_option
+from skillplan.cli.options.values import count_option, whole_number
 from skillplan.cli.writing import tell
 
 TRAINING = "Training"
@@ -32,6 +33,30 @@ EPILOG = (
     "same command with --resume goes on from the last one, bit for bit. 'skillplan evaluate' and "
     "'skillplan plot' read the folder."
 )
+
+_GENERATED = "generated:"
+# What a training on boards at random has no use for.
+_OF_TASK = (
+    *("part", "changes", "runs", "steps", "checkpoint_steps", "jobs", "executor", "physics"),
+    *("collision", "no_cache", "no_screening", "time_limit_s", "resume"),
+)
+
+
+def family_words(value: str) -> str:
+    """Return a number of layouts as text, or a family of boards at random.
+
+    Raises
+    ------
+    typer.BadParameter
+        If it is neither.
+    """
+    if value.startswith(_GENERATED):
+        return value
+    if not value.lstrip("+-").isdecimal():
+        raise typer.BadParameter(
+            f"{value!r} is neither a whole number nor a family such as generated:6-12."
+        )
+    return str(whole_number(1, 10_000)(value))
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +70,7 @@ class Amount:
     steps
         Environment steps of each; None for the learner's default.
     family
-        How many layouts are learned on; None for the task's own.
+        How many layouts are learned on, or a family of boards at random; None for the task's own.
     checkpoint_steps
         After how many environment steps a checkpoint is kept.
     """
@@ -72,13 +97,15 @@ class Amount:
         ),
     ] = None
     family: Annotated[
-        int | None,
-        count_option(
+        str | None,
+        typer.Option(
             "--family",
-            least=1,
-            most=10_000,
-            text="Learn on N layouts drawn from the task file's family, another one in every "
-            "episode, instead of on its own.",
+            parser=family_words,
+            metavar="N|generated:A-B",
+            help="Learn on N layouts drawn from the task file's family, 1 to 10,000, another one "
+            "in every episode, instead of on its own. Or, without a TASK, on boards at random of "
+            "A to B parts, as 'skillplan generate assembly' writes them: one policy for any board, "
+            "which --solver relational learns.",
             rich_help_panel=TRAINING,
         ),
     ] = None
@@ -95,10 +122,11 @@ class Amount:
 
 
 def command(
-    task: TaskFile,
+    ctx: typer.Context,
+    task: MaybeTaskFile = None,
+    *,
     reading: PartReading,
     amount: Amount,
-    *,
     solver: Annotated[str, solver_option("Which learner is trained.")] = "dqn",
     seed: Seed = 0,
     jobs: Annotated[
@@ -134,13 +162,17 @@ def command(
         bool,
         typer.Option(
             "--resume",
-            help="Go on with the training in the folder of --out.",
+            help="Go on with the training in the folder of --out; with a larger --steps extend it, "
+            "where its option schedule_steps is set.",
             rich_help_panel=OUTPUT,
         ),
     ] = False,
     style: Style = "table",
 ) -> int:
     """Train a learner on TASK, several runs from several seeds, and hold them to the optimum.
+
+    With --family generated:A-B one policy learns on boards at random instead, is tried on others
+    of that family, and 'skillplan evaluate RUN --task FILE' tries it on any.
 
     Shows for every run the sequence that its policy takes, what it costs and how far that is
     from the proved optimum. Ctrl-C keeps the runs as they stand, prints what there is and says
@@ -154,6 +186,15 @@ def command(
     from skillplan.training.training_plan import plan_training
     from skillplan.views.tables.learning.training import training_tables
 
+    if amount.family is not None and amount.family.startswith(_GENERATED):
+        from skillplan.cli.training_runs.family import Ordered, train_on_boards
+
+        if task is not None:
+            raise OptionError(f"{task}: no TASK goes with --family {amount.family}.")
+        refuse_given(ctx, _OF_TASK, f"does not go with --family {amount.family}")
+        return train_on_boards(Ordered(amount.family, solver, back_ends.options, seed, out), style)
+    if task is None:
+        raise OptionError("Missing TASK: a task file, or --family generated:A-B without one.")
     if resume and out is None:
         raise OptionError("--resume needs --out DIR, the folder of the training to go on with.")
     part = reading.part
@@ -169,7 +210,7 @@ def command(
         runs=amount.runs,
         steps=amount.steps,
         seed=seed,
-        family=amount.family or 0,
+        family=int(amount.family or 0),
         checkpoint_steps=amount.checkpoint_steps,
         warm=not caching.no_cache,
     )

@@ -43,15 +43,16 @@ def height_above(upper: Polyhedron, lower: Polyhedron, at_least_m: float = -math
     """
     extent = upper.corners[:, :2].max(axis=0) - upper.corners[:, :2].min(axis=0)
     width_m = min(_GRAZING_M, float(extent.min()) / 4)
+    at_full_width = _all_heights(upper, lower)
+    if not len(at_full_width):
+        # No more than its box is above the other: narrower, it is not either.
+        return math.inf
     narrow, wide, full = (
-        min(
-            (float(height[height >= at_least_m].min(initial=math.inf)) for height in found),
-            default=math.inf,
-        )
-        for found in (
-            _heights(upper.narrowed(width_m), lower),
-            _heights(upper.narrowed(width_m / 2), lower),
-            _heights(upper, lower),
+        float(heights[heights >= at_least_m].min(initial=math.inf))
+        for heights in (
+            _all_heights(upper.narrowed(width_m), lower),
+            _all_heights(upper.narrowed(width_m / 2), lower),
+            at_full_width,
         )
     )
     if math.isinf(narrow) or math.isinf(wide) or narrow - wide > _STEEPEST * width_m:
@@ -63,8 +64,7 @@ def height_above(upper: Polyhedron, lower: Polyhedron, at_least_m: float = -math
 
 def narrowed_height_above(upper: Polyhedron, lower: Polyhedron, by_m: float) -> float:
     """Return how far `upper` is above `lower` [m] once its walls are shifted in by a length [m]."""
-    found = _heights(upper.narrowed(by_m), lower)
-    return min((float(height.min(initial=math.inf)) for height in found), default=math.inf)
+    return float(_all_heights(upper.narrowed(by_m), lower).min(initial=math.inf))
 
 
 def top_at(surface: Polyhedron, x_m: float, y_m: float) -> float | None:
@@ -74,6 +74,11 @@ def top_at(surface: Polyhedron, x_m: float, y_m: float) -> float | None:
     heights = [*_over(point, surface.triangles[faces], surface.normals[faces])]
     tops = -np.concatenate(heights) if heights else np.empty(0)
     return float(tops.max()) if len(tops) else None
+
+
+def _all_heights(upper: Polyhedron, lower: Polyhedron) -> Floats:
+    """Return heights of `upper` above `lower`; none where it is not over it."""
+    return np.concatenate([np.empty(0), *_heights(upper, lower)])
 
 
 def _heights(upper: Polyhedron, lower: Polyhedron) -> Iterator[Floats]:

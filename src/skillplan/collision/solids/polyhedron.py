@@ -87,7 +87,10 @@ class Polyhedron:
         """Return the ends of all edges of some faces [m], each once, shape (edges, 2, 3)."""
         chosen = self.faces[faces]
         pairs = np.concatenate([chosen[:, [0, 1]], chosen[:, [1, 2]], chosen[:, [2, 0]]])
-        return np.asarray(self.corners[np.unique(np.sort(pairs, axis=1), axis=0)])
+        # Numbers are told apart far quicker than rows.
+        count = len(self.corners)
+        numbers = np.unique(pairs.min(axis=1) * count + pairs.max(axis=1))
+        return np.asarray(self.corners[np.stack(np.divmod(numbers, count), axis=1)])
 
     @cached_property
     def edges(self) -> Floats:

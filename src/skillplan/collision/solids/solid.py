@@ -23,6 +23,8 @@ TOUCH_M = 2e-4
 """Gap and overlap that still count as touching [m]."""
 
 _PRECISION_M = 1e-4
+# A height that is told from those of narrower ones may be less than that between boxes by so much.
+_SLOPE_M = 5e-3
 
 
 class Piece:
@@ -211,9 +213,16 @@ class Solid:
     def _height_m(self, lower: Solid, at_least_m: float) -> float | None:
         if not _over(self.box, lower.box):
             return None
-        least_m = min(
-            one.height_above_m(two, at_least_m) for one, two in product(self.pieces, lower.pieces)
-        )
+        pairs = [
+            (one.box.low[2] - two.box.high[2] - _SLOPE_M, one, two)
+            for one, two in product(self.pieces, lower.pieces)
+        ]
+        least_m = math.inf
+        # Those whose boxes are closest first: no piece is above another by less than its box.
+        for bound_m, one, two in sorted(pairs, key=lambda pair: pair[0]):
+            if bound_m > least_m:
+                break
+            least_m = min(least_m, one.height_above_m(two, at_least_m))
         return None if math.isinf(least_m) else least_m
 
 

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from skillplan.records import schemas
-from skillplan.records.interval import Estimate, interquartile_mean
+from skillplan.records.interval import Estimate, interquartile_mean, share
 from skillplan.records.optimum import Optimum
 from skillplan.records.training.layouts_result import LayoutsResult
 from skillplan.records.training.outcome import RunOutcome, RunStatus, Tally, deviation
 from skillplan.records.training.published_runs import PublishedRun, published_runs
+from skillplan.records.training.shortfall import Shortfall
 from skillplan.task.task import Task
 
 # A deviation below half of the last digit is printed as 0.00 %.
@@ -80,6 +81,8 @@ class TrainingResult:
         Whether the runs were stopped before they had done their steps.
     layouts
         What the policies do on layouts that they have not seen; None where nobody tried.
+    shortfall
+        Why runs do not complete the task; None where all do, or where nobody knows.
     family
         Whether the runs learned on other layouts than the task's own: what they saw while they
         learned is not to be held to its optimum.
@@ -104,6 +107,7 @@ class TrainingResult:
     steps_per_s: float | None = None
     interrupted: bool = False
     layouts: LayoutsResult | None = None
+    shortfall: Shortfall | None = None
     family: bool = False
     notes: tuple[str, ...] = ()
 
@@ -128,6 +132,11 @@ class TrainingResult:
     def completed(self) -> int:
         """How many runs complete the task."""
         return sum(one.cost is not None for one in self.outcomes)
+
+    @property
+    def completion(self) -> Estimate | None:
+        """Share of the runs that complete the task, with Wilson's interval; None of no runs."""
+        return share(self.completed, len(self.outcomes))
 
     @property
     def failed(self) -> list[RunOutcome]:
@@ -217,6 +226,7 @@ class TrainingResult:
                 "seed": self.sampling.seed,
             },
             "completed_runs": self.completed,
+            "completion": _estimate(self.completion),
             "optimal_runs": self.at_most(0.0),
             "zero_percent_runs": self.at_most(_ZERO_PERCENT),
             "one_percent_runs": self.at_most(_ONE_PERCENT),
@@ -236,6 +246,7 @@ class TrainingResult:
             "steps_per_s": self.steps_per_s,
             "interrupted": self.interrupted,
             "layouts": None if self.layouts is None else self.layouts.document(),
+            "shortfall": None if self.shortfall is None else self.shortfall.document(),
             "notes": list(self.notes),
         }
 

@@ -21,8 +21,8 @@ from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 
-# Environment steps between two polls of the stop.
-_STRIDE_STEPS = 100
+STRIDE_STEPS = 100
+"""After so many environment steps a run notes what it has, and may be stopped."""
 
 End = Literal["complete", "infeasible", "out-of-time"]
 
@@ -153,13 +153,24 @@ class Training(ABC):
 
 
 class LearnerOptions(BaseModel):
-    """Options of every learner, beside its own."""
+    """Options of every learner, beside its own.
+
+    Where ``schedule_steps`` is set, what is learned up to any step is the same however many steps
+    a training has in all.
+    """
 
     steps: int = Field(
         default=20_000,
         ge=1,
         le=1_000_000_000,
         description="environment steps of a run; `train --steps` takes precedence [-]",
+    )
+    schedule_steps: int | None = Field(
+        default=None,
+        ge=1,
+        le=1_000_000_000,
+        description="environment steps over which exploration and step sizes change, so that a "
+        "training can be extended by --resume; null for all its steps [-]",
     )
     observation: Literal["paper", "markov", "layout"] = Field(
         default="markov",
@@ -197,7 +208,8 @@ class Learner(Solver):
         seeds
             One for every run; each governs all randomness of its run.
         steps
-            How many steps every run will take in all: schedules span them.
+            How many steps every run will take in all: schedules span them, unless the option
+            ``schedule_steps`` says otherwise.
         """
 
     def resume(
@@ -235,7 +247,7 @@ class Learner(Solver):
         episodes = completed = 0
         best: float | None = None
         while training.steps < options.steps and not training.failed and not self.stop():
-            for episode in training.advance(min(_STRIDE_STEPS, options.steps - training.steps)):
+            for episode in training.advance(min(STRIDE_STEPS, options.steps - training.steps)):
                 episodes += 1
                 completed += episode.success
                 if episode.success and model.task.deterministic:

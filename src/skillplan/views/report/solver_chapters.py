@@ -72,6 +72,24 @@ def _mapping(value: object) -> Mapping[str, Any]:
     return value if isinstance(value, Mapping) else {}
 
 
+def _shortfall(short: Mapping[str, Any]) -> list[tuple[str, object]]:
+    """Return what kept runs from completing the task, as names with what is said of them."""
+    failed = (f"{one['skill']} ({one['times']:,})" for one in short["failed_skills"])
+    entries = [
+        ("Runs that do not complete it", ", ".join(map(str, short["runs"]))),
+        ("Goals reached at most", f"{short['most_goals_reached']} of {short['goals']}"),
+        ("First at step", number(short["last_progress_step"])),
+        ("Goals never reached", ", ".join(short["goals_never_reached"])),
+        ("Skills never executed", ", ".join(short["skills_never_executed"])),
+        ("Skills that failed", ", ".join(failed)),
+        ("Episodes into a dead end", f"{short['dead_ends_entered']:,} of {short['episodes']:,}"),
+        ("Skills hidden by the mask", number(short["skills_hidden_mean"])),
+        ("What ended it", short["cause"]),
+        ("Try", short["advice"]),
+    ]
+    return [(name, said) for name, said in entries if said]
+
+
 def training_chapter(
     manifest: Sequence[tuple[str, object]],
     document: Mapping[str, Any] | None,
@@ -113,6 +131,9 @@ def training_chapter(
     if lines:
         made = table(f"{len(lines)} runs", columns, lines, " n nnnnn")
         sections.append(Section("runs", "Runs", made))
+    short = (document or {}).get("shortfall")
+    if short:
+        sections.append(Section("shortfall", "Why runs fall short", facts(_shortfall(short))))
     sections.append(Section("facts", "What was learned, and how", facts(manifest)))
     rate = (document or {}).get("success_rate")
     words = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skillplan_cad.blocking.outline import Outline, mesh_edges
 from skillplan_cad.blocking.pair_lattice import Block, PairLattice, Side, first_contact
@@ -53,16 +54,7 @@ class BlockingTest:
             Of the direction and of the opposite one.
         """
         frame = frame_of(direction)
-        sides = [
-            Side(
-                view,
-                Outline(mesh, view, edges),
-                view.flat.min(axis=0),
-                view.flat.max(axis=0),
-            )
-            for mesh, edges in zip(self.meshes, self._edges, strict=True)
-            for view in [RayView(mesh, frame)]
-        ]
+        sides = self._sides(frame)
         found: list[Blocking] = []
         doubtful: list[Sensitive] = []
         for first, second in self._overlapping(sides):
@@ -76,6 +68,41 @@ class BlockingTest:
                     found += entries
                     doubtful += unsure
         return found, doubtful
+
+    def blocked_along(self, direction: Vector, asked: NDArray[np.bool_]) -> list[tuple[int, int]]:
+        """Return the pairs of which the first part is blocked by the second along a direction.
+
+        Parameters
+        ----------
+        direction
+            Unit vector.
+        asked
+            Whether such a pair is to be tested, shape (parts, parts).
+        """
+        sides = self._sides(frame_of(direction))
+        found = []
+        for first, second in self._overlapping(sides):
+            lattice = PairLattice(sides[first], sides[second], self._chord_mm)
+            for sign, pair in ((1, (first, second)), (-1, (second, first))):
+                if not asked[pair]:
+                    continue
+                block = lattice.block(sign, self._radii())
+                if block is not None and block.radius_mm > self._radii()[-1]:
+                    found.append(pair)
+        return found
+
+    def _sides(self, frame: Floats) -> list[Side]:
+        """Return all parts as seen along the last row of a frame."""
+        views = [RayView(mesh, frame) for mesh in self.meshes]
+        return [
+            Side(
+                view,
+                Outline(mesh, view, edges),
+                view.flat.min(axis=0),
+                view.flat.max(axis=0),
+            )
+            for mesh, view, edges in zip(self.meshes, views, self._edges, strict=True)
+        ]
 
     def _radii(self) -> tuple[float, ...]:
         """Return the radii at double, whole and half the tolerance."""

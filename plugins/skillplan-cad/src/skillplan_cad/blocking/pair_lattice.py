@@ -23,7 +23,7 @@ _COARSE, _FINE, _OUTLINE_POINTS = 16, 64, 192
 _OFF = 0.5 + 0.0137
 _RING, _GROWN = 8, 12
 _ABOVE_MM = 1e-4
-_CHUNKS = (24, 160, 1 << 30)
+_CHUNKS = (4, 20, 160, 1 << 30)
 
 
 class Side(NamedTuple):
@@ -81,6 +81,8 @@ class PairLattice:
         self.low = np.maximum(first.low, second.low)
         self.high = np.minimum(first.high, second.high)
         self._grids: dict[int, tuple[Floats, Heights, Heights]] = {}
+        # Whether any ray of a lattice is blocked by the smallest disc, by sign and side.
+        self._hopes: dict[tuple[int, int], bool] = {}
 
     def block(self, sign: int, radii_mm: tuple[float, ...]) -> Block | None:
         """Return what blocks the first part along the direction, or against it.
@@ -99,7 +101,9 @@ class PairLattice:
         fitting = [one for one in radii_mm if ((self.high - self.low) >= 2 * one).all()]
         found = None
         for radius in fitting:
-            found = self._on_lattice(sign, radius, _COARSE) or self._on_lattice(sign, radius, _FINE)
+            for side in (_COARSE, _FINE):
+                if found is None and self._is_hopeful(sign, fitting[-1], side):
+                    found = self._on_lattice(sign, radius, side)
             if found is not None:
                 break
         # A disc along an outline is sought for where the lattice found none as large.
@@ -119,6 +123,14 @@ class PairLattice:
             points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
             self._grids[side] = (points, *self._heights(points))
         return self._grids[side]
+
+    def _is_hopeful(self, sign: int, least: float, side: int) -> bool:
+        """Whether any ray of a lattice is blocked; no more are, the larger a disc is."""
+        key = (sign, side)
+        if key not in self._hopes:
+            _, first, second = self._grid(side)
+            self._hopes[key] = bool(self._blocked(sign, least, first, second).any())
+        return self._hopes[key]
 
     def _heights(self, points: Floats) -> tuple[Heights, Heights]:
         first = self._first.view.heights(points)
@@ -140,7 +152,7 @@ class PairLattice:
         depth: Floats = depths[1:-1, 1:-1].reshape(-1)
         candidates = np.flatnonzero(blocked)
         order = candidates[np.argsort(-depth[candidates], kind="stable")]
-        centre = self._disc(sign, radius, points[order])
+        centre = self._disc(sign, radius, points[order], are_blocked=True)
         if centre is None:
             return None
         inner = order[depth[order] >= radius][:40]
@@ -169,7 +181,9 @@ class PairLattice:
         failed = np.flatnonzero(~held[1:])
         return float(2 * radii[failed[0] if len(failed) else -1])
 
-    def _disc(self, sign: int, radius: float, centres: Floats) -> Floats | None:
+    def _disc(
+        self, sign: int, radius: float, centres: Floats, *, are_blocked: bool = False
+    ) -> Floats | None:
         """Return the first of some points round which a whole disc is blocked."""
         begin = 0
         ring = radius * _ring(_RING)
@@ -177,8 +191,8 @@ class PairLattice:
             some = centres[begin : begin + size]
             if not len(some):
                 return None
-            middle = self._blocked(sign, radius, *self._heights(some))
-            some = some[middle]
+            if not are_blocked:
+                some = some[self._blocked(sign, radius, *self._heights(some))]
             if len(some):
                 around = (some[:, None] + ring).reshape(-1, 2)
                 whole = self._blocked(sign, radius, *self._heights(around))

@@ -131,8 +131,12 @@ class RayView:
         safe = np.where(np.abs(self.facing) <= 1e-12, 1.0, self.facing)
         corner = placed[mesh.triangles]
         away = np.einsum("ij,ij->i", normals, corner[:, 0])
-        self._height = np.stack([away, -normals[:, 0], -normals[:, 1]], axis=1) / safe[:, None]
-        self._low, self._high = corner[:, :, 2].min(axis=1), corner[:, :, 2].max(axis=1)
+        planes = np.stack([away, -normals[:, 0], -normals[:, 1]], axis=1) / safe[:, None]
+        low, high = corner[:, :, 2].min(axis=1), corner[:, :, 2].max(axis=1)
+        # Of each triangle; the last row is for rays that miss, as -1 is the last.
+        self._planes = np.vstack([planes, np.full(3, np.nan)])
+        self._low, self._high = np.append(low, np.nan), np.append(high, np.nan)
+        self._slope = np.append(np.abs(self.facing), 0.0)
 
     def heights(self, flat: Floats) -> Heights:
         """Return where rays through points (n, 2) across enter first and leave last."""
@@ -173,13 +177,7 @@ class RayView:
         return np.array(entries or none).T, np.array(exits or none).T
 
     def _at(self, hit: NDArray[np.int64], flat: Floats) -> tuple[Floats, Floats]:
-        """Return heights and slopes at the triangles that were hit."""
-        height = np.full(len(hit), np.nan)
-        slope = np.zeros(len(hit))
-        struck = np.flatnonzero(hit >= 0)
-        which, at = hit[struck], flat[struck]
-        terms = self._height[which]
-        value = terms[:, 0] + terms[:, 1] * at[:, 0] + terms[:, 2] * at[:, 1]
-        height[struck] = np.minimum(np.maximum(value, self._low[which]), self._high[which])
-        slope[struck] = np.abs(self.facing[which])
-        return height, slope
+        """Return heights and slopes at the triangles that were hit, not-a-number and 0 at -1."""
+        terms = self._planes[hit]
+        value = terms[:, 0] + terms[:, 1] * flat[:, 0] + terms[:, 2] * flat[:, 1]
+        return np.minimum(np.maximum(value, self._low[hit]), self._high[hit]), self._slope[hit]

@@ -36,6 +36,7 @@ _HEAD, _WIDEST_HEAD, _LEAST_SHANK = 1.25, 3.5, 0.8
 # A hole grips a shank that is wider than itself by this share of the radius at least.
 _TAPPED = 0.02
 _THIN_WASHER = 1.0
+_FLAT = 0.999
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +81,7 @@ def fasteners_of(
     screws = dict(made)
     for one in candidates:
         if one.number not in made:
-            other = _ring(product, one, screws)
+            other = _ring(product, one, screws, contacts)
             if other is not None:
                 made[one.number] = other
     return tuple(_with_nuts(product, made[number], made, contacts) for number in sorted(made))
@@ -101,7 +102,11 @@ def _screw_by(one: _Candidate) -> tuple[str, ...]:
     shape = one.shape
     if one.named in ("screw", "pin"):
         return ("name",)
-    if one.named is not None or shape.shank_length_m < _LEAST_SHANK * 2 * shape.shank.radius_m:
+    if (
+        one.named is not None
+        or shape.is_ring
+        or shape.shank_length_m < _LEAST_SHANK * 2 * shape.shank.radius_m
+    ):
         return ()
     head = _HEAD <= shape.wide_share <= _WIDEST_HEAD
     drive = shape.inner_planes in (2, 4, 6) or (head and shape.outer_planes == 6)
@@ -207,7 +212,12 @@ def _deepest_touched(
     return found
 
 
-def _ring(product: Product, one: _Candidate, screws: dict[int, Fastener]) -> Fastener | None:
+def _ring(
+    product: Product,
+    one: _Candidate,
+    screws: dict[int, Fastener],
+    contacts: Sequence[Contact],
+) -> Fastener | None:
     """Return a nut or washer: by name, or a ring on the axis of a screw."""
     shape, bore = one.shape, one.shape.bore
     on = [
@@ -232,6 +242,7 @@ def _ring(product: Product, one: _Candidate, screws: dict[int, Fastener]) -> Fas
     # A nut comes off the end of the screw.
     axis = -axis if kind == "nut" else axis
     end = max(np.dot(one.part.vertices_m - shape.origin_m, axis))
+    own = tuple(screw.part for _, screw in on)
     return Fastener(
         part=one.part.name,
         kind=kind,
@@ -239,10 +250,21 @@ def _ring(product: Product, one: _Candidate, screws: dict[int, Fastener]) -> Fas
         point_m=_vector(shape.origin_m + end * axis),
         diameter_m=2 * (bore.radius_m if bore is not None else shape.shank.radius_m),
         length_m=shape.length_m,
-        joins=tuple(screw.part for _, screw in on),
-        threaded_in=tuple(screw.part for _, screw in on) if kind == "nut" else (),
+        joins=(*own, *(_pressed(one.part.name, axis, contacts) if kind == "nut" and on else ())),
+        threaded_in=own if kind == "nut" else (),
         by=by,
     )
+
+
+def _pressed(name: str, axis: Floats, contacts: Sequence[Contact]) -> tuple[str, ...]:
+    """Return what a nut lies flat on: its axis looks away from that."""
+    found = set()
+    for contact in contacts:
+        if contact.kind == "plane" and name in contact.parts:
+            sign = 1 if contact.parts[0] == name else -1
+            if any(sign * float(np.dot(normal, axis)) < -_FLAT for normal in contact.normals):
+                found.add(contact.parts[1 - contact.parts.index(name)])
+    return tuple(sorted(found))
 
 
 def _with_nuts(

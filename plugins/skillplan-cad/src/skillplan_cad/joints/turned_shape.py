@@ -12,6 +12,8 @@ from skillplan_cad.product import Face, Part
 Floats = NDArray[np.float64]
 
 _ONE_LINE_RAD, _STEPS = 0.01, 48
+# Most pairs of places and triangles at a time.
+_PAIRS = 100_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,7 +27,7 @@ class TurnedShape:
     low_m, high_m
         Where the part begins and ends along it, from the origin on.
     shank
-        The longest cylinder about it.
+        The longest cylinder about it; of a part that has none on its outside the longest hole.
     head_radius_m
         Greatest radius at the wide end.
     shank_length_m
@@ -57,11 +59,19 @@ class TurnedShape:
         """Radius of the wide end by the shank's."""
         return self.head_radius_m / self.shank.radius_m
 
+    @property
+    def is_ring(self) -> bool:
+        """Whether nothing but a hole is round about the axis, as in a hexagon nut."""
+        return self.shank.hollow
+
 
 def turned_shape(part: Part) -> TurnedShape | None:
-    """Return a part about the axis of its greatest cylinder, or None without one."""
+    """Return a part about the axis of its greatest cylinder, or None without one.
+
+    Cylinders on its outside go before holes.
+    """
     round_faces = [one for one in part.faces if one.kind == "cylinder" and one.radius_m > 0]
-    outer = [one for one in round_faces if not one.hollow]
+    outer = [one for one in round_faces if not one.hollow] or round_faces
     if not outer:
         return None
     main = max(outer, key=lambda one: one.radius_m * _length_m(one) * one.turn_rad)
@@ -121,31 +131,30 @@ def _profile(part: Part, axis: Floats, origin: Floats) -> tuple[Floats, Floats]:
     radius = np.linalg.norm(apart - along[:, None] * axis, axis=1)
     low, high = float(along.min()), float(along.max())
     places = np.linspace(low, high, _STEPS)
-    found = np.full(_STEPS, np.nan)
     corners_along, corners_radius = along[part.triangles], radius[part.triangles]
     slack = (high - low) * 1e-6
-    for number, place in enumerate(places):
-        cut = (corners_along.min(axis=1) <= place + slack) & (
-            corners_along.max(axis=1) >= place - slack
-        )
-        if cut.any():
-            found[number] = _radius_at(corners_along[cut], corners_radius[cut], place)
+    lowest, highest = corners_along.min(axis=1), corners_along.max(axis=1)
+    found = np.full(_STEPS, np.nan)
+    count = max(1, _PAIRS // max(1, len(lowest)))
+    for first in range(0, _STEPS, count):
+        rows = places[first : first + count, None]
+        cut = (lowest <= rows + slack) & (highest >= rows - slack)
+        radii = _radii_at(corners_along, corners_radius, rows, cut)
+        found[first : first + count] = np.where(cut.any(axis=1), radii, np.nan)
     return places, found
 
 
-def _radius_at(along: Floats, radius: Floats, place: float) -> float:
-    """Return the greatest radius of triangles where they pass a place."""
-    best = 0.0
+def _radii_at(along: Floats, radius: Floats, rows: Floats, cut: NDArray[np.bool_]) -> Floats:
+    """Return the greatest radius of triangles where they pass each place, of those it cuts."""
+    best = np.zeros(len(rows))
     for one, two in ((0, 1), (1, 2), (2, 0)):
         a, b = along[:, one], along[:, two]
-        passes = (np.minimum(a, b) <= place + 1e-9) & (np.maximum(a, b) >= place - 1e-9)
-        if not passes.any():
-            continue
+        passes = cut & (np.minimum(a, b) <= rows + 1e-9) & (np.maximum(a, b) >= rows - 1e-9)
         run = np.where(np.abs(b - a) > 1e-12, b - a, 1.0)
-        share = np.clip((place - a) / run, 0.0, 1.0)
+        share = np.clip((rows - a) / run, 0.0, 1.0)
         value = radius[:, one] + share * (radius[:, two] - radius[:, one])
-        best = max(best, float(value[passes].max()))
-    return best
+        best = np.maximum(best, np.where(passes, value, 0.0).max(axis=1))
+    return np.asarray(best)
 
 
 def _planes_along(part: Part, axis: Floats, origin: Floats) -> tuple[int, int]:

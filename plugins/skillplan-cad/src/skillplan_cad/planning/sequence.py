@@ -8,8 +8,10 @@ was cut down to its most promising.
 
 from __future__ import annotations
 
+import functools
+import operator
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +19,9 @@ import numpy as np
 from skillplan_cad.planning.precedence import Precedence, is_connected, members
 from skillplan_cad.planning.stability import Stability
 from skillplan_cad.product import Vector
+
+# A cosine this near to 0 is level, to 0.06 degrees; this near to 1 it is up, to 2.6 degrees.
+_LEVEL = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,29 +102,30 @@ class Sequence:
         return sum(one.turn for one in self.removals)
 
 
-@dataclass(frozen=True, slots=True)
-class _Way:
-    """The cheapest way to a set of parts."""
+class _Way(NamedTuple):
+    """The cheapest way to a set of parts, and how its last step is done, as `Removal` has it."""
 
     cost: float
     present: int
-    last: Removal | None = None
-    before: _Way | None = field(default=None, repr=False)
+    up: int
+    part: int = -1
+    direction: int = -1
+    tool: int = -1
+    stays: bool = True
+    tips: bool = False
+    connected: bool = True
+    before: _Way | None = None
 
 
-_Layer = dict[tuple[int, int, str, Vector], _Way]
+_Layer = dict[tuple[int, int, int, int], _Way]
 
 
-class _Step(NamedTuple):
-    """One more removal, as `Removal` has it, and what it costs."""
+@dataclass(frozen=True, slots=True)
+class _View:
+    """What holds of each direction while one vector points up."""
 
-    cost: float
-    part: int
-    direction: int
-    up: Vector
-    stays: bool
-    tips: bool
-    connected: bool
+    up: tuple[int, ...]
+    is_sideways: tuple[bool, ...]
 
 
 class Sequencer:
@@ -152,9 +158,18 @@ class Sequencer:
     ) -> None:
         self._precedence, self._touches, self._stability = precedence, touches, stability
         self._directions, self._tools, self._prices = directions, tools, prices
-        self._vectors = np.asarray(directions)
         self._connected: dict[int, bool] = {}
-        self._cosines: dict[tuple[int, Vector], float] = {}
+        # Of each part what may block it at all, and where it may go by what of that is there.
+        self._blockers = [
+            functools.reduce(operator.or_, (one.blockers for one in ways), 0)
+            for ways in precedence.alternatives
+        ]
+        self._free: dict[tuple[int, int], tuple[int, ...]] = {}
+        self._names = sorted({"gripper", *tools.values()})
+        parts = range(len(precedence.alternatives))
+        self._tool_of = [self._names.index(tools.get(part, "gripper")) for part in parts]
+        self._ups: list[Vector] = []
+        self._views: dict[int, _View] = {}
 
     def sequence(self, present: int, base: int, up: Vector) -> Sequence:
         """Return the cheapest order that leaves the base, or what no single part leaves.
@@ -169,93 +184,100 @@ class Sequencer:
             What points up in the finished product.
         """
         left = self._precedence.core(present, fixed=1 << base)
-        layer = [_Way(0.0, present)]
+        self._ups, self._views = sorted({up, *self._directions}), {}
+        layer = [_Way(0.0, present, self._ups.index(up))]
         width, cheapest = _width(present.bit_count()), True
         for _ in range((present & ~left).bit_count()):
             best: _Layer = {}
             for way in layer:
-                self._lengthen(way, left, up, best)
+                self._lengthen(way, left, best)
             ordered = sorted(best.items(), key=lambda item: (item[1].cost, item[0]))
             cheapest = cheapest and len(ordered) <= width
             layer = [way for _, way in ordered[:width]]
         best_way = min(layer, key=lambda way: way.cost)
-        return Sequence(_removals(best_way), left, round(best_way.cost, 6), cheapest)
+        return Sequence(self._removals(best_way), left, round(best_way.cost, 6), cheapest)
 
-    def _lengthen(self, way: _Way, left: int, up: Vector, best: _Layer) -> None:
+    def _lengthen(self, way: _Way, left: int, best: _Layer) -> None:
         """Add each way that is longer by one part, unless one as far costs no more."""
-        before = way.last
+        view, prices = self._view(way.up), self._prices
+        tips: dict[int, bool] = {}
         for part in members(way.present & ~left):
-            tool = self._tools.get(part, "gripper")
-            for direction in self._precedence.free_directions(part, way.present):
-                now = self._up(before.up if before else up, direction)
-                others = way.present & ~(1 << part)
-                key = (others, direction, tool, now)
+            others, tool = way.present & ~(1 << part), self._tool_of[part]
+            stays: dict[int, bool] = {}
+            for direction in self._free_directions(part, way.present):
+                up = view.up[direction]
+                key = (others, direction, tool, up)
+                cost = way.cost + self._fixed_cost(way, direction, tool, up)
                 known = best.get(key)
-                if known is not None:
-                    least = self._fixed_cost(before, part, direction, now)
-                    if way.cost + least >= known.cost:
-                        continue
-                step = self._step(way, part, direction, now, up)
-                if known is None or way.cost + step.cost < known.cost:
-                    best[key] = self._longer(way, step, tool, up)
+                if known is not None and cost >= known.cost:
+                    continue
+                if up not in tips:
+                    tips[up] = self._stability.tips(way.present, self._ups[up])
+                if up not in stays:
+                    stays[up] = self._stability.stays(part, others, self._ups[up])
+                connected = self._hang_together(others)
+                cost += prices.held * (not stays[up]) + prices.held * tips[up]
+                cost += prices.apart * (not connected)
+                if known is None or cost < known.cost:
+                    best[key] = _Way(
+                        cost, others, up, part, direction, tool, stays[up], tips[up], connected, way
+                    )
 
-    def _up(self, now: Vector, direction: int) -> Vector:
-        """Return what points up while a part goes: it never comes from below."""
-        return now if self._along(direction, now) > -1e-3 else self._directions[direction]
+    def _free_directions(self, part: int, present: int) -> tuple[int, ...]:
+        key = (part, present & self._blockers[part])
+        if key not in self._free:
+            self._free[key] = self._precedence.free_directions(part, present)
+        return self._free[key]
 
-    def _along(self, direction: int, up: Vector) -> float:
-        """Return the cosine between a direction and what points up."""
-        key = (direction, up)
-        if key not in self._cosines:
-            self._cosines[key] = float(np.dot(self._vectors[direction], up))
-        return self._cosines[key]
+    def _view(self, up: int) -> _View:
+        """Return what points up while a part goes each way: it never comes from below."""
+        if up not in self._views:
+            cosines = [float(np.dot(way, self._ups[up])) for way in self._directions]
+            after = [
+                up if cosine > -_LEVEL else self._ups.index(way)
+                for cosine, way in zip(cosines, self._directions, strict=True)
+            ]
+            flat = [
+                float(np.dot(way, self._ups[then])) < 1 - _LEVEL
+                for way, then in zip(self._directions, after, strict=True)
+            ]
+            self._views[up] = _View(tuple(after), tuple(flat))
+        return self._views[up]
 
-    def _fixed_cost(self, before: Removal | None, part: int, direction: int, up: Vector) -> float:
+    def _fixed_cost(self, before: _Way, direction: int, tool: int, up: int) -> float:
         """Return what a removal costs, whatever it leaves."""
-        prices, tool = self._prices, self._tools.get(part, "gripper")
-        cost = 0.0
-        if self._along(direction, up) < 1 - 1e-3:
+        prices = self._prices
+        cost = prices.turn * (before.up != up)
+        if self._view(before.up).is_sideways[direction]:
             cost += prices.sideways
-        if before is not None:
+        if before.part >= 0:
             cost += prices.direction * (before.direction != direction)
             cost += prices.tool * (before.tool != tool)
-            cost += prices.turn * (before.up != up)
         return cost
-
-    def _step(self, way: _Way, part: int, direction: int, up: Vector, first: Vector) -> _Step:
-        """Return what one more removal costs, and why."""
-        others = way.present & ~(1 << part)
-        stays = self._stability.stays(part, others, up)
-        tips = self._stability.tips(way.present, up)
-        connected = self._hang_together(others)
-        prices = self._prices
-        cost = self._fixed_cost(way.last, part, direction, up)
-        cost += prices.held * (not stays) + prices.held * tips + prices.apart * (not connected)
-        if way.last is None:
-            cost += prices.turn * (first != up)
-        return _Step(cost, part, direction, up, stays, tips, connected)
-
-    def _longer(self, way: _Way, step: _Step, tool: str, first: Vector) -> _Way:
-        """Return a way with one more removal."""
-        turn = (way.last.up if way.last else first) != step.up
-        removal = Removal(
-            step.part, step.direction, step.up, tool, turn, step.stays, step.tips, step.connected
-        )
-        return _Way(way.cost + step.cost, way.present & ~(1 << step.part), removal, way)
 
     def _hang_together(self, parts: int) -> bool:
         if parts not in self._connected:
             self._connected[parts] = is_connected(parts, self._touches)
         return self._connected[parts]
 
-
-def _removals(way: _Way) -> tuple[Removal, ...]:
-    found: list[Removal] = []
-    at: _Way | None = way
-    while at is not None and at.last is not None:
-        found.append(at.last)
-        at = at.before
-    return tuple(reversed(found))
+    def _removals(self, way: _Way) -> tuple[Removal, ...]:
+        found: list[Removal] = []
+        while way.before is not None:
+            turn = way.up != way.before.up
+            found.append(
+                Removal(
+                    way.part,
+                    way.direction,
+                    self._ups[way.up],
+                    self._names[way.tool],
+                    turn,
+                    way.stays,
+                    way.tips,
+                    way.connected,
+                )
+            )
+            way = way.before
+        return tuple(reversed(found))
 
 
 def _width(parts: int) -> int:

@@ -12,11 +12,10 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
-from scipy.sparse import csc_array, hstack
 from scipy.spatial import ConvexHull, QhullError
 
 from skillplan_cad.contacts import Contact
+from skillplan_cad.planning.least_help import least_help
 from skillplan_cad.planning.precedence import members
 from skillplan_cad.product import Product, Vector
 from skillplan_cad.relation import Relation
@@ -28,7 +27,6 @@ _MOST_POINTS = 8
 _GROUND_M = 5e-4  # what is less above the lowest point stands, too
 _TIPPING_M = 1e-4
 _HELD_SHARE = 0.02  # of its weight: less help than that is none
-_FAR = 1e6
 
 
 class Stability:
@@ -125,9 +123,9 @@ class Stability:
     def _held(self, loose: Sequence[int], firm: int, up: Vector) -> tuple[int, ...]:
         """Return which of the loose parts no contact forces hold against their weights."""
         rows = {part: 6 * number for number, part in enumerate(loose)}
-        if not rows:
-            return ()
-        columns = list(self._columns(rows, firm))
+        columns = self._columns(rows, firm)
+        if not columns:
+            return tuple(loose)
         # Help for each part: a force and a torque either way, at the price of its weight's share.
         weights = self._masses[list(loose)] * 9.81
         reach = np.array([np.ptp(self._product.parts[p].vertices_m, axis=0).max() for p in loose])
@@ -136,15 +134,10 @@ class Stability:
         wanted = np.zeros(6 * len(loose))
         for number in range(len(loose)):
             wanted[6 * number : 6 * number + 3] = weights[number] * np.asarray(up)
-        size = len(wanted)
-        matrix = _sparse(columns, size)
-        helped = csc_array(np.diag(scale))
-        whole = _beside(matrix, helped)
-        costs = np.concatenate([np.full(matrix.shape[1], 1e-9), np.ones(2 * size)])
-        found = linprog(costs, A_eq=whole, b_eq=wanted, bounds=(0, _FAR), method="highs")
-        if found.x is None:
+        found = least_help(columns, wanted, scale)
+        if found is None:
             return tuple(loose)
-        help_at = found.x[matrix.shape[1] :].reshape(2, len(loose), 6).sum(axis=(0, 2))
+        help_at = found.reshape(len(loose), 6).sum(axis=1)
         return tuple(part for part, need in zip(loose, help_at, strict=True) if need > _HELD_SHARE)
 
     def _columns(self, rows: Mapping[int, int], firm: int) -> list[list[tuple[int, float]]]:
@@ -172,20 +165,12 @@ class Stability:
         return [sign * one for one in (a, b, c, *torque)]
 
 
-def _sparse(columns: Sequence[Sequence[tuple[int, float]]], rows: int) -> csc_array:
-    values = [value for column in columns for _, value in column]
-    at = [row for column in columns for row, _ in column]
-    ends = np.cumsum([0, *(len(column) for column in columns)])
-    return csc_array((values, at, ends), shape=(rows, len(columns)))
-
-
-def _beside(matrix: csc_array, helped: csc_array) -> csc_array:
-    return csc_array(hstack([matrix, helped, -helped]))
-
-
 def _forces(contact: Contact, firm: bool) -> list[tuple[Array, Array]]:
     """Return (point, force on the first part) of which the forces of a contact are sums."""
     points = _spread(np.array(contact.points_m).reshape(-1, 3))
+    if firm and not len(points) and contact.axis_point_m is not None:
+        # A thread that is drawn as an overlap has no surface at which parts touch.
+        points = np.array([contact.axis_point_m])
     if not len(points):
         return []
     if firm:

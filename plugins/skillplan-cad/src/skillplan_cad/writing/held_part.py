@@ -21,6 +21,7 @@ _LEAST_DEPTH_M = 0.001
 # What their makers have arms carry, the hand of 0.7 kg included.
 _CARRIES_KG = {"panda": 3.0, "ur5e": 5.0}
 _HAND_KG = 0.7
+_NO_TOP = "has no flat top wide enough for a cup"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,10 +77,10 @@ def held_part(
     if spot is not None:
         return Held({"tool": CUP, "grasp": {"at_m": list(spot)}}, whole, limits)
     if held is not None:
-        words = "ends in what it goes into, where no jaws reach, and has no flat top for a cup"
+        words = f"ends in what it goes into, where no jaws reach, and {_NO_TOP}"
         return Held({"tool": GRIPPER, "grasp": "auto"}, whole, (*limits, words))
     wide_mm = float(size[:2].min()) * 1e3
-    words = f"is {wide_mm:.0f} mm wide, more than jaws open, and has no flat top for a cup"
+    words = f"is {wide_mm:.0f} mm wide, more than jaws open, and {_NO_TOP}"
     return Held({"tool": CUP}, whole, (*limits, words))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ Mesh = tuple[Points, Triangles]
 _COARSE_M = 3e-4
 _FINE_SHARE = 0.5
 _SAME_M = 1e-6
+_DECIMALS = 7
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +86,9 @@ def proved_pieces(
     upright
         Where the product stands.
     """
+    cutter = _Cutter(upright)
     made = {
-        name: _pieces_of(product.parts[product.index(name)], given, upright, _COARSE_M)
+        name: cutter.pieces(product.parts[product.index(name)], given, _COARSE_M)
         for name, given in meshes.items()
     }
     wrong = _differences(product, relation, made, upright)
@@ -94,25 +97,48 @@ def proved_pieces(
         fine_m = min(_COARSE_M, _FINE_SHARE * relation.tolerance_m)
         for name in cut:
             part = product.parts[product.index(name)]
-            made[name] = _pieces_of(part, meshes[name], upright, fine_m)
+            made[name] = cutter.pieces(part, meshes[name], fine_m)
         wrong = _differences(product, relation, made, upright)
     return ProvedPieces(made, tuple(cut), wrong)
 
 
-def _pieces_of(
-    part: Part, meshes: Sequence[Mesh], upright: Upright, allowed_m: float
-) -> tuple[Pieces, ...]:
-    """Return the pieces of each mesh of a part."""
-    bottom = np.array(upright.bottom(part))
-    hollows: list[Hollow] = []
-    for face in part.faces:
-        if face.kind != "cylinder" or not face.hollow:
-            continue
-        point = upright.matrix @ np.asarray(face.origin_m) + upright.offset_m - bottom
-        axis = upright.matrix @ np.asarray(face.axis)
-        if not any(_is_same(one, point, axis, face.radius_m) for one in hollows):
-            hollows.append(Hollow(point, axis, face.radius_m))
-    return tuple(convex_pieces(*mesh, allowed_m, hollows) for mesh in meshes)
+class _Cutter:
+    """Makes pieces, once of what has the same shape and lies the same way."""
+
+    def __init__(self, upright: Upright) -> None:
+        self._upright = upright
+        self._made: dict[tuple[Any, ...], Pieces] = {}
+
+    def pieces(self, part: Part, meshes: Sequence[Mesh], allowed_m: float) -> tuple[Pieces, ...]:
+        """Return the pieces of each mesh of a part."""
+        hollows = self._hollows(part)
+        rows = [(*one.point_m, *one.axis, one.radius_m) for one in hollows]
+        found = []
+        for vertices_m, triangles in meshes:
+            key = (_rounded(vertices_m), triangles.tobytes(), _rounded(rows), allowed_m)
+            if key not in self._made:
+                self._made[key] = convex_pieces(vertices_m, triangles, allowed_m, hollows)
+            found.append(self._made[key])
+        return tuple(found)
+
+    def _hollows(self, part: Part) -> list[Hollow]:
+        upright = self._upright
+        bottom = np.array(upright.bottom(part))
+        hollows: list[Hollow] = []
+        for face in part.faces:
+            if face.kind != "cylinder" or not face.hollow:
+                continue
+            point = upright.matrix @ np.asarray(face.origin_m) + upright.offset_m - bottom
+            axis = upright.matrix @ np.asarray(face.axis)
+            if not any(_is_same(one, point, axis, face.radius_m) for one in hollows):
+                hollows.append(Hollow(point, axis, face.radius_m))
+        return hollows
+
+
+def _rounded(lengths_m: Any) -> bytes:
+    """Return lengths to a tenth of a micrometre, as files of meshes have them."""
+    rounded = np.round(np.asarray(lengths_m, dtype=np.float64), _DECIMALS) + 0.0
+    return bytes(rounded.tobytes())
 
 
 def _is_same(one: Hollow, point: Points, axis: Points, radius_m: float) -> bool:
@@ -135,18 +161,23 @@ def _differences(
     for part in product:
         pieces = [piece for mesh in made.get(part.name, ()) for piece in mesh]
         parts.append(_in_pieces(part, pieces, upright) if pieces else part)
-    waived = {frozenset((one.part, mate)) for one in relation.fasteners for mate in one.threaded_in}
+    waived = np.zeros((len(product), len(product)), dtype=bool)
+    for fastener in relation.fasteners:
+        for mate in fastener.threaded_in:
+            one, other = product.index(fastener.part), product.index(mate)
+            waived[one, other] = waived[other, one] = True
     test = BlockingTest(replace(product, parts=tuple(parts)), relation.tolerance_m)
+    names = [part.name for part in product]
     found = []
     matrix = relation.matrix
     for number in range(0, len(relation.directions), 2):
-        entries, _ = test.along(relation.directions[number], number, number + 1)
-        found += [
-            Difference(one.part, one.by, one.direction)
-            for one in entries
-            if not matrix[one.direction, product.index(one.part), product.index(one.by)]
-            and frozenset((one.part, one.by)) not in waived
-        ]
+        # What is blocked one way is so for the other part the other way.
+        asked = ~(matrix[number] & matrix[number + 1].T) & ~waived
+        for one, other in test.blocked_along(relation.directions[number], asked):
+            pairs = ((one, other, number), (other, one, number + 1))
+            found += [
+                Difference(names[a], names[b], way) for a, b, way in pairs if not matrix[way, a, b]
+            ]
     return tuple(sorted(found, key=lambda one: (one.direction, one.part, one.by)))
 
 

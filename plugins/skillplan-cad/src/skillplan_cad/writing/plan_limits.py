@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from skillplan_cad.planning.assembly_plan import AssemblyPlan
-from skillplan_cad.product import Product
+from skillplan_cad.product import Product, Vector
+from skillplan_cad.relation import Relation
+
+# Cosine of what still counts as level.
+_LEVEL = 1e-6
 
 
 def not_straight(plan: AssemblyPlan) -> dict[str, str]:
@@ -21,19 +27,28 @@ def not_straight(plan: AssemblyPlan) -> dict[str, str]:
     return found
 
 
-def plan_limits(
-    product: Product, plan: AssemblyPlan, up: tuple[float, float, float]
-) -> Iterator[tuple[str, str]]:
+def from_below(relation: Relation, up: Vector) -> dict[str, str]:
+    """Return the screws and nuts that are driven from below, with why, after the name."""
+    words = "is driven from below: the product has to be turned over, or held up by a fixture"
+    return {
+        one.part: words
+        for one in relation.fasteners
+        if one.part in relation.driven and float(np.dot(one.axis, up)) < -_LEVEL
+    }
+
+
+def plan_limits(product: Product, plan: AssemblyPlan, up: Vector) -> Iterator[tuple[str, str]]:
     """Yield names of parts, each with what stands against it; `up` is what the task points up."""
     for step in plan.steps:
         for part in step.parts:
             if step.up != up:
                 yield part, "comes after the product was turned over"
     for name in (one.name for one in product):
-        steps = [step for step in plan.steps if name in step.held]
-        if steps:
-            words = [" with ".join(step.parts) for step in (steps[0], steps[-1])]
-            until = f" until that of {words[1]}" if len(steps) > 1 else ""
-            yield name, f"must be held from the step of {words[0]}{until}"
+        numbers = [number for number, step in enumerate(plan.steps) if name in step.held]
+        if numbers:
+            first, after = plan.steps[numbers[0]], plan.steps[numbers[-1] + 1 :]
+            since = "it" if name in first.parts else " with ".join(first.parts)
+            until = f"until {' with '.join(after[0].parts)} is" if after else "to the end"
+            yield name, f"must be held once {since} is placed, {until}"
     for stuck in plan.stuck:
         yield stuck.part, f"cannot be taken out: {stuck.search.outcome}"

@@ -38,8 +38,13 @@ def screw_entry(
 
 
 def _seat(part: Part, fastener: Fastener, relation: Relation) -> float:
-    """Return where along a fastener's axis its head rests: where it touches what it joins."""
+    """Return where along a fastener's axis its head rests: where it touches what it joins.
+
+    A nut is all head.
+    """
     axis = np.asarray(fastener.axis)
+    if fastener.kind == "nut":
+        return float((part.vertices_m @ axis).min())
     for contact in relation.contacts:
         if {part.name, fastener.joins[0]} != set(contact.parts) or not contact.points_m:
             continue

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import yaml
 
-from skillplan.task.pose import DOWN
 from skillplan_cad.planning.assembly_plan import AssemblyPlan, Step
 from skillplan_cad.planning.bearing import Bearing, best_bearing
 from skillplan_cad.product import Part, Product
@@ -23,7 +22,7 @@ from skillplan_cad.writing.mesh_text import obj_text, pieces_text
 from skillplan_cad.writing.names import task_names
 from skillplan_cad.writing.pieces_proof import ProvedPieces, proved_pieces
 from skillplan_cad.writing.places import Places, places_of
-from skillplan_cad.writing.plan_limits import not_straight, plan_limits
+from skillplan_cad.writing.plan_limits import from_below, not_straight, plan_limits
 from skillplan_cad.writing.screw_entry import screw_entry
 from skillplan_cad.writing.top_grasp import Meshes
 from skillplan_cad.writing.upright import Upright
@@ -84,8 +83,8 @@ def task_of(
 ) -> WrittenTask | None:
     """Return the task of putting a product together with one arm, as `check` accepts it.
 
-    What nothing bears is left out, what no straight move of one part brings, and what `check`
-    refuses after that. None where nothing is left.
+    What nothing bears is left out, what no straight move of one part brings, what is driven from
+    below, and what `check` refuses after that. None where nothing is left.
 
     Parameters
     ----------
@@ -99,6 +98,7 @@ def task_of(
     """
     bearing = bearing or best_bearing(product, relation)
     left_out = {**not_straight(plan), **(bearing.why_not if bearing.order else {})}
+    left_out |= from_below(relation, bearing.up)
     # Of all parts that are ever tried: leaving some out changes no other's pieces.
     proved: ProvedPieces | None = None
     while True:
@@ -120,7 +120,11 @@ def task_of(
         if not found:
             return made
         owners = {own: name for name, own in made.names.items()}
-        more = {owners[own]: f"is refused: {words}" for own, words in found.items() if own}
+        more = {
+            owners[own]: f"is refused: {words.removesuffix('.')}"
+            for own, words in found.items()
+            if own
+        }
         if not more:
             return replace(made, faults=tuple(found.values()))
         left_out |= more
@@ -300,12 +304,10 @@ class _Writer:
         return found[:_MOST_WAYS]
 
     def _screw(self, part: Part, fastener: Fastener) -> dict[str, Any]:
-        """Return the entry of a screw, and note where it is driven from below."""
+        """Return the entry of a screw or nut."""
         lies = [one for one in fastener.joins if self._driven(self._of(one)) is None]
         through = self.names[lies[0] if lies else fastener.joins[0]]
         entry = screw_entry(part, fastener, self.relation, self.upright)
-        if entry.get("axis", DOWN)[2] > _LEVEL:
-            self._note(part.name, "is driven from below: the product has to be turned over")
         feeders = self.places.feeders
         fed = {"feeder": feeders[part.name]} if part.name in feeders else {}
         return {"tool": DRIVER, "through": through, **entry, **fed}

@@ -6,7 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 Place = tuple[float, float]
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 # Between the boxes about parts: room for fingers, and for a hand beside what reaches up to it.
 _APART_M = 0.04
@@ -63,12 +68,11 @@ class _Taken:
     half: Place
     room: float
 
-    def is_near(self, middle: Place, half: Place, room: float) -> bool:
-        apart = max(room, self.room)
-        return all(
-            abs(middle[axis] - self.middle[axis]) < half[axis] + self.half[axis] + apart - 1e-9
-            for axis in (0, 1)
-        )
+    def is_near(self, middles: Floats, half: Place, room: float) -> Bools:
+        """Return of each row whether a rectangle there would come too near."""
+        least = np.add(half, self.half) + (max(room, self.room) - 1e-9)
+        near: Bools = np.all(np.abs(middles - self.middle) < least, axis=1)
+        return near
 
 
 def tray(product_size_m: tuple[float, float, float], items: Sequence[Item], reach_m: float) -> Tray:
@@ -95,10 +99,11 @@ def tray(product_size_m: tuple[float, float, float], items: Sequence[Item], reac
     for item in order:
         size = (item.size_m[0] / 2, item.size_m[1] / 2)
         room = _BESIDE_TALL_M if item.size_m[2] > _TALL_M else _APART_M
-        spot = next((one for one in spots if _fits(one, size, room, taken, farthest)), None)
-        if spot is None:
+        free = np.flatnonzero(_fits(spots, size, room, taken, farthest))
+        if not len(free):
             without.append(item.name)
             continue
+        spot = (float(spots[free[0], 0]), float(spots[free[0], 1]))
         places[item.name] = spot
         taken.append(_Taken(spot, size, room))
     return Tray(goal, places, tuple(sorted(without)))
@@ -114,7 +119,7 @@ def _goal(size_m: tuple[float, float, float], farthest_m: float) -> Place:
     return round(x_m, 3), round(y_m, 3)
 
 
-def _spots(farthest_m: float, goal: Place) -> list[Place]:
+def _spots(farthest_m: float, goal: Place) -> Floats:
     """Return places on a grid within reach, those nearest to the product first."""
     count = int(farthest_m / _GRID_M)
     found = []
@@ -124,14 +129,18 @@ def _spots(farthest_m: float, goal: Place) -> list[Place]:
             inside = _NEAREST_M <= math.hypot(x, y) <= farthest_m
             if inside and abs(math.atan2(y, x)) <= _SPREAD_RAD:
                 found.append((x, y))
-    return sorted(found, key=lambda one: (round(math.dist(one, goal), 6), one))
+    found.sort(key=lambda one: (round(math.dist(one, goal), 6), one))
+    return np.array(found).reshape(-1, 2)
 
 
 def _fits(
-    spot: Place, half: Place, room: float, taken: Sequence[_Taken], farthest_m: float
-) -> bool:
-    corners = [math.hypot(abs(spot[0]) + sx * half[0], abs(spot[1]) + half[1]) for sx in (-1, 1)]
-    near = math.hypot(max(0.0, spot[0] - half[0]), max(0.0, abs(spot[1]) - half[1]))
-    if max(corners) > farthest_m + 0.05 or near < _NEAREST_M - 0.08:
-        return False
-    return not any(one.is_near(spot, half, room) for one in taken)
+    spots: Floats, half: Place, room: float, taken: Sequence[_Taken], farthest_m: float
+) -> Bools:
+    """Return of each place whether a rectangle there is in reach and away from all others."""
+    x_m, y_m = np.abs(spots).T
+    corners = [np.hypot(x_m + sign * half[0], y_m + half[1]) for sign in (-1, 1)]
+    near = np.hypot(np.maximum(spots[:, 0] - half[0], 0), np.maximum(y_m - half[1], 0))
+    fits: Bools = (np.maximum(*corners) <= farthest_m + 0.05) & (near >= _NEAREST_M - 0.08)
+    for one in taken:
+        fits &= ~one.is_near(spots, half, room)
+    return fits

@@ -91,15 +91,13 @@ class World:
         self._is_prepared, self._touches = False, None
         self.steps += 1
 
-    def add(self, body: Body, pose: Pose, colour: int = 0, *, stands: bool = False) -> int:
+    def add(self, body: Body, pose: Pose, *, stands: bool = False) -> int:
         """Put a body at a pose, its origin at the centre of its bottom.
 
         Parameters
         ----------
         body, pose
             What, and where.
-        colour
-            Of no use here.
         stands
             Of no use here: whatever is in the world can be moved.
         """

@@ -102,7 +102,7 @@ class World(Protocol):
     def step(self) -> None:
         """Advance by 1/240 s."""
 
-    def add(self, body: Body, pose: Pose, colour: int = 0, *, stands: bool = False) -> int:
+    def add(self, body: Body, pose: Pose, *, stands: bool = False) -> int:
         """Put a body at a pose; return its number."""
 
     def stand(self, moving: Iterable[str]) -> None:
@@ -278,15 +278,13 @@ class Simulator(Protocol):
     def world(self) -> World:
         """Return a world with a table and nothing else."""
 
-    def cell(self, hand: Hand, *, seen: bool) -> tuple[World, Arm]:
+    def cell(self, hand: Hand) -> tuple[World, Arm]:
         """Return a world with a table and the task's arm, and the arm.
 
         Parameters
         ----------
         hand
             What jaws it has.
-        seen
-            Whether pictures are taken of it.
         """
 
     def camera(self, scene: Scene, view: View, *, labels: bool = False) -> Camera:

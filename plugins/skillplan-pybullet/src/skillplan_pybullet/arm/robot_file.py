@@ -1,7 +1,6 @@
 """A robot's description as the file that the simulator loads: an arm with its hand.
 
-Kinematics, masses and collision shapes are those of the description; what an arm looks like is
-taken from an installed package where there is one, and from its shapes elsewhere.
+Kinematics, masses and collision shapes are those of the description.
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ from skillplan.robots.link_shapes import Capsule, Hull, Rod
 from skillplan_pinocchio.kinematics.serial_arm import placement
 from skillplan_pinocchio.simulation.arm.robot_outline import Piece, body_pieces, jaw_pieces
 from skillplan_pinocchio.simulation.arm.rotations import Vector, rpy_of
-from skillplan_pybullet.arm.looks import looks_of
 
 TIP_LINK = "hand"
 """The link of the hand, whose frame is the tip."""
@@ -33,7 +31,6 @@ JAW_LINKS = ("left_jaw", "right_jaw")
 # What a hand weighs, of which no description says it: that of the Panda, body and one jaw [kg].
 _BODY_KG, _JAW_KG = 0.73, 0.05
 _JAW_SPEED_M_PER_S = 0.2
-_COLOUR = "0.92 0.92 0.93 1"
 _WORLD = np.eye(3)
 
 
@@ -107,12 +104,11 @@ def robot_file(description: ArmDescription, tip: Transform, hand: Hand) -> Robot
 
 def _text(description: ArmDescription, tip: Transform, hand: Hand, *, shaped: bool) -> str:
     root = ElementTree.Element("robot", name="arm")
-    looks = looks_of(description)
     names = ["base", *(f"link_{number + 1}" for number in range(len(description.joints)))]
     shapes: Sequence[Sequence[Piece]] = description.shapes or [()] * len(names)
     inertias = [None, *(joint.link for joint in description.joints)]
-    for name, pieces, look, inertia in zip(names, shapes, looks, inertias, strict=True):
-        _link(root, name, inertia, pieces if shaped else (), look)
+    for name, pieces, inertia in zip(names, shapes, inertias, strict=True):
+        _link(root, name, inertia, pieces if shaped else ())
     for number, joint in enumerate(description.joints):
         limits = (joint.low_rad, joint.high_rad, joint.torque_nm, joint.speed_rad_per_s)
         _joint(
@@ -123,12 +119,12 @@ def _text(description: ArmDescription, tip: Transform, hand: Hand, *, shaped: bo
             joint.axis,
             limits,
         )
-    _link(root, TIP_LINK, _hand_inertia(hand), body_pieces(hand) if shaped else (), None)
+    _link(root, TIP_LINK, _hand_inertia(hand), body_pieces(hand) if shaped else ())
     where = placement(description.tip) * placement(tip)
     _joint(root, "fixed", [names[-1], TIP_LINK], where)
     for side, name in zip((1, -1), JAW_LINKS, strict=True):
         pieces = jaw_pieces(hand, side) if shaped else ()
-        _link(root, name, _jaw_inertia(hand, side), pieces, None)
+        _link(root, name, _jaw_inertia(hand, side), pieces)
         limits = (0.0, hand.opening_m / 2, hand.force_n, _JAW_SPEED_M_PER_S)
         axis = (0.0, float(side), 0.0)
         _joint(root, "prismatic", [TIP_LINK, name], placement(Transform()), axis, limits)
@@ -160,7 +156,6 @@ def _link(
     name: str,
     inertia: LinkInertia | None,
     pieces: Sequence[Piece],
-    look: Path | None,
 ) -> None:
     link = ElementTree.SubElement(root, "link", name=name)
     if inertia is not None:
@@ -172,16 +167,6 @@ def _link(
         ElementTree.SubElement(made, "inertia", ixx=xx, iyy=yy, izz=zz, ixy=xy, ixz=xz, iyz=yz)
     for piece in pieces:
         _shape(ElementTree.SubElement(link, "collision"), piece)
-    if look is not None and pieces:
-        seen = ElementTree.SubElement(link, "visual")
-        geometry = ElementTree.SubElement(seen, "geometry")
-        ElementTree.SubElement(geometry, "mesh", filename=str(look))
-        return
-    for piece in pieces:
-        seen = ElementTree.SubElement(link, "visual")
-        _shape(seen, piece)
-        material = ElementTree.SubElement(seen, "material", name=f"of_{name}")
-        ElementTree.SubElement(material, "color", rgba=_COLOUR)
 
 
 def _joint(

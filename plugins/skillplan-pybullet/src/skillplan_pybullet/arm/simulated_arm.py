@@ -56,8 +56,6 @@ class SimulatedArm:
         How it is controlled, and with what force its jaws close.
     hand
         What jaws it has; left out: those that it has without a tool.
-    seen
-        Whether pictures are taken of it; loading what it looks like takes as long as many steps.
     """
 
     def __init__(
@@ -66,10 +64,8 @@ class SimulatedArm:
         robot: Robot,
         settings: SimulationSettings,
         hand: Hand | None = None,
-        *,
-        seen: bool = True,
     ) -> None:
-        self.world, self.robot, self.settings, self.seen = world, robot, settings, seen
+        self.world, self.robot, self.settings = world, robot, settings
         self.kinematics = kinematics_of(robot)
         self._load(hand_of(robot) if hand is None else hand)
         # What the hand lifts beside itself [kg], and the force that it presses with [N].
@@ -111,9 +107,8 @@ class SimulatedArm:
         )
         world.link_names = self.link_names
         client = world.client
-        flags = pybullet.URDF_USE_INERTIA_FROM_FILE
-        if not self.seen:
-            flags |= pybullet.URDF_IGNORE_VISUAL_SHAPES
+        # Pictures are painted elsewhere: nothing here needs to know what the arm looks like.
+        flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_IGNORE_VISUAL_SHAPES
         with quiet_output():
             self.number = int(
                 pybullet.loadURDF(

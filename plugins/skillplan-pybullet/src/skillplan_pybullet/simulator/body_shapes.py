@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 import pybullet
@@ -14,8 +13,6 @@ from numpy.typing import NDArray
 
 from skillplan.task.shape import Box, Cylinder, Mesh, Shape
 from skillplan_pybullet.simulator.quiet_output import quiet_output
-
-Colour = tuple[float, float, float, float]
 
 _TYPES = {Box: pybullet.GEOM_BOX, Cylinder: pybullet.GEOM_CYLINDER, Mesh: pybullet.GEOM_MESH}
 # What a body of the simulator takes; more write past its end, and it crashes.
@@ -26,11 +23,9 @@ _SIDES = 64
 def make_body(
     client: int,
     solid: Sequence[Shape],
-    seen: Sequence[Shape],
     *,
     mass_kg: float,
     centre: NDArray[np.float64],
-    colour: Colour,
 ) -> int:
     """Make a body whose origin is its centre of mass; return its number.
 
@@ -40,31 +35,32 @@ def make_body(
         Where to.
     solid
         What collides. Meshes that are not convex do so exactly, but only where the mass is 0.
-    seen
-        What it looks like.
     mass_kg
         0 for what never moves [kg].
     centre
         Of its mass, in the frame of the shapes [m], shape (3,).
-    colour
-        Red, green, blue and opacity.
     """
     # The simulator takes meshes in files only.
-    has_mesh = any(isinstance(shape, Mesh) for shape in (*solid, *seen))
-    is_many = max(len(solid), len(seen)) > _MOST_SHAPES
-    hits, looks = _bundles(solid), _bundles(seen)
-    with TemporaryDirectory() if has_mesh or is_many else nullcontext("") as folder, quiet_output():
+    has_mesh = any(isinstance(shape, Mesh) for shape in solid)
+    bundles = _bundles(solid)
+    with (
+        TemporaryDirectory()
+        if has_mesh or len(solid) > _MOST_SHAPES
+        else nullcontext("") as folder,
+        quiet_output(),
+    ):
+        firsts = [bundle[0] for bundle in bundles]
         collision = pybullet.createCollisionShapeArray(
-            collisionFramePositions=_places(hits, centre),
-            flags=[_flags(bundle[0]) for bundle in hits],
-            **_described(hits, Path(folder), client),
+            shapeTypes=[_TYPES[type(shape)] for shape in firsts],
+            halfExtents=[[extent / 2 for extent in shape.box.size] for shape in firsts],
+            radii=[getattr(shape, "diameter_m", 1.0) / 2 for shape in firsts],
+            lengths=[shape.box.size[2] for shape in firsts],
+            fileNames=[_written(bundle, Path(folder)) for bundle in bundles],
+            collisionFramePositions=[(_origin(shape) - centre).tolist() for shape in firsts],
+            flags=[_flags(shape) for shape in firsts],
+            physicsClientId=client,
         )
-        visual = pybullet.createVisualShapeArray(
-            visualFramePositions=_places(looks, centre),
-            rgbaColors=[colour] * len(looks),
-            **_described(looks, Path(folder), client),
-        )
-        return int(pybullet.createMultiBody(mass_kg, collision, visual, physicsClientId=client))
+        return int(pybullet.createMultiBody(mass_kg, collision, physicsClientId=client))
 
 
 def _bundles(shapes: Sequence[Shape]) -> list[Sequence[Shape]]:
@@ -104,28 +100,10 @@ def _as_mesh(shape: Shape) -> Mesh:
     return Mesh(tuple((float(x), float(y), float(z)) for x, y, z in corners), tuple(faces))
 
 
-def _described(bundles: Sequence[Sequence[Shape]], folder: Path, client: int) -> dict[str, Any]:
-    """Return what collision and vision of shapes have in common, for the simulator."""
-    firsts = [bundle[0] for bundle in bundles]
-    return {
-        "shapeTypes": [_TYPES[type(shape)] for shape in firsts],
-        "halfExtents": [[extent / 2 for extent in shape.box.size] for shape in firsts],
-        "radii": [getattr(shape, "diameter_m", 1.0) / 2 for shape in firsts],
-        "lengths": [shape.box.size[2] for shape in firsts],
-        "fileNames": [_written(bundle, folder) for bundle in bundles],
-        "physicsClientId": client,
-    }
-
-
 def _flags(shape: Shape) -> int:
     """Return how the simulator is to take a shape."""
     is_hollow = isinstance(shape, Mesh) and not shape.convex
     return int(pybullet.GEOM_FORCE_CONCAVE_TRIMESH) if is_hollow else 0
-
-
-def _places(bundles: Sequence[Sequence[Shape]], centre: NDArray[np.float64]) -> list[list[float]]:
-    """Return where the origins of shapes are, from a centre of mass."""
-    return [(_origin(bundle[0]) - centre).tolist() for bundle in bundles]
 
 
 def _origin(shape: Shape) -> NDArray[np.float64]:

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from skillplan.task.scene import Body, Pose
 from skillplan.task.shape import Box
-from skillplan_pinocchio.simulation.colours import PALETTE, TABLE_COLOUR
 from skillplan_pinocchio.simulation.mass_properties import MassProperties, mass_properties
 from skillplan_pinocchio.simulation.simulator import (
     GRAVITY_M_PER_S2,
@@ -71,8 +70,8 @@ class World:
         self.link_names: dict[int, str] = {}
         self._properties: dict[str, MassProperties] = {}
         self._masses: dict[str, float] = {}
-        # Bodies that are not convex, their colours, and whether nothing can move them now.
-        self._hollow: dict[str, tuple[Body, int, bool]] = {}
+        # Bodies that are not convex, and whether nothing can move them now.
+        self._hollow: dict[str, tuple[Body, bool]] = {}
         # Constraints between bodies that are fixed to each other.
         self._fastened: dict[tuple[str, str], int] = {}
         with quiet_output():
@@ -86,12 +85,6 @@ class World:
                 0,
                 pybullet.createCollisionShape(
                     pybullet.GEOM_BOX, halfExtents=_TABLE_HALF_M, physicsClientId=self.client
-                ),
-                pybullet.createVisualShape(
-                    pybullet.GEOM_BOX,
-                    halfExtents=_TABLE_HALF_M,
-                    rgbaColor=TABLE_COLOUR,
-                    physicsClientId=self.client,
                 ),
                 basePosition=(0, 0, -_TABLE_HALF_M[2]),
                 physicsClientId=self.client,
@@ -126,15 +119,13 @@ class World:
         pybullet.stepSimulation(physicsClientId=self.client)
         self.steps += 1
 
-    def add(self, body: Body, pose: Pose, colour: int = 0, *, stands: bool = False) -> int:
+    def add(self, body: Body, pose: Pose, *, stands: bool = False) -> int:
         """Put a body at a pose, its origin at the centre of its bottom.
 
         Parameters
         ----------
         body, pose
             What, and where.
-        colour
-            Number of its colour.
         stands
             Whether it is not to be moved. Where it is not convex, its shape is exact then, and it
             is as if it were screwed down; what moves is made of convex pieces.
@@ -144,15 +135,13 @@ class World:
         number = make_body(
             self.client,
             body.exact_shapes if is_fixed else body.shapes,
-            body.exact_shapes,
             mass_kg=0.0 if is_fixed else body.mass_kg,
             centre=properties.centre,
-            colour=PALETTE[colour % len(PALETTE)],
         )
         self._properties[body.name], self._masses[body.name] = properties, body.mass_kg
         self._hollow.pop(body.name, None)
         if body.surfaces:
-            self._hollow[body.name] = (body, colour, is_fixed)
+            self._hollow[body.name] = (body, is_fixed)
         self.name(number, body.name)
         self._filter.added(body.name)
         self.put(body.name, pose)
@@ -174,16 +163,16 @@ class World:
     @property
     def fixed(self) -> frozenset[str]:
         """Bodies that nothing can move for the time being."""
-        return frozenset(name for name, (_, _, fixed) in self._hollow.items() if fixed)
+        return frozenset(name for name, (_, fixed) in self._hollow.items() if fixed)
 
     def stand(self, moving: Iterable[str]) -> None:
         """Have all bodies stand but some, which are to be moved; see `add`."""
         free = set(moving)
-        for name, (body, colour, is_fixed) in list(self._hollow.items()):
+        for name, (body, is_fixed) in list(self._hollow.items()):
             if is_fixed == (name in free):
-                self._remake(body, colour, stands=not is_fixed)
+                self._remake(body, stands=not is_fixed)
 
-    def _remake(self, body: Body, colour: int, *, stands: bool) -> None:
+    def _remake(self, body: Body, *, stands: bool) -> None:
         """Make a body anew where it is, and what is fastened to it."""
         pose, name = self.pose(body.name), body.name
         fastened = [pair for pair in self._fastened if name in pair]
@@ -193,7 +182,7 @@ class World:
         del self.names[number]
         with quiet_output():
             pybullet.removeBody(number, physicsClientId=self.client)
-        self.add(body, pose, colour, stands=stands)
+        self.add(body, pose, stands=stands)
         for one, other in fastened:
             self.fasten(one, other)
 

@@ -7,11 +7,13 @@ initialisation" (2020).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from skillplan_torch.dqn.frontier import Frontier
 from skillplan_torch.dqn.options import DqnOptions
 from skillplan_torch.dqn.schedules import Schedules
 from skillplan_torch.observation_counts import ObservationCounts, of_runs
@@ -33,6 +35,8 @@ class Exploration:
         Of what every run has tried.
     step_limit
         Most skills of an episode.
+    returns
+        Whether an observation that was met can be met again by the same actions.
 
     Attributes
     ----------
@@ -41,6 +45,10 @@ class Exploration:
         does not.
     completed
         Whether a run has completed the task yet, shape (runs,).
+    returning
+        Whether the episode of every run goes back to where one got to.
+    frontier
+        Where that is; None where nothing is gone back to.
     """
 
     def __init__(
@@ -50,12 +58,18 @@ class Exploration:
         generators: Sequence[np.random.Generator],
         counts: ObservationCounts,
         step_limit: int,
+        *,
+        returns: bool,
     ) -> None:
         self._options, self._schedules = options, schedules
         self._generators, self._counts, self._limit = generators, counts, step_limit
         self._fading = 1.0 / np.arange(1.0, _MOST_VISITS + 1.0) ** options.bonus_power
         self.completed = np.zeros(len(generators), dtype=np.bool_)
         self.branch_depths = [step_limit] * len(generators)
+        self.returning = [False] * len(generators)
+        self.frontier = None
+        if returns and options.returning:
+            self.frontier = Frontier(generators, counts, step_limit)
         for run in range(len(generators)):
             self.begin_episode(run, 0)
 
@@ -73,6 +87,11 @@ class Exploration:
         if self._schedules.branches(steps) and generator.random() < self._options.branching:
             depth = int(generator.integers(self._limit))
         self.branch_depths[run] = depth
+        self.returning[run] = False
+        if self.frontier is not None and not self.completed[run]:
+            self.returning[run] = bool(generator.random() < self._options.returning)
+            if self.returning[run]:
+                self.frontier.begin_episode(run)
 
     def choose(
         self,
@@ -114,7 +133,17 @@ class Exploration:
                 if branch is not None:
                     actions[run] = branch
                     self.branch_depths[run] = self._limit
+        if self.frontier is not None:
+            for run in [run for run, returns in enumerate(self.returning) if returns]:
+                action = self.frontier.action(run, int(at[run]))
+                if action is not None:
+                    actions[run] = action
         return actions, actions == greedy
+
+    def stepped(self, run: int, before: int, action: int, after: int | None) -> None:
+        """Take in what a step led to, as `Frontier.stepped`, while that may be of use."""
+        if self.frontier is not None and not self.completed[run]:
+            self.frontier.stepped(run, before, action, after)
 
     def bonus(self, indices: NDArray[np.int64], steps: int) -> NDArray[np.float64] | None:
         """Return what is added to values for few visits; None where that is nothing.
@@ -136,6 +165,33 @@ class Exploration:
         visits = of_runs(self._counts.visits, indices)
         fading: NDArray[np.float64] = self._fading.take(np.minimum(visits, _MOST_VISITS - 1))
         return self._schedules.exploration(steps) * fading
+
+    def notes(self) -> dict[str, Any]:
+        """Return how episodes in progress go on, as JSON values."""
+        return {
+            "branch": list(self.branch_depths),
+            "completed": self.completed.tolist(),
+            "returning": list(self.returning),
+            "plans": [] if self.frontier is None else self.frontier.plans(),
+        }
+
+    def arrays(self, name: str) -> dict[str, NDArray[Any]]:
+        """Return what is known of where episodes got to."""
+        return {} if self.frontier is None else self.frontier.arrays(name)
+
+    def read(self, name: str, arrays: Mapping[str, NDArray[Any]], notes: Mapping[str, Any]) -> None:
+        """Take over what `arrays` and `notes` returned; the counts have been read before.
+
+        Raises
+        ------
+        ValueError
+            If it is of another shape.
+        """
+        self.branch_depths = [int(depth) for depth in notes["branch"]]
+        self.completed = np.array(notes["completed"], dtype=np.bool_)
+        self.returning = [bool(one) for one in notes["returning"]]
+        if self.frontier is not None:
+            self.frontier.read(name, arrays, notes["plans"])
 
     def _draw_by_value(
         self, actions: NDArray[np.int64], values: NDArray[np.float32], steps: int

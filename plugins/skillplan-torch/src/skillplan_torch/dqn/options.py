@@ -52,6 +52,13 @@ class DqnOptions(NetworkOptions):
         description="share of the steps by which bonus, temperature or epsilon have come to "
         "their end [-]",
     )
+    returning: float = Field(
+        default=1.0,
+        ge=0.0,
+        le=1.0,
+        description="share of the episodes that, until a run has completed a deterministic task, "
+        "go back to the deepest observation with something untried and explore from there [-]",
+    )
     branching: float = Field(
         default=0.9,
         ge=0.0,
@@ -104,6 +111,19 @@ class DqnOptions(NetworkOptions):
         ge=0.0,
         le=1.0,
         description="share of the steps after which the best return comes in [-]",
+    )
+    imitation: float = Field(
+        default=1.0,
+        ge=0.0,
+        le=1e6,
+        description="weight of a loss by which, from then on, the actions of the cheapest episode "
+        "that completed a deterministic task stand out by a margin [-]",
+    )
+    imitation_margin: float = Field(
+        default=0.2,
+        ge=0.0,
+        le=1e6,
+        description="by which their values do; values are about -1 to 4 [-]",
     )
     # Updates
     dueling: bool = Field(

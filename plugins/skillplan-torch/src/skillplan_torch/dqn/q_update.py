@@ -2,7 +2,8 @@
 
 van Hasselt et al., "Deep reinforcement learning with double Q-learning" (2016). Targets are mixed
 with the best return seen: Ostrovski et al., "Count-based exploration with neural density models"
-(2017).
+(2017). In the end the cheapest episode is followed by a margin: Hester et al., "Deep Q-learning
+from demonstrations" (2018); it is the run's own, and nobody else's.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ import torch
 from numpy.typing import NDArray
 
 from skillplan.env.transition_table import COMPLETE, GOES_ON
+from skillplan_torch.batched_network import padded
+from skillplan_torch.best_policies import BestPolicies
 from skillplan_torch.dqn.exploration import Exploration
 from skillplan_torch.dqn.options import DqnOptions
 from skillplan_torch.dqn.q_networks import QNetworks
@@ -31,6 +34,10 @@ class QUpdate:
         How it learns, and when.
     networks, memory, counts, exploration
         What is improved, from what, and by which bonus for what was tried seldom.
+    kept
+        The cheapest episodes, which are followed in the end.
+    step_limit
+        Most skills of an episode.
     reward_scale
         What the rewards of steps are multiplied by.
     best_share
@@ -45,12 +52,15 @@ class QUpdate:
         memory: ReplayMemory,
         counts: ObservationCounts,
         exploration: Exploration,
+        kept: BestPolicies,
+        step_limit: int,
         *,
         reward_scale: float,
         best_share: float,
     ) -> None:
         self._options, self._schedules, self._networks = options, schedules, networks
         self._memory, self._counts, self._exploration = memory, counts, exploration
+        self._kept, self._rows = kept, padded(step_limit)
         self._scale, self._best_share = reward_scale, best_share
 
     def learn(self, generators: Sequence[np.random.Generator], steps: int) -> NDArray[np.float64]:
@@ -69,11 +79,38 @@ class QUpdate:
         taken = torch.from_numpy(of_runs(memory.action, slots))[..., None]
         values = self._networks.values(now).gather(2, taken)[..., 0]
         losses = torch.nn.functional.huber_loss(values, wanted, reduction="none") * shares
-        self._networks.follow(losses.mean(1).sum(), self._schedules.learning_rate(steps))
+        loss = losses.mean(1).sum()
+        weight = self._options.imitation * self._schedules.imitation(steps)
+        if weight:
+            loss = loss + weight * self._margins(len(generators))
+        self._networks.follow(loss, self._schedules.learning_rate(steps))
         with torch.no_grad():
             memory.learned(slots, (values - wanted).numpy())
             means = [losses.mean(1).numpy(), values.mean(1).numpy()]
         return np.stack(means).astype(np.float64)
+
+    def _margins(self, runs: int) -> torch.Tensor:
+        """Return by how much actions of the cheapest episodes fall short of standing out.
+
+        All runs have as many rows, so that none depends on the episodes of the others.
+        """
+        counts, rows = self._counts, self._rows
+        observations = np.zeros((runs, rows, counts.observations.shape[2]), dtype=np.float32)
+        rivals = np.zeros((runs, rows, counts.masks.shape[2]), dtype=np.bool_)
+        actions = np.zeros((runs, rows, 1), dtype=np.int64)
+        shares = np.zeros((runs, rows), dtype=np.float32)
+        for run in range(runs):
+            episode = self._kept.cheapest(run)
+            if episode is not None:
+                many = len(episode.actions)
+                observations[run, :many], rivals[run, :many] = episode.observations, episode.masks
+                actions[run, :many, 0], shares[run, :many] = episode.actions, 1.0 / many
+        np.put_along_axis(rivals, actions, False, axis=2)
+        values = self._networks.values(torch.from_numpy(observations))
+        own = values.gather(2, torch.from_numpy(actions))
+        others = values.masked_fill(torch.from_numpy(~rivals), -torch.inf)
+        short = torch.relu(others.amax(2) + self._options.imitation_margin - own[..., 0])
+        return (short * torch.from_numpy(shares)).sum()
 
     def _targets(self, slots: NDArray[np.int64], steps: int) -> NDArray[np.float64]:
         """Return what the values of transitions should be, shape (runs, batch)."""

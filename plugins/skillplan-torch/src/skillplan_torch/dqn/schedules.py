@@ -17,7 +17,7 @@ class Schedules:
     options
         Of the solver.
     total
-        How many steps a run does in all.
+        Over how many steps they run; after that they stay at their end.
     """
 
     def __init__(self, options: DqnOptions, total: int) -> None:
@@ -54,5 +54,6 @@ class Schedules:
         """Return the step size of Adam."""
         options = self._options
         done = max(0.0, steps / self._total - options.decay_from) / (1 - options.decay_from)
+        done = min(1.0, done)
         fall: float = (options.learning_rate_end / options.learning_rate) ** done
         return options.learning_rate * fall

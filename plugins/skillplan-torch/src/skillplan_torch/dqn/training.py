@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.env.skill_vector_env import SkillVectorEnv
-from skillplan.env.transition_table import COMPLETE, GOES_ON, OUT_OF_TIME
+from skillplan.env.transition_table import COMPLETE, GOES_ON, INFEASIBLE, OUT_OF_TIME
 from skillplan.solvers.learning.learner import Episode
 from skillplan.solvers.learning.network_policy import NetworkPolicy, allowing
 from skillplan_torch.best_policies import CompletedEpisode
@@ -61,9 +61,14 @@ class DqnTraining(NetworkTraining):
             priority=options.priority,
         )
         self._networks = QNetworks(options, features, self._actions, self._generators)
-        self._schedules = Schedules(options, steps)
+        self._schedules = Schedules(options, self._total)
         self._exploration = Exploration(
-            options, self._schedules, self._generators, self._counts, self._limit
+            options,
+            self._schedules,
+            self._generators,
+            self._counts,
+            self._limit,
+            returns=self._one_episode_suffices,
         )
         deterministic = all(model.task.deterministic for model in env.models)
         best_share = 0.9 if deterministic else 0.0
@@ -77,6 +82,8 @@ class DqnTraining(NetworkTraining):
             self._memory,
             self._counts,
             self._exploration,
+            self._best,
+            self._limit,
             reward_scale=options.steps_worth / (self._limit * typical) if typical else 0.0,
             best_share=best_share if options.best_return is None else options.best_return,
         )
@@ -112,6 +119,12 @@ class DqnTraining(NetworkTraining):
                     float(rewards[run]),
                 )
                 record.greedy = record.greedy and bool(greedy[run])
+                self._exploration.stepped(
+                    run,
+                    int(before[run]),
+                    int(actions[run]),
+                    None if end == INFEASIBLE else int(final[run]),
+                )
                 goes_on = end == OUT_OF_TIME and not options.late_is_failure
                 self._remember(run, GOES_ON if goes_on else end, int(final[run]), over=end)
                 if end != GOES_ON:
@@ -151,13 +164,13 @@ class DqnTraining(NetworkTraining):
             **self._counts.arrays("situations"),
             **self._memory.arrays("memory"),
             "curves": np.array(self._curves).reshape(-1, 2, len(self._generators)),
+            **self._exploration.arrays("frontier"),
         }
 
     def _own_notes(self) -> dict[str, Any]:
         return {
             "due": self._due,
-            "branch": list(self._exploration.branch_depths),
-            "completed": self._exploration.completed.tolist(),
+            **self._exploration.notes(),
         }
 
     def _read_own(self, arrays: Mapping[str, NDArray[Any]], notes: Mapping[str, Any]) -> None:
@@ -166,8 +179,7 @@ class DqnTraining(NetworkTraining):
         self._memory.read("memory", arrays)
         self._curves = list(arrays["curves"])
         self._due = float(notes["due"])
-        self._exploration.branch_depths = [int(depth) for depth in notes["branch"]]
-        self._exploration.completed = np.array(notes["completed"], dtype=np.bool_)
+        self._exploration.read("frontier", arrays, notes)
 
     def _observe(self, observations: NDArray[np.float32], masks: NDArray[np.bool_]) -> None:
         before = [record.last_action for record in self._episodes]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from skillplan.domains.assembly.meshes.polyhedron import (
     Polyhedron,
     polyhedron_of,
 )
+from skillplan.task.motion import Point
 
 MAX_PIECES = 512
 """Most convex pieces of a polyhedron."""
@@ -48,8 +50,16 @@ def read_pieces(
         content, suffix = content_of(folder, name)
     except MeshFileError as error:
         raise MeshFileError(str(error), "pieces") from None
+    return _pieces(content, suffix, scale, whole.middle, whole.size)
+
+
+# Identical parts have files of the same content.
+@lru_cache(maxsize=16)
+def _pieces(
+    content: bytes, suffix: str, scale: float, middle: Point, size: Point
+) -> tuple[tuple[Polyhedron, ...], str]:
     raw_corners, raw_faces = parsed(content, suffix)
-    corners = np.round(raw_corners * scale - np.array(whole.middle), DECIMALS) + 0.0
+    corners = np.round(raw_corners * scale - np.array(middle), DECIMALS) + 0.0
     groups = _components(raw_faces, len(corners))
     if not 0 < len(groups) <= MAX_PIECES:
         raise MeshFileError(f"It holds {len(groups):,} pieces; give 1 to {MAX_PIECES:,}.", "pieces")
@@ -63,9 +73,9 @@ def read_pieces(
             raise MeshFileError(f"Piece {number} is not convex; cut it further.", "pieces")
         found.append(piece)
     points = np.concatenate([piece.corners for piece in found])
-    off = np.abs(np.ptp(points, axis=0) - np.array(whole.size)).max()
+    off = np.abs(np.ptp(points, axis=0) - np.array(size)).max()
     off = max(float(off), float(np.abs(points.max(axis=0) + points.min(axis=0)).max()))
-    if off > _PIECES_OFF * max(whole.size):
+    if off > _PIECES_OFF * max(size):
         raise MeshFileError(
             f"The box about all pieces is {off * 1e3:.3g} mm off that about the mesh; give pieces "
             "of this mesh, in its frame.",

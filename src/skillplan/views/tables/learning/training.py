@@ -9,6 +9,7 @@ from skillplan.records.training.outcome import RECENT_STEPS, RunOutcome, Tally, 
 from skillplan.records.training.published_runs import SUCCESS_RATE
 from skillplan.records.training.result import TrainingResult
 from skillplan.views.tables.learning.layouts import layouts_table
+from skillplan.views.tables.learning.shortfall import shortfall_notes
 from skillplan.views.text.table import Column, Table
 from skillplan.views.text.wording import count, number, percent
 
@@ -90,6 +91,7 @@ def _notes(result: TrainingResult) -> list[str]:
         notes.append(f"run {one.run:<7}{one.status.value}: {one.reason}")
     if len(faults) > _MOST_NAMED:
         notes.append(f"runs       {len(faults) - _MOST_NAMED} more do not complete")
+    notes += shortfall_notes(result)
     if result.interrupted:
         notes.append("stopped    before all steps were done; train --resume goes on")
     notes += result.notes

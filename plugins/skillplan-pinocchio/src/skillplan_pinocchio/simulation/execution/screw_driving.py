@@ -10,7 +10,6 @@ from skillplan.physics.linear_motions import LinearMotion
 from skillplan.task.pose import DOWN, same_direction
 from skillplan_pinocchio.kinematics.fixed_order import dot, times
 from skillplan_pinocchio.simulation.arm.rotations import Vector, of_quaternion, pose_of
-from skillplan_pinocchio.simulation.colours import colour_number
 from skillplan_pinocchio.simulation.execution.contact_log import STEPS_PER_FRAME
 from skillplan_pinocchio.simulation.execution.controlled_robot import ControlledRobot
 from skillplan_pinocchio.simulation.simulator import STEP_S, TABLE
@@ -47,7 +46,7 @@ def put_at_bit(robot: ControlledRobot, driven: LinearMotion, turned: Vector) -> 
     in_hand = times(turned.T, of_quaternion(driven.visit.pose.orientation))
     rotation = times(tip.rotation, in_hand)
     end = tip.position - body.height_m * rotation[:, 2]
-    world.add(body, pose_of(end, rotation), colour_number(robot.scene, screw))
+    world.add(body, pose_of(end, rotation))
     world.weigh(screw, _HELD_SCREW_KG)
     robot.bind(screw)
     robot.carry(screw)

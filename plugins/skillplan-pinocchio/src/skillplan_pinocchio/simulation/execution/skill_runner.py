@@ -16,7 +16,6 @@ from skillplan.task.state import State
 from skillplan_pinocchio.kinematics.fixed_order import times
 from skillplan_pinocchio.simulation.arm.planned_motion import ArmMotion
 from skillplan_pinocchio.simulation.arm.rotations import Vector, of_quaternion, pose_of
-from skillplan_pinocchio.simulation.colours import colour_number
 from skillplan_pinocchio.simulation.execution.controlled_robot import ControlledRobot
 from skillplan_pinocchio.simulation.execution.screw_driving import FEEL_FROM_M, drive, put_at_bit
 from skillplan_pinocchio.simulation.execution_settings import ExecutionSettings
@@ -80,7 +79,7 @@ class SkillRunner(ControlledRobot):
         if subject in self._kept:
             return
         if subject not in self.world.numbers:
-            self.world.add(body, placement.pose, colour_number(self.scene, body.name))
+            self.world.add(body, placement.pose)
         self.world.put(subject, placement.pose)
         # In a feeder, only the hand can touch it.
         self.world.part(subject, self.world.others(subject))
@@ -99,7 +98,7 @@ class SkillRunner(ControlledRobot):
         origin = tip.position - times(rotation, away) + self._gap_m(motion) * tip.rotation[:, 2]
         if subject not in self.world.numbers:
             body = self.scene.body(subject)
-            self.world.add(body, pose_of(origin, rotation), colour_number(self.scene, body.name))
+            self.world.add(body, pose_of(origin, rotation))
         self.carry(subject)
         if grasp.kind is GraspKind.SUCTION or not self.tools.has_jaws:
             self.bind(subject)

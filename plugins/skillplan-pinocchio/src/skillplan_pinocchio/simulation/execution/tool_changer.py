@@ -14,7 +14,6 @@ from skillplan.task.scene import Pose, Scene, Tool, ToolKind
 from skillplan_pinocchio.kinematics.fixed_order import length
 from skillplan_pinocchio.simulation.arm.hand_shapes import hand_of, tool_body
 from skillplan_pinocchio.simulation.arm.rotations import pose_of
-from skillplan_pinocchio.simulation.colours import colour_number
 from skillplan_pinocchio.simulation.simulator import ROBOT, Arm, World
 
 # Couplings that are farther apart do not engage [m].
@@ -102,7 +101,7 @@ class ToolChanger:
             self.world.release(self._docked.pop(tool.name))
             self.world.withdraw(tool.name, [])
         else:
-            self.world.add(body, self.tool_pose(), colour_number(self.scene, tool.name))
+            self.world.add(body, self.tool_pose())
         self.world.part(tool.name, [ROBOT])
         self._bond = self.arm.grip(tool.name)
         self.load_kg = body.mass_kg

@@ -96,7 +96,7 @@ class Workcell:
             return self._draft(skill, present, absent, unsettled=fallen.reason)
         first = planned.motions[0]
         hand = hand_of(self.robot, first.motion.tool)
-        world, arm = self.simulator.cell(hand, seen=watch is not None)
+        world, arm = self.simulator.cell(hand)
         with world:
             start = planned.begin_rad if planned.travels_first else first.approach[0]
             arm.stand(start, self._first_opening(first.motion))
@@ -167,10 +167,9 @@ class Workcell:
         scene = self.task.scene
         plain = [one.motion for one in planned.motions]
         handled = {motion.visit.subject for motion in plain}
-        colours = {body.name: index for index, body in enumerate(scene.bodies)}
         for one in around.bodies:
             stands = one.body.name not in handled
-            world.add(one.body, one.placement.pose, colours[one.body.name], stands=stands)
+            world.add(one.body, one.placement.pose, stands=stands)
         self.fastenings.fasten(world, ((one.body.name, one.placement) for one in around.bodies))
         first = plain[0]
         runner = SkillRunner(world, arm, scene, self.settings, first.tool)

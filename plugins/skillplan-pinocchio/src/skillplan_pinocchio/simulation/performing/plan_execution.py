@@ -113,7 +113,7 @@ def execute_plan(
     """
     robot = workcell.robot
     hand = hand_of(robot, robot.tool(workcell.task.initial))
-    world, arm = workcell.simulator.cell(hand, seen=True)
+    world, arm = workcell.simulator.cell(hand)
     with world, ExitStack() as stack:
         film = None
         if observers.frames_per_s and observers.show is not None:
@@ -155,10 +155,10 @@ class _PlanExecution:
             verdict = Verdict.infeasible(f"before it begins: {error}", none, none)
             begun = tuple(PerformedSkill(skill.name, verdict, 0.0, 0.0) for skill in skills[:1])
             return Performance(begun, (), 0.0, 0)
-        for index, body in enumerate(self.task.scene.bodies):
+        for body in self.task.scene.bodies:
             placement = body.placement(state)
             if placement is not None and placement.solid:
-                self.world.add(body, placement.pose, index, stands=True)
+                self.world.add(body, placement.pose, stands=True)
                 self.workcell.fastenings.fasten(self.world, [(body.name, placement)])
         runner = SkillRunner(
             self.world,

@@ -1,0 +1,144 @@
+"""One policy learned on small boards, tried on larger ones and on other kinds of boards."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from skillplan.errors import OptionError
+from skillplan.pipeline.run import make_model, solve
+from skillplan.pipeline.setup import load_problem
+from skillplan.records.training.relational_file import read_relational, write_relational
+from skillplan.solvers.relational.family_learner import FamilyLesson
+from skillplan.solvers.relational.relational_network import NetworkSize
+from skillplan.training.family_training import followed
+from skillplan.training.generated_boards import GeneratedFamily
+from skillplan_torch.relational import RelationalSolver
+from skillplan_torch.relational.lessons import Board, Lessons
+from skillplan_torch.relational.options import RelationalOptions
+from skillplan_torch.relational.torch_network import TorchNetwork
+
+CONFIGS = Path(__file__).parents[3] / "configs"
+TINY = {"boards": 2, "rounds": 2, "updates": 3, "batch": 8, "width": 16, "layers": 1}
+
+
+def learned(family: str, seed: int = 0, **options: int) -> FamilyLesson:
+    solver = RelationalSolver(RelationalOptions(**options))
+    tasks = GeneratedFamily.parse(family).tasks(solver.boards, seed)
+    return solver.learn((make_model(task) for task in tasks), seed, lambda: None)
+
+
+def lessons_of(boards: list[Board]) -> Lessons:
+    lessons = Lessons()
+    chance = np.random.Generator(np.random.PCG64(0))
+    for board in boards:
+        lessons.add(board.walk(lambda sight: 0, chance, 1.0))
+    return lessons
+
+
+@pytest.fixture(scope="module")
+def boards() -> list[Board]:
+    return [Board.of(make_model(task)) for task in GeneratedFamily(3, 6).tasks(4, 1)]
+
+
+def test_numpy_answers_as_torch_does(boards: list[Board]) -> None:
+    """To 1e-6 of what scores are, also where a batch pads smaller boards."""
+    network = TorchNetwork(NetworkSize(), seed=5)
+    lessons = lessons_of(boards)
+    features, pairs, present, *_ = lessons.batch(np.arange(len(lessons)))
+    with torch.no_grad():
+        theirs = network.scores(features, pairs, present).numpy()
+    answers = network.network()
+    sizes = set()
+    for row, (sight, _) in enumerate(lessons):
+        ours = answers.scores(sight)
+        sizes.add(len(ours))
+        assert np.abs(ours - theirs[row, : len(ours)]).max() <= 1e-6 * max(1.0, np.abs(ours).max())
+    assert len(sizes) > 2
+
+
+def test_the_teacher_knows_the_optimum(boards: list[Board]) -> None:
+    for board in boards:
+        best = solve(board.model.task, "exact")
+        assert board.least == pytest.approx(best.cost)
+
+
+def test_the_best_choice_has_no_regret_and_a_dead_end_the_most(boards: list[Board]) -> None:
+    for sight, regrets in lessons_of(boards):
+        assert regrets.min() == 0.0
+        blocked = sight.features[:, 2] > 0
+        assert (regrets[blocked] == 1.0).all()
+
+
+def test_the_same_boards_and_seed_give_the_same_network() -> None:
+    one, again = (learned("generated:3-4", **TINY).network for _ in range(2))
+    for name, array in one.arrays.items():
+        assert np.array_equal(array, again.arrays[name])
+
+
+def test_boards_that_are_too_large_to_be_taught_are_refused() -> None:
+    with pytest.raises(OptionError, match="at most 14 elements"):
+        learned("generated:15", **TINY)
+
+
+def test_without_a_policy_to_follow_it_refuses() -> None:
+    model = make_model(load_problem(CONFIGS / "inverter_board.yaml").task)
+    why = RelationalSolver().refuses(model)
+    assert why is not None
+    assert "train --family" in why
+
+
+@pytest.mark.slow(reason="learns on 40 boards; a tiny one in every run")
+def test_what_is_learned_on_few_parts_completes_boards_of_more(tmp_path: Path) -> None:
+    """Unseen ones of twice the parts, and a board with screws; answered from its files alone."""
+    lesson = learned("generated:4-6", boards=40, rounds=3, updates=50, batch=64, width=32)
+    write_relational(
+        tmp_path,
+        lesson.network,
+        solver="relational",
+        options={},
+        family="generated:4-6",
+        boards=40,
+        seed=0,
+        trace=lesson.trace,
+        trial=None,
+        wall_s=0.0,
+    )
+    network = read_relational(tmp_path).network
+    tasks = list(GeneratedFamily(8, 10).tasks(4, 9))
+    tasks.append(load_problem(CONFIGS / "inverter_board.yaml").task)
+    for task in tasks:
+        _, walked = followed(network, task)
+        assert walked.complete, task.name
+        best = solve(task, "auto").cost
+        assert best is not None
+        assert walked.cost <= 1.15 * best
+    solver = RelationalSolver(RelationalOptions(run=str(tmp_path)))
+    found = solver.solve(make_model(tasks[0]))
+    assert found.plan is not None
+
+
+@pytest.mark.slow(reason="tries a policy on 20 boards")
+def test_the_command_line_trains_and_keeps_what_was_learned(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The printed document is the kept one; a second training does not go into the folder."""
+    from skillplan.cli.app import main
+
+    out = tmp_path / "run"
+    words = [word for key, value in TINY.items() for word in ("-O", f"{key}={value}")]
+    command = ["train", "--family", "generated:3-4", "--solver", "relational", *words]
+    command += ["--out", str(out)]
+    with pytest.raises(SystemExit):
+        main([*command, "--format", "json"])
+    printed = json.loads(capsys.readouterr().out)
+    assert json.loads((out / "relational.json").read_text("utf-8")) == printed
+    assert (printed["boards"], printed["trial"]["boards"]) == (2, 20)
+    with pytest.raises(SystemExit) as ended:
+        main(command)
+    assert ended.value.code == 2
+    assert "--out" in capsys.readouterr().err

@@ -1,0 +1,196 @@
+"""Training of one policy on generated boards, and its trial on others of the same family."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+from skillplan.errors import OptionError, PluginError, name_hint
+from skillplan.files.held_folder import HeldFolder
+from skillplan.files.output_path import output_folder, refusing
+from skillplan.model.policy_value import roll_out
+from skillplan.model.replay import Replay, replay
+from skillplan.model.skill_model import SkillModel
+from skillplan.pipeline import registry
+from skillplan.pipeline.run import make_model, make_solver, solve
+from skillplan.pipeline.setup import Setup
+from skillplan.records.result import Status
+from skillplan.records.training.relational_file import (
+    FamilyTrial,
+    RelationalContent,
+    write_relational,
+)
+from skillplan.solvers.relational.element_choice import ElementChoice
+from skillplan.solvers.relational.family_learner import FamilyLearner
+from skillplan.solvers.relational.relational_network import RelationalNetwork
+from skillplan.solvers.stop import Stop
+from skillplan.task.skill import Skill
+from skillplan.task.task import Task
+from skillplan.training.generated_boards import GeneratedFamily
+
+# On so many unseen boards of the family a policy is tried, and so long their optimum is sought.
+TRIED_BOARDS = 20
+_PROOF_S = 5.0
+# Boards that are tried are drawn apart from those of any seed that a user would give.
+_APART = 2**32
+
+
+@dataclass(frozen=True)
+class FamilyPlan:
+    """What is learned on what.
+
+    Parameters
+    ----------
+    family
+        The boards.
+    solver
+        The learner's name.
+    options
+        Its options.
+    seed
+        Governs all randomness, >= 0.
+    """
+
+    family: GeneratedFamily
+    solver: str
+    options: dict[str, Any]
+    seed: int
+
+    def learner(self, stop: Stop) -> FamilyLearner:
+        """Return the solver.
+
+        Raises
+        ------
+        OptionError
+            If an option is wrong, or the solver does not learn on families.
+        PluginError
+            If it is unknown or broken.
+        """
+        known = registry.names("solver")
+        if self.solver not in known:
+            raise PluginError(f"Unknown solver {self.solver!r}. {name_hint(self.solver, known)}")
+        plugin = registry.load("solver", self.solver)
+        if not issubclass(plugin, FamilyLearner):
+            raise OptionError(
+                f"The solver {self.solver!r} learns no policy that carries over from board to "
+                "board; 'relational' of skillplan-torch does."
+            )
+        made = make_solver(self.solver, self.options, stop)
+        assert isinstance(made, FamilyLearner)
+        return made
+
+
+class FamilyFolder(HeldFolder):
+    """A new folder for the policy; a context manager.
+
+    Parameters
+    ----------
+    out
+        The folder.
+
+    Raises
+    ------
+    OptionError
+        If it is there and not empty, or cannot be used.
+    """
+
+    def __init__(self, out: str) -> None:
+        super().__init__(out)
+        output_folder("--out", out)
+        with self._opening("training"):
+            pass
+
+
+def train_family(
+    plan: FamilyPlan, folder: FamilyFolder, stop: Stop, on_step: Callable[[], None]
+) -> RelationalContent:
+    """Learn, try what was learned on boards of the family that were not seen, and keep it.
+
+    Parameters
+    ----------
+    plan
+        What is learned on what.
+    folder
+        Where it is kept.
+    stop
+        Ends the learning early; what was learned is kept, and not tried.
+    on_step
+        Called after every step of the learner.
+
+    Raises
+    ------
+    OptionError
+        If the boards cannot be learned on, or something cannot be written.
+    """
+    begin_s = time.perf_counter()
+    learner = plan.learner(stop)
+    count = learner.boards
+
+    def models() -> Iterator[SkillModel]:
+        for task in plan.family.tasks(count, plan.seed):
+            yield make_model(task)
+
+    lesson = learner.learn(models(), plan.seed, on_step)
+    trial = None if stop() else tried(lesson.network, plan.family, TRIED_BOARDS, plan.seed, stop)
+    with refusing("--out", folder.path):
+        return write_relational(
+            folder.path,
+            lesson.network,
+            solver=plan.solver,
+            options=learner.options.model_dump(mode="json"),
+            family=str(plan.family),
+            boards=count,
+            seed=plan.seed,
+            trace=lesson.trace,
+            trial=trial,
+            wall_s=time.perf_counter() - begin_s,
+        )
+
+
+def tried(
+    network: RelationalNetwork, family: GeneratedFamily, count: int, seed: int, stop: Stop
+) -> FamilyTrial:
+    """Follow a policy greedily on boards that the seed has not drawn to learn on."""
+    completed, deviations, boards = 0, [], 0
+    for task in family.tasks(count, seed + _APART):
+        if stop():
+            break
+        boards += 1
+        _, walked = followed(network, task)
+        if not walked.complete:
+            continue
+        completed += 1
+        best = solve(task, "auto", stop=Stop(time_limit_s=_PROOF_S))
+        if best.status is Status.OPTIMAL and best.cost:
+            deviations.append(max(0.0, walked.cost / best.cost - 1))
+    return FamilyTrial(
+        boards=boards,
+        completed=completed,
+        proved=len(deviations),
+        median_deviation=median(deviations) if deviations else None,
+        greatest_deviation=max(deviations, default=None),
+    )
+
+
+def followed(
+    network: RelationalNetwork, task: Task, setup: Setup = Setup()
+) -> tuple[Sequence[Skill], Replay]:
+    """Return the skills that a policy takes greedily on a task, and what becomes of them.
+
+    Under chance every outcome is the nominal one.
+
+    Raises
+    ------
+    OptionError
+        If the policy cannot act on the task.
+    BackEndError
+        If a back end fails.
+    """
+    model = make_model(task, setup)
+    with closing(model.feasibility):
+        skills = roll_out(model, ElementChoice(network, model))
+        return skills, replay(model, skills)

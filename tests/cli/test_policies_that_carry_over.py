@@ -1,0 +1,77 @@
+"""`train --family generated:A-B`, and `evaluate` of a policy that carries over, on any task."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from relational_runs import nearest_first_run
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+BOARD = str(CONFIGS / "inverter_board.yaml")
+FAMILY = ("--family", "generated:3-4")
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> str:
+    return str(nearest_first_run(tmp_path / "run"))
+
+
+@pytest.mark.parametrize("config", ["inverter_board", "relay_rail", "motor_drive"])
+def test_a_policy_is_tried_on_any_task(cli: Any, run: str, config: str) -> None:
+    """And held against the proved optimum, as a sequence is."""
+    task = str(CONFIGS / f"{config}.yaml")
+    shown = cli("evaluate", run, "--task", task, "--format", "json")
+    assert 0 == shown.code
+    assert shown.document["complete"]
+    assert 0 <= shown.document["deviation"] < 0.5
+    names = ",".join(step["skill"] for step in shown.document["steps"])
+    again = cli("evaluate", task, "--sequence", names, "--format", "json")
+    assert shown.document["cost"] == again.document["cost"]
+
+
+def test_a_task_that_it_cannot_act_on_is_refused(cli: Any, run: str) -> None:
+    shown = cli("evaluate", run, "--task", str(CONFIGS / "br17.10.sop"))
+    assert (2, "") == (shown.code, shown.out)
+    assert "cannot act on br17.10" in shown.err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "name the task to try it on by --task"),
+        (("--task", BOARD, "--sequence", "0"), "--sequence is for a task file"),
+        (("--task", BOARD, "--episodes", "3"), "--episodes is for runs of training"),
+    ],
+)
+def test_what_does_not_go_with_it_is_named(
+    cli: Any, run: str, words: tuple[str, ...], message: str
+) -> None:
+    shown = cli("evaluate", run, *words)
+    assert 2 == shown.code
+    assert message in shown.err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((BOARD, *FAMILY), "no TASK goes with --family generated:3-4"),
+        ((*FAMILY, "--runs", "2"), "--runs does not go with --family generated:3-4"),
+        ((*FAMILY, "--resume"), "--resume does not go with --family generated:3-4"),
+        ((*FAMILY, "--solver", "exact"), "'exact' learns no policy that carries over"),
+        ((*FAMILY, "--solver", "exat"), "Unknown solver 'exat'"),
+        (("--family", "generated:4-3"), "1 <= LEAST <= MOST"),
+        (("--family", "generated:x"), "such as generated:6-12"),
+        ((BOARD, "--family", "some"), "neither a whole number nor a family"),
+        ((BOARD, "--family", "0"), "0 is not in the range"),
+        ((), "Missing TASK"),
+    ],
+)
+def test_a_training_that_cannot_be_is_refused(
+    cli: Any, words: tuple[str, ...], message: str
+) -> None:
+    shown = cli("train", *words)
+    assert (2, "") == (shown.code, shown.out)
+    assert message in " ".join(shown.err.replace("│", " ").split())

@@ -1,0 +1,124 @@
+"""Why runs fall short: how far they got, what they ran into, and what to try."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from skillplan.pipeline.setup import load_problem
+from skillplan.records.optimum import Optimum
+from skillplan.records.training.result import TrainingResult
+from skillplan.records.training.shortfall import Shortfall, shortfall_of
+from skillplan.solvers.learning.learner import End, Episode
+from skillplan.task.task import Task
+from skillplan.views.tables.learning.training import training_tables
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+STEPS = 1_000
+
+
+@pytest.fixture(scope="module")
+def board() -> Task:
+    return load_problem(CONFIGS / "inverter_board.yaml").task
+
+
+def episode(board: Task, step: int, end: End, *names: str) -> Episode:
+    actions = tuple(board.action(board.skill(name)) for name in names)
+    return Episode(0, step, end, actions, 0.0, 0.0, greedy=False)
+
+
+PCB = ("pick(pcb)", "place(pcb)")
+FIRST = ("pick(switch_1)", "place(switch_1)")
+SECOND = ("pick(switch_2)", "place(switch_2)")
+
+
+def short(board: Task, *episodes: Episode, mask: str = "applicable") -> Shortfall:
+    found = shortfall_of(board, "dqn", {"mask": mask}, STEPS, {3: episodes})
+    assert found is not None
+    return found
+
+
+def test_how_far_runs_got_is_said_by_goals_and_skills(board: Task) -> None:
+    """Goals that held at the same time, when first, and what was never there at all."""
+    found = short(
+        board,
+        episode(board, 50, "infeasible", *PCB, *FIRST),
+        episode(board, 90, "infeasible", *PCB, *SECOND, *FIRST),
+        episode(board, 200, "out-of-time", *PCB, *SECOND),
+    )
+    assert ((3,), 3, 0) == (found.runs, found.episodes, found.completed)
+    assert (8, 2, 90) == (found.goals, found.most_goals, found.last_progress_step)
+    assert "placed(switch_1)" in found.missing
+    assert not {"placed(pcb)", "placed(switch_2)"} & set(found.missing)
+    assert {"place(switch_1)", "fasten(screw_1)"} <= set(found.never)
+    assert not {"pick(switch_1)", *PCB, *SECOND} & set(found.never)
+    assert (("place(switch_1)", 2),) == found.failed
+    assert 1 == found.out_of_time
+
+
+def test_a_dead_end_is_where_all_that_is_applicable_failed_or_leads_there(board: Task) -> None:
+    """With a part in hand only its place is left; the state before has other ways on."""
+    found = short(board, episode(board, 2, "infeasible", *FIRST))
+    assert (1, 1) == (found.dead_states, found.dead_ends)
+    # What leads to a goal is none.
+    found = short(board, episode(board, 2, "out-of-time", *FIRST))
+    assert (0, 0) == (found.dead_states, found.dead_ends)
+
+
+def test_what_the_mask_hid_is_counted_where_episodes_were(board: Task) -> None:
+    """At the start six picks and a change of tools are applicable, then one place of sixteen."""
+    free, held = 16 - 7, 16 - 1
+    found = short(board, episode(board, 2, "infeasible", *FIRST))
+    assert found.hidden == pytest.approx((free + held) / 2)
+    assert short(board, episode(board, 2, "infeasible", *FIRST), mask="none").hidden is None
+
+
+@pytest.mark.parametrize(
+    ("step", "end", "mask", "cause", "words"),
+    [
+        (20, "infeasible", "none", "exploration", "-O dqn.mask=applicable"),
+        (20, "infeasible", "applicable", "exploration", "-O dqn.mask=feasible"),
+        (20, "infeasible", "feasible", "exploration", "or search-optimal"),
+        (900, "infeasible", "applicable", "steps", "--steps 4000: the runs were still getting"),
+        (20, "complete", "applicable", "policy", "--steps 4000: the task was completed"),
+    ],
+)
+def test_the_cause_and_what_to_try_follow_from_when_progress_ended(
+    board: Task, step: int, end: End, mask: str, cause: str, words: str
+) -> None:
+    found = short(board, episode(board, step, end, *PCB, *FIRST), mask=mask)
+    assert cause == found.cause
+    assert words in found.advice
+
+
+def test_of_no_run_and_under_chance_nothing_is_said(board: Task) -> None:
+    failing = load_problem(CONFIGS / "inverter_grasps.yaml").task
+    one = episode(board, 20, "infeasible", *FIRST)
+    assert shortfall_of(board, "dqn", {}, STEPS, {}) is None
+    assert shortfall_of(failing, "dqn", {}, STEPS, {0: [one]}) is None
+
+
+def test_it_is_told_below_the_table_and_in_the_document(board: Task) -> None:
+    found = short(board, *[episode(board, 20 + k, "infeasible", *PCB, *FIRST) for k in range(3)])
+    options: dict[str, Any] = {"mask": "applicable"}
+    result = TrainingResult(
+        board, "runs", "dqn", STEPS, (), Optimum(reason="none"), options, shortfall=found
+    )
+    (table,) = training_tables(result)
+    told = "\n".join(table.notes)
+    for words in (
+        "short      1 run reached at most 1 of 8 goals, first at step 20",
+        "failed     place(switch_1) (3)",
+        "dead ends  3 of 3 episodes entered the state from which all",
+        "cause      exploration ended it",
+        "try        -O dqn.mask=feasible",
+    ):
+        assert words in told
+    document = result.document()["shortfall"]
+    assert ("exploration", 1, 8) == tuple(
+        document[key] for key in ("cause", "most_goals_reached", "goals")
+    )
+    assert replace(result, shortfall=None).document()["shortfall"] is None

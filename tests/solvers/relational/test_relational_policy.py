@@ -1,0 +1,167 @@
+"""A policy over elements: blind to their order and number, and told no more than it says."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from skillplan.domains.assembly.board_generator import BoardGenerator
+from skillplan.errors import OptionError
+from skillplan.model.policy_value import roll_out
+from skillplan.pipeline.run import make_model
+from skillplan.pipeline.setup import load_problem
+from skillplan.solvers.relational.element_choice import ElementChoice
+from skillplan.solvers.relational.element_order import ElementOrder
+from skillplan.solvers.relational.element_paths import ElementPaths
+from skillplan.solvers.relational.element_view import ElementView, Sight
+from skillplan.solvers.relational.relational_network import NetworkSize, RelationalNetwork
+from skillplan.task.task import Task
+
+CONFIGS = Path(__file__).parents[3] / "configs"
+SMALL = NetworkSize(width=16, heads=2, layers=2, pair_width=4)
+
+
+def a_network(seed: int = 0, size: NetworkSize = SMALL) -> RelationalNetwork:
+    chance = np.random.Generator(np.random.PCG64(seed))
+    shapes = size.shapes().items()
+    arrays = {name: chance.normal(0, 0.3, shape).astype(np.float32) for name, shape in shapes}
+    return RelationalNetwork(size, arrays)
+
+
+def a_board(tmp_path: Path, parts: int, tools: int = 2, seed: int = 3) -> Task:
+    path = tmp_path / f"board-{parts}-{seed}.yaml"
+    path.write_text(BoardGenerator(parts, 0.3, tools, seed).text(), "utf-8")
+    return load_problem(path).task
+
+
+def view_of(task: Task) -> ElementView:
+    return ElementView(ElementPaths(task), ElementOrder.of(make_model(task)))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_order_of_elements_does_not_matter(seed: int, tmp_path: Path) -> None:
+    """Permuted elements have the permuted scores."""
+    task = a_board(tmp_path, 9, seed=seed)
+    sight = view_of(task)(task.initial)
+    order = np.random.Generator(np.random.PCG64(seed)).permutation(9)
+    permuted = Sight(
+        sight.elements[order],
+        tuple(sight.ways[one] for one in order),
+        sight.features[order],
+        sight.pairs[np.ix_(order, order)],
+    )
+    network = a_network(seed)
+    assert network.scores(permuted) == pytest.approx(network.scores(sight)[order], abs=1e-5)
+
+
+def test_nor_does_the_order_of_parts_in_the_file(tmp_path: Path) -> None:
+    """Every skill has the score that it had, by its name."""
+    path, other = tmp_path / "one.yaml", tmp_path / "other.yaml"
+    path.write_text(BoardGenerator(7, 0.3, 3, 5).text(), "utf-8")
+    content = yaml.safe_load(path.read_text("utf-8"))
+    content["parts"] = dict(reversed(content["parts"].items()))
+    other.write_text(yaml.safe_dump(content, sort_keys=False), "utf-8")
+    first, second = (load_problem(one).task for one in (path, other))
+    network = a_network()
+    scores = [
+        ElementChoice(network, make_model(one)).scores(one.initial) for one in (first, second)
+    ]
+    assert list(scores[0]) != list(scores[1])
+    assert scores[0] == pytest.approx(scores[1], abs=1e-5)
+
+
+def test_it_is_defined_for_any_number_of_elements(tmp_path: Path) -> None:
+    network = a_network()
+    for parts in (1, 2, 5, 24):
+        task = a_board(tmp_path, parts, tools=1)
+        sight = view_of(task)(task.initial)
+        scores = network.scores(sight)
+        assert (parts,) == scores.shape
+        assert np.isfinite(scores).all()
+
+
+def test_what_it_is_told_costs_is_what_the_model_asks_for(board_task: Task) -> None:
+    """From the initial state, with the tool changes that come between."""
+    model, paths = make_model(board_task), ElementPaths(board_task)
+    for element, name in enumerate(paths.elements):
+        skill = paths.next_skill(element, board_task.initial.bits)
+        assert skill is not None
+        way = paths.way(skill, board_task.initial.bits)
+        assert way is not None
+        first = board_task.skill(way.first)
+        cost, state = model.cost(board_task.initial, first), board_task.initial
+        assert first.applicable(state)
+        if way.between:
+            state = first.prediction.apply(state)
+            cost += model.cost(state, skill)
+        assert way.cost == pytest.approx(cost), name
+
+
+def test_what_it_is_told_of_the_order_is_the_chart(board_task: Task) -> None:
+    order = ElementOrder.of(make_model(board_task))
+    names = list(board_task.operations)
+    for line in board_task.chart:
+        assert order.before[names.index(line.before), names.index(line.after)]
+    assert order.before[names.index("pcb"), names.index("screw_1")], "closed by transitivity"
+
+
+def test_of_a_choice_it_is_told_what_is_left_of_it() -> None:
+    """Three elements: 0 goes before 1 or before 2. With 1 done, it has to go before 2."""
+    order = ElementOrder(np.zeros((3, 3), dtype=np.bool_), ((0, ((0, 0b010), (0, 0b100))),))
+    assert not order.after(0).any()
+    assert [[0, 2]] == np.argwhere(order.after(0b010)).tolist()
+    assert not order.after(0b001).any()
+
+
+def test_of_a_choice_of_supports_it_waits_for_the_nearest() -> None:
+    """Element 0 needs 1 and 2, or 3."""
+    order = ElementOrder(np.zeros((4, 4), dtype=np.bool_), ((0, ((0b0110, 0), (0b1000, 0))),))
+    assert [[3, 0]] == np.argwhere(order.after(0)).tolist()
+    assert not order.after(0b1000).any()
+
+
+def test_it_takes_only_what_is_applicable(motor_drive_task: Task) -> None:
+    """Whatever it has learned; tools are changed in actions of their own there."""
+    for seed in range(3):
+        model = make_model(motor_drive_task)
+        choose = ElementChoice(a_network(seed), model)
+        skills = roll_out(model, choose)
+        state = motor_drive_task.initial
+        for skill in skills:
+            assert skill.applicable(state)
+            state = skill.prediction.apply(state)
+
+
+def test_a_task_without_elements_is_refused() -> None:
+    task = load_problem(CONFIGS / "br17.10.sop").task
+    with pytest.raises(OptionError, match=r"cannot act on br17\.10: it has"):
+        ElementChoice(a_network(), make_model(task))
+
+
+@pytest.mark.parametrize("fault", ["missing", "shape", "nan"])
+def test_arrays_that_do_not_fit_are_refused(fault: str) -> None:
+    arrays: dict[str, Any] = dict(a_network().arrays)
+    if fault == "missing":
+        del arrays["score.last"]
+    elif fault == "shape":
+        arrays["score.last"] = arrays["score.last"].T
+    else:
+        arrays["score.last"] = np.full_like(arrays["score.last"], np.nan)
+    with pytest.raises(ValueError, match=r"arrays|score\.last"):
+        RelationalNetwork(SMALL, arrays)
+
+
+def test_an_answer_on_24_parts_takes_less_than_5_ms(tmp_path: Path) -> None:
+    """Of processor time, with a network of the default size."""
+    task = a_board(tmp_path, 24, tools=4)
+    choose = ElementChoice(a_network(size=NetworkSize()), make_model(task))
+    choose(task.initial)
+    begin_s = time.process_time()
+    for _ in range(20):
+        choose(task.initial)
+    assert (time.process_time() - begin_s) / 20 < 0.005
