@@ -155,11 +155,13 @@ def small_turns():
     with_all.undo()
 
 
-def places(n: int, seed: int) -> OrderingInstance:
-    """Return places on a grid, some before others: without cuts much is to be branched on."""
-    x, y = np.random.default_rng(seed).integers(0, 40, (2, n))
+def errands(seed: int, pairs: int = 5) -> OrderingInstance:
+    """Return places on a grid, pairs of which are ordered: without cuts much is to be branched on."""
+    n = 2 * pairs + 1
+    x, y = np.random.default_rng(seed).integers(0, 100, (2, n))
     before = np.zeros((n, n), dtype=np.bool_)
-    before[1, 2] = before[3, 4] = True
+    for first in range(1, pairs):
+        before[first, first + pairs - 1] = True
     return OrderingInstance(np.abs(x[:, None] - x) + np.abs(y[:, None] - y) + 0.0, before)
 
 
@@ -194,10 +196,10 @@ class TestProofs:
             assert search.instance.feasible(search.order)
 
     @pytest.mark.parametrize("methods", [("branch-and-cut",), METHODS[::3]])
-    @pytest.mark.parametrize("seed", range(3))
+    @pytest.mark.parametrize("seed", [2, 3, 5])
     def test_subtrees_are_searched_by_all_and_prove_the_cost_of_one_process(self, methods, seed):
         """Where branching is all there is, every process takes its share of the tree."""
-        given = places(9, seed)
+        given = errands(seed)
         search, helpers = together(given, methods, others=2)
         assert search.proved
         assert search.cost == least_cost(given)
@@ -205,10 +207,10 @@ class TestProofs:
         assert search._tree.parts > 0
 
     @pytest.mark.parametrize("deaths", [1, 2])
-    @pytest.mark.parametrize("seed", range(3))
+    @pytest.mark.parametrize("seed", [2, 3, 5])
     def test_a_lost_process_leaves_its_subtrees_to_the_others(self, seed, deaths):
         """No subtree counts as searched that was not."""
-        given = places(9, seed)
+        given = errands(seed)
         search, helpers = together(given, ("branch-and-cut",), others=2, deaths=deaths)
         assert search.proved
         assert search.cost == least_cost(given)
@@ -221,7 +223,7 @@ class TestDeterminism:
     @pytest.mark.parametrize("methods", [METHODS, ("branch-and-cut",), ("local-search",)])
     def test_what_is_found_does_not_depend_on_who_is_faster(self, methods, others):
         """Order, cost, bound and all counts are the same whenever answers are heard."""
-        given = places(9, 3)
+        given = errands(3)
         found = [
             told(together(given, methods, others=others, timing=timing, rounds=2)[0])
             for timing in range(3)
@@ -323,7 +325,7 @@ class TestLosses:
             raise ValueError("broken")
 
         monkeypatch.setattr(search_worker.Hand, "_explore", fail)
-        given = places(9, 0)
+        given = errands(3)
         search, helpers = together(given, ("branch-and-cut",))
         assert search.proved
         assert search.cost == least_cost(given)

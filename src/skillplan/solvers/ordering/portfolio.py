@@ -114,6 +114,8 @@ class OrderingSearch:
         self.helpers = helpers
         self._threads = 1 if helpers is None else 1 + helpers.count
         self._tree: SharedTree | None = None
+        # What branch and cut proved in its first turn before others joined in; alone, in its last.
+        self._first_bound = -np.inf
         # Those that are improving the best order at the moment.
         self._improving: list[Helper] = []
         self.effort = Effort()
@@ -306,7 +308,7 @@ class OrderingSearch:
         cutoff = self.instance.cutoff(self.cost)
         if self._pairs is None:
             well_branched = self._root_bound + _ENOUGH * (cutoff - self._root_bound)
-            if self.order is None or self._branched_bound >= well_branched:
+            if self.order is None or self._first_bound >= well_branched:
                 return
             if open_pairs(self.instance).sum() // 2 > _MOST_PAIRS:
                 return
@@ -406,11 +408,13 @@ class OrderingSearch:
         helpers, tree = self.helpers, self._tree
         if helpers is None:
             branching.run(work)
+            self._first_bound = branching.bound
         else:
             if tree is None:
                 self._tree = tree = SharedTree(branching, helpers)
                 # The others make themselves ready and anneal meanwhile.
                 branching.run(min(work, _FIRST_WORK))
+                self._first_bound = branching.bound
             self._gather()
             parts = tree.parts
             tree.run(work // (1 + helpers.count), self.order, self._over, self._keep)
