@@ -10,11 +10,8 @@ import numpy as np
 import pytest
 
 from skillplan.errors import OptionError
-from skillplan.records.training.relational_file import (
-    is_relational,
-    read_relational,
-    write_relational,
-)
+from skillplan.records.stored.result_folder import is_relational
+from skillplan.records.training.relational_file import read_relational, write_relational
 from skillplan.solvers.relational.relational_network import NetworkSize, RelationalNetwork
 
 SIZE = NetworkSize(width=8, heads=2, layers=1, pair_width=4)

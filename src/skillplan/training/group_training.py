@@ -187,7 +187,10 @@ class GroupTraining:
         )
         seeds = [plan.seeds[run] for run in self._runs]
         if checkpoint is None:
-            return learner.begin(env, seeds, plan.steps)
+            training = learner.begin(env, seeds, plan.steps)
+            if plan.start is not None:
+                training.start_from([plan.start.networks[run] for run in self._runs])
+            return training
         try:
             training = learner.resume(env, seeds, plan.steps, checkpoint.snapshot)
         except ValueError as error:

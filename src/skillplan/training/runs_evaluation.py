@@ -143,6 +143,7 @@ class RunsEvaluation:
             executions=model.feasibility.executions,
             wall_s=time.perf_counter() - begin_s,
             shortfall=self._shortfall(outcomes),
+            warm_start=manifest.warm_start,
             interrupted=any(not one.failure and one.steps < manifest.steps for one in stored),
             family=manifest.family is not None,
             notes=self._notes(),

@@ -193,6 +193,7 @@ class Trainer:
             if plan.family is not None
             else shortfall_of(plan.task, plan.solver, plan.options, plan.steps, short),
             family=self._folder.manifest.family is not None,
+            warm_start=self._folder.manifest.warm_start,
         )
 
 

@@ -58,6 +58,7 @@ _WORDS: Mapping[str, str] = {
     "back_end_options": "the options of back ends",
     "screening": "whether geometry is asked first",
     "family": "the family",
+    "warm_start": "what the runs begin with",
     "versions": "the versions",
 }
 _MOST_NAMED = 4
@@ -220,6 +221,7 @@ def _manifest(
         back_end_options={name: dict(kv) for name, kv in setup.options.items()},
         screening=setup.screening,
         family=plan.family,
+        warm_start=None if plan.start is None else plan.start.record,
         checkpoint_steps=plan.checkpoint_steps,
         groups=plan.groups,
         command=tuple(command),

@@ -14,6 +14,7 @@ from skillplan.pipeline.setup import Setup
 from skillplan.records.training.run_folder import Family
 from skillplan.solvers.learning.learner import Learner
 from skillplan.task.task import Task
+from skillplan.training.warm_start import WarmStart, warm_start
 
 GROUP_RUNS = 5
 """So many runs learn side by side at most, however many processes there are."""
@@ -41,6 +42,8 @@ class TrainingPlan:
         Steps between two checkpoints, >= 1.
     warm
         Whether verdicts kept on disk are used.
+    start
+        Networks that the runs begin with; None for drawn ones.
 
     Raises
     ------
@@ -57,6 +60,7 @@ class TrainingPlan:
     family: Family | None = None
     checkpoint_steps: int = 1_000
     warm: bool = False
+    start: WarmStart | None = None
 
     def __post_init__(self) -> None:
         if not self.layouts or not self.seeds or self.checkpoint_steps < 1:
@@ -92,6 +96,7 @@ def plan_training(
     family: int = 0,
     checkpoint_steps: int = 1_000,
     warm: bool = False,
+    start: str | None = None,
 ) -> TrainingPlan:
     """Return the plan of a training, having seen that it can begin.
 
@@ -118,12 +123,14 @@ def plan_training(
         Steps between two checkpoints, >= 1.
     warm
         Whether verdicts kept on disk are used.
+    start
+        Folder of an earlier training whose networks the runs begin with; None for drawn ones.
 
     Raises
     ------
     OptionError
-        If an option is wrong, the solver does not learn or refuses the task, or the file has no
-        family.
+        If an option is wrong, the solver does not learn or refuses the task, the file has no
+        family, or the networks do not fit.
     PluginError
         If a plugin is unknown or broken.
     """
@@ -152,7 +159,10 @@ def plan_training(
     refusal = plan.learner().refuses(make_model(layouts[0], plan.setup, back_ends=made))
     if refusal is not None:
         raise OptionError(f"The solver {solver!r} cannot serve {task.name!r}: {refusal}")
-    return plan
+    if start is None:
+        return plan
+    begun = warm_start(start, solver, plan.learner(), plan.options, task, runs)
+    return replace(plan, start=begun)
 
 
 def _learner(name: str) -> type[Learner]:

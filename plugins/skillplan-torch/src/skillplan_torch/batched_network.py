@@ -121,6 +121,22 @@ class BatchedNetwork:
         weights[-1], biases[-1] = weights[-1][:, :outputs].copy(), biases[-1][:outputs].copy()
         return NetworkPolicy(tuple(weights), tuple(biases))
 
+    def take_over(self, run: int, network: NetworkPolicy) -> None:
+        """Give a run a network's parameters; what outputs are beyond the network's stays as it was.
+
+        Raises
+        ------
+        ValueError
+            If its layers are not those of this one.
+        """
+        pairs = [*zip(self._arrays[::2], network.weights, strict=True)]
+        for mine, weight in pairs:
+            if mine.shape[1] != weight.shape[0] or mine.shape[2] < weight.shape[1]:
+                raise ValueError("The layers of the network are not those of the training.")
+            mine[run, :, : weight.shape[1]] = weight
+        for mine, bias in zip(self._arrays[1::2], network.biases, strict=True):
+            mine[run, 0, : len(bias)] = bias
+
     def arrays(self, name: str) -> dict[str, NDArray[Any]]:
         """Return copies of all parameters, to be read by `read`."""
         return {f"{name}.{i}": array.copy() for i, array in enumerate(self._arrays)}

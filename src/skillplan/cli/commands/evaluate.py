@@ -141,8 +141,7 @@ def command(
     """
     from skillplan.cli.training_runs.family import carried_skills
     from skillplan.errors import OptionError
-    from skillplan.records.stored.result_folder import is_result, run_folder
-    from skillplan.records.training.relational_file import is_relational
+    from skillplan.records.stored.result_folder import is_relational, is_result, run_folder
 
     if is_relational(inputs[0]):
         refuse_given(ctx, _REPLAYED, "is for a task file, not for a policy that carries over")

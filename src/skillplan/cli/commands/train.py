@@ -38,7 +38,7 @@ _GENERATED = "generated:"
 # What a training on boards at random has no use for.
 _OF_TASK = (
     *("part", "changes", "runs", "steps", "checkpoint_steps", "jobs", "executor", "physics"),
-    *("collision", "no_cache", "no_screening", "time_limit_s", "resume"),
+    *("collision", "no_cache", "no_screening", "time_limit_s", "resume", "start"),
 )
 
 
@@ -73,6 +73,8 @@ class Amount:
         How many layouts are learned on, or a family of boards at random; None for the task's own.
     checkpoint_steps
         After how many environment steps a checkpoint is kept.
+    start
+        Folder of a training whose networks the runs begin with; None for drawn ones.
     """
 
     runs: Annotated[
@@ -119,6 +121,16 @@ class Amount:
             rich_help_panel=TRAINING,
         ),
     ] = 1_000
+    start: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="RUN",
+            help="Begin with the networks of an earlier training of the same learner, also on "
+            "another task: skills and features of the same name are taken over.",
+            rich_help_panel=TRAINING,
+        ),
+    ] = None
 
 
 def command(
@@ -213,6 +225,7 @@ def command(
         family=int(amount.family or 0),
         checkpoint_steps=amount.checkpoint_steps,
         warm=not caching.no_cache,
+        start=amount.start,
     )
     words = list(sys.argv[1:])
     if out is None:

@@ -21,6 +21,8 @@ POLICIES = "policies.json"
 """What a solver has learned, beside the document."""
 MANIFEST = "manifest.json"
 """Only a folder of training runs, or of a study, has it beside."""
+RELATIONAL = "relational.json"
+"""A policy that carries over to other tasks; it lies in a folder of its own."""
 
 # What may lie beside the document, and which a search that was killed may leave without it.
 _BESIDE = {PLAN, POLICIES, "timeline.csv"}
@@ -109,6 +111,11 @@ def run_folder(path: str) -> str | None:
         return None if is_regular(named / RESULT) and not _is_there(named / MANIFEST) else path
     of_runs = named.name == RESULT and _is_there(named.parent / MANIFEST)
     return str(named.parent) if of_runs else None
+
+
+def is_relational(path: str) -> bool:
+    """Return whether a path is a folder with a policy that carries over to other tasks."""
+    return is_regular(Path(path) / RELATIONAL)
 
 
 def policies_path(path: str) -> str:

@@ -1,6 +1,6 @@
 """Relational policies as files: weights as safetensors, what they are for as JSON; neither is code.
 
-They lie in a folder of their own, ``policy.json`` last: a folder without it was not finished.
+They lie in a folder of their own, ``relational.json`` last: a folder without it was not finished.
 """
 
 from __future__ import annotations
@@ -16,13 +16,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import write_whole
 from skillplan.files.json_file import json_text, read_checked
-from skillplan.files.regular_file import is_regular
 from skillplan.files.safetensors_file import read_safetensors
 from skillplan.records import schemas
+from skillplan.records.stored.result_folder import RELATIONAL
 from skillplan.solvers.relational.element_view import ELEMENT_FEATURES, PAIR_FEATURES
 from skillplan.solvers.relational.relational_network import NetworkSize, RelationalNetwork
 
-POLICY = "relational.json"
 WEIGHTS = "relational.safetensors"
 
 _REMEDY = "Train again, into a new folder"
@@ -87,11 +86,6 @@ class StoredRelational:
     content: RelationalContent
 
 
-def is_relational(path: str) -> bool:
-    """Whether a path is a folder with a relational policy."""
-    return is_regular(Path(path) / POLICY)
-
-
 def write_relational(folder: Path, network: RelationalNetwork, **content: Any) -> RelationalContent:
     """Write a policy into a folder; the JSON, which vouches for the weights, comes last.
 
@@ -125,7 +119,7 @@ def write_relational(folder: Path, network: RelationalNetwork, **content: Any) -
     )
     write_whole(folder / WEIGHTS, data, within=folder)
     text = json_text(schemas.RELATIONAL_POLICY, said)
-    write_whole(folder / POLICY, text, within=folder)
+    write_whole(folder / RELATIONAL, text, within=folder)
     return said
 
 
@@ -138,7 +132,7 @@ def read_relational(folder: Path) -> StoredRelational:
         If a file cannot be read, is none that `write_relational` wrote, does not fit the other,
         or the policy sees other features than this skillplan shows.
     """
-    path, weights = folder / POLICY, folder / WEIGHTS
+    path, weights = folder / RELATIONAL, folder / WEIGHTS
     said = read_checked(path, schemas.RELATIONAL_POLICY, RelationalContent, _REMEDY, within=folder)
     seen = (said.element_features, said.pair_features)
     if seen != (list(ELEMENT_FEATURES), list(PAIR_FEATURES)):

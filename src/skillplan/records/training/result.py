@@ -12,6 +12,7 @@ from skillplan.records.optimum import Optimum
 from skillplan.records.training.layouts_result import LayoutsResult
 from skillplan.records.training.outcome import RunOutcome, RunStatus, Tally, deviation
 from skillplan.records.training.published_runs import PublishedRun, published_runs
+from skillplan.records.training.run_folder import WarmStartRecord
 from skillplan.records.training.shortfall import Shortfall
 from skillplan.task.task import Task
 
@@ -86,6 +87,8 @@ class TrainingResult:
     family
         Whether the runs learned on other layouts than the task's own: what they saw while they
         learned is not to be held to its optimum.
+    warm_start
+        What the runs began with; None for networks that were drawn.
     notes
         What else is to be said below the table, each ``label      text``.
     """
@@ -109,6 +112,7 @@ class TrainingResult:
     layouts: LayoutsResult | None = None
     shortfall: Shortfall | None = None
     family: bool = False
+    warm_start: WarmStartRecord | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -247,6 +251,9 @@ class TrainingResult:
             "interrupted": self.interrupted,
             "layouts": None if self.layouts is None else self.layouts.document(),
             "shortfall": None if self.shortfall is None else self.shortfall.document(),
+            "warm_start": None
+            if self.warm_start is None
+            else self.warm_start.model_dump(mode="json"),
             "notes": list(self.notes),
         }
 

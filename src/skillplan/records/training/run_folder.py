@@ -64,6 +64,29 @@ class Family(_Part):
     seed: Seed
 
 
+class WarmStartRecord(_Part):
+    """Networks of an earlier training that the runs began with."""
+
+    run_dir: Word = Field(description="folder of the earlier training as the user named it")
+    task: Word = Field(description="what was learned there")
+    runs: tuple[int, ...] = Field(
+        min_length=1, max_length=MOST_RUNS, description="the earlier run of every run"
+    )
+    skills: Amount
+    skills_known: Amount = Field(description="of these skills the earlier task has the name, too")
+    features: Amount
+    features_known: Amount = Field(description="of these features likewise")
+    sha256: Word = Field(description="hash of the networks as they were taken over")
+
+    @property
+    def text(self) -> str:
+        """Return it in words."""
+        return (
+            f"from networks of {self.run_dir} ({self.task}): {self.skills_known} of {self.skills} "
+            f"skills and {self.features_known} of {self.features} features known"
+        )
+
+
 class RunManifest(_Part):
     """The settings of a training: the document ``skillplan.run/1``."""
 
@@ -82,6 +105,7 @@ class RunManifest(_Part):
         False, description="whether geometry is asked before anything is executed"
     )
     family: Family | None
+    warm_start: WarmStartRecord | None = None
     checkpoint_steps: Amount
     groups: tuple[Annotated[tuple[int, ...], Field(min_length=1, max_length=MOST_RUNS)], ...] = (
         Field(max_length=MOST_RUNS, description="runs that learn side by side")

@@ -137,6 +137,19 @@ class Training(ABC):
     def learned(self, run: int) -> Learned:
         """Return what a run has learned so far."""
 
+    def start_from(self, networks: Sequence[NetworkPolicy]) -> None:
+        """Begin with these networks instead of drawn ones; called before the first step.
+
+        Only called where `Learner.hidden_layers` is not None.
+
+        Parameters
+        ----------
+        networks
+            One for every run, with inputs and outputs of the task.
+
+        """
+        raise NotImplementedError
+
     @abstractmethod
     def snapshot(self) -> Snapshot:
         """Return all that is needed to resume from here, the environment included."""
@@ -196,6 +209,14 @@ class Learner(Solver):
     Options: ClassVar[type[BaseModel]] = LearnerOptions
     polls = True
     options: LearnerOptions
+
+    @property
+    def hidden_layers(self) -> tuple[int, ...] | None:
+        """Units of every hidden layer of its policies; None if no training of it begins with any.
+
+        Where they are said, its trainings have `Training.start_from`.
+        """
+        return None
 
     @abstractmethod
     def begin(self, env: SkillVectorEnv, seeds: Sequence[int], steps: int) -> Training:

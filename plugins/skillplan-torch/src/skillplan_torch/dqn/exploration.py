@@ -45,6 +45,8 @@ class Exploration:
         does not.
     completed
         Whether a run has completed the task yet, shape (runs,).
+    following
+        Whether the episode of every run keeps to the policy, whatever else is due.
     returning
         Whether the episode of every run goes back to where one got to.
     frontier
@@ -66,6 +68,7 @@ class Exploration:
         self._fading = 1.0 / np.arange(1.0, _MOST_VISITS + 1.0) ** options.bonus_power
         self.completed = np.zeros(len(generators), dtype=np.bool_)
         self.branch_depths = [step_limit] * len(generators)
+        self.following = [False] * len(generators)
         self.returning = [False] * len(generators)
         self.frontier = None
         if returns and options.returning:
@@ -87,7 +90,7 @@ class Exploration:
         if self._schedules.branches(steps) and generator.random() < self._options.branching:
             depth = int(generator.integers(self._limit))
         self.branch_depths[run] = depth
-        self.returning[run] = False
+        self.following[run] = self.returning[run] = False
         if self.frontier is not None and not self.completed[run]:
             self.returning[run] = bool(generator.random() < self._options.returning)
             if self.returning[run]:
@@ -138,6 +141,7 @@ class Exploration:
                 action = self.frontier.action(run, int(at[run]))
                 if action is not None:
                     actions[run] = action
+        actions = np.where(self.following, greedy, actions)
         return actions, actions == greedy
 
     def stepped(self, run: int, before: int, action: int, after: int | None) -> None:
@@ -171,6 +175,7 @@ class Exploration:
         return {
             "branch": list(self.branch_depths),
             "completed": self.completed.tolist(),
+            "following": list(self.following),
             "returning": list(self.returning),
             "plans": [] if self.frontier is None else self.frontier.plans(),
         }
@@ -189,6 +194,7 @@ class Exploration:
         """
         self.branch_depths = [int(depth) for depth in notes["branch"]]
         self.completed = np.array(notes["completed"], dtype=np.bool_)
+        self.following = [bool(one) for one in notes["following"]]
         self.returning = [bool(one) for one in notes["returning"]]
         if self.frontier is not None:
             self.frontier.read(name, arrays, notes["plans"])

@@ -84,6 +84,11 @@ class QNetworks:
         """
         return self._online.policy(run, self._actions)
 
+    def take_over(self, run: int, network: NetworkPolicy) -> None:
+        """Give a run a network's figures, as the one that acts and as the target."""
+        self._online.take_over(run, network)
+        self._target.take_over(run, network)
+
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return copies of all figures, to be read by `read`."""
         return {

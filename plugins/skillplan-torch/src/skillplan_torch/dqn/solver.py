@@ -18,6 +18,11 @@ class DqnSolver(Learner):
     Options = DqnOptions
     options: DqnOptions
 
+    @property
+    def hidden_layers(self) -> tuple[int, ...]:
+        """Units of every hidden layer."""
+        return (self.options.width,) * self.options.layers
+
     def begin(self, env: SkillVectorEnv, seeds: Sequence[int], steps: int) -> Training:
         """Return a training that is yet to do its first step."""
         return DqnTraining(self.options, env, seeds, steps)

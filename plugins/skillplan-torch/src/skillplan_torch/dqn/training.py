@@ -140,6 +140,12 @@ class DqnTraining(NetworkTraining):
         self._find_failures()
         return ended
 
+    def start_from(self, networks: Sequence[NetworkPolicy]) -> None:
+        """Begin with these networks instead of drawn ones; the first episode keeps to them."""
+        for run, network in enumerate(networks):
+            self._networks.take_over(run, network)
+            self._exploration.following[run] = True
+
     def figures(self) -> list[dict[str, float]]:
         """Return loss, mean value and what exploration and learning rate have come to."""
         runs, steps = len(self._generators), self.steps

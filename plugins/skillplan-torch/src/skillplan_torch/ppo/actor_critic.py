@@ -103,6 +103,10 @@ class ActorCritic:
         """
         return self._policy.policy(run, actions)
 
+    def take_over(self, run: int, network: NetworkPolicy) -> None:
+        """Give a run a network's figures as its policy; what it expects to come stays as drawn."""
+        self._policy.take_over(run, network)
+
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return copies of all figures, to be read by `read`."""
         return {

@@ -18,6 +18,11 @@ class PpoSolver(Learner):
     Options = PpoOptions
     options: PpoOptions
 
+    @property
+    def hidden_layers(self) -> tuple[int, ...]:
+        """Units of every hidden layer."""
+        return (self.options.width,) * self.options.layers
+
     def begin(self, env: SkillVectorEnv, seeds: Sequence[int], steps: int) -> Training:
         """Return a training that is yet to do its first step."""
         return PpoTraining(self.options, env, seeds, steps)

@@ -100,6 +100,12 @@ class PpoTraining(NetworkTraining):
                 self._learn()
         return ended
 
+    def start_from(self, networks: Sequence[NetworkPolicy]) -> None:
+        """Begin with these networks instead of drawn ones; the first episode keeps to them."""
+        for run, network in enumerate(networks):
+            self._networks.take_over(run, network)
+            self._episodes[run].greedy = self._follows
+
     def figures(self) -> list[dict[str, float]]:
         """Return losses, entropy, how far updates went, and the schedules.
 

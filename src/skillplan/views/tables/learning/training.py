@@ -91,6 +91,8 @@ def _notes(result: TrainingResult) -> list[str]:
         notes.append(f"run {one.run:<7}{one.status.value}: {one.reason}")
     if len(faults) > _MOST_NAMED:
         notes.append(f"runs       {len(faults) - _MOST_NAMED} more do not complete")
+    if result.warm_start is not None:
+        notes.append(f"begun      {result.warm_start.text}")
     notes += shortfall_notes(result)
     if result.interrupted:
         notes.append("stopped    before all steps were done; train --resume goes on")

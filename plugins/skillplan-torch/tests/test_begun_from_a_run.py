@@ -1,0 +1,125 @@
+"""Trainings that begin with the networks of earlier ones, of the same task or another."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from skillplan.cli.app import main
+from skillplan.records.training.run_folder import RunFolder
+from training_situations import learned_bytes
+
+LEARNERS = ("dqn", "ppo")
+
+
+def call(*words: str) -> int:
+    """Run a command here; return its exit code."""
+    with pytest.raises(SystemExit) as ended:
+        main(list(words))
+    return int(ended.value.code or 0)
+
+
+def train(solver: str, board: Path, out: Path, *more: str, steps: int = 300) -> int:
+    words = ("--solver", solver, "--runs", "2", "--steps", str(steps), "--checkpoint", "100")
+    small = ("-O", f"{solver}.width=32", "-O", f"{solver}.schedule_steps=300")
+    return call("train", str(board), *words, *small, "--out", str(out), *more)
+
+
+def result(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((folder / "result.json").read_text("utf-8"))
+    return found
+
+
+@pytest.fixture(scope="module")
+def boards(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    """Boards of two and of three parts, whose first parts have the same names."""
+    folder = tmp_path_factory.mktemp("boards")
+    found = {}
+    for parts in (2, 3):
+        found[parts] = folder / f"{parts}.yaml"
+        size = ("--parts", str(parts), "--density", "0.3", "--tools", "1")
+        assert call("generate", "assembly", *size, "--out", str(found[parts])) == 0
+    return found
+
+
+@pytest.fixture(scope="module", params=LEARNERS)
+def earlier(
+    request: pytest.FixtureRequest,
+    boards: dict[int, Path],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> tuple[str, Path]:
+    """A learner, and a training of it on two parts that completes the board."""
+    folder = tmp_path_factory.mktemp("earlier") / request.param
+    assert train(request.param, boards[2], folder) == 0
+    return request.param, folder
+
+
+def test_the_first_episode_does_what_was_learned(
+    earlier: tuple[str, Path], boards: dict[int, Path], tmp_path: Path
+) -> None:
+    """On the same task every run completes it at once, for what it cost there."""
+    solver, folder = earlier
+    before = result(folder)["runs"]
+    assert train(solver, boards[2], tmp_path / "again", "--from", str(folder), steps=100) == 0
+    for run in RunFolder(tmp_path / "again").runs():
+        first = run.episodes[0]
+        assert first.success
+        assert before[run.run]["cost"] == pytest.approx(first.cost)
+        assert run.best is not None
+
+
+def test_another_task_begins_with_what_it_has_in_common(
+    earlier: tuple[str, Path], boards: dict[int, Path], tmp_path: Path, capsys: Any
+) -> None:
+    solver, folder = earlier
+    train(solver, boards[3], tmp_path / "more", "--from", str(folder))
+    begun = result(tmp_path / "more")["warm_start"]
+    assert (begun["skills_known"], begun["skills"]) == (5, 7)
+    assert begun["runs"] == [0, 1]
+    assert 0 < begun["features_known"] < begun["features"]
+    assert begun == RunFolder(tmp_path / "more").manifest.warm_start.model_dump(mode="json")  # type: ignore[union-attr]
+    assert "begun      from networks of" in capsys.readouterr().out
+
+
+def test_what_is_cut_off_goes_on_bit_for_bit(
+    earlier: tuple[str, Path], boards: dict[int, Path], tmp_path: Path
+) -> None:
+    solver, folder = earlier
+    start = ("--from", str(folder))
+    train(solver, boards[3], tmp_path / "whole", *start)
+    train(solver, boards[3], tmp_path / "grown", *start, steps=100)
+    train(solver, boards[3], tmp_path / "grown", *start, "--resume")
+    assert learned_bytes(tmp_path / "whole") == learned_bytes(tmp_path / "grown")
+    train(solver, boards[3], tmp_path / "drawn")
+    assert learned_bytes(tmp_path / "whole") != learned_bytes(tmp_path / "drawn")
+
+
+def test_going_on_with_another_beginning_is_refused(
+    earlier: tuple[str, Path], boards: dict[int, Path], tmp_path: Path, capsys: Any
+) -> None:
+    solver, folder = earlier
+    train(solver, boards[2], tmp_path / "a", steps=100)
+    capsys.readouterr()
+    assert train(solver, boards[2], tmp_path / "a", "--from", str(folder), "--resume") == 2
+    assert "what the runs begin with" in capsys.readouterr().err
+
+
+def test_what_does_not_fit_is_refused_before_a_folder_is_made(
+    earlier: tuple[str, Path], boards: dict[int, Path], tmp_path: Path, capsys: Any
+) -> None:
+    solver, folder = earlier
+    other = next(one for one in LEARNERS if one != solver)
+    board = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"
+    for words, said in (
+        ((solver, boards[2], "--from", "nix"), "--from nix: there is no such folder"),
+        ((other, boards[2], "--from", str(folder)), f"has networks of {solver}, not of {other}"),
+        ((solver, boards[2], "--from", str(folder), "-O", f"{solver}.width=64"), "32 units"),
+        ((solver, board, "--from", str(folder)), "no skill of"),
+    ):
+        capsys.readouterr()
+        assert train(words[0], Path(words[1]), tmp_path / "none", *map(str, words[2:])) == 2
+        assert said in capsys.readouterr().err
+        assert not (tmp_path / "none").exists()
