@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from skillplan.solvers.ordering.effort import Effort
-from skillplan.solvers.ordering.helpers import Helper, Helpers
+from skillplan.solvers.ordering.helper_processes import Helper, Helpers
 from skillplan.solvers.ordering.instance import NO_ARC, Integers, OrderingInstance
 from skillplan.solvers.ordering.local_search.annealing import Annealing, cheapest_first
 from skillplan.solvers.ordering.relaxation.branch_and_cut import BranchAndCut

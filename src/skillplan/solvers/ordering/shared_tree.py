@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from skillplan.solvers.ordering.helpers import Helper, Helpers
+from skillplan.solvers.ordering.helper_processes import Helper, Helpers
 from skillplan.solvers.ordering.instance import Integers
 from skillplan.solvers.ordering.relaxation.branch_and_cut import BranchAndCut, Subproblem
 from skillplan.solvers.ordering.relaxation.seedling import Seedling
