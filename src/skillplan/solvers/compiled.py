@@ -22,15 +22,17 @@ R = TypeVar("R")
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Return the function compiled on its first call, from the cache if it has it.
 
+    It leaves the interpreter alone while it runs, so that threads may run several at once.
+
     Arguments are arrays and numbers, and tuples of them. numba does not notice when a function
     changes that a kernel of another file calls: keep those that call each other in one file.
     """
     try:
-        return cast(Callable[P, R], njit(cache=True)(function))
+        return cast(Callable[P, R], njit(cache=True, nogil=True)(function))
     except RuntimeError as error:
         if "cache" not in str(error):
             raise
-        return cast(Callable[P, R], njit(function))
+        return cast(Callable[P, R], njit(nogil=True)(function))
 
 
 class _CompilationListener(event.Listener):

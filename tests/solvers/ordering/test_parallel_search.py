@@ -1,28 +1,36 @@
-"""A search in several processes: the same proofs, and no process harms another or outlives it."""
+"""A search in several processes: the same proofs in every run, and no process harms another."""
 
 import json
 import os
+import pickle
+import random
 import signal
 import subprocess
 import sys
+import threading
 import time
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
 
+from example_count import examples
+from ordering_instances import instance_of, least_cost, orderings
 from sequencing_problems import SOP
 from skillplan.model.sequencing import SequencingProblem
 from skillplan.pipeline.run import make_model, solve
-from skillplan.solvers.ordering import parallel_search
-from skillplan.solvers.ordering.incumbents import SharedIncumbent
+from skillplan.solvers.ordering import portfolio, search_worker, shared_tree
+from skillplan.solvers.ordering.helper_processes import Helpers
 from skillplan.solvers.ordering.instance import OrderingInstance
 from skillplan.solvers.ordering.job_orders import JobOrders
-from skillplan.solvers.ordering.parallel_search import ParallelSearch, emphases
 from skillplan.solvers.ordering.portfolio import METHODS, OrderingSearch
-from skillplan.solvers.ordering.search_worker import Share, ShareSearch, Update
+from skillplan.solvers.ordering.relaxation.cut_relaxation import CutRelaxation
+from skillplan.solvers.ordering.relaxation.reduced_costs import Duals
+from skillplan.solvers.ordering.subsets.side_by_side import side_by_side
+from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch
 from skillplan.solvers.stop import Stop
+from skillplan.workers.executor import Answer, Ended, Executor
 from sop_instances import BEST_KNOWN, instance
 
 PATIENCE_S = 120
@@ -38,13 +46,6 @@ def ordering(name: str) -> OrderingInstance:
     """Return an instance of the benchmark as arrays."""
     model = make_model(instance(name).tasks[-1])
     return JobOrders(SequencingProblem.from_model(model)).instance
-
-
-def random_instance(seed: int, n: int = 9) -> OrderingInstance:
-    """Return an instance of whole costs that has an order."""
-    rng = np.random.default_rng(seed)
-    before = np.triu(rng.random((n, n)) < 0.15, 1)
-    return OrderingInstance(rng.integers(0, 30, (n, n)).astype(float), before)
 
 
 def children(process: int) -> set[int]:
@@ -90,158 +91,205 @@ def wait_until(holds, what: str) -> None:
         time.sleep(0.02)
 
 
-class Patience:
-    """A stop for searches that others are to end; it tires."""
+class Beside:
+    """A process that is an object of this one: ready at first, then done with what it takes."""
 
-    def __init__(self) -> None:
-        self.until_s = time.monotonic() + PATIENCE_S
+    number = None
+    alive = True
 
-    def __call__(self) -> bool:
-        return time.monotonic() > self.until_s
+    def __init__(self, prepare, content, deaths):
+        self._work = prepare(pickle.loads(content))
+        self._said = [None]
+        self._deaths = deaths
+
+    @property
+    def speaks(self):
+        return bool(self._said)
+
+    def take(self, job):
+        if self._deaths:
+            self._said.append(Ended(self._deaths.pop(), started=True))
+            return
+        self._said.append(Answer(pickle.loads(pickle.dumps(self._work(job)))))
+
+    def answer(self):
+        return self._said.pop(0)
+
+    def end(self, *, gently=True):
+        self.alive = False
+
+
+class AnyMoment(Executor):
+    """Processes that are heard at any moment; so many tasks cost the process its life."""
+
+    def __init__(self, slots, seed, deaths=0):
+        super().__init__(slots)
+        self._random = random.Random(seed)
+        self._deaths = [-9] * deaths
+
+    def start(self, prepare, content, what):
+        return Beside(prepare, content, self._deaths)
+
+    def first_ready(self, workers, patience_s=0.0):
+        heard = [one for one in workers if one.speaks]
+        return [one for one in heard if self._random.random() < 0.5]
+
+    def close(self):
+        """Nothing is to be ended."""
 
 
 @pytest.fixture
-def at_once(monkeypatch):
-    """Start the processes at the first poll."""
-    monkeypatch.setattr(parallel_search, "_PATIENCE_S", 0.0)
+def small_turns():
+    """Deal subtrees of small instances, too, and let no process of a test die with this one.
+
+    Small instances are proved by cuts alone; without them there is a tree.
+    """
+    with_all = pytest.MonkeyPatch()
+    with_all.setattr(CutRelaxation, "cut", lambda self, *limits: 0)
+    with_all.setattr(search_worker, "_end_with_parent", lambda: None)
+    with_all.setattr(shared_tree, "_TURN", 20_000)
+    with_all.setattr(shared_tree, "_ALONE", 1_000)
+    with_all.setattr(portfolio, "_FIRST_WORK", 1_000)
+    with_all.setattr(portfolio, "_MOVES", 20_000)
+    yield
+    with_all.undo()
 
 
-@pytest.fixture
-def beside(monkeypatch, at_once):
-    """Return a function that says which methods the processes beside this one use."""
-
-    def use(*methods):
-        monkeypatch.setattr(parallel_search, "emphases", lambda own, count: [methods] * count)
-
-    return use
-
-
-class TestNews:
-    def test_an_order_known_elsewhere_is_taken_over(self):
-        """As if it had been found here."""
-        known = OrderingSearch(ordering("ESC12"), seed=1)
-        known.run()
-        shared = [SharedIncumbent(known.order)]
-        orders = []
-        search = OrderingSearch(
-            known.instance,
-            ("subset-dp",),
-            on_order=lambda order, cost: orders.append(cost),
-            shared=lambda: shared.pop() if shared else None,
-        )
-        search.run()
-        assert search.proved
-        assert orders[-1] == search.cost == known.cost == 1675
-
-    def test_a_bound_known_elsewhere_ends_the_search(self):
-        """With the name of what proved it."""
-        known = OrderingSearch(ordering("ESC12"), seed=1)
-        known.run()
-        shared = SharedIncumbent(known.order, known.bound, "word of mouth")
-        search = OrderingSearch(known.instance, ("local-search",), shared=lambda: shared)
-        search.run()
-        assert search.proved
-        assert search.effort.bound_method == "word of mouth"
-        assert search.effort.rounds == 0
-
-    def test_an_order_that_is_none_is_not_believed(self):
-        """One that breaks the precedence is left alone."""
-        given = ordering("ESC12")
-        wrong = np.concatenate(([0], np.arange(given.n - 2, 0, -1), [given.n - 1]))
-        assert not given.feasible(wrong)
-        search = OrderingSearch(given, shared=lambda: SharedIncumbent(wrong))
-        search.run()
-        assert search.proved
-        assert given.feasible(search.order)
+def errands(seed: int, pairs: int = 5) -> OrderingInstance:
+    """Return places on a grid, pairs of which are ordered: much is to be branched on."""
+    n = 2 * pairs + 1
+    x, y = np.random.default_rng(seed).integers(0, 100, (2, n))
+    before = np.zeros((n, n), dtype=np.bool_)
+    for first in range(1, pairs):
+        before[first, first + pairs - 1] = True
+    return OrderingInstance(np.abs(x[:, None] - x) + np.abs(y[:, None] - y) + 0.0, before)
 
 
-class TestEmphases:
-    def test_beside_all_methods_each_process_stresses_some_and_later_ones_use_all(self):
-        """No two of the first are the same."""
-        found = emphases(METHODS, 5)
-        assert len(found) == 5
-        assert len(set(found[:3])) == 3
-        assert all(methods != METHODS for methods in found[:3])
-        assert found[3:] == [METHODS, METHODS]
-
-    @pytest.mark.parametrize("method", ["subset-dp", "tree-search", "branch-and-cut"])
-    def test_beside_a_method_without_randomness_orders_are_looked_for(self, method):
-        """It would do the same once more."""
-        assert emphases((method,), 2) == [("local-search",)] * 2
-
-    def test_beside_local_search_the_others_do_it_too(self):
-        """From seeds of their own."""
-        assert emphases(("local-search",), 1) == [("local-search",)]
+def together(given, methods=METHODS, *, others=1, timing=0, deaths=0, **more):
+    """Return a search by several processes that has ended, and the processes beside it."""
+    helpers = Helpers(others, 0, AnyMoment(others, timing, deaths))
+    search = OrderingSearch(given, methods, helpers=helpers, **more)
+    search.run()
+    return search, helpers
 
 
+def told(search):
+    """Return all that a search says of an instance."""
+    order = None if search.order is None else search.order.tolist()
+    return order, search.cost, search.bound, search.ended, search.effort
+
+
+PROVING = [*((method,) for method in METHODS if method != "local-search"), METHODS]
+
+
+@pytest.mark.usefixtures("small_turns")
 class TestProofs:
+    @pytest.mark.parametrize("methods", PROVING)
+    @settings(max_examples=examples(60), deadline=None)
+    @given(instance=orderings(most=9))
+    def test_two_processes_prove_the_optimum_or_that_there_is_none(self, methods, instance):
+        """By any method: whole numbers and others, ties, nothing, arcs forbidden."""
+        search, _ = together(instance, methods)
+        assert search.proved
+        assert search.cost == pytest.approx(least_cost(instance), rel=1e-9, abs=1e-9)
+        if search.order is not None:
+            assert search.instance.feasible(search.order)
+
+    @pytest.mark.parametrize("methods", [("branch-and-cut",), METHODS[::3]])
+    @pytest.mark.parametrize("seed", [2, 3, 5])
+    def test_subtrees_are_searched_by_all_and_prove_the_cost_of_one_process(self, methods, seed):
+        """Where branching is all there is, every process takes its share of the tree."""
+        given = errands(seed)
+        search, helpers = together(given, methods, others=2)
+        assert search.proved
+        assert search.cost == least_cost(given)
+        assert helpers.trace == {"processes": 3}
+        assert search._tree.parts > 0
+
+    @pytest.mark.parametrize("deaths", [1, 2])
+    @pytest.mark.parametrize("seed", [2, 3, 5])
+    def test_a_lost_process_leaves_its_subtrees_to_the_others(self, seed, deaths):
+        """No subtree counts as searched that was not."""
+        given = errands(seed)
+        search, helpers = together(given, ("branch-and-cut",), others=2, deaths=deaths)
+        assert search.proved
+        assert search.cost == least_cost(given)
+        assert helpers.lost == ["one was ended by signal 9"] * deaths
+
+
+@pytest.mark.usefixtures("small_turns")
+class TestDeterminism:
+    @pytest.mark.parametrize("others", [1, 2])
+    @pytest.mark.parametrize("methods", [METHODS, ("branch-and-cut",), ("local-search",)])
+    def test_what_is_found_does_not_depend_on_who_is_faster(self, methods, others):
+        """Order, cost, bound and all counts are the same whenever answers are heard."""
+        given = errands(3)
+        found = [
+            told(together(given, methods, others=others, timing=timing, rounds=2)[0])
+            for timing in range(3)
+        ]
+        assert found[0] == found[1] == found[2]
+
+
+@pytest.mark.slow(reason="real processes, twice; processes of the test itself in every run")
+def test_two_processes_say_the_same_in_every_run():
+    """So that a result can be had once more."""
+    results = [solve(instance("p43.1").tasks[-1], "portfolio", jobs=2) for _ in range(2)]
+    one, other = ({**result.trace, "cost": result.cost} for result in results)
+    assert results[0].steps == results[1].steps
+    assert one == other
+    assert one["processes"] == 2
+    assert results[0].status.value == "optimal"
+    assert results[0].cost == float(BEST_KNOWN["p43.1"]["best_known"])
+
+
+class TestBothEnds:
     @pytest.mark.parametrize("seed", range(4))
-    def test_the_proved_cost_is_the_same_for_any_number_of_processes(self, seed, at_once):
-        """And so is that it is proved."""
-        given = random_instance(seed)
-        costs = []
-        for processes in (2, 3):
-            search = OrderingSearch(given, seed=seed, stop=Patience())
-            ParallelSearch(search, processes, seed).run()
-            assert search.proved
-            assert given.feasible(search.order)
-            costs.append(search.cost)
-        alone = OrderingSearch(given, seed=seed)
-        alone.run()
-        assert costs == [alone.cost, alone.cost]
+    def test_threads_find_what_one_thread_finds(self, seed):
+        """Order, bound and labels of a dynamic program that runs to its end."""
+        given = instance_of(12, seed, density=0.3)
+        duals = Duals(0.0, np.where(given.costs < 1e15, given.costs, np.inf))
+        found = []
+        for threads in (1, 2, 3):
+            search = TwoEndedSearch(given, duals, least_cost(given) + 1, threads)
+            met = search.run(10**6, lambda: False)
+            found.append((met.order.tolist(), met.bound, met.whole, search.made))
+        assert found[0] == found[1] == found[2]
+        assert found[0][1] == least_cost(given)
 
-    @pytest.mark.slow(
-        reason="an instance that two processes work at; an order told to another in every run"
-    )
-    def test_what_another_process_proves_ends_the_search(self, beside):
-        """Local search itself would go on for ever."""
-        beside("local-search", "subset-dp")
-        bounds, orders = [], []
-        search = OrderingSearch(
-            ordering("br17.10"),
-            ("local-search",),
-            stop=Patience(),
-            on_bound=lambda bound, nodes: bounds.append((bound, nodes)),
-            on_order=lambda order, cost: orders.append(cost),
-        )
-        parallel = ParallelSearch(search, 2)
-        parallel.run()
-        assert search.proved
-        assert (search.cost, search.bound) == (55, 55)
-        assert search.effort.bound_method == DP
-        assert search.effort.states > 0
-        assert bounds[-1][0] == orders[-1] == 55
-        assert all(one <= other for (one, _), (other, _) in pairwise(bounds))
-        assert parallel.trace == {"processes": 2}
+    def test_what_fails_in_a_thread_fails_here(self):
+        """Nothing is passed over."""
 
-    def test_what_this_process_finds_the_others_build_on(self, beside):
-        """A process that only bounds proves the order that it was told."""
-        beside("subset-dp")
-        search = OrderingSearch(ordering("ESC12"), ("local-search",), stop=Patience())
-        ParallelSearch(search, 2).run()
-        assert search.proved
-        assert search.cost == 1675
+        def fail(stop):
+            raise MemoryError("too many labels")
 
-    def test_no_process_is_started_for_what_is_proved_soon(self):
-        """Starting one takes longer."""
-        search = OrderingSearch(random_instance(0, n=5))
-        parallel = ParallelSearch(search, 64)
-        parallel.run()
-        assert search.proved
-        assert parallel.trace == {"processes": 1}
+        with pytest.raises(MemoryError, match="too many labels"):
+            side_by_side([lambda stop: 1, fail], lambda: False)
 
-    def test_jobs_of_a_solver_are_its_processes(self, at_once):
-        """The result says how many there were; a proof in one process ends all."""
-        result = solve(instance("ESC12").tasks[-1], "portfolio", jobs=2)
-        assert (result.cost, result.status.value) == (1675, "optimal")
-        assert result.trace["processes"] == 2
-        assert not workers(os.getpid())
+    def test_threads_hear_of_a_stop_and_only_this_one_asks(self):
+        """Whoever asks may draw on what belongs to this thread."""
+        asked_in = set()
+
+        def stop():
+            asked_in.add(threading.get_ident())
+            return True
+
+        def wait(stop):
+            deadline_s = time.monotonic() + PATIENCE_S
+            while not stop():
+                assert time.monotonic() < deadline_s
+                time.sleep(0.001)
+            return "stopped"
+
+        assert side_by_side([wait, wait], stop) == ["stopped", "stopped"]
+        assert asked_in == {threading.get_ident()}
 
 
 class TestLosses:
+    @pytest.mark.slow(reason="a process; one of the test itself is lost in every run")
     @linux
-    def test_a_process_that_is_killed_costs_its_share_only(self, at_once):
-        """The search goes on with the others, and says what happened."""
+    def test_a_process_that_is_killed_costs_its_share_only(self):
+        """The search goes on, and says what happened."""
         killed: list[int] = []
         until_s = time.monotonic() + PATIENCE_S
 
@@ -250,119 +298,68 @@ class TestLosses:
                 for worker in workers(os.getpid()):
                     os.kill(worker, signal.SIGKILL)
                     killed.append(worker)
-            return bool(parallel.lost) or time.monotonic() > until_s
+            return bool(helpers.lost) or time.monotonic() > until_s
 
-        search = OrderingSearch(ordering("ft70.1"), ("local-search",), stop=stop)
-        parallel = ParallelSearch(search, 2)
-        parallel.run()
-        assert parallel.lost == ["one was ended by signal 9"]
+        helpers = Helpers(1)
+        search = OrderingSearch(ordering("ft70.1"), ("local-search",), stop=stop, helpers=helpers)
+        search.run()
+        assert helpers.lost == ["one was ended by signal 9"]
         assert search.instance.feasible(search.order)
         assert search.bound <= float(BEST_KNOWN["ft70.1"]["best_known"]) <= search.cost
 
-    @linux
-    def test_with_all_others_killed_the_search_is_proved_by_this_process(self, at_once):
-        """However often that happens."""
-        begin_s = time.monotonic()
-
-        def stop() -> bool:
-            for worker in workers(os.getpid()):
-                os.kill(worker, signal.SIGKILL)
-            return time.monotonic() > begin_s + PATIENCE_S
-
-        search = OrderingSearch(ordering("ESC12"), stop=stop)
-        parallel = ParallelSearch(search, 3)
-        parallel.run()
-        assert search.proved
-        assert search.cost == 1675
-        assert set(parallel.lost) <= {"one was ended by signal 9"}
-
-    @pytest.mark.slow(reason="a process; lost checks of processes in every run")
-    def test_a_process_that_fails_costs_its_share_only(self, beside):
+    @pytest.mark.slow(reason="a process; one of the test itself is lost in every run")
+    def test_a_process_that_fails_costs_its_share_only(self):
         """Its words are kept."""
-        beside("local-search")
-        until_s = time.monotonic() + PATIENCE_S
-
-        def stop() -> bool:
-            return bool(parallel.lost) or time.monotonic() > until_s
-
-        search = OrderingSearch(ordering("ft70.1"), ("local-search",), stop=stop)
         # No generator of random numbers takes such a seed.
-        parallel = ParallelSearch(search, 2, seed=2**80)
-        parallel.run()
-        assert len(parallel.lost) == 1
-        assert parallel.lost[0].startswith("one ended: OverflowError: ")
-        assert search.instance.feasible(search.order)
+        helpers = Helpers(1, seed=2**80)
+        given = ordering("ESC12")
+        search = OrderingSearch(given, ("local-search",), helpers=helpers, rounds=2)
+        search.stop = lambda: bool(helpers.lost)
+        search.run()
+        assert search.proved or len(helpers.lost) == 1
+        assert all("OverflowError: " in words for words in helpers.lost)
 
-    def test_where_memory_is_short_no_process_is_started(self, at_once):
-        """It is needed here."""
-        search = OrderingSearch(ordering("ESC12"), memory_bytes=lambda: 300 * MIB)
-        parallel = ParallelSearch(search, 2)
-        parallel.run()
+    def test_a_task_that_fails_is_no_answer(self, small_turns, monkeypatch):
+        """Whoever gave it does it itself."""
+
+        def fail(self, task):
+            raise ValueError("broken")
+
+        monkeypatch.setattr(search_worker.Hand, "_explore", fail)
+        given = errands(3)
+        search, helpers = together(given, ("branch-and-cut",))
         assert search.proved
-        assert parallel.trace == {
+        assert search.cost == least_cost(given)
+        assert helpers.lost == ["one failed: ValueError: broken"]
+
+    def test_where_memory_is_short_no_process_is_started(self):
+        """It is needed here."""
+        helpers = Helpers(1, memory_bytes=lambda: 300 * MIB)
+        helpers.begin(ordering("ESC12"))
+        assert helpers.trace == {
             "processes": 1,
             "lost_processes": ["one was not started: memory limit"],
         }
 
-    def test_where_memory_gets_short_processes_are_given_up(self, at_once):
+    @pytest.mark.slow(reason="half a second for a process; none is started in every run")
+    def test_where_memory_gets_short_processes_are_given_up(self):
         """Before this one is."""
         left = [4096 * MIB]
-        until_s = time.monotonic() + PATIENCE_S
+        helpers = Helpers(1, memory_bytes=lambda: left[0])
+        helpers.begin(ordering("ESC12"))
+        assert helpers.started == 2
+        left[0] = 32 * MIB
+        helpers.attend()
+        assert helpers.lost == ["one was given up: memory limit"]
+        assert helpers.idle == []
 
-        def stop() -> bool:
-            if parallel.started == 2:
-                left[0] = 32 * MIB
-            return bool(parallel.lost) or time.monotonic() > until_s
-
-        search = OrderingSearch(
-            ordering("ft70.1"), ("local-search",), stop=stop, memory_bytes=lambda: left[0]
-        )
-        parallel = ParallelSearch(search, 2)
-        parallel.run()
-        assert parallel.lost == ["one was given up: memory limit"]
-        assert search.order is not None
-
-    def test_what_is_left_is_shared(self, beside):
-        """All of it is this process's until there are others."""
-        beside("local-search", "subset-dp")
-        shares = []
-        until_s = time.monotonic() + PATIENCE_S
-
-        def stop() -> bool:
-            shares.append(search.memory_bytes())
-            return parallel.started == 3 or time.monotonic() > until_s
-
-        search = OrderingSearch(ordering("ft70.1"), stop=stop, memory_bytes=lambda: 6000 * MIB)
-        parallel = ParallelSearch(search, 3)
-        assert search.memory_bytes() == 6000 * MIB
-        parallel.run()
-        assert 1000 * MIB < shares[-1] <= 2000 * MIB
-
-
-class TestShares:
-    @pytest.mark.slow(reason="half a second; what it tells in every run")
-    def test_a_share_that_holds_more_than_it_may_ends(self):
-        """Because of the memory limit."""
-        share = ShareSearch(Share(ordering("ESC25"), ("local-search",), 0, None, None, 64 * MIB))
-        assert share.finding().ended == ""
-        held = bytearray(b"x" * (256 * MIB))
-        deadline_s = time.monotonic() + PATIENCE_S
-        while not (found := share.finding()).ended:
-            assert time.monotonic() < deadline_s
-        assert found.ended == "memory limit"
-        assert len(held) == 256 * MIB
-
-    def test_a_share_tells_what_it_finds_and_takes_what_it_is_told(self):
-        """It proves an order that it did not find."""
-        known = OrderingSearch(ordering("ESC25"), seed=1)
-        known.run()
-        share = ShareSearch(Share(known.instance, ("subset-dp",), 0, None, None, None))
-        share.receive(Update(known.order, 0.0, "", None))
-        deadline_s = time.monotonic() + PATIENCE_S
-        while not (found := share.finding()).ended:
-            assert time.monotonic() < deadline_s
-        assert (found.ended, found.bound) == ("proof", known.cost)
-        assert found.effort.states > 0
+    def test_no_process_is_started_for_what_is_proved_soon(self):
+        """Starting one takes longer."""
+        helpers = Helpers(64)
+        search = OrderingSearch(ordering("ESC12"), helpers=helpers)
+        search.run()
+        assert search.proved
+        assert helpers.trace == {"processes": 1}
 
 
 @linux
@@ -444,7 +441,7 @@ class TestEndings:
 @pytest.mark.slow(
     reason="a search by two processes on a large instance; every run stops auto at a gap"
 )
-def test_what_others_find_counts_for_the_gap(at_once):
+def test_what_all_find_counts_for_the_gap():
     """It is asked for in one process only."""
     task = instance("ft70.1").tasks[-1]
     result = solve(task, "portfolio", jobs=2, stop=Stop(gap=0.2, time_limit_s=PATIENCE_S))

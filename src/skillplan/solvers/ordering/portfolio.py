@@ -14,7 +14,8 @@ from typing import Literal
 
 import numpy as np
 
-from skillplan.solvers.ordering.incumbents import Effort, SharedIncumbent
+from skillplan.solvers.ordering.effort import Effort
+from skillplan.solvers.ordering.helper_processes import Helper, Helpers
 from skillplan.solvers.ordering.instance import NO_ARC, Integers, OrderingInstance
 from skillplan.solvers.ordering.local_search.annealing import Annealing, cheapest_first
 from skillplan.solvers.ordering.relaxation.branch_and_cut import BranchAndCut
@@ -23,6 +24,8 @@ from skillplan.solvers.ordering.relaxation.cut_rounds import tighten
 from skillplan.solvers.ordering.relaxation.pair_program import open_pairs
 from skillplan.solvers.ordering.relaxation.pair_relaxation import PairRelaxation
 from skillplan.solvers.ordering.relaxation.reduced_costs import Duals
+from skillplan.solvers.ordering.search_worker import Improve
+from skillplan.solvers.ordering.shared_tree import SharedTree
 from skillplan.solvers.ordering.subsets.subset_search import beam
 from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch
 
@@ -31,8 +34,10 @@ METHODS: tuple[Method, ...] = ("local-search", "subset-dp", "tree-search", "bran
 
 # Moves of local search in the first round.
 _MOVES = 1_000_000
-# Work of branch and cut, and of the relaxation over pairs, in the first round.
+# Work of branch and cut in the first round, of it what this process does before others join in,
+# and work of the relaxation over pairs in the first round.
 _WORK = 40_000_000
+_FIRST_WORK = 40_000_000
 _PAIRS_WORK = 75_000_000
 # Where branch and cut has closed such a share of the gap, the pair relaxation is skipped.
 _ENOUGH = 1 / 3
@@ -74,9 +79,8 @@ class OrderingSearch:
         An order that is known already.
     rounds
         The most rounds; None for as many as it takes.
-    shared
-        Returns what concurrent searches found since its last call, or None; called as often as
-        `stop`.
+    helpers
+        Processes that take a part of the work; None for none.
 
     Attributes
     ----------
@@ -100,14 +104,20 @@ class OrderingSearch:
         memory_bytes: Callable[[], int | None] = lambda: None,
         start: Integers | None = None,
         rounds: int | None = None,
-        shared: Callable[[], SharedIncumbent | None] = lambda: None,
+        helpers: Helpers | None = None,
     ) -> None:
         self.instance = instance
         self.methods = methods
         self.stop = stop
         self.on_order, self.on_bound = on_order, on_bound
         self.memory_bytes = memory_bytes
-        self.shared = shared
+        self.helpers = helpers
+        self._threads = 1 if helpers is None else 1 + helpers.count
+        self._tree: SharedTree | None = None
+        # What branch and cut proved in its first turn before others joined in; alone, in its last.
+        self._first_bound = -np.inf
+        # Those that are improving the best order at the moment.
+        self._improving: list[Helper] = []
         self.effort = Effort()
         self.order: Integers | None = None
         self.cost = np.inf
@@ -136,7 +146,14 @@ class OrderingSearch:
         return self.bound >= self.instance.cutoff(self.cost)
 
     def run(self) -> None:
-        """Search until the best order is proved, or it was stopped."""
+        """Search until the best order is proved, or it was stopped; then end the helpers."""
+        try:
+            self._search()
+        finally:
+            if self.helpers is not None:
+                self.helpers.end()
+
+    def _search(self) -> None:
         self._begin = cheapest_first(self.instance) if self.order is None else self.order
         self._keep(self._begin)
         if "local-search" in self.methods:
@@ -148,21 +165,23 @@ class OrderingSearch:
         while not self._over():
             scale = 1 << self.effort.rounds
             self.effort.rounds += 1
-            exhausted = True
-            if "local-search" in self.methods:
-                # Twice as long where it gained last time; other methods gain from longer turns.
-                longer = scale if len(self.methods) == 1 else min(scale, 2)
-                self._anneal(longer * _MOVES >> min(self._stalled, longer - 1))
-                exhausted = False
+            exhausted = "local-search" not in self.methods
+            if self.helpers is None and not exhausted:
+                self._anneal(self._turn_moves(scale))
             if "tree-search" in self.methods and not self._over():
                 exhausted &= not self._beam(250 * (scale if len(self.methods) > 1 else scale**2))
             if "subset-dp" in self.methods and not self._over():
                 exhausted &= not self._two_ended(_STATES * scale)
+            if self.helpers is not None and not self._over():
+                self._anneal_together(self.helpers, scale)
             if "branch-and-cut" in self.methods and not self._over():
                 exhausted = False
                 self._branched = self._branched or self._branching(relaxation)
                 if not self._subsets_lead():
                     self._branch(self._branched, _WORK * scale)
+            self._gather()
+            if self.effort.rounds != self.rounds and not self._over():
+                self._send_out(2 * scale)
             if self._over_subsets and not self._over():
                 self._relax_pairs(relaxation, _PAIRS_WORK * scale)
             if exhausted:
@@ -177,17 +196,56 @@ class OrderingSearch:
         """How many moves the first annealing makes: some tenths of a second, less for few nodes."""
         return min(_MOVES // 6, 2_000 * self.instance.n)
 
+    def _turn_moves(self, scale: int) -> int:
+        """How many moves all processes make in a turn of annealing."""
+        # Twice as long where it gained last time; other methods gain from longer turns.
+        longer = scale if self.methods == ("local-search",) else min(scale, 2)
+        return longer * _MOVES >> min(self._stalled, longer - 1)
+
     def _over(self) -> bool:
-        """Whether to stop; incumbent and bound of concurrent searches are adopted first."""
-        received = self.shared()
-        if received is not None:
-            if received.order is not None:
-                self._keep(received.order)
-            if received.bound > self.bound:
-                self._raise(received.bound, received.bound_method)
+        """Whether to stop."""
+        if self.helpers is not None:
+            self.helpers.attend()
+        return self.proved or self.stop()
+
+    def _anneal_together(self, helpers: Helpers, scale: int) -> None:
+        """Anneal in all processes, each with its share of the moves.
+
+        What the others find is gathered later, so that they may make themselves ready meanwhile;
+        they are first started here, as many an instance is proved before.
+        """
+        helpers.begin(self.instance)
+        if not self._improving:
+            self._send_out(scale)
+        if "local-search" in self.methods:
+            self._anneal(self._turn_moves(scale) // (1 + helpers.count))
+
+    def _send_out(self, scale: int) -> None:
+        """Have the other processes improve the best order."""
+        helpers = self.helpers
+        if helpers is None:
+            return
+        moves = self._most_moves(self._turn_moves(scale) // (1 + helpers.count))
+        order = self._begin if self.order is None else self.order
+        self._improving = helpers.idle
+        for helper in self._improving:
+            helpers.give(helper, Improve(order, self.cost, moves))
+
+    def _gather(self) -> None:
+        """Take over what the other processes have found, in an order that is always the same."""
+        known = self.cost
+        improving, self._improving = self._improving, []
+        for helper in improving:
+            assert self.helpers is not None
+            finding = self.helpers.result(helper, self._over)
+            if finding is not None:
+                self.effort.nodes += finding.nodes
+                if finding.order is not None:
+                    self._keep(finding.order)
+        if self.cost < known:
+            self._stalled = 0
             if self._branched is not None:
                 self._branched.cost = min(self._branched.cost, self.cost)
-        return self.proved or self.stop()
 
     def _keep(self, order: Integers) -> None:
         cost = self.instance.cost(order)
@@ -207,8 +265,7 @@ class OrderingSearch:
 
     def _anneal(self, iterations: int) -> None:
         """Improve the best order by annealing; in portions, so that it can be stopped."""
-        # Where there are few orders, many moves would be wasted.
-        iterations = min(iterations, (100 << self.effort.rounds) * self.instance.n**3)
+        iterations = self._most_moves(iterations)
         order = self._begin if self.order is None else self.order
         known = self.cost
         self._stalled += 1
@@ -220,6 +277,10 @@ class OrderingSearch:
             self.on_bound(self.bound, self.effort.nodes)
             if self._over():
                 return
+
+    def _most_moves(self, wanted: int) -> int:
+        """Return how many of the wanted moves to make: where there are few orders, few."""
+        return min(wanted, (100 << self.effort.rounds) * self.instance.n**3)
 
     def _relax(self, relaxation: CutRelaxation) -> None:
         def on_bound(duals: Duals) -> None:
@@ -247,7 +308,7 @@ class OrderingSearch:
         cutoff = self.instance.cutoff(self.cost)
         if self._pairs is None:
             well_branched = self._root_bound + _ENOUGH * (cutoff - self._root_bound)
-            if self.order is None or self._branched_bound >= well_branched:
+            if self.order is None or self._first_bound >= well_branched:
                 return
             if open_pairs(self.instance).sum() // 2 > _MOST_PAIRS:
                 return
@@ -288,7 +349,7 @@ class OrderingSearch:
 
     def _allowed(self, wanted: int, sets: int, entries: int) -> int:
         """Return how many of the wanted labels memory allows, each of so many sets and entries."""
-        left = self.memory_bytes()
+        left = self.memory_bytes() if self.helpers is None else self.helpers.left_bytes
         if left is None:
             return wanted
         words = (self.instance.n + 63) // 64
@@ -298,11 +359,13 @@ class OrderingSearch:
     def _two_ended(self, states: int) -> bool:
         """Search from both ends; return whether more labels would be allowed."""
         # Either end may hold twice as many, most of them in one layer that is copied to grow.
-        self._states = allowed = self._allowed(states, 10, 0)
+        # Two ends at once have two such layers.
+        self._states = allowed = self._allowed(states, 10 if self._threads == 1 else 16, 0)
         cutoff = self.instance.cutoff(self.cost)
         search = self._ends
         if search is None or search.cutoff != cutoff or self._searched is not self.duals:
-            self._ends = search = TwoEndedSearch(self.instance, self._known.without(cutoff), cutoff)
+            known = self._known.without(cutoff)
+            self._ends = search = TwoEndedSearch(self.instance, known, cutoff, self._threads)
             self._searched = self.duals
         made = search.made
         met = search.run(allowed, self._over)
@@ -342,9 +405,25 @@ class OrderingSearch:
     def _branch(self, branching: BranchAndCut, work: int) -> None:
         branching.cost = min(branching.cost, self.cost)
         subproblems = branching.subproblems
-        branching.run(work)
+        helpers, tree = self.helpers, self._tree
+        if helpers is None:
+            branching.run(work)
+            self._first_bound = branching.bound
+        else:
+            if tree is None:
+                self._tree = tree = SharedTree(branching, helpers)
+                # The others make themselves ready and anneal meanwhile.
+                branching.run(min(work, _FIRST_WORK))
+                self._first_bound = branching.bound
+            self._gather()
+            parts = tree.parts
+            tree.run(work // (1 + helpers.count), self.order, self._over, self._keep)
+            self.effort.nodes += tree.parts - parts
         self.effort.nodes += branching.subproblems - subproblems
         self.effort.parts, self.effort.programs = branching.subproblems, branching.relaxation.solves
+        if tree is not None:
+            self.effort.parts += tree.parts
+            self.effort.programs += tree.programs
         root = branching.root
         if root is not None and root.bound > self._known.bound:
             self.duals = root

@@ -132,6 +132,12 @@ class SequencingSolver(JobOrderSolver):
         if self.stop.best is not None:
             jobs = problem.order(self.stop.best.skills)
             start = None if jobs is None else orders.nodes(jobs)
+        helpers = None
+        if self.jobs > 1:
+            from skillplan.solvers.ordering.helper_processes import Helpers
+
+            executor = None if self.make_executor is None else self.make_executor(self.jobs - 1)
+            helpers = Helpers(self.jobs - 1, seed, executor, self._memory_bytes)
         search = OrderingSearch(
             orders.instance,
             self.methods or METHODS,
@@ -142,20 +148,13 @@ class SequencingSolver(JobOrderSolver):
             memory_bytes=self._memory_bytes,
             start=start,
             rounds=self.options.rounds,
+            helpers=helpers,
         )
-        trace: dict[str, Any] = {}
-        if self.jobs > 1:
-            from skillplan.solvers.ordering.parallel_search import ParallelSearch
-
-            executor = None if self.make_executor is None else self.make_executor(self.jobs - 1)
-            parallel = ParallelSearch(search, self.jobs, seed, executor)
-            parallel.run()
-            trace = parallel.trace
-        else:
-            search.run()
+        search.run()
         if search.ended:
             self.stop.end(search.ended)
         solution = self._solution(search, found[-1] if found else None)
+        trace = {} if helpers is None else helpers.trace
         return replace(solution, trace={**solution.trace, **trace})
 
     def _solution(self, search: OrderingSearch, plan: Plan | None) -> Solution:

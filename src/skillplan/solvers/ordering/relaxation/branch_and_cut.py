@@ -10,8 +10,8 @@ are reliable.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,14 +27,16 @@ _ROUNDS = 6
 
 
 @dataclass(order=True)
-class _Subproblem:
+class Subproblem:
+    """The orders that take some arcs only, and a bound on them; `packed` holds the arcs."""
+
     bound: float
     number: int
     packed: NDArray[np.uint8] = field(compare=False)
     depth: int = field(compare=False)
 
     @classmethod
-    def of(cls, bound: float, number: int, arcs: Booleans, depth: int) -> _Subproblem:
+    def of(cls, bound: float, number: int, arcs: Booleans, depth: int) -> Subproblem:
         """Return a subproblem; its arcs are packed, as many subproblems wait in the queue."""
         return cls(bound, number, np.packbits(arcs), depth)
 
@@ -79,10 +81,12 @@ class BranchAndCut:
         # Pseudocosts: the gains of forbidding (0) or fixing (1) an arc, and how many there were.
         self._gains = np.zeros((2, n, n))
         self._trials = np.zeros((2, n, n))
-        self._heap: list[_Subproblem] = []
+        self._heap: list[Subproblem] = []
         self._made = 1
-        self._open: _Subproblem | None = _Subproblem.of(-np.inf, 0, relaxation.arcs, 0)
+        self._open: Subproblem | None = Subproblem.of(-np.inf, 0, relaxation.arcs, 0)
         self.root: Duals | None = None
+        # The least bound of the subproblems that others explore at the moment.
+        self.elsewhere = np.inf
 
     @property
     def cutoff(self) -> float:
@@ -91,8 +95,42 @@ class BranchAndCut:
 
     @property
     def done(self) -> bool:
-        """Whether the best order is proved."""
+        """Whether no subproblem is left here."""
         return self._open is None and not self._heap
+
+    @property
+    def open(self) -> int:
+        """How many subproblems are left here."""
+        return len(self._heap) + (self._open is not None)
+
+    @property
+    def pseudocosts(self) -> tuple[Floats, Floats]:
+        """Sums of gains and how many there were, by branch and arc, shape (2, n, n) each."""
+        return self._gains, self._trials
+
+    def learn(self, gains: Floats, trials: Floats) -> None:
+        """Go on from pseudocosts of another tree."""
+        self._gains, self._trials = gains.copy(), trials.copy()
+
+    def give_all(self) -> list[Subproblem]:
+        """Return all subproblems that are left, the least bound first, and keep none of them."""
+        left = sorted([*self._heap, *([] if self._open is None else [self._open])])
+        self._heap, self._open = [], None
+        return [subproblem for subproblem in left if subproblem.bound < self.cutoff]
+
+    def deal(self, others: int) -> list[list[Subproblem]]:
+        """Return about equal shares of the subproblems for so many others, and keep one."""
+        going_on, self._open = self._open, None
+        left = self.give_all()
+        self._open = going_on
+        self.take(left[:: others + 1])
+        return [left[i :: others + 1] for i in range(1, others + 1)]
+
+    def take(self, subproblems: Iterable[Subproblem]) -> None:
+        """Add subproblems, in an order that decides between equal bounds."""
+        for subproblem in subproblems:
+            self._made += 1
+            heapq.heappush(self._heap, replace(subproblem, number=self._made))
 
     @property
     def bound(self) -> float:
@@ -102,7 +140,7 @@ class BranchAndCut:
             for subproblem in (self._open, *self._heap[:1])
             if subproblem is not None
         ]
-        return min([self.cost, *lows])
+        return min([self.cost, self.elsewhere, *lows])
 
     def run(self, work: int) -> None:
         """Search until it is done, was stopped, or so much more work has been done."""
@@ -118,7 +156,7 @@ class BranchAndCut:
                 self.on_bound(self.bound, self.subproblems)
             self._open = self._process(self._open)
 
-    def _process(self, subproblem: _Subproblem) -> _Subproblem | None:
+    def _process(self, subproblem: Subproblem) -> Subproblem | None:
         """Bound and branch a subproblem; return the child to process next."""
         self.subproblems += 1
         relaxation = self.relaxation
@@ -178,8 +216,8 @@ class BranchAndCut:
             self.on_order(order)
 
     def _branch(
-        self, subproblem: _Subproblem, arcs: Booleans, values: Floats, duals: Duals
-    ) -> _Subproblem | None:
+        self, subproblem: Subproblem, arcs: Booleans, values: Floats, duals: Duals
+    ) -> Subproblem | None:
         relaxation = self.relaxation
         apart = np.abs(values - 0.5)
         candidates = np.nonzero(apart < 0.499)[0]
@@ -217,8 +255,8 @@ class BranchAndCut:
         return self._push_children(subproblem, arcs, int(tails[chosen]), int(heads[chosen]), bounds)
 
     def _branch_integral(
-        self, subproblem: _Subproblem, arcs: Booleans, values: Floats
-    ) -> _Subproblem | None:
+        self, subproblem: Subproblem, arcs: Booleans, values: Floats
+    ) -> Subproblem | None:
         """Branch a subproblem of integral arcs in which no cut was found.
 
         Where the arcs are an order, it is the cheapest of the subproblem but for rounding.
@@ -247,8 +285,8 @@ class BranchAndCut:
             self._keep(found)
 
     def _push_children(
-        self, subproblem: _Subproblem, arcs: Booleans, i: int, j: int, bounds: list[float]
-    ) -> _Subproblem | None:
+        self, subproblem: Subproblem, arcs: Booleans, i: int, j: int, bounds: list[float]
+    ) -> Subproblem | None:
         """Create the children of a branching; return the one to process next, queue the other."""
         children = []
         for branch in (0, 1):
@@ -256,7 +294,7 @@ class BranchAndCut:
                 self._made += 1
                 child = _child_arcs(arcs, i, j, branch)
                 children.append(
-                    _Subproblem.of(bounds[branch], self._made, child, subproblem.depth + 1)
+                    Subproblem.of(bounds[branch], self._made, child, subproblem.depth + 1)
                 )
         if not children:
             return None

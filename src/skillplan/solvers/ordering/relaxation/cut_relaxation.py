@@ -198,7 +198,18 @@ class CutRelaxation:
         if not len(leave):
             return 0
         fresh = _distinct(leave, reach)
-        leave, reach = leave[fresh], reach[fresh]
+        return self.add_cuts(leave[fresh], reach[fresh])
+
+    def add_cuts(self, leave: Booleans, reach: Booleans) -> int:
+        """Add cuts: at least one arc goes from `leave` to `reach`; return how many.
+
+        Parameters
+        ----------
+        leave, reach
+            The nodes of every cut, shape (cuts, n) each.
+        """
+        if not len(leave):
+            return 0
         crossing = leave[:, self.tails] & reach[:, self.heads]
         counts = crossing.sum(axis=1)
         starts = np.concatenate(([0], np.cumsum(counts)[:-1])).astype(np.int32)

@@ -9,8 +9,10 @@ budget of reduced cost is split so that both ends have about equally many labels
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -27,6 +29,9 @@ from skillplan.solvers.ordering.subsets.held_karp import (
     first_layer,
     meet,
 )
+from skillplan.solvers.ordering.subsets.side_by_side import Stop, side_by_side
+
+R = TypeVar("R")
 
 _BITS = 6
 # Exponent of the growth where it is not known yet.
@@ -72,6 +77,7 @@ class _End:
         self.budget = 0.0
         self.count = 0
         self.known: list[tuple[float, int]] = []
+        self.made = 0
         # The budget that was too large, and about how many labels it would have led to.
         self.beyond: tuple[float, int] | None = None
 
@@ -90,9 +96,15 @@ class _End:
             power = np.log(max(many, 2) / max(few, 1)) / np.log(now / before)
         return float(many * (most / now) ** max(0.0, power))
 
-    def extend(
-        self, most: float, labels: int, stop: Callable[[], bool], made: Callable[[int], None]
-    ) -> bool:
+    def sample(self, labels: int, stop: Stop) -> None:
+        """Count the labels of small budgets, from a tiny one on, to extrapolate from."""
+        most = self.room * 1e-6 if not self.known else max(2 * self.known[-1][0], self.room / 64)
+        while not stop() and most < self.room and self.count < labels // _SAMPLE:
+            if not self.extend(most, labels if self.known else labels // 4, stop):
+                return
+            most = max(2 * most, self.room / 64)
+
+    def extend(self, most: float, labels: int, stop: Stop) -> bool:
         """Find all labels within a budget; return whether the search ended within its limits."""
         layers = self.layers[:1]
         left = labels
@@ -100,7 +112,7 @@ class _End:
             ahead = Ahead(self.bounds.near, self.bounds.slot[layer], self.bounds.ahead)
             limits = Limits(float(most), self.strict, self.room, max(1, left), True)
             found, dropped, tried = expand(layers[-1], self.arcs, ahead, self.charges, limits)
-            made(tried)
+            self.made += tried
             left -= len(found.lasts)
             if np.isfinite(dropped) or left <= 0:
                 self.beyond = most, max(_MORE * labels, self.count + 1)
@@ -147,32 +159,41 @@ class TwoEndedSearch:
         A bound and reduced costs; inf where no order below the cutoff takes an arc.
     cutoff
         Only orders that cost less are searched for.
+    threads
+        With more than one, both ends are searched at once, >= 1.
     """
 
-    def __init__(self, instance: OrderingInstance, duals: Duals, cutoff: float) -> None:
+    def __init__(
+        self, instance: OrderingInstance, duals: Duals, cutoff: float, threads: int = 1
+    ) -> None:
         self.instance = instance
         self.duals = duals
         self.cutoff = cutoff
         # While no order is known, an upper bound on all orders replaces the cutoff.
         self.most = min(cutoff, max(_beyond(instance), duals.bound + 1.0))
         self.room = self.most - duals.bound
-        self.ends = (
-            _End(instance, duals, self.most, strict=False),
-            _End(_mirror(instance), duals.mirrored(), self.most, strict=True),
-        )
-        self.made = 0
+        self.threads = threads
+        ahead = partial(_End, instance, duals, self.most, strict=False)
+        behind = partial(_End, _mirror(instance), duals.mirrored(), self.most, strict=True)
+        self.ends = self._each([lambda _: ahead(), lambda _: behind()], lambda: False)
         self.expected = np.inf
 
-    def run(self, labels: int, stop: Callable[[], bool]) -> Meeting:
+    @property
+    def made(self) -> int:
+        """Labels generated."""
+        return sum(end.made for end in self.ends)
+
+    def _each(self, tasks: Sequence[Callable[[Stop], R]], stop: Stop) -> list[R]:
+        """Do tasks of both ends, at once where there are threads for that; return the results."""
+        if self.threads > 1:
+            return side_by_side(tasks, stop)
+        return [task(stop) for task in tasks]
+
+    def run(self, labels: int, stop: Stop) -> Meeting:
         """Search if about so many labels or fewer are expected from either end."""
-
-        def count(tried: int) -> None:
-            self.made += tried
-
         if np.isfinite(self.expected) and self.expected > _HOPELESS * labels:
             return Meeting(None, self._proved(self.cutoff, whole=False), whole=False)
-        for end in self.ends:
-            self._sample(end, labels // 2, stop, count)
+        self._each([partial(end.sample, labels // 2) for end in self.ends], stop)
         grid = np.linspace(0.0, 1.0, 33)[1:-1] * self.room
         ahead, behind = (
             np.array([max(end.expected(most), end.count) for most in budgets])
@@ -181,45 +202,59 @@ class TwoEndedSearch:
         worst = np.maximum(ahead, behind)
         chosen = int(np.argmin(worst))
         self.expected = float(worst[chosen])
-        if self.expected > _DARING * labels:
+        if self.expected > _DARING * labels or stop():
             return self._meet(whole=False)
-        for end, most in zip(self.ends, (grid[chosen], self.room - grid[chosen]), strict=True):
-            if stop():
-                return self._meet(whole=False)
-            if end.budget < most and not end.extend(float(most), 2 * labels, stop, count):
-                return self._meet(whole=False)
-        return self._meet(whole=True)
+        budgets = float(grid[chosen]), float(self.room - grid[chosen])
+        return self._meet(whole=self._extend(budgets, 2 * labels, stop))
 
-    def _sample(
-        self, end: _End, labels: int, stop: Callable[[], bool], count: Callable[[int], None]
-    ) -> None:
-        """Count the labels of small budgets, from a tiny one on, to extrapolate from."""
-        most = self.room * 1e-6 if not end.known else max(2 * end.known[-1][0], self.room / 64)
-        while not stop() and most < self.room and end.count < labels // _SAMPLE:
-            if not end.extend(most, labels if end.known else labels // 4, stop, count):
-                return
-            most = max(2 * most, self.room / 64)
+    def _extend(self, budgets: tuple[float, float], labels: int, stop: Stop) -> bool:
+        """Find all labels within the budgets; return whether both ends did.
+
+        In one thread the second end is left alone where the first was given up. In two threads
+        both go on, so that what is found does not depend on which is faster.
+        """
+        tasks = [
+            partial(end.extend, most, labels)
+            for end, most in zip(self.ends, budgets, strict=True)
+            if end.budget < most
+        ]
+        if self.threads > 1:
+            return all(self._each(tasks, stop))
+        return all(not stop() and task(stop) for task in tasks)
 
     def _meet(self, *, whole: bool) -> Meeting:
         ahead, behind = self.ends
         n = self.instance.n
-        least, at = self.most, (-1, -1, -1)
-        for layer, one in enumerate(ahead.layers[: n - 1]):
-            opposite = n - 2 - layer
-            if opposite >= len(behind.layers):
-                continue
-            # The end itself is reached by any label that is left.
-            most = ahead.budget if opposite else -np.inf
-            other = behind.layers[opposite]
-            cost, first, second = meet(one, ahead.arcs, most, other, least)
-            if first >= 0:
-                least, at = cost, (layer, first, second)
-        if at[0] < 0:
+        layers = [
+            layer
+            for layer in range(min(n - 1, len(ahead.layers)))
+            if n - 2 - layer < len(behind.layers)
+        ]
+        shares = [layers[i :: self.threads] for i in range(self.threads)]
+        found = self._each([partial(self._meet_in, share) for share in shares], lambda: False)
+        least, layer, first, second = min(found)
+        if first < 0:
             return Meeting(None, self._proved(self.cutoff, whole=whole), whole)
-        layer, first, second = at
         start = _walk_back(ahead.layers, layer, first)[::-1]
         end = [n - 1 - node for node in _walk_back(behind.layers, n - 2 - layer, second)]
         return Meeting(np.array(start + end), self._proved(least, whole=whole), whole)
+
+    def _meet_in(self, layers: Sequence[int], _stop: Stop) -> tuple[float, int, int, int]:
+        """Join the ends in some layers: return the least cost, its layer and the two labels.
+
+        In the first of the layers that have it, so that all layers may be shared out at will.
+        """
+        ahead, behind = self.ends
+        best = (self.most, self.instance.n, -1, -1)
+        for layer in layers:
+            opposite = self.instance.n - 2 - layer
+            # The end itself is reached by any label that is left.
+            most = ahead.budget if opposite else -np.inf
+            other = behind.layers[opposite]
+            cost, first, second = meet(ahead.layers[layer], ahead.arcs, most, other, best[0])
+            if first >= 0:
+                best = (float(cost), layer, int(first), int(second))
+        return best
 
     def _proved(self, least: float, *, whole: bool) -> float:
         """Return the bound that both budgets prove, where no cheaper order was found."""

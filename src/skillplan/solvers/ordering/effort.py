@@ -1,10 +1,8 @@
-"""The effort of a search, and the incumbent and bound that concurrent searches share."""
+"""The effort of a search."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-from skillplan.solvers.ordering.instance import Integers
 
 
 @dataclass
@@ -33,22 +31,3 @@ class Effort:
     parts: int = 0
     programs: int = 0
     rounds: int = 0
-
-
-@dataclass(frozen=True)
-class SharedIncumbent:
-    """The best order and bound of concurrent searches.
-
-    Parameters
-    ----------
-    order
-        The best order, or None where it is not new.
-    bound
-        No order costs less.
-    bound_method
-        In words, what proved that.
-    """
-
-    order: Integers | None = None
-    bound: float = 0.0
-    bound_method: str = ""
