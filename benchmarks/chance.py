@@ -3,7 +3,9 @@
 A third of the parts is missed with a probability of 0.1 to 0.4. For each board: what `replan` costs
 on average, exactly, and the 95 % interval of the mean of 2,000 roll-outs; the proved lower bound of
 the deterministic relaxation; the least expected cost by value iteration where that many states can
-be held; and how long an answer takes, new plans included, of a policy that knows nothing yet.
+be held; and how long an answer takes, new plans included, of a policy that has planned for no state
+yet. With `--learn` also what `imitate` costs, by 2,000 roll-outs and where its states can be
+listed exactly, how long it learns and how long it takes to answer.
 
 Every board that is done is a line of `--out`, and not done again.
 """
@@ -25,6 +27,7 @@ from skillplan.model.policy_value import evaluate_policy
 from skillplan.pipeline.run import make_model, make_solver
 from skillplan.pipeline.setup import load_problem
 from skillplan.solvers.chance.adaptive_search import AdaptiveSearch
+from skillplan.solvers.chance.orders_ahead import orders_ahead
 from skillplan.solvers.chance.replan import Replanning
 from skillplan.solvers.chance.retries import retried
 from skillplan.solvers.stop import Stop
@@ -32,7 +35,7 @@ from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
 
-SIZES = ((12, 0.0), (16, 0.1), (20, 0.2))
+SIZES = ((12, 0.0), (16, 0.1), (20, 0.2), (20, 0.1), (20, 0.0))
 TOOLS = 3
 FAILURES = (0.1, 0.4)
 FAILING_SHARE = 1 / 3
@@ -48,8 +51,7 @@ def main() -> None:
     print(
         f"{'parts':>5} {'density':>7} {'seed':>4} {'states':>9} {'bound':>9} {'replan':>9} "
         f"{'95 % of 2,000 roll-outs':>23} {'gap':>7} {'optimum':>9} {'above':>7} "
-        f"{'replan [s]':>10} {'VI [s]':>7} {'mean [ms]':>9} {'first [ms]':>10} "
-        f"{'weight 1.2':>10} {'[s]':>6}"
+        f"{'replan [s]':>10} {'VI [s]':>7} {'mean [ms]':>9} {'first [ms]':>10}"
     )
     for parts, density in SIZES:
         for seed in range(options.first_seed, options.first_seed + options.seeds):
@@ -60,7 +62,13 @@ def main() -> None:
                     file.write(json.dumps(done[key]) + "\n")
             print(shown(key, done[key]), flush=True)
             if options.learn:
-                learnt(key, options)
+                learn_key = (*key, "imitate")
+                if learn_key not in done:
+                    figures = learnt(board(*key), options)
+                    done[learn_key] = {"board": learn_key, **figures}
+                    with options.out.open("a", encoding="utf-8") as file:
+                        file.write(json.dumps(done[learn_key]) + "\n")
+                print(shown_learnt(done[key], done[learn_key]), flush=True)
 
 
 def parsed() -> argparse.Namespace:
@@ -70,7 +78,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=3, help="boards of each size")
     parser.add_argument("--first-seed", type=int, default=1)
     parser.add_argument("--time-limit", type=float, default=300.0, help="of each solver [s]")
-    parser.add_argument("--learn", action="store_true", help="train imitate, too; not kept")
+    parser.add_argument("--learn", action="store_true", help="train imitate, too")
     parser.add_argument("--max-states", type=int, default=1_000_000, help="for value iteration")
     return parser.parse_args()
 
@@ -97,7 +105,7 @@ def measured(task: Task, options: argparse.Namespace) -> dict[str, Any]:
         "replan_s": time.perf_counter() - begin_s,
         "sampled": found.trace.get("expected_cost"),
         "policy_states": found.trace.get("policy_states"),
-        **sooner(task),
+        "sets": found.trace.get("sets"),
     }
     policy = found.policy
     if policy is None:
@@ -106,20 +114,11 @@ def measured(task: Task, options: argparse.Namespace) -> dict[str, Any]:
     return figures | answer_times(task) | optimum(task, options)
 
 
-def sooner(task: Task) -> dict[str, Any]:
-    """Return cost and time of replanning with plans that may cost 1.2 times the least."""
-    model = make_model(task)
-    begin_s = time.perf_counter()
-    found = make_solver("replan", {"weight": 1.2, "bound_labels": 0, "roll_outs": 2}).solve(model)
-    spent_s = time.perf_counter() - begin_s
-    cost = None if found.policy is None else evaluate_policy(model, found.policy.get).cost
-    return {"weighted": cost, "weighted_s": spent_s}
-
-
 def answer_times(task: Task) -> dict[str, float]:
     """Return what an answer takes, first and on average over 200 roll-outs [ms], memory empty."""
-    model = make_model(task)
-    search = AdaptiveSearch(model, retried(task), Stop(), 10_000_000)
+    model, certain = make_model(task), retried(task)
+    ahead = orders_ahead(model, certain, 1_200_000, Stop())
+    search = AdaptiveSearch(model, certain, Stop(), 10_000_000, ahead=ahead)
     timed = _Timed(Replanning(search, model, lookahead=True).get)
     steps = 0
     for seed in range(200):
@@ -168,16 +167,35 @@ def optimum(task: Task, options: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def learnt(key: tuple[int, float, int], options: argparse.Namespace) -> None:
-    """Print what a network costs that learned from replan, and what its answers take."""
+def learnt(task: Task, options: argparse.Namespace) -> dict[str, Any]:
+    """Return what a network costs that learned from replan, and what its answers take."""
+    model = make_model(task)
     solver = make_solver("imitate", {}, Stop(time_limit_s=options.time_limit))
     begin_s = time.perf_counter()
-    trace = solver.solve(make_model(board(*key))).trace
-    print(
-        f"      imitate: teacher {text(trace.get('teacher_cost'), 5)}, imitated "
-        f"{text(trace.get('imitated_cost'), 5)}, reinforced {text(trace.get('learned_cost'), 5)}; "
-        f"{text(trace.get('answer_ms'), 3)} ms an answer; {time.perf_counter() - begin_s:.1f} s",
-        flush=True,
+    found = solver.solve(model)
+    figures = {"learning_s": time.perf_counter() - begin_s}
+    names = ("teacher_cost", "imitated_cost", "learned_cost", "demonstrations", "answer_ms")
+    figures |= {name: found.trace.get(name) for name in names}
+    sample = None if found.policy is None else sample_policy(model, found.policy.get)
+    if sample is not None and sample.problem is None:
+        figures["cost"] = sample.cost
+        figures["half_width"] = sample.half_width
+    return figures
+
+
+def shown_learnt(line: dict[str, Any], learned: dict[str, Any]) -> str:
+    """Return what was learned as a line below that of its board."""
+    cost = learned.get("learned_cost")
+    better = min(one for one in (line.get("replan"), line.get("optimum")) if one is not None)
+    above = None if cost is None else 100 * (cost - better) / better
+    low, high = (
+        None if "cost" not in learned else learned["cost"] + side * learned["half_width"]
+        for side in (-1, 1)
+    )
+    return (
+        f"      imitate: {text(cost, 5)}, of 2,000 roll-outs {text(low, 5)} to {text(high, 5)}, "
+        f"{text(above, 2)} % above the better; {text(learned.get('answer_ms'), 3)} ms an answer; "
+        f"{learned['learning_s']:.1f} s, {learned.get('demonstrations')} states shown"
     )
 
 
@@ -195,7 +213,6 @@ def shown(key: tuple[int, float, int], line: dict[str, Any]) -> str:
         f"{text(gap, 2):>5} % {text(best, 5):>9} {text(above, 2):>5} %",
         f"{text(line['replan_s'], 2):>10} {text(line.get('vi_s'), 1):>7}",
         f"{text(line.get('mean_ms'), 3):>9} {text(line.get('first_ms'), 1):>10}",
-        f"{text(line.get('weighted'), 5):>10} {text(line.get('weighted_s'), 2):>6}",
     ]
     return " ".join(words)
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from functools import reduce
 from operator import or_
 
-from skillplan.task.cost import CaseCost, ConstantCost, Cost, DistanceCost
+from skillplan.task.cost import CaseCost, ConstantCost, Cost, DerivedCost, DistanceCost
 from skillplan.task.cost_table import TableCost
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
@@ -101,4 +101,6 @@ class CostBasis:
                 self._places[shared] = reduce(or_, cost.places)
             when = (route.when.bits for route in cost.motion.routes)
             return reduce(or_, when, self._places[shared])
+        if isinstance(cost, DerivedCost):
+            return self.bits(cost.cost)
         return None

@@ -125,6 +125,10 @@ class JobConnections:
             raise structure.no(f"nothing leads to {structure.jobs[job].component} from {start}")
         return self._begun_in[job]
 
+    def costs_from(self, situation: int) -> NDArray[np.float64]:
+        """Return the costs of coming from a situation to each job and doing it, shape (n,)."""
+        return self._from(situation)[0]
+
     def _from(self, situation: int) -> tuple[NDArray[np.float64], list[tuple[str, ...]]]:
         """Return the cost of coming from a situation to each job and doing it, and the paths."""
         stops = self._stops(situation)
@@ -256,11 +260,11 @@ class JobConnections:
         situation = self.following(chain[0], state.bits)
         key = (job, situation)
         if key not in self._tails:
-            self._tails[key] = self._tail(chain[1:], situation)
+            self._tails[key] = self.tail(chain[1:], situation)
         return cost + self._tails[key]
 
-    def _tail(self, skills: tuple[Skill, ...], situation: int) -> float:
-        """Return the cost of the skills of a job after its first."""
+    def tail(self, skills: tuple[Skill, ...], situation: int) -> float:
+        """Return the cost of the last skills of a job from a situation; inf for a dead end."""
         cost = 0.0
         for skill in skills:
             needs = skill.precondition.requires.bits & self._structure.situation

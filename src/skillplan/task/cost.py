@@ -29,6 +29,19 @@ class Cost(Protocol):
         """Return a lower bound over the states with these facts known true and false."""
 
 
+class DerivedCost:
+    """A cost that is worked out of another one, and depends on no other facts.
+
+    Attributes
+    ----------
+    cost
+        The other one.
+    """
+
+    __slots__ = ()
+    cost: Cost
+
+
 @dataclass(frozen=True, slots=True)
 class ConstantCost:
     """The same value in every state.

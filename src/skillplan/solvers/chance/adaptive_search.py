@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from skillplan.model.skill_model import SkillModel
@@ -44,6 +45,8 @@ class AdaptiveSearch:
     weight
         Bounds on the cost to go are taken so many times, >= 1. Above 1 the first path may cost as
         many times the least (weighted A*: Pohl, 1970), and nothing is learnt of other states.
+    ahead
+        Another lower bound on the cost to the goal, by state; None for none.
 
     Attributes
     ----------
@@ -62,6 +65,7 @@ class AdaptiveSearch:
         stop: Stop,
         max_labels: int,
         weight: float = 1.0,
+        ahead: Callable[[State], float] | None = None,
     ) -> None:
         self._model, self._task, self._stop = model, certain, stop
         self._max_labels = max_labels
@@ -77,6 +81,8 @@ class AdaptiveSearch:
         self.questions = 0
         self.floor = 0.0
         self._weight = weight
+        self._ahead = ahead
+        self._looked_ahead: dict[int, int] = {}
 
     def skill(self, state: State) -> Skill | None:
         """Return the first skill of a cheapest path, with its failures; None without a path."""
@@ -106,7 +112,17 @@ class AdaptiveSearch:
         if known is not None:
             return known.to_go
         own, _ = self._landmarks(state)
-        return own if own < 0 else max(own, self._bounds.get(state.bits, 0))
+        if own < 0:
+            return own
+        learnt = self._bounds.get(state.bits, 0)
+        return max(own, learnt, 0 if self._ahead is None else self._looking_ahead(state))
+
+    def _looking_ahead(self, state: State) -> int:
+        found = self._looked_ahead.get(state.bits)
+        if found is None:
+            assert self._ahead is not None
+            found = self._looked_ahead[state.bits] = to_units(self._ahead(state))
+        return found
 
     def _search(self, start: State) -> None:
         """Find a cheapest path and keep its steps; nothing is kept where there is none."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
@@ -26,6 +26,10 @@ from skillplan.solvers.solver import Solver
 from skillplan.task import back_end
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
+from skillplan.task.task import Task
+
+if TYPE_CHECKING:
+    from skillplan.solvers.chance.orders_ahead import OrdersAhead
 
 # What costs less by no more than this, a sum of rounding errors, is no better.
 _ROUNDING = 1e-12
@@ -134,7 +138,15 @@ class ReplanSolver(Solver):
             ge=1.0,
             le=100.0,
             description="above 1, a first plan may cost so many times the least, and is found much "
-            "sooner: 1.2 where there are more than 100,000 states [-]",
+            "sooner; only where `sets` does not do: 1.2 with more than 100,000 states [-]",
+        )
+        sets: int = Field(
+            default=1_200_000,
+            ge=0,
+            le=100_000_000,
+            description="where the task is one of putting jobs in order: up to so many sets of "
+            "jobs that may be done, what is still to pay is worked out ahead, so that plans are "
+            "found at once; 8 bytes each for every job; 0 for none [-]",
         )
         bound_labels: int = Field(
             default=200_000,
@@ -157,10 +169,10 @@ class ReplanSolver(Solver):
         begin_s = time.perf_counter()
         bound, trace = self._bound(model)
         bound_s = time.perf_counter() - begin_s
-        options = self.options
-        search = AdaptiveSearch(
-            model, retried(model.task), self.stop, options.max_labels, options.weight
-        )
+        options, certain = self.options, retried(model.task)
+        ahead = self._ahead(model, certain)
+        weight = options.weight if ahead is None else 1.0
+        search = AdaptiveSearch(model, certain, self.stop, options.max_labels, weight, ahead)
         planned = search.cost(model.initial)
         if planned is None:
             why = (
@@ -177,6 +189,7 @@ class ReplanSolver(Solver):
             "expected_cost": None if sample is None else _document(sample),
             "policy_states": len(policy),
             "policy_complete": whole,
+            "sets": None if ahead is None else ahead.sets,
             "searches": search.searches,
             "expanded": search.expanded,
             "states": search.expanded,
@@ -201,18 +214,27 @@ class ReplanSolver(Solver):
         if task is None:
             why = "a failure might save something" if labels else "not asked for"
             return None, {"no_bound": why}
-        search = AdaptiveSearch(model, task, self.stop, labels)
+        ahead = self._ahead(model, task)
+        search = AdaptiveSearch(model, task, self.stop, labels, ahead=ahead)
         cost = search.cost(model.initial)
         if cost is None and not search.floor:
             return None, {"no_bound": "there is no plan"}
         cost = search.floor if cost is None else cost
-        if search.questions & touched(model.task):
+        asked = search.questions | (0 if ahead is None else ahead.questions)
+        if asked & touched(model.task):
             return None, {"no_bound": "verdicts rest on what a failure changes"}
         self.stop.bound(cost)
         return cost, {
             "bound_method": "search with every failure at its least detour",
             "bound_expanded": search.expanded,
         }
+
+    def _ahead(self, model: SkillModel, certain: Task) -> OrdersAhead | None:
+        """Return what is ahead in every state, where that can be worked out."""
+        # Here and not above: it imports numpy.
+        from skillplan.solvers.chance.orders_ahead import orders_ahead
+
+        return orders_ahead(model, certain, self.options.sets, self.stop)
 
     def _spread(self, model: SkillModel, policy: Replanning) -> bool:
         """Ask the policy wherever it may get to; return whether that was everywhere."""

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from skillplan.quick_dataclass import dataclass
-from skillplan.task.cost import Cost
+from skillplan.task.cost import Cost, DerivedCost
 from skillplan.task.skill import Outcome, Skill
 from skillplan.task.state import Facts, State
 from skillplan.task.task import Task
@@ -22,7 +22,7 @@ _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class RetryCost:
+class RetryCost(DerivedCost):
     """The expected cost of a skill that is tried until it succeeds.
 
     With probabilities p_j of ending in state f_j and q of succeeding the first try costs c(s),
@@ -70,7 +70,7 @@ class RetryCost:
 
 
 @dataclass(frozen=True, slots=True)
-class RaisedCost:
+class RaisedCost(DerivedCost):
     """A cost with something added to it in every state.
 
     Parameters

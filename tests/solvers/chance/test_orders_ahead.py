@@ -1,0 +1,192 @@
+"""What is ahead in a task of jobs: exactly what a search finds, and never more."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from example_count import examples
+from situations import make_skill, make_task, model_of, retry_task
+from skillplan.domains.assembly.board_generator import BoardGenerator
+from skillplan.errors import NotASequencing
+from skillplan.model.policy_value import evaluate_policy
+from skillplan.model.skill_model import SkillModel
+from skillplan.pipeline.run import make_model
+from skillplan.pipeline.setup import load_problem
+from skillplan.solvers.chance.adaptive_search import AdaptiveSearch
+from skillplan.solvers.chance.orders_ahead import (
+    CertainModel,
+    OrdersAhead,
+    costs_to_go,
+    feasible_sets,
+    orders_ahead,
+)
+from skillplan.solvers.chance.replan import ReplanSolver
+from skillplan.solvers.chance.retries import relaxed, retried
+from skillplan.solvers.stop import Stop
+from skillplan.task.state import Facts, State
+
+BOARDS = st.builds(
+    BoardGenerator,
+    parts=st.integers(2, 5),
+    density=st.floats(0, 0.5),
+    tools=st.integers(1, 3),
+    seed=st.integers(0, 10_000),
+    failures=st.just((0.05, 0.6)),
+    failing_share=st.floats(0.4, 1.0),
+)
+# By job the set of those before it, which come earlier in the list.
+NEEDS = st.integers(1, 5).flatmap(
+    lambda count: st.tuples(*(st.integers(0, (1 << job) - 1) for job in range(count)))
+)
+
+
+def model_on(board: BoardGenerator, folder: Path) -> SkillModel:
+    path = folder / "board.yaml"
+    path.write_text(board.text(), "utf-8")
+    return make_model(load_problem(path).task)
+
+
+def met_by_chance(model: SkillModel, seed: int) -> list[State]:
+    """Return the states of some walks at random, what fails included."""
+    chance, met = random.Random(seed), {model.initial: None}
+    for _ in range(4):
+        state = model.initial
+        for _ in range(model.step_limit):
+            arrows = model.transitions(state)
+            if not arrows:
+                break
+            state = chance.choice(chance.choice(arrows).outcomes)[1]
+            met[state] = None
+    return list(met)
+
+
+@settings(max_examples=examples(12))
+@given(board=BOARDS, seed=st.integers(0, 100))
+def test_it_knows_what_a_search_from_any_state_finds(
+    board: BoardGenerator, seed: int, tmp_path_factory: Any
+) -> None:
+    """Also after a miss, with a part in hand, and with any tool."""
+    model = model_on(board, tmp_path_factory.mktemp("board"))
+    certain = retried(model.task)
+    ahead = OrdersAhead(CertainModel(model, certain), 1_000, Stop())
+    plain = AdaptiveSearch(model, certain, Stop(), 100_000)
+    for state in met_by_chance(model, seed):
+        cost = plain.cost(state)
+        if cost is not None:
+            assert ahead(state) == pytest.approx(cost, abs=1e-9)
+            assert ahead(state) <= cost + 1e-12
+
+
+@settings(max_examples=examples(6))
+@given(board=BOARDS)
+def test_replanning_is_the_same_with_it_and_without(
+    board: BoardGenerator, tmp_path_factory: Any
+) -> None:
+    """Plan, bound and expected cost, with no more searching."""
+    model = model_on(board, tmp_path_factory.mktemp("board"))
+    found = [
+        ReplanSolver(ReplanSolver.Options(sets=sets, roll_outs=2)).solve(model)
+        for sets in (0, 1_000)
+    ]
+    plain, ahead = found
+    assert plain.trace["sets"] is None
+    assert ahead.trace["sets"] >= 1
+    for name in ("planned_cost",):
+        assert ahead.trace[name] == pytest.approx(plain.trace[name], abs=1e-9)
+    assert ahead.lower_bound == pytest.approx(plain.lower_bound, abs=1e-9)
+    assert ahead.trace["expanded"] <= plain.trace["expanded"]
+
+
+def test_a_board_beyond_tables_is_planned_and_bounded_in_a_moment(tmp_path: Path) -> None:
+    """20 parts, some hundred thousand states: bound, plan and replanning within 3 %."""
+    board = BoardGenerator(20, 0.2, 3, 1, failures=(0.1, 0.4), failing_share=1 / 3)
+    model = model_on(board, tmp_path)
+    found = ReplanSolver().solve(model)
+    assert found.policy is not None
+    cost = evaluate_policy(model, found.policy.get).cost
+    assert cost is not None
+    assert found.lower_bound is not None
+    assert found.trace["expanded"] < 1_000
+    assert found.lower_bound == pytest.approx(18.12138, abs=1e-5)
+    assert cost == pytest.approx(18.53500, abs=1e-5)
+
+
+@given(needs=NEEDS)
+def test_sets_hold_with_every_job_what_it_needs(needs: tuple[int, ...]) -> None:
+    everything = range(1 << len(needs))
+    wanted = {
+        one
+        for one in everything
+        if all(not one >> job & 1 or not need & ~one for job, need in enumerate(needs))
+    }
+    layers = feasible_sets(needs, 100, Stop())
+    assert [int(one) for layer in layers for one in layer] == sorted(
+        wanted, key=lambda one: (one.bit_count(), one)
+    )
+    assert feasible_sets(needs, len(wanted) - 1, Stop()) == []
+
+
+@given(needs=NEEDS, seed=st.integers(0, 1_000))
+def test_what_is_to_pay_is_the_least_of_all_orders(needs: tuple[int, ...], seed: int) -> None:
+    count = len(needs)
+    costs = np.random.default_rng(seed).uniform(0, 1, (count, count))
+    costs[np.random.default_rng(seed).random((count, count)) < 0.2] = np.inf
+    layers = feasible_sets(needs, 100, Stop())
+    found = costs_to_go(layers, needs, costs, Stop())
+    for layer, table in zip(layers[1:], found[1:], strict=True):
+        for done, row in zip(layer.tolist(), table, strict=True):
+            for last in range(count):
+                if done >> last & 1:
+                    assert row[last] == pytest.approx(least(done, last, needs, costs))
+
+
+def least(done: int, last: int, needs: tuple[int, ...], costs: Any) -> float:
+    """Return the least cost of all orders of what is left, one by one."""
+    rest = [job for job in range(len(needs)) if not done >> job & 1]
+    found = math.inf
+    for order in itertools.permutations(rest):
+        total, here, met = 0.0, last, done
+        for job in order:
+            total += costs[here, job] if not needs[job] & ~met else math.inf
+            here, met = job, met | 1 << job
+        found = min(found, total)
+    return found
+
+
+def test_where_there_are_no_jobs_or_too_many_sets_nothing_is_known(tmp_path: Path) -> None:
+    task = retry_task(0.25, 2.0)
+    assert orders_ahead(model_of(task), retried(task), 0, Stop()) is None
+    facts = Facts(("one", "two"))
+    skills = [
+        make_skill(facts, name, forbids=(name,), outcomes=[(0.5, (name,), ()), (0.5, (), ())])
+        for name in facts.names
+    ]
+    other = make_task(facts, skills, goal=facts.names)
+    assert orders_ahead(model_of(other), retried(other), 1_000, Stop()) is None
+    model = model_on(BoardGenerator(4, 0.0, 1, 1), tmp_path)
+    certain = CertainModel(model, retried(model.task))
+    with pytest.raises(NotASequencing, match="more than 15 sets of jobs"):
+        OrdersAhead(certain, 15, Stop())
+    assert OrdersAhead(certain, 16, Stop()).sets == 16
+
+
+def test_what_verdicts_rest_on_is_noted_for_the_proof(tmp_path: Path) -> None:
+    """The order of jobs rests on verdicts, and so does a bound that is worked out with it."""
+    board = BoardGenerator(5, 0.5, 1, 1, failures=(0.1, 0.4), failing_share=0.5)
+    model = model_on(board, tmp_path)
+    certain = relaxed(model.task)
+    assert certain is not None
+    asked = CertainModel(model, certain)
+    assert not asked.questions
+    assert OrdersAhead(asked, 1_000, Stop()).questions
+    placed = model.task.goal.requires.bits
+    assert asked.questions & placed
