@@ -149,7 +149,8 @@ clean:  ## all that these targets make
 .venv/.test: .venv/.demo
 	$(PIP) --editable '.[test]' --editable plugins/skillplan-template \
 	  --editable plugins/skillplan-ortools --editable plugins/skillplan-ray \
-	  --editable plugins/skillplan-ros2 --editable plugins/skillplan-cad
+	  --editable plugins/skillplan-ros2 --editable plugins/skillplan-cad \
+	  --editable plugins/skillplan-optuna
 	touch $@
 
 .venv/.check: .venv/.core

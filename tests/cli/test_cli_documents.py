@@ -191,7 +191,9 @@ PLUGINS = record(
     schema=one_of("skillplan.plugins/1"),
     plugins=many(
         record(
-            kind=one_of("domain", "physics", "collision", "solver", "executor", "exporter"),
+            kind=one_of(
+                "domain", "physics", "collision", "solver", "executor", "exporter", "sampler"
+            ),
             name=TEXT,
             distribution=TEXT,
             version=TEXT,

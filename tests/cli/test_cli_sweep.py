@@ -234,3 +234,24 @@ class TestFaults:
         assert document["interrupted"]
         assert 6 == document["missing"] + len(document["runs"])
         assert document["runs"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--sampler", "optuna"), "--sampler optuna needs --out DIR"),
+        (("--sampler", "optuna", "--design", "grid", "--out", "x"), "leave out --sampler"),
+        (("--sampler", "optima", "--out", "x"), "Unknown sampler 'optima'"),
+        (("--sampler", "optuna", "--out", "x", "--minimise", "luck"), "luck"),
+        (("--sampler", "optuna", "--out", "x", "--trials", "0"), "--trials"),
+    ],
+)
+def test_a_sampler_asked_for_wrongly_is_one_message(
+    cli: Any, words: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    outcome = cli("sweep", CASES, "--solver", "sarsa", "-O", "gamma=0.8:0.9", *words)
+    assert outcome.code == 2
+    assert message in outcome.err
+    assert "Traceback" not in outcome.err
+    assert list(tmp_path.iterdir()) == []

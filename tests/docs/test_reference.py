@@ -90,6 +90,7 @@ def test_every_plugin_of_this_repository_is_in_the_reference():
         "domain": built("back_ends.md"),
         "executor": built("executors.md"),
         "exporter": built("exporters.md"),
+        "sampler": built("samplers.md"),
     }
     written = "".join(page.read_text("utf-8") for page in DOCS.rglob("*.md"))
     for path in [ROOT / "pyproject.toml", *(ROOT / "plugins").glob("*/pyproject.toml")]:

@@ -30,6 +30,7 @@ KINDS = {
     "solver": "skillplan.solvers.solver:Solver",
     "executor": "skillplan.workers.executor:Executor",
     "exporter": "skillplan.exporters.exporter:Exporter",
+    "sampler": "skillplan.sweep.sampler:Sampler",
 }
 
 # Words that users try, to the plugin that they mean where no name is near.
@@ -47,6 +48,7 @@ _MEANT = {
     "physics": {"bullet": "pybullet", "none": "kinematic"},
     "collision": {"chart": "precedence", "boxes": "aabb"},
     "executor": {"processes": "local", "multiprocessing": "local", "cluster": "ray"},
+    "sampler": {"tpe": "optuna", "bayesian": "optuna"},
     "exporter": {
         "behaviortree": "btcpp",
         "behaviour-tree": "btcpp",

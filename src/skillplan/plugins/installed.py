@@ -8,7 +8,7 @@ from importlib.metadata import Distribution, EntryPoint, EntryPoints, entry_poin
 from typing import Any
 
 # Kind of plugin to the group that its entry points are in.
-_KINDS = ("domain", "physics", "collision", "solver", "executor", "exporter")
+_KINDS = ("domain", "physics", "collision", "solver", "executor", "exporter", "sampler")
 GROUPS = {kind: f"skillplan.{kind}" for kind in _KINDS}
 # What takes a mesh apart into convex pieces: a function, not a class.
 _DECOMPOSITION = "decomposition"

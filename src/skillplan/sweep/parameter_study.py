@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,9 +10,11 @@ from skillplan.errors import OptionError
 from skillplan.pipeline import registry
 from skillplan.pipeline.run import make_model, make_solver
 from skillplan.pipeline.setup import Setup
-from skillplan.records.sweep.plan import ONE_AT_A_TIME, Start, SweepPlan
+from skillplan.records.sweep.plan import ONE_AT_A_TIME, SAMPLED, Axis, Start, SweepPlan
 from skillplan.records.sweep.record import SweepRecord
 from skillplan.records.sweep.result import SweepResult
+from skillplan.records.sweep.sampled import SampledPlan
+from skillplan.sweep.option_space import read_space
 from skillplan.sweep.parameter_values import read_values
 from skillplan.sweep.study_folder import StudyFolder
 from skillplan.sweep.study_run import StudyJob, from_starts
@@ -70,43 +72,115 @@ def plan_study(
         If a plugin is unknown or broken.
     """
     wanted = read_values(solver, list(values))
-    fixed: dict[str, dict[str, Any]] = {key: dict(kv) for key, kv in setup.options.items()}
-    if wanted.fixed:
-        fixed[solver] = {**fixed.get(solver, {}), **wanted.fixed}
-    job = StudyJob(
-        from_starts(task, list(starts)),
-        solver,
-        replace(setup, options=fixed),
-        warm,
-    )
-    first = next(iter(job.tasks.values()))
+    fixed = _with(setup, solver, wanted.fixed)
     _check_size(wanted.axes, design, runs)
-    refusal = make_solver(solver, fixed.get(solver, {})).refuses(make_model(first, job.setup))
-    if refusal is not None:
-        raise OptionError(f"The solver {solver!r} cannot serve {task.name!r}: {refusal}")
+    job, common = _common(task, solver, setup, fixed, starts, warm)
     plan = SweepPlan(
         name=name or task.name,
-        task=task.name,
-        kind=task.kind,
-        sha256=task.sha256,
-        cost_unit=task.metric.unit,
-        step_limit=task.step_limit,
-        solver=solver,
-        physics=setup.physics_choice(task).name,
-        collision=",".join(choice.name for choice in setup.collision_choices(task)),
         design=design,
         axes=wanted.axes,
         centre=wanted.centre,
-        fixed=fixed,
-        starts=tuple(Start(name, job.optimum(name)) for name in job.tasks),
         seeds=tuple(range(seed, seed + runs)),
-        warm=warm,
+        **common,
     )
     plugin = registry.load("solver", solver)
     for setting in plan.settings:
         # Options that do not go together are refused before anything has run.
         registry.make_options("solver", solver, plugin, {**fixed.get(solver, {}), **setting})
     return plan, job
+
+
+def plan_sampled(
+    task: Task,
+    solver: str,
+    values: Sequence[tuple[str, str]],
+    setup: Setup = Setup(),
+    *,
+    sampler: str,
+    minimise: str = "cost",
+    starts: Sequence[str] = (),
+    runs: int = 5,
+    seed: int = 0,
+    warm: bool = False,
+    name: str = "",
+) -> tuple[SampledPlan, StudyJob]:
+    """Return the plan of a study whose settings a sampler chooses, and what its runs share.
+
+    Parameters
+    ----------
+    values
+        Option and text such as ``("gamma", "0.8:0.999")``; see `read_space`.
+    sampler
+        Name of the plugin that chooses.
+    minimise
+        One of `AIMS`.
+    task, solver, setup, starts, runs, seed, warm, name
+        As for `plan_study`.
+
+    Raises
+    ------
+    OptionError
+        If an option, range or start is wrong, no option varies, or the solver refuses the task.
+    PluginError
+        If a plugin is unknown or broken.
+    """
+    wanted = read_space(solver, values)
+    job, common = _common(task, solver, setup, _with(setup, solver, wanted.fixed), starts, warm)
+    plan = SampledPlan(
+        name=name or task.name,
+        design=SAMPLED,
+        axes=tuple(Axis(one.option, (wanted.centre[one.option],)) for one in wanted.dimensions),
+        centre=wanted.centre,
+        seeds=tuple(range(seed, seed + runs)),
+        space=wanted.dimensions,
+        minimise=minimise,
+        sampler=sampler,
+        **common,
+    )
+    return plan, job
+
+
+def _with(setup: Setup, solver: str, fixed: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the options of all plugins, with those of the solver that hold in all runs."""
+    options: dict[str, dict[str, Any]] = {key: dict(kv) for key, kv in setup.options.items()}
+    if fixed:
+        options[solver] = {**options.get(solver, {}), **fixed}
+    return options
+
+
+def _common(
+    task: Task,
+    solver: str,
+    setup: Setup,
+    fixed: dict[str, dict[str, Any]],
+    starts: Sequence[str],
+    warm: bool,
+) -> tuple[StudyJob, dict[str, Any]]:
+    """Return what the runs of every design have in common, and what its plan says of that.
+
+    Raises
+    ------
+    OptionError
+        If a start is wrong or the solver refuses the task.
+    """
+    job = StudyJob(from_starts(task, list(starts)), solver, replace(setup, options=fixed), warm)
+    first = next(iter(job.tasks.values()))
+    refusal = make_solver(solver, fixed.get(solver, {})).refuses(make_model(first, job.setup))
+    if refusal is not None:
+        raise OptionError(f"The solver {solver!r} cannot serve {task.name!r}: {refusal}")
+    return job, {
+        "task": task.name,
+        "kind": task.kind,
+        "sha256": task.sha256,
+        "cost_unit": task.metric.unit,
+        "step_limit": task.step_limit,
+        "solver": solver,
+        "physics": setup.physics_choice(task).name,
+        "collision": ",".join(choice.name for choice in setup.collision_choices(task)),
+        "fixed": fixed,
+        "starts": tuple(Start(start, job.optimum(start)) for start in job.tasks),
+        "warm": warm,
+    }
 
 
 def _check_size(axes: Sequence[Any], design: str, runs: int) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -64,21 +64,13 @@ def read_values(solver: str, given: list[tuple[str, str]]) -> SolverValues:
     several: dict[str, tuple[Any, ...]] = {}
     single: dict[str, str] = {}
     for name, text in given:
-        values = _values(solver, plugin, name, text)
-        if name in (several if values is not None else single):
-            raise OptionError(f"Option {name!r} is given twice: {text!r} is one too many.")
-        if values is None:
-            single[name] = text
-        else:
-            several[name] = values
-    around = _checked(solver, plugin, single, "")
+        values = listed(solver, plugin, name, text)
+        keep(name, text, values, several if values is not None else single)
+    around = checked(solver, plugin, single, "")
     axes = []
     for name, values in several.items():
-        checked = [
-            _checked(solver, plugin, {**single, name: value}, f"{name}={value}")[name]
-            for value in values
-        ]
-        axes.append(Axis(name, tuple({json.dumps(value): value for value in checked}.values())))
+        known = checked_values(solver, plugin, single, name, values)
+        axes.append(Axis(name, known))
     return SolverValues(
         tuple(axes),
         {axis.option: around[axis.option] for axis in axes},
@@ -86,20 +78,39 @@ def read_values(solver: str, given: list[tuple[str, str]]) -> SolverValues:
     )
 
 
-def _values(
+def keep(name: str, text: str, values: Any, kept: dict[str, Any]) -> None:
+    """Keep what was given for an option, or the text where there are no values; but not twice.
+
+    Raises
+    ------
+    OptionError
+        If it is there already.
+    """
+    if name in kept:
+        raise OptionError(f"Option {name!r} is given twice: {text!r} is one too many.")
+    kept[name] = text if values is None else values
+
+
+def listed(
     solver: str, plugin: type[Any], name: str, text: str
 ) -> tuple[float | int | str, ...] | None:
-    """Return the values that a text lists, or None where it is a single one."""
+    """Return the values that a text lists, or None where it is a single one.
+
+    Raises
+    ------
+    OptionError
+        If the option is unknown, or the text has the wrong form.
+    """
     options: type[BaseModel] = plugin.Options
     if name not in options.model_fields:
         registry.make_options("solver", solver, plugin, {name: text})  # names what is known
-    kinds = _kinds(options.model_fields[name].annotation)
-    numeric = bool(kinds & {int, float})
-    if str in kinds and not numeric:
+    types = kinds(options.model_fields[name].annotation)
+    numeric = bool(types & {int, float})
+    if str in types and not numeric:
         return None
     if numeric and ":" in text:
         values = spaced(name, text)
-        if float not in kinds:
+        if float not in types:
             return tuple(dict.fromkeys(round(value) for value in values))
         return values
     if "," not in text:
@@ -112,13 +123,13 @@ def _values(
     return tuple(dict.fromkeys(entries))
 
 
-def _kinds(annotation: Any) -> set[Any]:
+def kinds(annotation: Any) -> set[Any]:
     """Return the types that an annotation allows, without what constrains them."""
     origin = get_origin(annotation)
     if origin is Annotated:
-        return _kinds(get_args(annotation)[0])
+        return kinds(get_args(annotation)[0])
     if origin in (Union, UnionType):
-        return {kind for one in get_args(annotation) for kind in _kinds(one)}
+        return {kind for one in get_args(annotation) for kind in kinds(one)}
     return {origin or annotation}
 
 
@@ -164,10 +175,37 @@ def spaced(name: str, text: str) -> tuple[float, ...]:
     return tuple(dict.fromkeys(values))
 
 
-def _checked(
+def checked_values(
+    solver: str,
+    plugin: type[Any],
+    single: Mapping[str, Any],
+    name: str,
+    values: Sequence[Any],
+) -> tuple[Value, ...]:
+    """Return distinct values of an option as JSON values, beside the single ones given.
+
+    Raises
+    ------
+    OptionError
+        If one is wrong.
+    """
+    known = [
+        checked(solver, plugin, {**single, name: value}, f"{name}={value}")[name]
+        for value in values
+    ]
+    return tuple({json.dumps(value): value for value in known}.values())
+
+
+def checked(
     solver: str, plugin: type[Any], values: Mapping[str, Any], entry: str
 ) -> dict[str, Any]:
-    """Return all options of a solver as JSON values."""
+    """Return all options of a solver as JSON values.
+
+    Raises
+    ------
+    OptionError
+        If one is wrong.
+    """
     made = registry.make_options("solver", solver, plugin, values).model_dump(mode="json")
     for name in values:
         if isinstance(made[name], float) and not math.isfinite(made[name]):

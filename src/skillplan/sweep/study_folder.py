@@ -10,38 +10,20 @@ import json
 import sys
 from typing import Any
 
-from skillplan import __version__
 from skillplan.errors import OptionError
 from skillplan.files.atomic_file import is_unfinished, remove_unfinished, write_whole
 from skillplan.files.growing_file import GrowingFile
 from skillplan.files.held_folder import HeldFolder
 from skillplan.files.regular_file import read_bytes
 from skillplan.files.strict_json import parse_json
-from skillplan.plugins.installed import registered
 from skillplan.records import schemas
 from skillplan.records.stored.result_folder import MANIFEST
-from skillplan.records.sweep.plan import SweepPlan, same
+from skillplan.records.sweep.plan import SweepPlan
 from skillplan.records.sweep.record import SweepRecord, record_of
+from skillplan.sweep.study_identity import difference, identity
 
 RUNS, RESULT, STARTS = "runs.jsonl", "sweep.json", "starts.csv"
 _MOST_BYTES = 1024**3
-
-# What a study may differ in from the one that is resumed, in words.
-_WORDS = {
-    "task": "the task",
-    "step_limit": "the step limit",
-    "solver": "the solver",
-    "physics": "the physics engine",
-    "collision": "the collision detectors",
-    "warm": "--warm",
-    "design": "the design",
-    "axes": "the values of the options",
-    "centre": "the centre",
-    "fixed": "the fixed options",
-    "starts": "the starts",
-    "seeds": "the seeds",
-    "versions": "a version",
-}
 
 
 class StudyFolder(HeldFolder):
@@ -116,7 +98,7 @@ class StudyFolder(HeldFolder):
             raise OptionError(f"--out {self.path}: holds no {MANIFEST}, so nothing to resume.")
         self._lines = GrowingFile(self.path / RUNS, self.path)
         remove_unfinished(self.path, within=self.path)
-        wanted = _identity(plan)
+        wanted = identity(plan)
         if MANIFEST in found:
             self._compare(wanted)
             self._read(plan)
@@ -138,13 +120,12 @@ class StudyFolder(HeldFolder):
             raise OptionError(
                 f"--out {self.path}: {MANIFEST} is no document {schemas.SWEEP_MANIFEST}."
             )
-        for key, words in _WORDS.items():
-            if not same(content.get(key), wanted[key]):
-                was, now = _differing(content.get(key), wanted[key])
-                raise OptionError(
-                    f"--resume: the study in {self.path} is another one, in {words}: {was} there, "
-                    f"{now} now. Give the same values, or name a new folder."
-                )
+        differs = difference(content, wanted)
+        if differs is not None:
+            raise OptionError(
+                f"--resume: the study in {self.path} is another one, {differs}. Give the same "
+                "values, or name a new folder."
+            )
 
     def _read(self, plan: SweepPlan) -> None:
         """Read the finished runs, and drop the piece of a line that may end the file."""
@@ -173,28 +154,3 @@ class StudyFolder(HeldFolder):
             if record.error is None:
                 known[record.key] = record
         self.records = list(known.values())
-
-
-def _identity(plan: SweepPlan) -> dict[str, Any]:
-    """Return what has to be the same for runs to belong together."""
-    versions = {"skillplan": __version__}
-    for entry in registered("solver").select(name=plan.solver):
-        if entry.dist is not None:
-            versions[entry.dist.name] = entry.dist.version
-    # The optima are proved again, which may take longer than the limit.
-    starts = [start.name for start in plan.starts]
-    return {**plan.document(), "starts": starts, "versions": versions}
-
-
-def _differing(was: Any, now: Any, most: int = 60) -> tuple[str, str]:
-    """Return the first things in which two JSON values differ, as texts of bounded length."""
-    while type(was) is type(now):
-        if isinstance(was, dict) and was.keys() == now.keys():
-            key = next(key for key in was if not same(was[key], now[key]))
-            was, now = was[key], now[key]
-        elif isinstance(was, list) and len(was) == len(now):
-            was, now = next((a, b) for a, b in zip(was, now, strict=True) if not same(a, b))
-        else:
-            break
-    texts = (json.dumps(was), json.dumps(now))
-    return tuple(text if len(text) <= most else f"{text[:most]}..." for text in texts)  # type: ignore[return-value]

@@ -41,7 +41,7 @@ def do_all(
     job
         What all runs have in common.
     orders
-        The runs.
+        The runs; the next one is asked for once the record before it has been taken.
     count
         How many processes, >= 1.
     stopped
@@ -89,6 +89,8 @@ def do_all(
                 else:
                     error = f"its process ended by {answer.how}"
                     record = SweepRecord(order.setting, order.seed, error=error)
+                # First the record, by which the next run may be chosen.
+                yield record
                 following = next(todo, None)
                 goes_on = following is not None and isinstance(answer, Answer)
                 if not goes_on:
@@ -97,7 +99,6 @@ def do_all(
                 if following is not None:
                     # Another process goes on where this one broke down.
                     give(worker if goes_on else None, following)
-                yield record
     finally:
         executor.close()
 

@@ -22,6 +22,7 @@ _HOMES = {
     "EngineSuite": "back_end_suites",
     "ExecutorSuite": "executor_suite",
     "ExporterSuite": "exporter_suite",
+    "SamplerSuite": "sampler_suite",
     "SimulationSuite": "simulation_suite",
     "SolverSuite": "solver_suite",
     "chance_task": "tasks",
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from skillplan.testing.domain_suite import DomainSuite
     from skillplan.testing.executor_suite import ExecutorSuite
     from skillplan.testing.exporter_suite import ExporterSuite
+    from skillplan.testing.sampler_suite import SamplerSuite
     from skillplan.testing.simulation_suite import SimulationSuite
     from skillplan.testing.solver_suite import SolverSuite
     from skillplan.testing.tasks import (
@@ -54,6 +56,7 @@ __all__ = [
     "EngineSuite",
     "ExecutorSuite",
     "ExporterSuite",
+    "SamplerSuite",
     "SimulationSuite",
     "SolverSuite",
     "chance_task",

@@ -11,7 +11,9 @@ from typing import Any
 Value = bool | int | float | str | None
 
 ONE_AT_A_TIME, GRID = "one-at-a-time", "grid"
-DESIGNS = (ONE_AT_A_TIME, GRID)
+# The settings are those that a sampler chose.
+SAMPLED = "sampled"
+DESIGNS = (ONE_AT_A_TIME, GRID, SAMPLED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +92,8 @@ class SweepPlan:
     physics, collision
         Back ends that are queried.
     design
-        One of `DESIGNS`: every option varied alone around the centre, or all combinations.
+        One of `DESIGNS`: every option varied alone around the centre, all combinations, or what a
+        sampler chose.
     axes
         The options that vary.
     centre
@@ -156,11 +159,15 @@ class SweepPlan:
         ]
         return list({json.dumps(one): one for one in around or [dict(self.centre)]}.values())
 
+    def about(self, setting: int) -> dict[str, Any]:
+        """Return as JSON values what there is to say of a setting beside its options."""
+        return {}
+
     def settings_along(self, axis: Axis) -> list[list[int]]:
         """Return for every value of an axis the indices of the settings to be shown for it.
 
-        With `ONE_AT_A_TIME` that is the one in which all other options are at the centre; with
-        `GRID` all settings of that value, whatever the others are.
+        With `ONE_AT_A_TIME` that is the one in which all other options are at the centre; else all
+        settings of that value, whatever the others are.
         """
         along = []
         for value in axis.values:
@@ -170,7 +177,7 @@ class SweepPlan:
                     index
                     for index, setting in enumerate(self.settings)
                     if same(setting[axis.option], value)
-                    and (self.design == GRID or same(setting, wanted))
+                    and (self.design != ONE_AT_A_TIME or same(setting, wanted))
                 ]
             )
         return along

@@ -167,6 +167,7 @@ class SweepResult:
             settings.append(
                 {
                     "options": dict(options),
+                    **self.plan.about(index),
                     **self.summary([index]).document(),
                     "starts": [one.document() for one in starts],
                 }

@@ -17,7 +17,15 @@ from matplotlib.transforms import ScaledTranslation
 
 from skillplan.errors import OptionError
 from skillplan.records.interval import Estimate
-from skillplan.records.sweep.plan import GRID, Axis, same, setting_text, value_text
+from skillplan.records.sweep.plan import (
+    GRID,
+    ONE_AT_A_TIME,
+    SAMPLED,
+    Axis,
+    same,
+    setting_text,
+    value_text,
+)
 from skillplan.records.sweep.result import StartSummary, SweepResult
 from skillplan.views.figures.colours import INK, MUTED, PALETTE
 from skillplan.views.figures.figure_style import (
@@ -61,7 +69,8 @@ def sweep_figure(result: SweepResult) -> Figure:
     """Draw a study: shares and times by start, against the values of every option.
 
     Points stand side by side where starts share a value; bars are 95 % intervals. With the
-    design ``grid`` a point is the mean of all settings of its value.
+    design ``grid`` a point is the mean of all settings of its value. Of settings that a sampler
+    chose a point is a trial, whatever its other options are, without bars.
 
     Parameters
     ----------
@@ -125,6 +134,11 @@ def _rows(result: SweepResult) -> list[_Row]:
     rows = [_Row("arrive [%]", lambda one: one.arrived_share, percent=True)]
     if known:
         rows.append(_Row("arrive at the\noptimum [%]", lambda one: one.best_share, percent=True))
+    if result.plan.design == SAMPLED:
+        rows.append(_Row("steps", lambda one: one.steps))
+        if known:
+            unit = f" [{result.plan.cost_unit}]" if result.plan.cost_unit else ""
+            rows.append(_Row(f"cost above the\noptimum{unit}", lambda one: one.excess))
     rows.append(_Row("learning [s]", lambda one: one.learning_s, together=result.shared))
     return rows
 
@@ -148,21 +162,23 @@ def _draw(figure: Figure, axes: Axes, result: SweepResult, axis: Axis, row: _Row
         factor = 100.0 if row.percent else 1.0
         values = [factor * estimate.value for _, estimate in points]
         colour = INK if name is None else PALETTE[number]
+        bars = [
+            [factor * (one.value - _or(one.low, one)) for _, one in points],
+            [factor * (_or(one.high, one) - one.value) for _, one in points],
+        ]
+        sampled = plan.design == SAMPLED
         axes.errorbar(
             [place for place, _ in points],
             values,
-            yerr=[
-                [factor * (one.value - _or(one.low, one)) for _, one in points],
-                [factor * (_or(one.high, one) - one.value) for _, one in points],
-            ],
+            yerr=None if sampled else bars,
             color=colour,
             marker=_MARKERS[number],
             markersize=3.2,
-            linewidth=0.9 if axis.numeric else 0.0,
+            linewidth=0.9 if axis.numeric and not sampled else 0.0,
             elinewidth=0.7,
             transform=axes.transData + shift,
         )
-    if plan.design != GRID:
+    if plan.design == ONE_AT_A_TIME:
         centre = next(
             (
                 place
@@ -195,7 +211,9 @@ def _lay_out(
     else:
         margin = 0.06 * (max(places) - min(places)) or 0.5
         axes.set_xlim(min(places) - margin, max(places) + margin)
-    if _logarithmic(axis) or not axis.numeric or len(places) <= _FEW:
+    if result.plan.design == SAMPLED and axis.numeric:
+        _sampled_ticks(axes, axis, wide_in)
+    elif _logarithmic(axis) or not axis.numeric or len(places) <= _FEW:
         shown = _thinned(axis, wide_in)
         texts = {places[index]: value_text(axis.values[index]) for index in shown}
         axes.xaxis.set_major_locator(FixedLocator(sorted(texts)))
@@ -211,6 +229,22 @@ def _lay_out(
         _scale_times(axes, result, row)
     axes.grid(axis="y")
     axes.spines[["top", "right"]].set_visible(False)
+
+
+def _sampled_ticks(axes: Axes, axis: Axis, wide_in: float) -> None:
+    """Label round values: those that were tried are as good as at random."""
+    if not _logarithmic(axis):
+        axes.xaxis.set_major_locator(MaxNLocator(5, integer=_whole(axis)))
+        return
+    low, high = axes.get_xlim()
+    powers = [10.0**one for one in range(math.ceil(math.log10(low)), math.ceil(math.log10(high)))]
+    axes.xaxis.set_major_locator(FixedLocator(powers[:: 1 + len(powers) // int(3 * wide_in)]))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def _whole(axis: Axis) -> bool:
+    return all(isinstance(value, int) for value in axis.values)
 
 
 def _scale_times(axes: Axes, result: SweepResult, row: _Row) -> None:
@@ -230,7 +264,8 @@ def _scale_times(axes: Axes, result: SweepResult, row: _Row) -> None:
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.yaxis.set_minor_locator(NullLocator())
     else:
-        axes.set_ylim(0.0, 1.08 * highest)
+        # A point at 0 is drawn whole.
+        axes.set_ylim(-0.05 * highest if 0.0 in values else 0.0, 1.08 * highest)
 
 
 def _places(axis: Axis) -> list[float]:
@@ -286,9 +321,12 @@ def _details(result: SweepResult) -> str:
     parts = [f"{len(seeds)} runs each, seeds {seeds[0]} to {seeds[-1]}"]
     if plan.design == GRID:
         parts.append("all combinations; a point is the mean of all settings of its value")
+    elif plan.design == SAMPLED:
+        parts.append(f"a point is one of {len(plan.settings)} trials, whatever its other options")
     else:
         parts.append(f"others at the centre (dotted): {setting_text(plan.centre)}")
-    parts.append("bars are 95 % intervals")
+    if plan.design != SAMPLED:
+        parts.append("bars are 95 % intervals")
     if result.missing or result.failed:
         parts.append(f"{result.missing} runs missing, {len(result.failed)} failed")
     return ",  ".join(parts)

@@ -7,19 +7,27 @@ from collections.abc import Sequence
 from skillplan.records.interval import Estimate
 from skillplan.records.sweep.plan import ONE_AT_A_TIME, setting_text, value_text
 from skillplan.records.sweep.result import StartSummary, SweepResult
+from skillplan.records.sweep.sampled import AIMS, SampledPlan
 from skillplan.views.text.table import Column, ItemList, Table
 
 _MOST_NAMED = 10
+# So many settings that a sampler chose are shown, the best first.
+_MOST_SAMPLED = 20
 # The longest name of a start that heads a column.
 _SHORT = 12
 
 
 def setting_table(result: SweepResult) -> Table:
-    """Return a row for every setting: mean steps from each start, and how often all arrive."""
+    """Return a row for every setting: mean steps from each start, and how often all arrive.
+
+    Of those that a sampler chose the best are shown.
+    """
     plan = result.plan
+    sampled = isinstance(plan, SampledPlan)
     starts = [start.name for start in plan.starts]
     shorts = _short_names(starts)
-    columns = [Column(axis.option, right=axis.numeric) for axis in plan.axes]
+    columns = [Column("trial", right=True)] if sampled else []
+    columns += [Column(axis.option, right=axis.numeric) for axis in plan.axes]
     columns += [Column("runs", right=True)]
     columns += [
         Column(name, right=True, short=short) for name, short in zip(starts, shorts, strict=True)
@@ -28,10 +36,12 @@ def setting_table(result: SweepResult) -> Table:
     columns += [Column("all at optimum", right=True), Column("95 % of runs", right=True)]
     columns += [Column("excess", right=True), Column("learning [s]", right=True)]
     rows = []
-    for index, setting in enumerate(plan.settings):
+    shown = plan.settings[:_MOST_SAMPLED] if sampled else plan.settings
+    for index, setting in enumerate(shown):
         every = result.summary([index])
         rows.append(
             [
+                *([str(plan.about(index)["trial"])] if sampled else []),
                 *(value_text(setting[axis.option]) for axis in plan.axes),
                 str(every.runs),
                 *(_steps(result.summary([index], name)) for name in starts),
@@ -86,6 +96,8 @@ def start_table(result: SweepResult) -> Table:
 
 def _shape(result: SweepResult) -> str:
     plan = result.plan
+    if isinstance(plan, SampledPlan):
+        return f"{len(plan.settings)} trials of {len(plan.seeds)} runs, chosen by {plan.sampler}"
     runs = f"{len(plan.settings)} settings of {len(plan.seeds)} runs"
     return f"{runs}, {plan.design}" if plan.axes else runs
 
@@ -104,6 +116,8 @@ def _notes(result: SweepResult) -> list[str]:
     ]
     if plan.design == ONE_AT_A_TIME and plan.axes:
         notes.append(f"centre     {setting_text(plan.centre)}")
+    if isinstance(plan, SampledPlan):
+        notes += _sampled_notes(plan)
     fixed = [
         f"{plugin}.{key} = {value}"
         for plugin, kv in plan.fixed.items()
@@ -123,6 +137,20 @@ def _notes(result: SweepResult) -> list[str]:
         notes.append(f"failed     {setting}, seed {record.seed}: {record.error}")
     if len(failed) > _MOST_NAMED:
         notes.append(f"failed     {len(failed) - _MOST_NAMED} more runs; --format json names all")
+    return notes
+
+
+def _sampled_notes(plan: SampledPlan) -> list[str]:
+    """Return what there is to say of settings that a sampler chose."""
+    notes = [
+        f"minimised  {AIMS[plan.minimise]}; the share of runs that do not arrive counts first",
+        "chosen     by the order in which runs end: not to be repeated or resumed bit for bit",
+    ]
+    if len(plan.tried) > _MOST_SAMPLED:
+        notes.append(f"shown      the best {_MOST_SAMPLED}; --format json has all")
+    if plan.tried and plan.tried[0].value is not None:
+        best = " ".join(f"-O {key}={value_text(kv)}" for key, kv in plan.settings[0].items())
+        notes.insert(0, f"best       trial {plan.tried[0].trial.number}: {best}")
     return notes
 
 

@@ -1,0 +1,194 @@
+"""The sampler that has Optuna choose settings.
+
+Akiba et al., "Optuna: A next-generation hyperparameter optimization framework", KDD 2019.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
+
+import optuna
+from optuna.samplers import BaseSampler, RandomSampler, TPESampler
+from optuna.storages import JournalStorage
+from optuna.trial import TrialState
+from pydantic import Field
+
+from skillplan.errors import OptionError
+from skillplan.records.sweep.plan import Value
+from skillplan.records.sweep.sampled import Trial
+from skillplan.records.sweep.space import Choice, Dimension, Span
+from skillplan.sweep.sampler import FinishedTrial, Question, Sampler, SharedTrials
+from skillplan.task import back_end
+from skillplan_optuna.journal_file import damaged, opened
+
+_STUDY = "sweep"
+# What is kept beside Optuna's own: the study's identity, and of a trial its values and runs.
+_ABOUT, _VALUES, _LINES = "about", "values", "lines"
+
+
+class OptunaSampler(Sampler):
+    """Try settings near those that were good, and now and then others."""
+
+    name = "optuna"
+    keeps = "trials.jsonl"
+
+    class Options(back_end.Options):
+        """How settings are chosen."""
+
+        method: Literal["tpe", "random"] = Field(
+            default="tpe",
+            description="tpe: by densities of good and of other settings; random: each by itself",
+        )
+        startup: int = Field(
+            default=10,
+            ge=1,
+            le=100_000,
+            description="trials drawn at random before tpe begins [-]",
+        )
+
+    options: Options
+
+    def join(self, folder: Path, question: Question) -> OptunaTrials:
+        """Return the trials of a folder; parameters and errors are those of `Sampler.join`."""
+        return OptunaTrials(folder / self.keeps, question, self._chooser)
+
+    def _chooser(self, seed: int) -> BaseSampler:
+        """Return what chooses the values of a trial."""
+        if self.options.method == "random":
+            return RandomSampler(seed=seed)
+        return TPESampler(seed=seed, n_startup_trials=self.options.startup, constant_liar=True)
+
+
+class OptunaTrials(SharedTrials):
+    """The trials of a journal.
+
+    Parameters
+    ----------
+    path
+        The journal.
+    question
+        What is to be chosen.
+    chooser
+        Makes what chooses the values of a trial, of a seed.
+
+    Raises
+    ------
+    OptionError
+        If the journal cannot be read or written, or is damaged.
+    """
+
+    def __init__(
+        self, path: Path, question: Question, chooser: Callable[[int], BaseSampler]
+    ) -> None:
+        self._path, self._question, self._chooser = path, question, chooser
+        optuna.logging.set_verbosity(optuna.logging.CRITICAL)
+        with self._told():
+            self._study = optuna.create_study(
+                storage=JournalStorage(opened(path)),
+                study_name=_STUDY,
+                direction="minimize",
+                load_if_exists=True,
+                sampler=chooser(question.seed),
+            )
+            if _ABOUT not in self._study.user_attrs:
+                self._study.set_user_attr(_ABOUT, dict(question.about))
+                self._study.enqueue_trial(self._coded(question.first), skip_if_exists=True)
+
+    @property
+    def about(self) -> Mapping[str, Any]:
+        """What the question was about when the study was begun."""
+        with self._told():
+            found = self._study.user_attrs[_ABOUT]
+            if not isinstance(found, dict):
+                raise ValueError("it does not say which study it is of")
+            return found
+
+    def ask(self) -> Trial:
+        """Return a setting to try; no other process is given the same number."""
+        with self._told():
+            trial = self._study.ask()
+            # Processes that share a study draw differently, as numbers of trials differ.
+            self._study.sampler = self._chooser((self._question.seed << 20) + trial.number)
+            values = {one.option: _suggested(trial, one) for one in self._question.dimensions}
+            trial.set_user_attr(_VALUES, values)
+            return Trial(trial.number, values)
+
+    def tell(self, trial: Trial, value: float | None, lines: Sequence[str]) -> None:
+        """Keep what came of a trial; parameters are those of `SharedTrials.tell`."""
+        with self._told():
+            storage, study_id = self._study._storage, self._study._study_id
+            number = storage.get_trial_id_from_study_id_trial_number(study_id, trial.number)
+            storage.set_trial_user_attr(number, _LINES, list(lines))
+            state = TrialState.FAIL if value is None else TrialState.COMPLETE
+            self._study.tell(trial.number, value, state=state)
+
+    def give_up(self, trial: Trial) -> None:
+        """Forget a trial that was not finished."""
+        with self._told():
+            self._study.tell(trial.number, state=TrialState.FAIL)
+
+    def done(self) -> int:
+        """Return how many trials are finished."""
+        with self._told():
+            return len(self._over())
+
+    def finished(self) -> list[FinishedTrial]:
+        """Return the finished trials by their numbers."""
+        with self._told():
+            found = []
+            for one in self._over():
+                values, lines = one.user_attrs[_VALUES], one.user_attrs[_LINES]
+                if not isinstance(values, dict) or not all(isinstance(x, str) for x in lines):
+                    raise ValueError(f"trial {one.number} is none of a sweep")
+                value = one.value if one.state is TrialState.COMPLETE else None
+                found.append(FinishedTrial(Trial(one.number, values), value, tuple(lines)))
+            return found
+
+    def _over(self) -> list[Any]:
+        """Return the trials whose runs have been done; others were given up or are under way."""
+        states = (TrialState.COMPLETE, TrialState.FAIL)
+        trials = self._study.get_trials(deepcopy=False, states=states)
+        return [one for one in trials if _LINES in one.user_attrs]
+
+    def _coded(self, values: Mapping[str, Value]) -> dict[str, Any]:
+        """Return values as Optuna knows them: those of a choice by their place in the list."""
+        known = {one.option: one for one in self._question.dimensions}
+        found: dict[str, Any] = {}
+        for name, value in values.items():
+            one = known[name]
+            found[name] = one.values.index(value) if isinstance(one, Choice) else value
+        return found
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Say in words what a journal cannot do."""
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                yield
+        except OptionError:
+            raise
+        except OSError as error:
+            raise OptionError(
+                f"{self._path}: cannot be read or written: {error.strerror or error}. The trials "
+                "that are there are kept; the same command goes on."
+            ) from None
+        except Exception as error:
+            why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+            raise OptionError(damaged(self._path, why)) from None
+
+
+def _suggested(trial: optuna.Trial, one: Dimension) -> Value:
+    """Return the value of an option in a trial."""
+    if isinstance(one, Span):
+        if one.whole:
+            return trial.suggest_int(one.option, int(one.low), int(one.high), log=one.logarithmic)
+        return trial.suggest_float(one.option, one.low, one.high, log=one.logarithmic)
+    places = list(range(len(one.values)))
+    if one.ordered:
+        return one.values[trial.suggest_int(one.option, 0, places[-1])]
+    return one.values[trial.suggest_categorical(one.option, places)]
