@@ -94,6 +94,19 @@ def test_the_cause_and_what_to_try_follow_from_when_progress_ended(
     assert words in found.advice
 
 
+def test_a_learner_that_does_not_go_back_is_told_of_one_that_does(board: Task) -> None:
+    """Where exploration ended it; not where the option of its own does."""
+    one = episode(board, 20, "infeasible", *PCB, *FIRST)
+    for options, told in (
+        ({"mask": "applicable"}, True),
+        ({"mask": "applicable", "returning": True}, False),
+    ):
+        found = shortfall_of(board, "ppo", options, STEPS, {0: [one]})
+        assert found is not None
+        assert found.advice.startswith("--solver dqn, which goes back") == told
+        assert "search-optimal" in found.advice
+
+
 def test_of_no_run_and_under_chance_nothing_is_said(board: Task) -> None:
     failing = load_problem(CONFIGS / "inverter_grasps.yaml").task
     one = episode(board, 20, "infeasible", *FIRST)
@@ -110,11 +123,12 @@ def test_it_is_told_below_the_table_and_in_the_document(board: Task) -> None:
     (table,) = training_tables(result)
     told = "\n".join(table.notes)
     for words in (
-        "short      1 run reached at most 1 of 8 goals, first at step 20",
-        "failed     place(switch_1) (3)",
-        "dead ends  3 of 3 episodes entered the state from which all",
-        "cause      exploration ended it",
-        "try        -O dqn.mask=feasible",
+        "short      1 run had at most 1 of 8 goals at the same time, first at step 20 of 1,000",
+        "failed     place(switch_1) 3 times",
+        "dead ends  3 of 3 episodes entered one: 1 state in which every applicable skill failed",
+        "of 16 skills on average, and left ",
+        "cause      exploration: nothing further was reached after step 20 of 1,000",
+        "try        --steps 4000; or -O dqn.mask=feasible",
     ):
         assert words in told
     document = result.document()["shortfall"]

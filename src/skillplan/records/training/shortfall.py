@@ -21,6 +21,8 @@ Cause = Literal["steps", "exploration", "policy"]
 # Where progress came in so much of the end of a training, more steps may bring more.
 _RECENT_SHARE = 0.25
 _MORE = 4
+# The learner whose episodes go back to where earlier ones got to.
+_RETURNING = "dqn"
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +155,7 @@ def shortfall_of(
         hidden=None if mask == "none" else seen.hidden(),
         skills=len(task.skills),
         cause=cause,
-        advice=_advice(cause, solver, mask, steps),
+        advice=_advice(cause, solver, options, steps),
     )
 
 
@@ -165,20 +167,25 @@ def _cause(completed: int, progress_step: int | None, steps: int) -> Cause:
     return "exploration"
 
 
-def _advice(cause: Cause, solver: str, mask: str, steps: int) -> str:
+def _advice(cause: Cause, solver: str, options: Mapping[str, Any], steps: int) -> str:
     more = f"--steps {_MORE * steps}"
     if cause == "policy":
         return f"{more}: the task was completed while learning, and values had not settled."
     if cause == "steps":
         return f"{more}: the runs were still getting further when they ended."
+    mask = str(options.get("mask", "none"))
     if mask == "none":
         return f"-O {solver}.mask=applicable: no choice of what cannot begin at all."
-    if mask == "applicable":
+    exact = "search-optimal, which needs no learning"
+    if not options.get("returning", solver == _RETURNING):
         return (
-            f"-O {solver}.mask=feasible, which asks back ends before a choice, or {more}; or let "
-            "search-optimal find the sequence."
+            f"--solver {_RETURNING}, which goes back to where its episodes got farthest; or "
+            f"{more}; or {exact}."
         )
-    return f"{more}, or search-optimal: each choice is feasible, but most lead nowhere."
+    if mask == "applicable":
+        asks = f"-O {solver}.mask=feasible, which asks back ends before a choice"
+        return f"{more}; or {asks}; or {exact}."
+    return f"{more}; or {exact}: each choice is feasible, but most lead nowhere."
 
 
 @dataclass

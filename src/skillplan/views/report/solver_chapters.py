@@ -13,6 +13,7 @@ from skillplan.views.report.page import Chapter, Section
 from skillplan.views.report.plan_sections import figure
 from skillplan.views.report.summary import chip
 from skillplan.views.report.tables import facts, number, share, table
+from skillplan.views.tables.learning.shortfall import cause_words
 
 
 def comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
@@ -72,9 +73,9 @@ def _mapping(value: object) -> Mapping[str, Any]:
     return value if isinstance(value, Mapping) else {}
 
 
-def _shortfall(short: Mapping[str, Any]) -> list[tuple[str, object]]:
+def _shortfall(short: Mapping[str, Any], steps: int | None) -> list[tuple[str, object]]:
     """Return what kept runs from completing the task, as names with what is said of them."""
-    failed = (f"{one['skill']} ({one['times']:,})" for one in short["failed_skills"])
+    failed = (f"{one['skill']} {one['times']:,} times" for one in short["failed_skills"])
     entries = [
         ("Runs that do not complete it", ", ".join(map(str, short["runs"]))),
         ("Goals reached at most", f"{short['most_goals_reached']} of {short['goals']}"),
@@ -84,7 +85,7 @@ def _shortfall(short: Mapping[str, Any]) -> list[tuple[str, object]]:
         ("Skills that failed", ", ".join(failed)),
         ("Episodes into a dead end", f"{short['dead_ends_entered']:,} of {short['episodes']:,}"),
         ("Skills hidden by the mask", number(short["skills_hidden_mean"])),
-        ("What ended it", short["cause"]),
+        ("What ended it", cause_words(short["cause"], short["last_progress_step"], steps)),
         ("Try", short["advice"]),
     ]
     return [(name, said) for name, said in entries if said]
@@ -133,7 +134,13 @@ def training_chapter(
         sections.append(Section("runs", "Runs", made))
     short = (document or {}).get("shortfall")
     if short:
-        sections.append(Section("shortfall", "Why runs fall short", facts(_shortfall(short))))
+        sections.append(
+            Section(
+                "shortfall",
+                "Why runs fall short",
+                facts(_shortfall(short, (document or {}).get("steps"))),
+            )
+        )
     sections.append(Section("facts", "What was learned, and how", facts(manifest)))
     rate = (document or {}).get("success_rate")
     words = (

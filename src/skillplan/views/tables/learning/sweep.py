@@ -36,6 +36,8 @@ def setting_table(result: SweepResult) -> Table:
     columns += [Column("all at optimum", right=True), Column("95 % of runs", right=True)]
     columns += [Column("excess", right=True), Column("learning [s]", right=True)]
     rows = []
+    # Of a plan's length in steps hundredths tell; metres and seconds differ by less.
+    decimals = 2 if plan.cost_unit in ("", "steps") else 5
     shown = plan.settings[:_MOST_SAMPLED] if sampled else plan.settings
     for index, setting in enumerate(shown):
         every = result.summary([index])
@@ -49,7 +51,7 @@ def setting_table(result: SweepResult) -> Table:
                 _percent(every.arrived_share),
                 "-" if every.best is None else str(every.best),
                 _percent(every.best_share),
-                _plus_minus(every.excess, 2),
+                _plus_minus(every.excess, decimals),
                 _plus_minus(every.learning_s, 3),
             ]
         )
