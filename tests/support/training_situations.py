@@ -43,7 +43,7 @@ def train(
     problem = load_problem(source)
     plan = a_plan(problem, options, **more)
     with TrainingFolder(str(folder), plan, problem, resume=resume) as opened:
-        trainer = Trainer(plan, opened, jobs=jobs, time_limit_s=30.0)
+        trainer = Trainer(opened.plan, opened, jobs=jobs, time_limit_s=30.0)
         seen = []
 
         def on_report(report: object) -> None:

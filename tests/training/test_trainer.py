@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -345,11 +346,14 @@ class TestFolders:
                 ({"runs": 8}, "in the runs: 7 from seed 0 there, 8 from seed 0 now"),
                 ({"seed": 2}, "in the runs: 7 from seed 0 there, 7 from seed 2 now"),
                 ({"steps": 300}, "in the solver's options: steps: 400 there, 300 now"),
-                ({"steps": 800}, "the schedules of the training in"),
+                (
+                    {"steps": 800, "options": {"schedule_steps": 300}},
+                    "schedule_steps: 400 there, 300",
+                ),
                 ({"options": {"alpha": 0.1}}, "in the solver's options: alpha: 0.5 there, 0.1 now"),
             ],
             ({"runs": 8}, "in the runs: 7 from seed 0 there, 8 from seed 0 now"),
-            ({"steps": 800}, "the schedules of the training in"),
+            ({"steps": 800, "options": {"schedule_steps": 300}}, "schedule_steps: 400 there, 300"),
         ),
     )
     def test_another_training_is_refused_by_what_differs(
@@ -374,6 +378,29 @@ class TestFolders:
         assert (600, False) == (result.steps, result.interrupted)
         manifests = [RunFolder(tmp_path / name).manifest for name in ("whole", "grown")]
         assert manifests[0] == manifests[1].model_copy(update={"command": manifests[0].command})
+
+    @pytest.mark.parametrize("stop_after", [None, 2])
+    def test_a_training_of_which_nobody_thought_it_would_be_extended_is_so_too(
+        self, tmp_path: Path, stop_after: int | None
+    ) -> None:
+        """Twice: as if its schedules had been asked for over its first steps, and all steps."""
+        train(tmp_path / "whole", {"schedule_steps": 300}, steps=600)
+        train(tmp_path / "grown", {}, steps=300, stop_after=stop_after)
+        train(tmp_path / "grown", {}, steps=400, resume=True)
+        result = train(tmp_path / "grown", {}, steps=600, resume=True)
+        assert learned_bytes(tmp_path / "whole") == learned_bytes(tmp_path / "grown")
+        assert (600, 300) == (result.steps, result.options["schedule_steps"])
+        manifests = [RunFolder(tmp_path / name).manifest for name in ("whole", "grown")]
+        assert manifests[0] == manifests[1].model_copy(update={"command": manifests[0].command})
+
+    def test_more_steps_that_nobody_asked_for_are_not_done(self, tmp_path: Path) -> None:
+        """The learner's default of steps extends nothing."""
+        train(tmp_path / "a", {}, steps=200)
+        problem = load_problem(BOARD)
+        plan = replace(a_plan(problem, steps=400), steps_said=False)
+        with pytest.raises(OptionError, match=r"is of 200 steps\. Give --steps 200 to go on"):
+            TrainingFolder(str(tmp_path / "a"), plan, problem, resume=True)
+        assert 200 == RunFolder(tmp_path / "a").manifest.steps
 
     def test_what_ends_between_two_hundreds_is_not_extended(self, tmp_path: Path) -> None:
         train(tmp_path / "a", {"schedule_steps": 300}, steps=250)

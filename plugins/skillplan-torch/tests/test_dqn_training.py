@@ -56,7 +56,7 @@ def stopped_at(folder: Path, runs: int, steps: int, reports: int | None, **more:
     asked = {"runs": runs, "steps": steps, "checkpoint_steps": 100}
     plan = plan_training(problem, "dqn", setup, **asked)
     with TrainingFolder(str(folder), plan, problem, **more) as opened:
-        trainer = Trainer(plan, opened, jobs=1, time_limit_s=30.0)
+        trainer = Trainer(opened.plan, opened, jobs=1, time_limit_s=30.0)
         seen = []
 
         def on_report(report: object) -> None:
@@ -80,17 +80,17 @@ def test_a_stop_changes_nothing(tmp_path: Path) -> None:
     assert checkpoints(cut) == checkpoints(whole)
 
 
-@pytest.mark.slow(reason="four trainings; another learner is extended in every run")
+@pytest.mark.slow(reason="six trainings; another learner is extended in every run")
 @pytest.mark.parametrize("solver", ["dqn", "ppo"])
 def test_an_extended_training_is_the_one_that_was_asked_for_in_whole(
     tmp_path: Path, solver: str
 ) -> None:
-    """Beyond the end of its schedules, too: metrics, policies and checkpoints, to the byte."""
-    options = ["-O", f"{solver}.schedule_steps=300", "-O", f"{solver}.width=64"]
-    for name, steps in (("whole", 700), ("grown", 400), ("grown", 700)):
+    """Twice, beyond the end of its schedules: metrics, policies and checkpoints, to the byte."""
+    for name, steps in (("whole", 700), ("grown", 300), ("grown", 400), ("grown", 700)):
         words = ["train", str(BOARD), "--solver", solver, "--runs", "2", "--steps", str(steps)]
-        words += ["--checkpoint", "100", "--out", str(tmp_path / name), *options]
-        words += ["--resume"] if (name, steps) == ("grown", 700) else []
+        words += ["--checkpoint", "100", "--out", str(tmp_path / name), "-O", f"{solver}.width=64"]
+        words += ["-O", f"{solver}.schedule_steps=300"] if name == "whole" else []
+        words += ["--resume"] if name == "grown" and steps > 300 else []
         with pytest.raises(SystemExit) as ended:
             main(words)
         assert ended.value.code in (0, 1)

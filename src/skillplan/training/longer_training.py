@@ -8,15 +8,40 @@ from skillplan.errors import OptionError
 from skillplan.records.training.run_folder import RunManifest
 from skillplan.solvers.learning.learner import STRIDE_STEPS
 
+SCHEDULE = "schedule_steps"
+
+
+def gone_on_with(was: RunManifest, wanted: RunManifest) -> RunManifest:
+    """Return a manifest of the training that is wanted, with the schedules that are there.
+
+    Where nothing is said of schedules, a training that is extended keeps those that it has: they
+    spanned its steps, and stay at their ends. So it is the training that these schedules and all
+    its steps would have been from the start.
+
+    Parameters
+    ----------
+    was
+        The training that is there.
+    wanted
+        The same with as many steps, or more.
+    """
+    if wanted.options.get(SCHEDULE, 0) is not None:
+        return wanted
+    known = was.options.get(SCHEDULE)
+    if known is None and wanted.steps > was.steps:
+        known = was.steps
+    return wanted.model_copy(update={"options": {**wanted.options, SCHEDULE: known}})
+
 
 def with_steps(manifest: RunManifest, steps: int) -> RunManifest:
-    """Return a manifest of the same training with another number of steps [-]."""
-    return manifest.model_copy(
-        update={"steps": steps, "options": {**manifest.options, "steps": steps}}
-    )
+    """Return a manifest of the same training with more steps [-], and schedules as they are."""
+    options = {**manifest.options, "steps": steps}
+    if SCHEDULE in options and options[SCHEDULE] is None:
+        options[SCHEDULE] = manifest.steps
+    return manifest.model_copy(update={"steps": steps, "options": options})
 
 
-def refuse_longer(folder: Path, manifest: RunManifest, steps: int) -> None:
+def refuse_longer(folder: Path, manifest: RunManifest, steps: int, *, said: bool) -> None:
     """Refuse what would not be the same as if all steps had been asked for from the start.
 
     Parameters
@@ -27,22 +52,39 @@ def refuse_longer(folder: Path, manifest: RunManifest, steps: int) -> None:
         Of the training as it is.
     steps
         How many environment steps it is to have instead, more than now.
+    said
+        Whether somebody said how many; otherwise they are the learner's default.
 
     Raises
     ------
     OptionError
-        If its schedules end with its steps, or it ends between two notes of its figures.
+        If nobody asked for more, the learner has no schedules of their own length, or the training
+        ends between two notes of its figures.
     """
     was = manifest.steps
-    again = f"-O {manifest.solver}.schedule_steps={was} --steps {steps}"
-    if manifest.options.get("schedule_steps") is None:
+    if not said:
         raise OptionError(
-            f"--resume --steps {steps}: the schedules of the training in {folder} end with its "
-            f"{was} steps, so that one of {steps} differs from the first step on. Train anew in "
-            f"another folder with {again}; that one can be extended."
+            f"--resume: the training in {folder} is of {was} steps. Give --steps {was} to go on "
+            f"with it, or more to extend it; without --steps it would be {steps}."
+        )
+    if SCHEDULE not in manifest.options:
+        raise OptionError(
+            f"--resume --steps {steps}: {manifest.solver} has no option {SCHEDULE}, so that its "
+            f"training in {folder} cannot be extended. Train anew in another folder."
         )
     if was % STRIDE_STEPS:
+        ends = -(-was // STRIDE_STEPS) * STRIDE_STEPS
         raise OptionError(
             f"--resume --steps {steps}: the training in {folder} has {was} steps, and only whole "
-            f"hundreds can be extended. Train anew in another folder with {again}."
+            f"hundreds can be extended. Train anew in another folder, with --steps {ends} for "
+            f"example, or at once with -O {manifest.solver}.{SCHEDULE}={was} --steps {steps}."
         )
+
+
+def extension_words(manifest: RunManifest) -> str:
+    """Return what a training is that has been extended to the steps of a manifest."""
+    schedule = manifest.options.get(SCHEDULE)
+    return (
+        f"extended to {manifest.steps:,} steps; schedules stay at their ends, as if begun with "
+        f"-O {manifest.solver}.{SCHEDULE}={schedule} --steps {manifest.steps}"
+    )

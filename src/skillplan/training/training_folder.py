@@ -11,6 +11,7 @@ import platform
 import re
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Any
@@ -43,7 +44,12 @@ from skillplan.records.training.run_folder import (
     group_path,
     run_path,
 )
-from skillplan.training.longer_training import refuse_longer, with_steps
+from skillplan.training.longer_training import (
+    extension_words,
+    gone_on_with,
+    refuse_longer,
+    with_steps,
+)
 from skillplan.training.run_log import writing
 from skillplan.training.training_plan import TrainingPlan
 from skillplan.workers.program import output_of
@@ -88,6 +94,10 @@ class TrainingFolder(HeldFolder):
         The folder.
     manifest
         What is trained there.
+    plan
+        The same, to be done: of a training that is gone on with, with the schedules it has.
+    extended
+        What the training has become by more steps, in words; empty where it has as many as before.
 
     Raises
     ------
@@ -109,8 +119,10 @@ class TrainingFolder(HeldFolder):
     ) -> None:
         super().__init__(path)
         wanted = _manifest(plan, problem, part, changes or {}, command)
+        self.extended = ""
         with self._opening("training"):
-            self.manifest = self._opened(wanted, problem, resume)
+            self.manifest = self._opened(wanted, problem, resume, plan.steps_said)
+        self.plan = replace(plan, options=self.manifest.options)
 
     def finish(self, result: Mapping[str, Any]) -> None:
         """Write the result, and what all runs have noted in one file.
@@ -136,7 +148,9 @@ class TrainingFolder(HeldFolder):
             contents = {METRICS: "".join(lines), RESULT: text}
             write_as_one(self.path, contents, within=self.path)
 
-    def _opened(self, wanted: RunManifest, problem: Problem, resume: bool) -> RunManifest:
+    def _opened(
+        self, wanted: RunManifest, problem: Problem, resume: bool, steps_said: bool
+    ) -> RunManifest:
         there = {one.name for one in self.path.iterdir()}
         copy = copy_name(problem.source)
         # A program that was ended before it wrote the manifest has done nothing yet.
@@ -147,12 +161,14 @@ class TrainingFolder(HeldFolder):
             )
         if MANIFEST in there:
             stored = RunFolder(self.path)
+            wanted = gone_on_with(stored.manifest, wanted)
             longer = stored.manifest.steps < wanted.steps
             kept = with_steps(stored.manifest, wanted.steps) if longer else stored.manifest
             self._compare(stored, kept, wanted, problem)
             if longer:
-                refuse_longer(self.path, stored.manifest, wanted.steps)
+                refuse_longer(self.path, stored.manifest, wanted.steps, said=steps_said)
                 write_whole(self.path / MANIFEST, json_text(schemas.RUN, kept), within=self.path)
+                self.extended = extension_words(kept)
             runs = [run_path(self.path, run) for run in range(len(stored.manifest.seeds))]
             groups = [group_path(self.path, group) for group in range(len(stored.manifest.groups))]
             for folder in (self.path, *runs, *groups):

@@ -44,6 +44,8 @@ class TrainingPlan:
         Whether verdicts kept on disk are used.
     start
         Networks that the runs begin with; None for drawn ones.
+    steps_said
+        Whether somebody said how many steps; otherwise they are the learner's default.
 
     Raises
     ------
@@ -61,6 +63,7 @@ class TrainingPlan:
     checkpoint_steps: int = 1_000
     warm: bool = False
     start: WarmStart | None = None
+    steps_said: bool = True
 
     def __post_init__(self) -> None:
         if not self.layouts or not self.seeds or self.checkpoint_steps < 1:
@@ -154,6 +157,7 @@ def plan_training(
         family=Family(count=family, seed=seed) if family else None,
         checkpoint_steps=checkpoint_steps,
         warm=warm,
+        steps_said=steps is not None or "steps" in values,
     )
     made = plan.setup.back_ends(layouts[0], problem.spare_back_ends)
     refusal = plan.learner().refuses(make_model(layouts[0], plan.setup, back_ends=made))

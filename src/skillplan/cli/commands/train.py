@@ -174,8 +174,8 @@ def command(
         bool,
         typer.Option(
             "--resume",
-            help="Go on with the training in the folder of --out; with a larger --steps extend it, "
-            "where its option schedule_steps is set.",
+            help="Go on with the training in the folder of --out; with a larger --steps extend it: "
+            "what changed over its steps, such as exploration, stays as it was at their end.",
             rich_help_panel=OUTPUT,
         ),
     ] = False,
@@ -235,8 +235,10 @@ def command(
     with TrainingFolder(
         out, plan, problem, part=part, changes=reading.settings(), resume=resume, command=words
     ) as folder:
-        trainer = Trainer(plan, folder, jobs=jobs, time_limit_s=time_limit_s)
-        with displaying(plan, trainer.interrupt) as display:
+        if folder.extended:
+            tell(folder.extended)
+        trainer = Trainer(folder.plan, folder, jobs=jobs, time_limit_s=time_limit_s)
+        with displaying(folder.plan, trainer.interrupt) as display:
             trainer.on_report, trainer.on_optimum = display.report, display.proved
             result = trainer.train()
     all_failed = len(result.failed) == len(result.outcomes)

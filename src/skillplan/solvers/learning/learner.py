@@ -182,8 +182,8 @@ class LearnerOptions(BaseModel):
         default=None,
         ge=1,
         le=1_000_000_000,
-        description="environment steps over which exploration and step sizes change, so that a "
-        "training can be extended by --resume; null for all its steps [-]",
+        description="environment steps over which exploration and step sizes change, and after "
+        "which they stay as they are; null for all steps that a training is begun with [-]",
     )
     observation: Literal["paper", "markov", "layout"] = Field(
         default="markov",
