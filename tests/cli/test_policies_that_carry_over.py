@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,16 @@ def test_a_policy_is_tried_on_any_task(cli: Any, run: str, config: str) -> None:
     names = ",".join(step["skill"] for step in shown.document["steps"])
     again = cli("evaluate", task, "--sequence", names, "--format", "json")
     assert shown.document["cost"] == again.document["cost"]
+
+
+def test_it_answers_without_torch(cli: Any, run: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where the plugin that trains is not installed."""
+    for name in [one for one in sys.modules if one.partition(".")[0] == "skillplan_torch"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    outcome = cli("evaluate", run, "--task", str(CONFIGS / "gear_unit.yaml"), "--format", "json")
+    assert (0, "") == (outcome.code, outcome.err)
+    assert outcome.document["complete"]
 
 
 def test_a_task_that_it_cannot_act_on_is_refused(cli: Any, run: str) -> None:
