@@ -71,12 +71,13 @@ def test_the_glossary_is_short():
 
 
 def test_every_decision_has_its_four_parts():
-    """Decisions are numbered without a gap, and each says at least what was decided."""
-    pages = (DOCS / "explanation/decisions").glob("[0-9]*.md")
-    pages = sorted(pages, key=lambda page: int(page.name.partition("-")[0]))
-    for number, page in enumerate(pages, 1):
+    """Each has its file's number, which no other has, and says at least what was decided."""
+    pages = sorted((DOCS / "explanation/decisions").glob("[0-9]*.md"))
+    numbers = [page.name.partition("-")[0] for page in pages]
+    assert len(set(numbers)) == len(numbers)
+    for number, page in zip(numbers, pages, strict=True):
         text = page.read_text("utf-8")
-        assert text.startswith(f"# {number}. "), page.name
+        assert text.startswith(f"# {int(number)}. "), page.name
         assert "\n## Decision\n" in text, page.name
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -23,6 +23,10 @@ from skillplan.cli.options.single import (
 )
 from skillplan.cli.options.values import count_option, whole_number
 from skillplan.cli.writing import tell
+
+if TYPE_CHECKING:  # --help pays for no imports
+    from skillplan.records.training.result import TrainingResult
+    from skillplan.training.trainer import Trainer
 
 TRAINING = "Training"
 
@@ -192,7 +196,7 @@ def command(
     """
     from skillplan.cli.output import emit
     from skillplan.cli.training_runs.display import displaying
-    from skillplan.errors import OptionError, exit_code
+    from skillplan.errors import OptionError
     from skillplan.training.trainer import Trainer, next_folder
     from skillplan.training.training_folder import TrainingFolder
     from skillplan.training.training_plan import plan_training
@@ -241,14 +245,21 @@ def command(
         with displaying(folder.plan, trainer.interrupt) as display:
             trainer.on_report, trainer.on_optimum = display.report, display.proved
             result = trainer.train()
-    all_failed = len(result.failed) == len(result.outcomes)
-    code = exit_code(
-        interrupted=trainer.interrupted,
-        back_end_failed=all_failed and trainer.back_end_failed,
-        solved=bool(result.completed),
-    )
+    code = _exit_code(trainer, result)
     emit(style, result.document(), training_tables(result), failed=code != 0)
     if result.interrupted:
         again = shlex.join(["skillplan", *(word for word in words if word != "--resume")])
         tell(f"interrupted; go on with: {again} --resume")
     return code
+
+
+def _exit_code(trainer: Trainer, result: TrainingResult) -> int:
+    """Return the exit code: whether any run completes the task."""
+    from skillplan.errors import exit_code
+
+    all_failed = len(result.failed) == len(result.outcomes)
+    return exit_code(
+        interrupted=trainer.interrupted,
+        back_end_failed=all_failed and trainer.back_end_failed,
+        solved=bool(result.completed),
+    )
