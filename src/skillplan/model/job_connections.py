@@ -129,6 +129,10 @@ class JobConnections:
         """Return the costs of coming from a situation to each job and doing it, shape (n,)."""
         return self._from(situation)[0]
 
+    def stops_from(self, situation: int) -> list[tuple[float, int, tuple[str, ...]]]:
+        """Return cost, situation and skills of whatever can be come to without a job."""
+        return [(stop.cost, stop.situation, stop.path) for stop in self._stops(situation)]
+
     def _from(self, situation: int) -> tuple[NDArray[np.float64], list[tuple[str, ...]]]:
         """Return the cost of coming from a situation to each job and doing it, and the paths."""
         stops = self._stops(situation)

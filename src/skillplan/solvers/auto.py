@@ -41,13 +41,7 @@ class AutoSolver(Solver):
             chosen: Solver = ValueIterationSolver(stop=self.stop)
             refusal = chosen.refuses(model)
             if refusal is not None:
-                from skillplan.solvers.chance.replan import ReplanSolver
-
-                replan = ReplanSolver(ReplanSolver.Options(weight=_WEIGHT), self.stop)
-                if replan.refuses(model) is None:
-                    why = "replan, as skills may fail and there are too many states for tables"
-                    return self._by(replan, model, seed, why)
-                return Solution(trace={"reason": refusal, "choice": "none fits"})
+                return self._beyond_tables(model, seed, refusal)
             return self._by(chosen, model, seed, "value-iteration, as skills may fail by chance")
         small = len(model.task.operations) <= _SMALL
         if small:
@@ -80,6 +74,21 @@ class AutoSolver(Solver):
                 ExactSolver(stop=self.stop), model, seed, "exact, as the step limit binds"
             )
         return found
+
+    def _beyond_tables(self, model: SkillModel, seed: int, refusal: str) -> Solution:
+        """Solve under chance where there are too many states for tables."""
+        from skillplan.solvers.chance.job_values_solver import JobValuesSolver
+        from skillplan.solvers.chance.replan import ReplanSolver
+
+        values = JobValuesSolver(stop=self.stop)
+        if values.refuses(model) is None:
+            why = "job-values, as skills may fail and jobs are put in order"
+            return self._by(values, model, seed, why)
+        replan = ReplanSolver(ReplanSolver.Options(weight=_WEIGHT), self.stop)
+        if replan.refuses(model) is None:
+            why = "replan, as skills may fail and there are too many states for tables"
+            return self._by(replan, model, seed, why)
+        return Solution(trace={"reason": refusal, "choice": "none fits"})
 
     def _try_exact(self, model: SkillModel, seed: int) -> Solution:
         """Run exact search with few labels; its plan and its bound count in any case."""

@@ -10,19 +10,35 @@ from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import load_problem
 from skillplan.records.result import Status
+from skillplan.solvers.chance.job_values_solver import JobValuesSolver
 from skillplan.solvers.mdp.value_iteration import ValueIterationSolver
+from skillplan.task.task import Task
 
 
-def test_beyond_tables_auto_plans_anew_after_a_miss(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """And says so; with a bound, and without the claim of a proof."""
+@pytest.fixture
+def board(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Task:
+    """Return five parts, which are said to be too many for tables."""
     path = tmp_path / "board.yaml"
     path.write_text(BoardGenerator(5, 0.2, 2, failures=(0.2, 0.2)).text(), "utf-8")
     monkeypatch.setattr(
         ValueIterationSolver, "refuses", lambda self, model: "more than 1 reachable state"
     )
-    result = solve(load_problem(path).task, "auto")
+    return load_problem(path).task
+
+
+def test_beyond_tables_auto_works_out_values_over_sets_of_jobs(board: Task) -> None:
+    """And proves the optimum."""
+    result = solve(board, "auto")
+    assert result.status is Status.OPTIMAL
+    assert "job-values" in result.trace["choice"]
+
+
+def test_where_these_are_not_to_be_had_it_plans_anew_after_a_miss(
+    board: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And says so; with a bound, and without the claim of a proof."""
+    monkeypatch.setattr(JobValuesSolver, "refuses", lambda self, model: "more than 1 set")
+    result = solve(board, "auto")
     assert result.status is Status.SOLVED
     assert "replan" in result.trace["choice"]
     assert result.lower_bound is not None

@@ -174,11 +174,11 @@ class OptunaTrials(SharedTrials):
             raise
         except OSError as error:
             raise OptionError(
-                f"{self._path}: cannot be read or written: {error.strerror or error}. The trials "
-                "that are there are kept; the same command goes on."
+                f"{self._path}: cannot be read or written: {error.strerror or error}. Trials that "
+                "are finished are kept."
             ) from None
         except Exception as error:
-            why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+            why = f"Optuna cannot read it: {type(error).__name__} {error}".rstrip(" .")
             raise OptionError(damaged(self._path, why)) from None
 
 

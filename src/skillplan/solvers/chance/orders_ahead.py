@@ -1,9 +1,7 @@
 """What is still to pay in every state between jobs, where a task is one of putting jobs in order.
 
 Held and Karp, "A dynamic programming approach to sequencing problems" (1962), with precedence: of
-every set of jobs that may be done, and the last of them, the least cost of the others. There are
-far fewer of these sets than states, since what is held, and where, tools and misses are left out
-of them.
+every set of jobs that may be done, and the last of them, the least cost of the others.
 """
 
 from __future__ import annotations
@@ -15,64 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.errors import NotASequencing
-from skillplan.model.component_jobs import ComponentJobs
-from skillplan.model.done_jobs import DoneSets
-from skillplan.model.job_connections import JobConnections
-from skillplan.model.sequencing import SequencingProblem
 from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.chance.job_sets import CertainModel, JobSets, Sets, bit_of, open_in
 from skillplan.solvers.stop import Stop
-from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
-from skillplan.task.verdict import Verdict
 
-Sets = NDArray[np.uint64]
 Costs = NDArray[np.float64]
 
-# Sets are whole numbers of 64 bits.
-_MOST_JOBS = 63
-_COST_BYTES = 8
 # Sums in another order may differ by so much, as a fraction.
 _ROUNDING = 1e-12
-
-
-class CertainModel(SkillModel):
-    """A model of the same task whose skills always succeed; asks what the model itself does.
-
-    Parameters
-    ----------
-    model
-        Of the task as it is.
-    certain
-        The task of the same skills without failures.
-
-    Attributes
-    ----------
-    questions
-        Bits of the facts that verdicts rested on.
-    """
-
-    def __init__(self, model: SkillModel, certain: Task) -> None:
-        super().__init__(model.feasibility)
-        self.task = certain
-        self.questions = 0
-        self._model = model
-        self._with_failures = {skill.name: skill for skill in model.task.skills}
-
-    def verdict(self, state: State, skill: Skill, likely: object = None) -> Verdict:
-        """Return the verdict on a skill, as it is with its failures, in `state`."""
-        return self.verdicts([(skill, state)])[0]
-
-    def verdicts(self, queries: Sequence[tuple[Skill, State]], /) -> list[Verdict]:
-        """Return the verdicts on several skills in states, in order."""
-        own = [(self._with_failures[skill.name], state) for skill, state in queries]
-        found = self._model.verdicts(own)
-        for verdict in found:
-            if verdict.present is None or verdict.absent is None:
-                self.questions = self.task.facts.all_bits
-            else:
-                self.questions |= verdict.present.bits | verdict.absent.bits
-        return found
 
 
 class OrdersAhead:
@@ -102,50 +52,29 @@ class OrdersAhead:
     """
 
     def __init__(self, model: CertainModel, most_sets: int, stop: Stop) -> None:
-        problem = SequencingProblem.from_model(model)
-        structure = ComponentJobs(model.task)
-        self._situation = structure.situation
-        place = {job.component: index for index, job in enumerate(structure.jobs)}
-        self._chosen = [place[name] for name in problem.jobs]
-        self._jobs = [structure.jobs[index] for index in self._chosen]
-        self._connections = JobConnections(model, structure, DoneSets(structure))
+        self._states = states = JobSets(model, most_sets, stop)
         self._from: dict[int, list[float]] = {}
-        count = len(self._jobs)
-        if count > _MOST_JOBS:
-            raise structure.no(f"{count} jobs are more than {_MOST_JOBS}")
-        self._needs = [0] * count
-        for before, after in problem.precedence:
-            self._needs[after] |= 1 << before
-        self._layers = feasible_sets(self._needs, self._afforded(most_sets, count, stop), stop)
-        if not self._layers:
-            raise structure.no(f"more than {most_sets:,} sets of jobs may be done")
-        self._to_go = costs_to_go(self._layers, self._needs, problem.costs, stop)
+        self._to_go = costs_to_go(states.layers, states.needs, states.problem.costs, stop)
         if not self._to_go:
-            raise structure.no("there was no time to work out what is ahead")
-        self.sets = sum(len(layer) for layer in self._layers)
+            raise states.no("there was no time to work out what is ahead")
+        self.sets = states.sets
         self.questions = model.questions
 
     def __call__(self, state: State) -> float:
         """Return a lower bound on the cost to the goal, exact between jobs; 0 if none is known."""
-        done, begun = 0, -1
-        bits = state.bits
-        for index, job in enumerate(self._jobs):
-            own = bits & job.own
-            if own == job.stages[-1]:
-                done |= 1 << index
-            elif own != job.stages[0]:
-                if begun >= 0 or own not in job.stages:
-                    return 0.0
-                begun = index
-        situation = bits & self._situation
+        states = self._states
+        at = states.of(state)
+        if at is None:
+            return 0.0
+        done, begun, position = at
+        situation = state.bits & states.situation
         found = math.inf
         if begun >= 0:
-            job = self._jobs[begun]
-            rest = job.chain[job.stages.index(bits & job.own) :]
-            found = self._connections.tail(rest, situation) + self._after(done, begun)
+            rest = states.jobs[begun].chain[position:]
+            found = states.connections.tail(rest, situation) + self._after(done, begun)
         else:
             costs = self._costs_from(situation)
-            for index, needs in enumerate(self._needs):
+            for index, needs in enumerate(states.needs):
                 if not done >> index & 1 and not needs & ~done and costs[index] < found:
                     found = min(found, costs[index] + self._after(done, index))
         return found * (1.0 - _ROUNDING) if math.isfinite(found) else 0.0
@@ -154,26 +83,18 @@ class OrdersAhead:
         """Return what coming from a situation to each job, and doing it, costs."""
         costs = self._from.get(situation)
         if costs is None:
-            row = self._connections.costs_from(situation)
-            costs = self._from[situation] = row[self._chosen].tolist()
+            row = self._states.connections.costs_from(situation)
+            costs = self._from[situation] = row[self._states.chosen].tolist()
         return costs
 
     def _after(self, done: int, job: int) -> float:
         """Return what is to pay when a job has been done after others."""
         done |= 1 << job
-        layer = self._layers[done.bit_count()]
+        layer = self._states.layers[done.bit_count()]
         place = int(np.searchsorted(layer, np.uint64(done)))
         if place == len(layer) or int(layer[place]) != done:
             return 0.0
         return float(self._to_go[done.bit_count()][place, job])
-
-    def _afforded(self, most_sets: int, count: int, stop: Stop) -> int:
-        """Return how many sets there is memory for, at most `most_sets`."""
-        left = stop.memory_left_bytes()
-        if left is None or not count:
-            return most_sets
-        # Half of it: a table is filled from another one.
-        return min(most_sets, left // (2 * _COST_BYTES * (count + 1)))
 
 
 def orders_ahead(
@@ -186,30 +107,6 @@ def orders_ahead(
         return OrdersAhead(CertainModel(model, certain), most_sets, stop)
     except NotASequencing:
         return None
-
-
-def feasible_sets(needs: Sequence[int], most: int, stop: Stop) -> list[Sets]:
-    """Return the sets that hold with every job all that it needs, by size, in ascending order.
-
-    Parameters
-    ----------
-    needs
-        By job the set of those that must be done before it.
-    most
-        With more sets than this nothing is returned.
-    stop
-        When to give up; then nothing is returned.
-    """
-    layers: list[Sets] = [np.zeros(1, dtype=np.uint64)]
-    total = 1
-    for _ in needs:
-        here = layers[-1]
-        following = [here[open_in(here, job, set_)] | bit_of(job) for job, set_ in enumerate(needs)]
-        layers.append(np.unique(np.concatenate(following)))
-        total += len(layers[-1])
-        if total > most or stop():
-            return []
-    return layers
 
 
 def costs_to_go(
@@ -251,15 +148,3 @@ def costs_to_go(
             return []
     found.append(np.full((1, count), np.inf))
     return found[::-1] if count else [np.zeros((1, 0))]
-
-
-def open_in(sets: Sets, job: int, needs: int) -> NDArray[np.bool_]:
-    """Return in which sets a job is not done, and all that it needs is."""
-    needed = np.uint64(needs)
-    found: NDArray[np.bool_] = ((sets & bit_of(job)) == 0) & ((sets & needed) == needed)
-    return found
-
-
-def bit_of(job: int) -> np.uint64:
-    """Return the set of one job."""
-    return np.uint64(1 << job)

@@ -20,6 +20,7 @@ from pydantic import Field
 from skillplan.model.policy_sample import PolicySample, sample_policy
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.chance.adaptive_search import AdaptiveSearch
+from skillplan.solvers.chance.reachable import asked_everywhere
 from skillplan.solvers.chance.retries import relaxed, retried, touched, why_not_retried
 from skillplan.solvers.solution import Solution
 from skillplan.solvers.solver import Solver
@@ -181,7 +182,7 @@ class ReplanSolver(Solver):
             return Solution(None, bound, trace={**trace, "reason": why})
         plan_s = time.perf_counter() - begin_s - bound_s
         policy = Replanning(search, model, lookahead=self.options.lookahead)
-        whole = self._spread(model, policy)
+        whole = asked_everywhere(model, policy, options.policy_states, self.stop)
         sample = sample_policy(model, policy.get, seed, self.options.roll_outs, self.stop)
         trace |= {
             "planned_cost": planned,
@@ -235,21 +236,6 @@ class ReplanSolver(Solver):
         from skillplan.solvers.chance.orders_ahead import orders_ahead
 
         return orders_ahead(model, certain, self.options.sets, self.stop)
-
-    def _spread(self, model: SkillModel, policy: Replanning) -> bool:
-        """Ask the policy wherever it may get to; return whether that was everywhere."""
-        todo, seen = [model.initial], {model.initial}
-        while todo:
-            if self.stop() or len(policy) >= self.options.policy_states:
-                return False
-            state = todo.pop()
-            skill = None if model.is_goal(state) else policy.get(state)
-            for outcome in () if skill is None else skill.outcomes_in(state):
-                following = outcome.apply(state)
-                if following not in seen:
-                    seen.add(following)
-                    todo.append(following)
-        return True
 
 
 def _document(sample: PolicySample) -> dict[str, Any]:

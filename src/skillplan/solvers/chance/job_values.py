@@ -1,0 +1,380 @@
+"""The least expected cost where jobs are put in order and beginning one may fail.
+
+Bellman's equations over the sets of jobs that may be done, and the places where the arm may stand
+then: after a job, or where beginning one has failed. A failure changes nothing else, so that it
+leaves the set as it is, and values of a set follow from those of larger ones and from each other.
+With Held and Karp's states (1962) that is a finite-horizon program with a small fixed point in each
+of its stages; the fixed point is approached from below, by a contraction with the largest
+probability of failing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skillplan.errors import NotASequencing
+from skillplan.model.component_jobs import ComponentJobs, Job
+from skillplan.model.job_connections import JobConnections
+from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.chance.job_sets import CertainModel, JobSets, Sets, bit_of, open_in
+from skillplan.solvers.chance.retries import failures, retried, touched
+from skillplan.solvers.stop import Stop
+from skillplan.task.skill import Outcome, Skill
+from skillplan.task.state import State
+from skillplan.task.task import Task
+
+Costs = NDArray[np.float64]
+
+# Values that a sweep changes by less, as a fraction of the largest, have come to rest.
+_AT_REST = 1e-15
+_MOST_SWEEPS = 20_000
+# What costs differently by no more than this is the same.
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class Ways:
+    """What it costs to begin jobs, from wherever the arm may stand between them.
+
+    Parameters
+    ----------
+    costs
+        From s situations, of coming to each of n jobs and trying its first skill once, shape
+        (s, n); inf where that cannot be. The first n are those after the jobs, the last the initial
+        one; between them are those after failures.
+    rest
+        Of each job after its first skill has succeeded, shape (n,).
+    success
+        Probability that the first skill of a job succeeds, shape (n,).
+    lost
+        Of each job pairs of the probability of a failure and the situation that it leaves.
+    """
+
+    costs: Costs
+    rest: Costs
+    success: Costs
+    lost: tuple[tuple[tuple[float, int], ...], ...]
+
+
+def tried_once(task: Task) -> Task:
+    """Return a task in which every skill succeeds, and the first of a job costs one try of it.
+
+    A later skill that fails has to be tried again, and costs what all its tries do.
+
+    Raises
+    ------
+    NotASequencing
+        If the task is none of jobs, or what is done between jobs may fail.
+    """
+    sure = retried(task)
+    structure = ComponentJobs(sure)
+    failing = {skill.name for skill in task.skills if not skill.deterministic}
+    for skill in structure.connectors:
+        if skill.name in failing:
+            raise structure.no(f"{skill.name}, which is part of no job, may fail")
+    first = {job.chain[0].name for job in structure.jobs}
+    own = {skill.name: skill.cost for skill in task.skills}
+    skills = (
+        replace(skill, cost=own[skill.name]) if skill.name in first else skill
+        for skill in sure.skills
+    )
+    return replace(sure, skills=tuple(skills))
+
+
+class JobValues(Mapping[State, Skill]):
+    """The policy of the least expected cost, worked out in a state where it is asked.
+
+    Parameters
+    ----------
+    model
+        Of the task with its failures, of which `why_not_retried` says nothing.
+    most_sets
+        Of more sets of jobs nothing is worked out.
+    stop
+        When to give up.
+
+    Attributes
+    ----------
+    cost
+        The least expected cost from the initial state, from below.
+    sets
+        How many sets of jobs may be done.
+
+    Raises
+    ------
+    NotASequencing
+        If the task is none of jobs, there are more sets, verdicts rest on what a failure changes,
+        or it was given up.
+    """
+
+    def __init__(self, model: SkillModel, most_sets: int, stop: Stop) -> None:
+        certain = CertainModel(model, tried_once(model.task))
+        self._model = model
+        self._states = states = JobSets(certain, most_sets, stop)
+        self._skills = {skill.name: skill for skill in model.task.skills}
+        self.sets = states.sets
+        if certain.questions & touched(model.task):
+            raise states.no("verdicts rest on what a failure changes")
+        self._paths: dict[int, list[tuple[str, ...]]] = {}
+        self._situations = _Situations(states, self._skills)
+        self._ways = self._situations.ways()
+        self._after = values_of_sets(states.layers, states.needs, self._ways, stop)
+        if not self._after:
+            raise states.no("there was no time to work out all values")
+        self._onward: dict[int, Costs] = {}
+        self._said: dict[State, Skill] = {}
+        self.cost = 0.0
+        if states.jobs:
+            self.cost = float((self._ways.costs[-1] + self._begun(0)).min())
+
+    def __getitem__(self, state: State) -> Skill:
+        skill = self._said.get(state)
+        if skill is None:
+            skill = None if self._model.is_goal(state) else self._chosen(state)
+            if skill is None:
+                raise KeyError(state)
+            self._said[state] = skill
+        return skill
+
+    def __iter__(self) -> Iterator[State]:
+        return iter(list(self._said))
+
+    def __len__(self) -> int:
+        return len(self._said)
+
+    def _chosen(self, state: State) -> Skill | None:
+        """Return the skill of the least expected cost; None where no order leads on."""
+        states = self._states
+        found = states.of(state)
+        if found is None:
+            return None
+        done, begun, position = found
+        if begun >= 0:
+            return self._skills[states.jobs[begun].chain[position].name]
+        situation = state.bits & states.situation
+        totals = self._situations.costs_from(situation) + self._begun(done)
+        job = int(totals.argmin())
+        if not math.isfinite(totals[job]):
+            return None
+        path = self._situations.path(situation, job)
+        return self._skills[(*path, states.jobs[job].chain[0].name)[0]]
+
+    def _begun(self, done: int) -> Costs:
+        """Return what is to pay once the first skill of each job was tried, by done jobs."""
+        found = self._onward.get(done)
+        if found is None:
+            states = self._states
+            layer = states.layers[done.bit_count()]
+            place = int(np.searchsorted(layer, np.uint64(done)))
+            above = done.bit_count() + 1
+            if place == len(layer) or int(layer[place]) != done:
+                return np.full(len(states.jobs), np.inf)
+            onward = _onward(
+                layer[place : place + 1],
+                states.layers[above],
+                self._after[above],
+                states.needs,
+                self._ways,
+            )
+            found = self._onward[done] = _after_a_try(onward, self._ways)[:, 0]
+        return found
+
+
+class _Situations:
+    """Where the arm may stand between jobs, and what beginning a job costs from there."""
+
+    def __init__(self, states: JobSets, skills: Mapping[str, Skill]) -> None:
+        self._states, self._skills = states, skills
+        self._connections: JobConnections = states.connections
+        self._rest = np.array([self._rest_of(job) for job in states.jobs])
+        self._costs: dict[int, Costs] = {}
+        self._stops: dict[int, list[tuple[float, int, tuple[str, ...]]]] = {}
+
+    def ways(self) -> Ways:
+        """Return what beginning jobs costs from every situation."""
+        states = self._states
+        initial = states.initial & states.situation
+        after = [job.after for job in states.jobs]
+        lost: list[list[tuple[float, int]]] = []
+        extra: dict[int, int] = {}
+        for index, job in enumerate(states.jobs):
+            begin = self._connections.begun_in(states.chosen[index])
+            lost.append([])
+            for failure in failures(self._skills[job.chain[0].name]):
+                here = self._failed(job, failure, begin)
+                number = extra.setdefault(here, len(after) + len(extra))
+                lost[-1].append((failure.probability, number))
+        every = [*after, *extra, initial]
+        costs = [self.costs_from(situation) for situation in every]
+        for index in range(len(states.jobs)):
+            costs[index] = costs[index].copy()
+            costs[index][index] = np.inf
+        success = [1.0 - math.fsum(share for share, _ in pairs) for pairs in lost]
+        return Ways(
+            np.array(costs).reshape(len(every), len(after)),
+            self._rest,
+            np.array(success),
+            tuple(tuple(pairs) for pairs in lost),
+        )
+
+    def costs_from(self, situation: int) -> Costs:
+        """Return the costs of coming to each job and trying its first skill, shape (n,)."""
+        found = self._costs.get(situation)
+        if found is None:
+            found = np.full(len(self._states.jobs), np.inf)
+            for cost, stop, _ in self._stops_from(situation):
+                row = self._connections.row(stop)[self._states.chosen]
+                found = np.minimum(found, cost + row - self._rest)
+            self._check(situation)
+            self._costs[situation] = found
+        return found
+
+    def path(self, situation: int, job: int) -> tuple[str, ...]:
+        """Return the skills on the cheapest way to a job, such as a tool change."""
+        place = self._states.chosen[job]
+        best: tuple[str, ...] = ()
+        least = math.inf
+        for cost, stop, path in self._stops_from(situation):
+            total = cost + self._connections.row(stop)[place]
+            if total < least - _ROUNDING:
+                best, least = path, total
+        return best
+
+    def _stops_from(self, situation: int) -> list[tuple[float, int, tuple[str, ...]]]:
+        if situation not in self._stops:
+            self._stops[situation] = self._connections.stops_from(situation)
+        return self._stops[situation]
+
+    def _rest_of(self, job: Job) -> float:
+        """Return what a job costs after its first skill."""
+        index = self._states.jobs.index(job)
+        begin = self._connections.begun_in(self._states.chosen[index])
+        return self._rest_from(job, begin)
+
+    def _rest_from(self, job: Job, begin: int) -> float:
+        onward = self._connections.following(job.chain[0], begin)
+        return self._connections.tail(job.chain[1:], onward)
+
+    def _failed(self, job: Job, failure: Outcome, begin: int) -> int:
+        """Return the situation after a failure to begin a job."""
+        situation = self._states.situation
+        return begin & ~failure.delete.bits | failure.add.bits & situation
+
+    def _check(self, situation: int) -> None:
+        """Demand that it does not matter from where a job is begun, once it is."""
+        states = self._states
+        for _, stop, _ in self._stops_from(situation):
+            row = self._connections.row(stop)
+            for index, job in enumerate(states.jobs):
+                if not math.isfinite(row[states.chosen[index]]):
+                    continue
+                first = self._connections.begun_in(states.chosen[index])
+                same = abs(self._rest_from(job, stop) - self._rest[index]) <= _ROUNDING
+                for failure in failures(self._skills[job.chain[0].name]):
+                    one, other = (self._failed(job, failure, each) for each in (first, stop))
+                    same = same and one == other
+                if not same:
+                    raise states.no(f"what follows {job.chain[0].name} depends on where it begins")
+
+
+def job_values(model: SkillModel, most_sets: int, stop: Stop) -> JobValues | None:
+    """Return the policy of the least expected cost; None where that is not to be had."""
+    try:
+        return JobValues(model, most_sets, stop)
+    except NotASequencing:
+        return None
+
+
+def values_of_sets(
+    layers: Sequence[Sets], needs: Sequence[int], ways: Ways, stop: Stop
+) -> list[Costs]:
+    """Return the least expected cost of all that is left, by set and by the last job of it.
+
+    Parameters
+    ----------
+    layers
+        The sets by size.
+    needs
+        By job the set of those that must be done before it.
+    ways
+        What beginning jobs costs.
+    stop
+        When to give up; then nothing is returned.
+
+    Returns
+    -------
+    list of ndarray
+        For each layer of s sets, shape (s, n); rows of jobs that are not in a set mean nothing.
+    """
+    count = len(needs)
+    found: list[Costs] = [np.zeros((1, count))]
+    for size in range(count - 1, 0, -1):
+        onward = _onward(layers[size], layers[size + 1], found[-1], needs, ways)
+        begun = _after_a_try(onward, ways)
+        least = np.full((count, len(layers[size])), np.inf)
+        for last in range(count):
+            for job in range(count):
+                if ways.costs[last, job] < np.inf:
+                    np.minimum(least[last], begun[job] + ways.costs[last, job], out=least[last])
+        found.append(np.ascontiguousarray(least.T))
+        if stop():
+            return []
+    found.append(np.full((1, count), np.inf))
+    return found[::-1] if count else [np.zeros((1, 0))]
+
+
+def _onward(here: Sets, above: Sets, values: Costs, needs: Sequence[int], ways: Ways) -> Costs:
+    """Return what is to pay once the first skill of a job has succeeded, shape (n, sets)."""
+    found = np.full((len(needs), len(here)), np.inf)
+    for job, set_ in enumerate(needs):
+        open_here = np.flatnonzero(open_in(here, job, set_))
+        place = np.searchsorted(above, here[open_here] | bit_of(job))
+        found[job, open_here] = ways.rest[job] + values[place, job]
+    return found
+
+
+def _after_a_try(onward: Costs, ways: Ways) -> Costs:
+    """Return what is to pay once the first skill of a job was tried, shape (n, sets).
+
+    Where it fails, that is the value of the situation which the failure leaves: a fixed point,
+    approached from below.
+    """
+    succeeded = onward * ways.success[:, None]
+    failing = [job for job, pairs in enumerate(ways.lost) if pairs]
+    if not failing:
+        return succeeded
+    begun = succeeded.copy()
+    places = sorted({number for pairs in ways.lost for _, number in pairs})
+    sure = [job for job in range(len(onward)) if not ways.lost[job]]
+    base = {}
+    for number in places:
+        least = np.full(onward.shape[1], np.inf)
+        for job in sure:
+            if ways.costs[number, job] < np.inf:
+                np.minimum(least, succeeded[job] + ways.costs[number, job], out=least)
+        base[number] = least
+    values = {number: np.zeros(onward.shape[1]) for number in places}
+    for _ in range(_MOST_SWEEPS):
+        for job in failing:
+            begun[job] = succeeded[job]
+            for share, number in ways.lost[job]:
+                begun[job] += share * values[number]
+        change = 0.0
+        for number in places:
+            least = base[number].copy()
+            for job in failing:
+                if ways.costs[number, job] < np.inf:
+                    np.minimum(least, begun[job] + ways.costs[number, job], out=least)
+            finite = np.isfinite(least)
+            if finite.any():
+                moved = np.abs(least[finite] - values[number][finite]).max()
+                change = max(change, float(moved) / max(1.0, float(least[finite].max())))
+            values[number] = least
+        if change <= _AT_REST:
+            break
+    return begun

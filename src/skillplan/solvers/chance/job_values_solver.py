@@ -1,0 +1,97 @@
+"""The solver `job-values`: the least expected cost where jobs are put in order, with proof."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from pydantic import Field
+
+from skillplan.errors import NotASequencing
+from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.chance.reachable import asked_everywhere
+from skillplan.solvers.chance.retries import touched, why_not_retried
+from skillplan.solvers.solution import Solution
+from skillplan.solvers.solver import Solver
+from skillplan.task import back_end
+
+
+class JobValuesSolver(Solver):
+    """Work out the least expected cost over the sets of jobs that may be done; proves it."""
+
+    name = "job-values"
+    polls = True
+
+    class Options(back_end.Options):
+        """Limits."""
+
+        sets: int = Field(
+            default=1_200_000,
+            ge=1,
+            le=100_000_000,
+            description="up to so many sets of jobs that may be done are served: 8 bytes each for "
+            "every job [-]",
+        )
+        policy_states: int = Field(
+            default=5_000,
+            ge=0,
+            le=1_000_000,
+            description="write the policy out in every state that it may reach, up to so many [-]",
+        )
+
+    options: Options
+
+    def refuses(self, model: SkillModel) -> str | None:
+        """Return why not, where the task is not one of jobs that can be tried again."""
+        from skillplan.solvers.chance.job_sets import CertainModel, JobSets
+        from skillplan.solvers.chance.job_values import tried_once
+
+        if model.asks_costs:
+            return "costs that back ends tell are not known before a search; take value-iteration"
+        why = why_not_retried(model.task)
+        if why is not None:
+            return f"{why}: it cannot be tried again; take value-iteration"
+        try:
+            certain = CertainModel(model, tried_once(model.task))
+            JobSets(certain, self.options.sets, self.stop)
+        except NotASequencing as error:
+            if self.stop() or _obstacle(model) is not None:
+                return None
+            return f"{str(error).rstrip('.')}; take replan"
+        if certain.questions & touched(model.task):
+            return "verdicts rest on what a failure changes; take replan"
+        return None
+
+    def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
+        """Work out all values, and follow the policy to wherever it may get."""
+        from skillplan.solvers.chance.job_values import job_values
+
+        begin_s = time.perf_counter()
+        values = job_values(model, self.options.sets, self.stop)
+        if values is None:
+            why = _obstacle(model) or "no values were worked out before it was stopped"
+            return Solution(trace={"reason": why})
+        trace: dict[str, Any] = {
+            "values_s": time.perf_counter() - begin_s,
+            "sets": values.sets,
+            "states": values.sets,
+        }
+        if values.cost == float("inf"):
+            return Solution(trace={**trace, "reason": "there is no order of the jobs"})
+        trace["policy_complete"] = asked_everywhere(
+            model, values, self.options.policy_states, self.stop
+        )
+        trace["policy_states"] = len(values)
+        trace["bound_method"] = "Bellman's equations over all sets of jobs"
+        self.stop.bound(values.cost)
+        # Values know of no step limit, which only a plan has to keep.
+        short = not model.task.deterministic or len(values) <= model.step_limit
+        return Solution(values, values.cost, proved=short, trace=trace)
+
+
+def _obstacle(model: SkillModel) -> str | None:
+    """Return what stands against every order of a task without chance, if anything does."""
+    from skillplan.chart.precedence_chart import derive_chart
+
+    task = model.task
+    return derive_chart(model.feasibility).obstacle(task) if task.deterministic else None
