@@ -12,6 +12,7 @@ from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.model.policy_value import evaluate_policy
 from skillplan.pipeline.run import make_model
 from skillplan.pipeline.setup import load_problem
+from skillplan.solvers.chance.job_values_solver import JobValuesSolver
 from skillplan.task.task import Task
 from skillplan.testing import SolverSuite
 from skillplan_torch.imitation import ImitateSolver
@@ -48,6 +49,23 @@ def test_it_costs_what_its_teacher_does_and_passes_its_bound_on(board: Task) -> 
     assert found.lower_bound is not None
     assert found.lower_bound <= cost
     assert not found.proved
+
+
+@pytest.mark.slow(reason="learns 20 parts for 10 s; four parts in every run")
+def test_beyond_tables_it_is_within_one_percent_of_the_optimum(tmp_path: Path) -> None:
+    """On 20 parts of 762,750 states, with its defaults, in less than 5 ms an answer."""
+    path = tmp_path / "board.yaml"
+    board = BoardGenerator(20, 0.1, 3, 1, failures=(0.1, 0.4), failing_share=1 / 3)
+    path.write_text(board.text(), "utf-8")
+    model = make_model(load_problem(path).task)
+    optimum = JobValuesSolver().solve(model).lower_bound
+    found = ImitateSolver(ImitateOptions()).solve(model)
+    assert found.policy is not None
+    assert optimum is not None
+    cost = evaluate_policy(model, found.policy.get).cost
+    assert cost is not None
+    assert optimum <= cost <= 1.01 * optimum
+    assert found.trace["answer_ms"] < 5.0
 
 
 def test_a_roll_out_ends_at_what_is_infeasible(board: Task) -> None:
