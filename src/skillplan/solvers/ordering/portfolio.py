@@ -419,8 +419,11 @@ class OrderingSearch:
         else:
             if tree is None:
                 self._tree = tree = SharedTree(branching, helpers)
-                # The others make themselves ready and anneal meanwhile.
-                branching.run(min(work, _FIRST_WORK))
+                # The others make themselves ready and anneal meanwhile. What is done here is not
+                # to be done by all again: other methods wait for their turn.
+                first = min(work, _FIRST_WORK)
+                branching.run(first)
+                work -= first
                 self._first_bound = branching.bound
             self._gather()
             parts = tree.parts
