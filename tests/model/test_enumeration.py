@@ -1,5 +1,6 @@
 """The complete feasibility of a task."""
 
+import pickle
 from dataclasses import replace
 
 import pytest
@@ -19,6 +20,8 @@ from skillplan.model.enumeration import enumerate_feasibility
 from skillplan.task.state import Facts
 from skillplan.task.verdict import Verdict
 from skillplan.testing import lid_task
+from skillplan.testing.executor_suite import ExpensiveBoxes
+from skillplan.workers.executor import Answer, Executor, Worker
 
 
 @given(task=small_tasks())
@@ -89,3 +92,51 @@ def test_counts_are_never_negative():
     counts = enumerate_feasibility(Feasibility(retry_task(1)))
     with pytest.raises(ValueError, match="fewer than 0"):
         replace(counts, states=-1)
+
+
+class Aside(Executor):
+    """So many workers that do their jobs in this process; the one that has waited longest first."""
+
+    name = "aside"
+
+    def start(self, prepare, content, what):
+        return AsideWorker(what, prepare(pickle.loads(content)))
+
+    def first_ready(self, workers, patience_s=0.0):
+        return list(workers)[:1]
+
+    def close(self):
+        """Nothing is to be ended."""
+
+
+class AsideWorker(Worker):
+    """Does its job when it is heard."""
+
+    number = None
+    alive = True
+
+    def __init__(self, what, work):
+        super().__init__(what)
+        self._work = work
+
+    def take(self, job):
+        self._job = job
+
+    def answer(self):
+        return Answer(self._work(self._job))
+
+    def ask_to_stop(self):
+        """Nobody asks."""
+
+    def end(self, *, gently=True):
+        """Nothing is left behind."""
+
+
+def test_idle_processes_check_the_next_distances_ahead_and_nothing_counts_twice():
+    """With more processes than a distance has skills; the figures are those of one process."""
+    task = lid_task()
+    alone = enumerate_feasibility(Feasibility(task, [ExpensiveBoxes(task)]))
+    checks = Feasibility(task, [ExpensiveBoxes(task)], jobs=8, make_executor=Aside)
+    assert enumerate_feasibility(checks) == alone
+    assert checks.foresight.useful > 0
+    assert checks.foresight.made <= 2 * checks.foresight.useful

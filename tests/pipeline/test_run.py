@@ -11,7 +11,7 @@ from skillplan.collision.aabb import AabbDetector
 from skillplan.collision.detector import Detector
 from skillplan.errors import BackEndError, OptionError, PluginError, TaskError
 from skillplan.pipeline import registry
-from skillplan.pipeline.comparison import solve_all
+from skillplan.pipeline.comparing.comparison import solve_all
 from skillplan.pipeline.run import cache_folder, make_model, make_solver, solve
 from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.solvers.solution import Plan, Solution

@@ -190,9 +190,7 @@ class Feasibility:
             If a back end raises, or returns something else than a verdict.
         """
         if self._workers is not None:
-            if self.foresight is not None and likely is not None:
-                self.foresight.expect(skill, likely)
-            return self.verdicts([(skill, state)], poll)[0]
+            return self.verdicts([(skill, state)], poll, likely)[0]
         self._to_go = 1
         return _result_of(self._checking(skill, state))
 
@@ -200,6 +198,7 @@ class Feasibility:
         self,
         queries: Sequence[tuple[Skill, State]],
         poll: Callable[[], None] = lambda: None,
+        likely: Likely | None = None,
     ) -> list[Verdict]:
         """Return the verdicts on several skills in states, in order.
 
@@ -212,6 +211,8 @@ class Feasibility:
             Pairs of skill and state.
         poll
             Called now and then; what it raises ends the checks.
+        likely
+            As in `verdict`.
 
         Raises
         ------
@@ -229,6 +230,8 @@ class Feasibility:
                 verdicts.append(_result_of(self._checking(skill, state)))
             return verdicts
         batch = QueryBatch(self._checking, queries, self.ways.lane)
+        if self.foresight is not None and likely is not None:
+            self.foresight.expect(batch.asks, likely)
         self._workers.hold(batch.lanes, poll, self.foresight)
         return batch.verdicts()
 

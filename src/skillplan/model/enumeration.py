@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from skillplan.checks.feasibility import Feasibility
 from skillplan.model.skill_model import SkillModel
+from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.verdict import VerdictStatus
+
+Query = tuple[Skill, State]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +65,9 @@ def enumerate_feasibility(
 ) -> Enumeration:
     """Check every state that feasible skills lead to within the step limit.
 
-    Breadth first, all states of one distance at once. Where the task is done, nothing is checked
-    any more.
+    Breadth first, all states of one distance at once; processes that have nothing to do then check
+    what the next distances ask if all that is not known is feasible. Where the task is done,
+    nothing is checked any more.
 
     Parameters
     ----------
@@ -88,15 +93,11 @@ def enumerate_feasibility(
             raise _Stopped
 
     for _ in range(task.step_limit):
-        checks = [
-            (skill, state)
-            for state in level
-            if not model.is_goal(state)
-            for skill in model.applicable(state)
-        ]
+        checks = _queries(model, level)
         try:
             poll()
-            verdicts = feasibility.verdicts(checks, poll)
+            likely = partial(_likely, feasibility, model, checks, frozenset(seen))
+            verdicts = feasibility.verdicts(checks, poll, likely)
         except _Stopped:
             complete = False
             break
@@ -124,6 +125,37 @@ def enumerate_feasibility(
         feasibility.reached,
         complete,
     )
+
+
+def _queries(model: SkillModel, level: Iterable[State]) -> list[Query]:
+    """Return what is asked about states."""
+    return [
+        (skill, state)
+        for state in level
+        if not model.is_goal(state)
+        for skill in model.applicable(state)
+    ]
+
+
+def _likely(
+    feasibility: Feasibility, model: SkillModel, queries: Sequence[Query], seen: Collection[State]
+) -> Iterator[tuple[State, Skill]]:
+    """Yield what the distances after some queries ask if all that is not known is feasible."""
+    foresight = feasibility.foresight
+    assert foresight is not None
+    seen = set(seen)
+    while queries:
+        following: dict[State, None] = {}
+        for skill, state in queries:
+            if foresight.expected(skill, state) is not False:
+                for outcome in skill.outcomes_in(state):
+                    following[outcome.apply(state)] = None
+        level = [state for state in following if state not in seen]
+        seen.update(level)
+        queries = _queries(model, level)
+        for skill, state in queries:
+            if foresight.expected(skill, state) is None:
+                yield state, skill
 
 
 class _Stopped(Exception):

@@ -179,6 +179,18 @@ def told(search):
     return order, search.cost, search.bound, search.ended, search.effort
 
 
+def test_the_first_turn_of_branch_and_cut_is_no_more_work_than_alone(monkeypatch):
+    """What one process does before others join in is not done by each of them again."""
+    for name in ("_WORK", "_FIRST_WORK"):
+        monkeypatch.setattr(portfolio, name, 1_000_000)
+    puzzle = ordering("ft53.1")
+    alone = OrderingSearch(puzzle, ("branch-and-cut",), rounds=1)
+    alone.run()
+    shared, _ = together(puzzle, ("branch-and-cut",), rounds=1)
+    assert not alone.proved
+    assert shared.effort.parts == alone.effort.parts > 0
+
+
 PROVING = [*((method,) for method in METHODS if method != "local-search"), METHODS]
 
 

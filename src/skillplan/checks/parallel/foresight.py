@@ -59,11 +59,19 @@ class Foresight:
         self._open: dict[str, Guess] = {}
         self._likely: Likely | None = None
         self._coming: Iterator[tuple[State, Skill]] | None = None
-        self._asked = ""
+        self._asks: Callable[[str], bool] = lambda lane: False
 
-    def expect(self, skill: Skill, likely: Likely) -> None:
-        """Take it that `skill` is asked about, and after it what is likely."""
-        self._asked = self._ways.lane(skill)
+    def expect(self, asks: Callable[[str], bool], likely: Likely) -> None:
+        """Take it that skills of lanes are asked about, and after them what is likely.
+
+        Parameters
+        ----------
+        asks
+            Whether a lane is asked about at the moment.
+        likely
+            Begins to yield what is likely to be asked next.
+        """
+        self._asks = asks
         self._likely, self._coming = likely, None
 
     def forget(self) -> None:
@@ -96,7 +104,7 @@ class Foresight:
         for state, skill in self._coming:
             lane = self._ways.lane(skill)
             # Of one skill the verdict that is under way may answer this question, too.
-            if lane == self._asked or lane in self._open or not skill.applicable(state):
+            if self._asks(lane) or lane in self._open or not skill.applicable(state):
                 continue
             guess = Guess(self, lane, self._checking(skill, state))
             if guess.request is not None:

@@ -47,7 +47,12 @@ class QueryBatch:
         by_skill: dict[str, list[int]] = {}
         for position, (skill, _) in enumerate(queries):
             by_skill.setdefault(lane(skill), []).append(position)
-        self.lanes = [Lane(self, positions) for positions in by_skill.values()]
+        self._by_name = {name: Lane(self, positions) for name, positions in by_skill.items()}
+        self.lanes = list(self._by_name.values())
+
+    def asks(self, lane: str) -> bool:
+        """Whether a lane has not come to its end."""
+        return lane in self._by_name and self._by_name[lane].open
 
     def begin(self, position: int) -> Checking:
         """Begin to decide about a query."""
@@ -94,6 +99,11 @@ class Lane:
         self._left = deque(positions)
         self._at = -1
         self._checking: Checking | None = None
+
+    @property
+    def open(self) -> bool:
+        """Whether a query is left or under way."""
+        return bool(self._left) or self._checking is not None
 
     @property
     def wanted(self) -> bool:

@@ -100,8 +100,9 @@ def command(
 ) -> int:
     """Run several solvers, collision detectors or physics engines on TASK side by side.
 
-    Each solver starts with a cold cache of verdicts and its own time limit; one whose claimed
-    bound is refuted by another's plan is marked wrong. Detectors check executions that are
+    Each solver starts with a cold cache of verdicts and its own limits; one whose claimed
+    bound is refuted by another's plan is marked wrong. They run in turn, or with --jobs no larger
+    than their number so many at once, in a process each. Detectors check executions that are
     right by the hand-made chart, and collisions injected into the task: false alarms, misses
     and the figures that decide. Engines execute what is applicable in every state that one of them
     leads to: how often they agree, and both pieces of evidence wherever they do not.
@@ -179,7 +180,7 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
     from contextlib import ExitStack
 
     from skillplan.cli.output import emit, exit_code
-    from skillplan.pipeline.comparison import compare_solvers
+    from skillplan.pipeline.comparing.comparison import compare_solvers
     from skillplan.pipeline.run import check_solver
     from skillplan.pipeline.solver_choice import solver_names
     from skillplan.records import schemas
@@ -211,6 +212,7 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
             warm=run.warm,
             jobs=run.jobs,
             audit=run.audit,
+            limits=run.limits.of_stop,
         )
     tables = comparison_tables(results, title, last.metric.decimals)
     origin = setup.origin(path, None, reading.settings())

@@ -77,6 +77,15 @@ class Limits:
         ),
     ] = None
 
+    @property
+    def of_stop(self) -> dict[str, Any]:
+        """The limits as keywords of `Stop`."""
+        return {
+            "time_limit_s": self.time_limit_s,
+            "stall_s": self.stall_s,
+            "memory_limit_bytes": self.memory_limit_bytes,
+        }
+
     def stoppable(self, label: str, gap: float = 0.0) -> AbstractContextManager[Stop]:
         """Return what yields a stop with these limits.
 

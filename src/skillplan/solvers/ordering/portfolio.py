@@ -32,8 +32,11 @@ from skillplan.solvers.ordering.subsets.two_ended_search import TwoEndedSearch
 Method = Literal["local-search", "subset-dp", "tree-search", "branch-and-cut"]
 METHODS: tuple[Method, ...] = ("local-search", "subset-dp", "tree-search", "branch-and-cut")
 
-# Moves of local search in the first round.
+# Moves of local search in the first round, and how many times as many a later one has at most.
+# Where orders are kicked and so large a share of the cost is not proved, a proof is far away, and
+# better orders are what can be had.
 _MOVES = 1_000_000
+_LONGER, _FAR_LONGER, _FAR = 2, 8, 0.05
 # Work of branch and cut in the first round, of it what this process does before others join in,
 # and work of the relaxation over pairs in the first round.
 _WORK = 40_000_000
@@ -198,9 +201,13 @@ class OrderingSearch:
 
     def _turn_moves(self, scale: int) -> int:
         """How many moves all processes make in a turn of annealing."""
-        # Twice as long where it gained last time; other methods gain from longer turns.
-        longer = scale if self.methods == ("local-search",) else min(scale, 2)
-        return longer * _MOVES >> min(self._stalled, longer - 1)
+        far = self._annealing.kicked and self.bound < (1 - _FAR) * self.cost
+        if far or self.methods == ("local-search",):
+            longer = min(scale, _FAR_LONGER) if far else scale
+        else:
+            longer = min(scale, _LONGER)
+        # Half as long where it gained nothing last time; other methods gain from longer turns.
+        return longer * _MOVES >> (0 if far else min(self._stalled, longer - 1))
 
     def _over(self) -> bool:
         """Whether to stop."""
@@ -412,8 +419,11 @@ class OrderingSearch:
         else:
             if tree is None:
                 self._tree = tree = SharedTree(branching, helpers)
-                # The others make themselves ready and anneal meanwhile.
-                branching.run(min(work, _FIRST_WORK))
+                # The others make themselves ready and anneal meanwhile. What is done here is not
+                # to be done by all again: other methods wait for their turn.
+                first = min(work, _FIRST_WORK)
+                branching.run(first)
+                work -= first
                 self._first_bound = branching.bound
             self._gather()
             parts = tree.parts

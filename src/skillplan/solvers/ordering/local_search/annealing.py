@@ -22,9 +22,11 @@ _SCHEDULES = ((1.0, 0.5), (2.0, 0.9), (1.0, 0.9), (2.0, 0.3), (0.5, 0.6))
 _COOLING = 300.0
 # Where reversing strings pays, orders are kicked and descend again: costs of the two directions
 # differ by at most this share of them, and of all pairs of nodes at most this share is in a
-# precedence. The factor is smaller then, and a kick takes as long as so many moves.
+# precedence. A run begins so many times as hot then, the factor is smaller, and a kick counts as so
+# many moves. Several runs of so many moves find better orders than one that is longer.
 _SKEW, _ORDERED = 0.2, 0.25
-_KICK_COOLING, _KICK_MOVES = 20.0, 16
+_KICK_HEAT, _KICK_COOLING, _KICK_MOVES = 2.0, 20.0, 8
+_LONGEST_RUN = 1_000_000
 _LEAST_NODES = 8
 # Moves times nodes of a portion: some tenths of a second.
 _PORTION = 10_000_000
@@ -81,6 +83,11 @@ class Annealing:
         The ordering.
     seed
         Governs all randomness.
+
+    Attributes
+    ----------
+    kicked
+        Whether orders are kicked and descend again, as strings may be reversed.
     """
 
     def __init__(self, instance: OrderingInstance, seed: int) -> None:
@@ -90,12 +97,12 @@ class Annealing:
         self._follow = followers(instance)
         used = instance.costs[instance.costs < NO_ARC]
         self._typical = float(used.mean()) if used.size else 1.0
-        self._kicked = instance.n >= _LEAST_NODES and _reversible(instance)
-        self._cooling = _KICK_COOLING if self._kicked else _COOLING
+        self.kicked = instance.n >= _LEAST_NODES and _reversible(instance)
+        self._cooling = _KICK_COOLING if self.kicked else _COOLING
         self._turn = 0
 
     def portions(self, order: Integers, cost: float, moves: int) -> Iterator[tuple[Integers, int]]:
-        """Improve an order by one run; yield the best so far and the moves of each portion.
+        """Improve an order by runs; yield the best so far and the moves of each portion.
 
         Parameters
         ----------
@@ -104,14 +111,23 @@ class Annealing:
         cost
             What it costs; inf for an order that takes arcs that no order takes.
         moves
-            How many in all; fewer where orders are kicked, which takes longer.
+            How many in all; each kick counts as several.
         """
+        best = order.copy()
+        runs = max(1, moves // _LONGEST_RUN) if self.kicked else 1
+        for _ in range(runs):
+            cost = min(cost, self._instance.cost(best))
+            yield from self._one_run(best, cost, moves // runs)
+
+    def _one_run(self, best: Integers, cost: float, moves: int) -> Iterator[tuple[Integers, int]]:
+        """Improve an order, in place, by one run with the next schedule."""
         n = self._instance.n
         share, shifts = _SCHEDULES[self._turn % len(_SCHEDULES)]
         self._turn += 1
+        share *= _KICK_HEAT if self.kicked else 1.0
         initial = share * max(1e-9, min(cost, n * self._typical) / n)
         count = max(8, moves * n // _PORTION)
-        now, best = order.copy(), order.copy()
+        now = best.copy()
         for portion in range(count):
             temperature = initial * self._cooling ** (-portion / count)
             last = temperature * self._cooling ** (-1 / count)
@@ -128,7 +144,7 @@ class Annealing:
     ) -> None:
         costs, before, random = self._instance.costs, self._instance.before, self._random
         first, last = temperatures
-        if self._kicked:
+        if self.kicked:
             kicks = max(1, moves // _KICK_MOVES)
             arrays = (costs, before, self._near, self._follow)
             descend_again(now, best, *arrays, kicks, first, last, random)

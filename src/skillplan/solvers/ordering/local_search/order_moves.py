@@ -89,17 +89,22 @@ def note_reversals(order: Integers, costs: Floats, follow: Integers, notes: Note
     reach[:] = 0
     turning[0] = 0.0
     for i in range(len(order)):
-        for node in follow[order[i]]:
-            if node < 0:
+        node = order[i]
+        # A slice of the followers would cost more than the loop.
+        for k in range(follow.shape[1]):
+            after = follow[node, k]
+            if after < 0:
                 break
-            reach[rank[node]] = i + 1
+            reach[rank[after]] = i + 1
+    turned = 0.0
     for i in range(1, len(order)):
-        forth, back = costs[order[i - 1], order[i]], costs[order[i], order[i - 1]]
-        turning[i] = turning[i - 1]
+        here, there = order[i - 1], order[i]
+        forth, back = costs[here, there], costs[there, here]
         if max(forth, back) < NO_ARC:
-            turning[i] += back - forth
+            turned += back - forth
         else:
             reach[i] = i
+        turning[i] = turned
         reach[i] = max(reach[i], reach[i - 1])
 
 
@@ -109,9 +114,11 @@ def may_pass(
 ) -> bool:
     """Whether no node from `first` to `middle` must come before one up to `last`."""
     for i in range(first, middle + 1):
-        for node in follow[order[i]]:
-            if node < 0:
+        node = order[i]
+        for k in range(follow.shape[1]):
+            after = follow[node, k]
+            if after < 0:
                 break
-            if middle < rank[node] <= last:
+            if middle < rank[after] <= last:
                 return False
     return True

@@ -5,33 +5,22 @@ A solver that raises, or meets a back end that does, is a row ``failed``; the ot
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.load import Problem
-from skillplan.errors import (
-    OptionError,
-    PluginError,
-    SkillplanError,
-    TaskError,
-)
 from skillplan.judge.referee import cross_examine
-from skillplan.pipeline.chain import Chain
-from skillplan.pipeline.run import check_solver, make_draft, solve, warm_cache
+from skillplan.pipeline import registry
+from skillplan.pipeline.comparing.comparison_row import chain_row, task_row
+from skillplan.pipeline.comparing.comparison_workers import Terms, rows_side_by_side
+from skillplan.pipeline.run import check_solver, warm_cache
 from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solver_choice import solver_names
-from skillplan.plugins.blame import debugging, traceback_text
 from skillplan.records.chain_result import ChainResult
-from skillplan.records.grading import failed_grade
 from skillplan.records.result import Result
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
-
-_LOG = logging.getLogger(__name__)
-
-# What the user has to repair before any solver can run.
-_WRONG_INPUT = (OptionError, PluginError, TaskError)
 
 
 def compare_solvers(
@@ -44,8 +33,12 @@ def compare_solvers(
     warm: bool = False,
     jobs: int = 1,
     audit: int | None = None,
+    limits: Mapping[str, Any] | None = None,
 ) -> list[Result] | list[ChainResult]:
-    """Solve a problem with several solvers in turn and hold their claims together.
+    """Solve a problem with several solvers and hold their claims together.
+
+    In turn; but where there are no more processes than solvers, each runs in one of them, and as
+    many at once as there are processes.
 
     Parameters
     ----------
@@ -62,9 +55,13 @@ def compare_solvers(
     warm
         Whether verdicts kept on disk may be used; otherwise each starts with a cold cache.
     jobs
-        How many processes expensive back ends, and solvers that can, may use; 1 for this one.
+        How many processes solvers run in at once; or where there are more than solvers, how many
+        expensive back ends, and solvers that can, may use. 1 for this one.
     audit
         As in `solve`.
+    limits
+        Those of every search, as keywords of `Stop`, for where they run at once; `make_stop` is
+        then called once, for all.
 
     Returns
     -------
@@ -80,6 +77,13 @@ def compare_solvers(
     """
     for name in dict.fromkeys(each for spec in solvers for each in solver_names(spec)):
         check_solver(name, setup.options.get(name, {}))
+    limits = {} if limits is None else limits
+    if _side_by_side(solvers, jobs, limits):
+        terms = Terms(problem, setup, seed, warm, audit)
+        rows = rows_side_by_side(terms, solvers, jobs, limits, make_stop(", ".join(solvers)))
+        if problem.is_chain:
+            return [row for row in rows if isinstance(row, ChainResult)]
+        return cross_examine([row for row in rows if isinstance(row, Result)])
     if problem.is_chain:
         return solve_chain_with_all(
             problem,
@@ -122,16 +126,7 @@ def solve_all(
     for name in solvers:
         stop = make_stop(name)
         cache = warm_cache() if warm else VerdictCache()
-        try:
-            result = solve(
-                task, name, setup, seed=seed, stop=stop, cache=cache, jobs=jobs, audit=audit
-            )
-        except _WRONG_INPUT:
-            raise
-        except SkillplanError as error:
-            _note(error)
-            result = make_draft(task, name, setup, seed).graded(failed_grade(error))
-        results.append(result)
+        results.append(task_row(task, name, setup, seed, stop, cache, jobs, audit))
         if stop.interrupted:
             break
     return cross_examine(results)
@@ -156,21 +151,17 @@ def solve_chain_with_all(
     results = []
     for name in solvers:
         stop = make_stop(name)
-        chain = Chain(problem, name, setup, seed, stop, make_cache(), jobs, spare=[], audit=audit)
-        try:
-            result = chain.run()
-        except _WRONG_INPUT:
-            raise
-        except SkillplanError as error:
-            _note(error)
-            result = chain.failed(error)
-        results.append(result)
+        results.append(chain_row(problem, name, setup, seed, stop, make_cache(), jobs, audit))
         if stop.interrupted:
             break
     return results
 
 
-def _note(error: SkillplanError) -> None:
-    """Show the traceback where ``SKILLPLAN_DEBUG`` demands it; the row says the rest."""
-    if debugging():
-        _LOG.error("%s\n%s", error, traceback_text(error))
+def _side_by_side(solvers: Sequence[str], jobs: int, limits: Mapping[str, Any]) -> bool:
+    """Whether every process has a solver to run; under limits only those that heed them."""
+    if not 1 < jobs <= len(solvers):
+        return False
+    if all(limit is None for limit in limits.values()):
+        return True
+    names = {each for spec in solvers for each in solver_names(spec)}
+    return all(registry.load("solver", name).polls for name in names)

@@ -1,0 +1,1 @@
+"""Several solvers on one problem, in turn or side by side, and their claims held together."""

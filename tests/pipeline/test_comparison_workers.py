@@ -1,0 +1,133 @@
+"""Solvers of a comparison side by side: the rows are those of solvers in turn."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from skillplan import load_problem
+from skillplan.errors import OptionError
+from skillplan.pipeline.comparing.comparison import compare_solvers
+from skillplan.pipeline.comparing.comparison_workers import Terms, rows_side_by_side
+from skillplan.pipeline.setup import Setup
+from skillplan.solvers.stop import Stop
+from skillplan.workers.local_processes import LocalProcesses
+
+ROOT = Path(__file__).parents[2]
+BOARD = ROOT / "configs" / "inverter_board.yaml"
+BENCH = ROOT / "configs" / "swarmitfix_polygonal.yaml"
+OPEN = ROOT / "tests" / "instances" / "sop" / "kro124p.4.sop"
+
+
+def timeless(document: Any) -> Any:
+    """Return a document without what is measured in seconds of this machine."""
+    if isinstance(document, dict):
+        measured = {"wall_s", "learning_s", "enumeration_s", "compile_s", "solve_s", "seconds"}
+        return {key: timeless(one) for key, one in document.items() if key not in measured}
+    return [timeless(one) for one in document] if isinstance(document, list) else document
+
+
+@pytest.mark.parametrize(
+    ("file", "solvers"),
+    [
+        (BOARD, ["exact", "value-iteration"]),
+        pytest.param(
+            BENCH,
+            ["csp", "monte-carlo", "policy-iteration"],
+            marks=pytest.mark.slow(reason="learns in processes; one task in every run"),
+        ),
+    ],
+)
+def test_rows_are_those_of_solvers_in_turn(file: Path, solvers: list[str]) -> None:
+    """But for seconds: plans, bounds, counts and figures of the search, in the given order."""
+    problem = load_problem(file)
+    in_turn = compare_solvers(problem, solvers)
+    at_once = compare_solvers(problem, solvers, jobs=2)
+    assert [row.solver for row in at_once] == solvers
+    assert timeless([one.document() for one in at_once]) == timeless(
+        [one.document() for one in in_turn]
+    )
+
+
+def started(monkeypatch: pytest.MonkeyPatch, then: Callable[[Any], None]) -> list[Any]:
+    """Note every process that is started from now on, and have something done with it."""
+    begin, made = LocalProcesses.start, []
+
+    def start(self: LocalProcesses, *args: Any) -> Any:
+        worker = begin(self, *args)
+        made.append(worker)
+        then(worker)
+        return worker
+
+    monkeypatch.setattr(LocalProcesses, "start", start)
+    return made
+
+
+def test_a_process_goes_on_with_the_next_solver(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two processes for four rows; every solver starts with a cold cache of verdicts."""
+    made = started(monkeypatch, lambda worker: None)
+    rows = compare_solvers(load_problem(BOARD), ["exact", "exact", "exact", "exact"], jobs=2)
+    assert len(made) == 2
+    assert len({row.checks for row in rows}) == 1  # type: ignore[union-attr]
+    assert rows[0].checks > 0  # type: ignore[union-attr]
+
+
+def test_with_more_processes_than_solvers_each_may_use_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Then they run in turn, here."""
+    made = started(monkeypatch, lambda worker: None)
+    rows = compare_solvers(load_problem(BOARD), ["exact", "value-iteration"], jobs=3)
+    assert [row.status for row in rows] == ["optimal", "optimal"]
+    assert made == []
+
+
+def test_a_solver_whose_process_is_killed_has_failed_and_the_others_go_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The row says by which signal."""
+
+    def kill(worker: Any) -> None:
+        if len(made) == 1:
+            os.kill(worker.number, signal.SIGKILL)
+
+    made: list[Any] = []
+    made = started(monkeypatch, kill)
+    rows = compare_solvers(load_problem(BOARD), ["exact", "value-iteration"], jobs=2)
+    assert [row.status for row in rows] == ["failed", "optimal"]  # type: ignore[union-attr]
+    assert "its process ended by signal 9" in rows[0].reason  # type: ignore[union-attr]
+
+
+def test_wrong_input_that_a_process_meets_is_the_user_s_to_repair() -> None:
+    """As in turn: no row, but an error."""
+    setup = Setup(options={"exact": {"no_such_option": 1}})
+    terms = Terms(load_problem(BOARD), setup)
+    with pytest.raises(OptionError, match="no_such_option"):
+        rows_side_by_side(terms, ["exact", "exact"], 2, {}, Stop())
+
+
+def test_an_interruption_ends_what_runs_with_what_it_has_and_begins_no_other() -> None:
+    """Rows of those that have not begun are missing."""
+    stop = Stop()
+    terms = Terms(load_problem(OPEN), Setup())
+    begun_s = time.monotonic()
+    threading.Timer(4.0, stop.interrupt).start()
+    rows = rows_side_by_side(terms, ["exact", "local-search", "exact"], 2, {}, stop)
+    assert time.monotonic() - begun_s < 12.0
+    assert [row.solver for row in rows] == ["exact", "local-search"]
+    assert all(row.interrupted for row in rows)  # type: ignore[union-attr]
+
+
+def test_limits_hold_for_each() -> None:
+    """Time counts from the beginning of each search."""
+    problem = load_problem(OPEN)
+    rows = compare_solvers(problem, ["exact", "exact"], jobs=2, limits={"time_limit_s": 0.5})
+    assert [row.status for row in rows] == ["solved", "solved"]  # type: ignore[union-attr]
+    assert all(row.wall_s < 3.0 for row in rows)
