@@ -12,6 +12,7 @@ Stable-Baselines3 is no part of the project: it is installed apart, into a folde
 shares torch and Gymnasium with this interpreter.
 
 Run from the repository: ``python benchmarks/learning.py [--steps N] [--rounds N] [--folder DIR]``.
+With ``--boards`` it shows what learners come to on boards at random instead: `learning_boards`.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ from multiprocessing.synchronize import Barrier
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+
+import learning_boards
 
 BASELINE = "stable-baselines3"
 VERSION = "2.9.2"
@@ -123,7 +126,11 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=5_000, help="environment steps of a run")
     parser.add_argument("--rounds", type=int, default=2, help="how often the settings take turns")
     parser.add_argument("--folder", type=Path, help=f"where {BASELINE} is, or is installed")
+    learning_boards.add_options(parser)
     args = parser.parse_args()
+    if args.boards:
+        learning_boards.show(args)
+        return
     if args.steps < LEAST_STEPS or args.rounds < 1:
         parser.error(f"it takes at least {LEAST_STEPS:,} steps and 1 round")
     with ExitStack() as stack:

@@ -1,4 +1,4 @@
-"""Which action deep Q-learning tries: by visit counts, by chance, or off the policy once.
+"""Which action deep Q-learning tries: by plan, by visit counts, by chance, or off the policy once.
 
 Untried actions are taken to be better than they look, where an action is chosen and where a value
 is learned from the next one: Rashid et al., "Optimistic exploration even with a pessimistic
@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skillplan_torch.dqn.frontier import Frontier
 from skillplan_torch.dqn.options import DqnOptions
 from skillplan_torch.dqn.schedules import Schedules
 from skillplan_torch.observation_counts import ObservationCounts, of_runs
+from skillplan_torch.planned.planned_episodes import PlannedEpisodes
 
 # From so many visits on the bonus is as good as gone.
 _MOST_VISITS = 256
@@ -35,8 +35,9 @@ class Exploration:
         Of what every run has tried.
     step_limit
         Most skills of an episode.
-    returns
-        Whether an observation that was met can be met again by the same actions.
+    plans
+        Whether episodes can be planned: what was met can be met again by the same actions, and
+        observations are bits.
 
     Attributes
     ----------
@@ -47,10 +48,8 @@ class Exploration:
         Whether a run has completed the task yet, shape (runs,).
     following
         Whether the episode of every run keeps to the policy, whatever else is due.
-    returning
-        Whether the episode of every run goes back to where one got to.
-    frontier
-        Where that is; None where nothing is gone back to.
+    planned
+        The episodes that are planned with what was learned; None where none is.
     """
 
     def __init__(
@@ -61,7 +60,7 @@ class Exploration:
         counts: ObservationCounts,
         step_limit: int,
         *,
-        returns: bool,
+        plans: bool,
     ) -> None:
         self._options, self._schedules = options, schedules
         self._generators, self._counts, self._limit = generators, counts, step_limit
@@ -69,10 +68,9 @@ class Exploration:
         self.completed = np.zeros(len(generators), dtype=np.bool_)
         self.branch_depths = [step_limit] * len(generators)
         self.following = [False] * len(generators)
-        self.returning = [False] * len(generators)
-        self.frontier = None
-        if returns and options.returning:
-            self.frontier = Frontier(generators, counts, step_limit)
+        self.planned = None
+        if plans and options.planning:
+            self.planned = PlannedEpisodes(generators, counts, step_limit, options.plan_width)
         for run in range(len(generators)):
             self.begin_episode(run, 0)
 
@@ -90,11 +88,13 @@ class Exploration:
         if self._schedules.branches(steps) and generator.random() < self._options.branching:
             depth = int(generator.integers(self._limit))
         self.branch_depths[run] = depth
-        self.following[run] = self.returning[run] = False
-        if self.frontier is not None and not self.completed[run]:
-            self.returning[run] = bool(generator.random() < self._options.returning)
-            if self.returning[run]:
-                self.frontier.begin_episode(run)
+        self.following[run] = False
+        if self.planned is not None:
+            self.planned.begin_episode(run)
+
+    def plans(self, run: int) -> bool:
+        """Whether the episode of a run follows a plan."""
+        return self.planned is not None and not self.planned.settled(run)
 
     def choose(
         self,
@@ -102,6 +102,7 @@ class Exploration:
         allowed: NDArray[np.bool_],
         at: NDArray[np.int64],
         lengths: Sequence[int],
+        lasts: Sequence[int],
         steps: int,
     ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Return the action of every run, and whether it is the policy's own.
@@ -114,6 +115,8 @@ class Exploration:
             Index of what every run observes, shape (runs,).
         lengths
             How many skills the episode of every run has had.
+        lasts
+            The action before of every run, -1 at the start of an episode.
         steps
             How many steps every run has done.
         """
@@ -136,18 +139,13 @@ class Exploration:
                 if branch is not None:
                     actions[run] = branch
                     self.branch_depths[run] = self._limit
-        if self.frontier is not None:
-            for run in [run for run, returns in enumerate(self.returning) if returns]:
-                action = self.frontier.action(run, int(at[run]))
-                if action is not None:
-                    actions[run] = action
+        if self.planned is not None:
+            for run in filter(self.plans, range(len(actions))):
+                if not self.following[run]:
+                    action = self.planned.action(run, int(at[run]), lasts[run], lengths[run])
+                    actions[run] = actions[run] if action is None else action
         actions = np.where(self.following, greedy, actions)
         return actions, actions == greedy
-
-    def stepped(self, run: int, before: int, action: int, after: int | None) -> None:
-        """Take in what a step led to, as `Frontier.stepped`, while that may be of use."""
-        if self.frontier is not None and not self.completed[run]:
-            self.frontier.stepped(run, before, action, after)
 
     def bonus(self, indices: NDArray[np.int64], steps: int) -> NDArray[np.float64] | None:
         """Return what is added to values for few visits; None where that is nothing.
@@ -176,13 +174,12 @@ class Exploration:
             "branch": list(self.branch_depths),
             "completed": self.completed.tolist(),
             "following": list(self.following),
-            "returning": list(self.returning),
-            "plans": [] if self.frontier is None else self.frontier.plans(),
+            "plans": [] if self.planned is None else self.planned.notes(),
         }
 
     def arrays(self, name: str) -> dict[str, NDArray[Any]]:
-        """Return what is known of where episodes got to."""
-        return {} if self.frontier is None else self.frontier.arrays(name)
+        """Return what plans are made with."""
+        return {} if self.planned is None else self.planned.arrays(name)
 
     def read(self, name: str, arrays: Mapping[str, NDArray[Any]], notes: Mapping[str, Any]) -> None:
         """Take over what `arrays` and `notes` returned; the counts have been read before.
@@ -195,9 +192,8 @@ class Exploration:
         self.branch_depths = [int(depth) for depth in notes["branch"]]
         self.completed = np.array(notes["completed"], dtype=np.bool_)
         self.following = [bool(one) for one in notes["following"]]
-        self.returning = [bool(one) for one in notes["returning"]]
-        if self.frontier is not None:
-            self.frontier.read(name, arrays, notes["plans"])
+        if self.planned is not None:
+            self.planned.read(name, arrays, notes["plans"])
 
     def _draw_by_value(
         self, actions: NDArray[np.int64], values: NDArray[np.float32], steps: int

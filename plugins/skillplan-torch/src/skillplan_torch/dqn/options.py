@@ -52,12 +52,16 @@ class DqnOptions(NetworkOptions):
         description="share of the steps by which bonus, temperature or epsilon have come to "
         "their end [-]",
     )
-    returning: float = Field(
-        default=1.0,
-        ge=0.0,
-        le=1.0,
-        description="share of the episodes that, until a run has completed a deterministic task, "
-        "go back to the deepest observation with something untried and explore from there [-]",
+    planning: bool = Field(
+        default=True,
+        description="plan episodes of a deterministic task with what was observed of it, until "
+        "nothing better is in sight [-]",
+    )
+    plan_width: int = Field(
+        default=32,
+        ge=1,
+        le=4_096,
+        description="how many plans a search for a better one goes on with at first [-]",
     )
     branching: float = Field(
         default=0.9,
@@ -138,7 +142,7 @@ class DqnOptions(NetworkOptions):
         description="transitions that an update learns from, a multiple of 32 [-]",
     )
     updates: float = Field(
-        default=1.0, gt=0.0, le=100.0, description="updates for every environment step [-]"
+        default=0.5, gt=0.0, le=100.0, description="updates for every environment step [-]"
     )
     warm_up: int = Field(
         default=100, ge=1, le=1_000_000, description="steps before the first update [-]"

@@ -68,7 +68,7 @@ class DqnTraining(NetworkTraining):
             self._generators,
             self._counts,
             self._limit,
-            returns=self._one_episode_suffices,
+            plans=self._one_episode_suffices and options.observation != "layout",
         )
         deterministic = all(model.task.deterministic for model in env.models)
         best_share = 0.9 if deterministic else 0.0
@@ -111,6 +111,16 @@ class DqnTraining(NetworkTraining):
             costs = infos["cost"].tolist()
             for run, end in enumerate(ends.tolist()):
                 record = self._episodes[run]
+                if self._exploration.planned is not None:
+                    self._exploration.planned.stepped(
+                        run,
+                        int(before[run]),
+                        record.last_action,
+                        int(actions[run]),
+                        None if end == INFEASIBLE else int(final[run]),
+                        cost=costs[run],
+                        complete=end == COMPLETE,
+                    )
                 record.add(
                     int(before[run]),
                     int(actions[run]),
@@ -119,12 +129,6 @@ class DqnTraining(NetworkTraining):
                     float(rewards[run]),
                 )
                 record.greedy = record.greedy and bool(greedy[run])
-                self._exploration.stepped(
-                    run,
-                    int(before[run]),
-                    int(actions[run]),
-                    None if end == INFEASIBLE else int(final[run]),
-                )
                 goes_on = end == OUT_OF_TIME and not options.late_is_failure
                 self._remember(run, GOES_ON if goes_on else end, int(final[run]), over=end)
                 if end != GOES_ON:
@@ -170,7 +174,7 @@ class DqnTraining(NetworkTraining):
             **self._counts.arrays("situations"),
             **self._memory.arrays("memory"),
             "curves": np.array(self._curves).reshape(-1, 2, len(self._generators)),
-            **self._exploration.arrays("frontier"),
+            **self._exploration.arrays("planned"),
         }
 
     def _own_notes(self) -> dict[str, Any]:
@@ -185,7 +189,7 @@ class DqnTraining(NetworkTraining):
         self._memory.read("memory", arrays)
         self._curves = list(arrays["curves"])
         self._due = float(notes["due"])
-        self._exploration.read("frontier", arrays, notes)
+        self._exploration.read("planned", arrays, notes)
 
     def _observe(self, observations: NDArray[np.float32], masks: NDArray[np.bool_]) -> None:
         before = [record.last_action for record in self._episodes]
@@ -196,7 +200,10 @@ class DqnTraining(NetworkTraining):
         """Return the action of every run, and whether it is the policy's own."""
         values = np.where(self._allowed, self._networks.of_one(self._observed), -np.inf)
         lengths = [record.length for record in self._episodes]
-        return self._exploration.choose(values, self._allowed, self._at, lengths, self.steps)
+        lasts = [record.last_action for record in self._episodes]
+        return self._exploration.choose(
+            values, self._allowed, self._at, lengths, lasts, self.steps
+        )
 
     def _remember(self, run: int, end: int, following: int, *, over: int) -> None:
         """Add the transitions that are complete with the step just taken.

@@ -1,0 +1,146 @@
+"""Learners on boards at random that no default was chosen on, and on all assemblies of configs/.
+
+Boards have 8 to 20 parts, 1 to 4 tools and 0.1 to 0.5 of all pairs ordered; what can be picked but
+not placed yet is a dead end. Every run has the defaults and the applicable mask. Deviations are
+from the proved optimum, or else from the best cost known. Every board that is done is a line of
+`--out`, and not done again. Called by ``python benchmarks/learning.py --boards``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from skillplan.training.generated_boards import GeneratedFamily
+
+CONFIGS = Path(__file__).parents[1] / "configs"
+SMALLEST, LARGEST, COUNT = 8, 20, 20
+# Defaults were chosen on boards of the second; the tables are of the first.
+SEEDS = {"held-out": 77, "tuning": 78}
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of these tables."""
+    boards = parser.add_argument_group("boards")
+    boards.add_argument("--boards", action="store_true", help="learners on boards at random")
+    boards.add_argument("--list", choices=sorted(SEEDS), default="held-out", help="which boards")
+    boards.add_argument("--learners", default="dqn,ppo", help="separated by commas")
+    boards.add_argument("--runs", type=int, default=10, help="of every learner on every board")
+    boards.add_argument("--board-steps", type=int, default=40_000, help="environment steps of a run")
+    boards.add_argument("--jobs", type=int, default=2, help="processes of a training")
+    boards.add_argument("--configs", action="store_true", help="all assemblies of configs/, too")
+    boards.add_argument("--minutes", type=float, default=60.0, help="no board is begun after that")
+    boards.add_argument("--out", type=Path, help="a line for every board and learner")
+
+
+def show(options: argparse.Namespace) -> None:
+    """Measure what is not there yet, and print all rows and what they come to."""
+    done = read(options.out)
+    until = time.monotonic() + 60.0 * options.minutes
+    learners = options.learners.split(",")
+    rows: dict[str, list[dict[str, Any]]] = {learner: [] for learner in learners}
+    print(
+        f"{'board':34} {'learner':8} {'complete':>9} {'median':>8} {'greatest':>8} "
+        f"{'first':>7} {'seconds':>8} {'random':>7}"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        for name, task in tasks(options, Path(folder)):
+            for learner in learners:
+                key = (name, learner, options.runs, options.board_steps)
+                if key not in done:
+                    if time.monotonic() > until:
+                        continue
+                    done[key] = trained(task, learner, options)
+                    keep(options.out, key, done[key])
+                rows[learner].append(done[key])
+                print(line(name, learner, done[key]), flush=True)
+    for learner, found in rows.items():
+        summary(learner, found, options.runs)
+
+
+def tasks(options: argparse.Namespace, folder: Path) -> Iterator[tuple[str, Path]]:
+    """Yield the boards by name, as files."""
+    family = GeneratedFamily(SMALLEST, LARGEST)
+    for number, board in enumerate(family.boards(COUNT, SEEDS[options.list])):
+        path = folder / f"{number}.yaml"
+        path.write_text(board.text(), encoding="utf-8")
+        yield f"{number}: {board.parts} parts, {board.tools} tools, {board.density}", path
+    if options.configs:
+        for path in sorted(CONFIGS.glob("*.yaml")):
+            if path.read_text("utf-8").find("\nkind: assembly") >= 0:
+                yield path.stem, path
+
+
+def trained(task: Path, learner: str, options: argparse.Namespace) -> dict[str, Any]:
+    """Train runs of a learner, and return what they came to."""
+    command = [sys.executable, "-m", "skillplan", "train", str(task), "--solver", learner]
+    command += ["--runs", str(options.runs), "--steps", str(options.board_steps)]
+    command += ["--jobs", str(options.jobs), "--no-cache", "--format", "json"]
+    begun_s = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [*command, "--out", f"{folder}/run"], capture_output=True, text=True, check=False
+        )
+    if done.returncode not in (0, 1):
+        sys.exit(f"{task.name}, {learner}: {done.stderr.strip()}")
+    document = json.loads(done.stdout)
+    runs = document["runs"]
+    return {
+        "optimum": document["optimum"],
+        "deviations": [one["deviation"] for one in runs],
+        "first": [one.get("first_success_step") for one in runs],
+        "random": document["random_baseline"],
+        "seconds": time.perf_counter() - begun_s,
+    }
+
+
+def line(name: str, learner: str, row: dict[str, Any]) -> str:
+    """Return a row of the table."""
+    deviations = [one for one in row["deviations"] if one is not None]
+    first = [one for one in row["first"] if one is not None]
+    shares = [
+        f"{100 * figure(deviations):7.2f}%" if deviations else f"{'-':>8}"
+        for figure in (statistics.median, max)
+    ]
+    begun = f"{statistics.median(first):7,.0f}" if first else f"{'-':>7}"
+    chance = row["random"]
+    share = chance.get("success_rate") if isinstance(chance, dict) else chance
+    return (
+        f"{name:34} {learner:8} {len(deviations):3} of {len(row['deviations']):2} {shares[0]} "
+        f"{shares[1]} {begun} {row['seconds']:8.1f} "
+        f"{f'{100 * share:6.2f}%' if share is not None else '-':>7}"
+    )
+
+
+def summary(learner: str, rows: list[dict[str, Any]], runs: int) -> None:
+    """Print on how many boards nine of ten runs complete, and the median deviation."""
+    enough = sum(
+        sum(one is not None for one in row["deviations"]) >= 0.9 * runs for row in rows
+    )
+    deviations = [one for row in rows for one in row["deviations"] if one is not None]
+    median = f"{100 * statistics.median(deviations):.2f} %" if deviations else "-"
+    print(f"{learner}: 9 of 10 runs complete {enough} of {len(rows)} boards; median {median}")
+
+
+def read(path: Path | None) -> dict[tuple[Any, ...], dict[str, Any]]:
+    """Return what was measured before."""
+    if path is None or not path.exists():
+        return {}
+    lines = map(json.loads, path.read_text("utf-8").splitlines())
+    return {tuple(one["key"]): one["row"] for one in lines}
+
+
+def keep(path: Path | None, key: tuple[Any, ...], row: dict[str, Any]) -> None:
+    """Add a row to the file."""
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps({"key": key, "row": row}, allow_nan=False) + "\n")
