@@ -201,9 +201,7 @@ class DqnTraining(NetworkTraining):
         values = np.where(self._allowed, self._networks.of_one(self._observed), -np.inf)
         lengths = [record.length for record in self._episodes]
         lasts = [record.last_action for record in self._episodes]
-        return self._exploration.choose(
-            values, self._allowed, self._at, lengths, lasts, self.steps
-        )
+        return self._exploration.choose(values, self._allowed, self._at, lengths, lasts, self.steps)
 
     def _remember(self, run: int, end: int, following: int, *, over: int) -> None:
         """Add the transitions that are complete with the step just taken.

@@ -43,9 +43,7 @@ class TaskModel:
         How many steps were predicted, and how many of the predictions were wrong.
     """
 
-    def __init__(
-        self, features: int, actions: int, generator: np.random.Generator
-    ) -> None:
+    def __init__(self, features: int, actions: int, generator: np.random.Generator) -> None:
         self._features, self._actions = features, actions
         self.words = -(-features // _WORD)
         self.allowed = Conditions(actions, 2 * self.words)
@@ -222,9 +220,7 @@ class TaskModel:
         """
         found = []
         for _, literals in self._by_makers(self.goal & ~self._confirmed):
-            found.append(
-                np.bitwise_or.reduce([_literal(one, 2 * self.words) for one in literals])
-            )
+            found.append(np.bitwise_or.reduce([_literal(one, 2 * self.words) for one in literals]))
         return found
 
     def confirm(self, literals: Words) -> None:
