@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from skillplan.solvers.compiled import compiled
 Words = NDArray[np.uint64]
 Integers = NDArray[np.int64]
 Floats = NDArray[np.float64]
+Grown = TypeVar("Grown", bound=NDArray[Any])
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX = np.uint64(0xBF58476D1CE4E5B9)
@@ -170,13 +171,9 @@ def _chosen(indices: Integers, rates: Floats, hashes: Words, width: int) -> Inte
 
 
 @compiled
-def _grown(array):
-    return np.concatenate((array, np.empty_like(array)))
-
-
-@compiled
-def _grown2(array: Words) -> Words:
-    return np.concatenate((array, np.empty_like(array)))
+def _grown(array: Grown) -> Grown:
+    """Return an array with room for as much again."""
+    return np.concatenate((array, np.empty_like(array)))  # type: ignore[return-value]
 
 
 @compiled
@@ -210,6 +207,8 @@ def beam_search(
     end
         2 where the goal is reached, 1 where an action is tried for the first time, else 0.
     """
+    # One function: nodes are rows of ten arrays that grow, and a part of the loop would take and
+    # return all of them.
     words, actions = len(start), rules.sets.shape[0]
     has_goal, layers = False, 2
     for word in range(2 * words):
@@ -308,7 +307,7 @@ def beam_search(
                         if total < best:
                             best, best_at, best_action, best_end = total, at, action, 0
                     if count == size:
-                        bits, hashes = _grown2(bits), _grown(hashes)
+                        bits, hashes = _grown(bits), _grown(hashes)
                         costs, to_come, worth = _grown(costs), _grown(to_come), _grown(worth)
                         rates, lasts, parents = _grown(rates), _grown(lasts), _grown(parents)
                         steps, chain = _grown(steps), _grown(chain)

@@ -74,6 +74,7 @@ class PlannedEpisodes:
             _Stage(2 * width, 0.25),
             _Stage(4 * width, 0.0),
             _Stage(width, 0.5, conjunctions=False),
+            _Stage(16 * width, 0.5),
         )
         features, actions = counts.observations.shape[2], counts.masks.shape[2]
         self._runs = [_Run(TaskModel(features, actions, one)) for one in generators]
@@ -172,7 +173,7 @@ class PlannedEpisodes:
             Whether the task is completed by it.
         """
         one = self._runs[run]
-        if one.settled:
+        if one.settled and self._counts.visits[run, before, action] > 1:
             return
         bits = self._seen(run, before)
         if last < 0:
@@ -181,8 +182,11 @@ class PlannedEpisodes:
             one.model.fail(bits, action)
             return
         following = self._seen(run, after)
-        if (one.model.predicted(bits, action) != following).any():
+        if one.model.surprised(bits, action, following):
+            # What was planned does not hold; something better may be in sight.
             one.plan = []
+            if one.settled:
+                one.settled, one.stage = False, 0
         one.model.succeed(bits, last, action, following, cost, complete=complete)
         one.cost += cost
         if complete and one.cost < one.best - _TOLERANCE:
@@ -206,7 +210,7 @@ class PlannedEpisodes:
         search = Search(goal, counted, weights, 1.0, 0.0, 0.0, one.best - _TOLERANCE)
         assert one.start is not None
         actions, _, _ = beam_search(rules, search, one.start, -1, self._limit, stage.width)
-        return actions[::-1].tolist()
+        return [int(action) for action in actions[::-1]]
 
     def _plan(self, one: _Run, bits: Words, last: int, most: int) -> list[int]:
         """Return what to do in the midst of an episode."""
@@ -219,7 +223,7 @@ class PlannedEpisodes:
             nothing = np.zeros_like(counted)
             search = Search(nothing, counted, weights, _LEFT, _WORTH, _TRIAL, np.inf)
         actions, _, _ = beam_search(rules, search, bits, last, most, stage.width)
-        return actions[::-1].tolist()
+        return [int(action) for action in actions[::-1]]
 
     def notes(self) -> list[dict[str, Any]]:
         """Return how far every run is, as JSON values."""

@@ -3,7 +3,7 @@
 Walsh and Littman, "Efficient learning of action schemas and web-service descriptions" (2008):
 actions set and clear bits, whatever else is observed, and ask for conjunctions of bits. Costs are
 those of an action after another one, as they depend on where the robot stands. All of it is
-learned from steps that a run took. Predictions that fail are counted.
+learned from steps that a run took.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ Arrays = dict[str, NDArray[Any]]
 _WORD = 64
 # Of how cheap an unseen cost may be, runs differ by so much.
 _HOPES = 0.9, 1.0
+# After so many times it is believed that a bit never lasts.
+_OFTEN = 3
 
 
 class TaskModel:
@@ -39,8 +41,6 @@ class TaskModel:
     ----------
     allowed, feasible
         What actions ask for to be among those that may be chosen, and to succeed.
-    steps, surprises
-        How many steps were predicted, and how many of the predictions were wrong.
     """
 
     def __init__(self, features: int, actions: int, generator: np.random.Generator) -> None:
@@ -48,13 +48,12 @@ class TaskModel:
         self.words = -(-features // _WORD)
         self.allowed = Conditions(actions, 2 * self.words)
         self.feasible = Conditions(actions, 2 * self.words)
-        self.steps = self.surprises = 0
         shape = (actions, self.words)
         self._sets, self._clears = np.zeros(shape, np.uint64), np.zeros(shape, np.uint64)
         # Bits that were seen to last through an action that does not set them.
         self._lasted = np.zeros(self.words, np.uint64)
-        # Bits that some action cleared, and that two different ones did.
-        self._cleared, self._cleared_twice = np.zeros((2, self.words), np.uint64)
+        # How often every bit was cleared by a step, as far as it was not seen to last.
+        self._lost = np.zeros(self.words * _WORD, np.int64)
         # Literals that some action made true, and false.
         self._made, self._undone = np.zeros((2, 2 * self.words), np.uint64)
         # Of every bit, those that were set when it was.
@@ -120,14 +119,12 @@ class TaskModel:
             Whether the task is completed by it.
         """
         literals, result = self.literals(bits), self.literals(after)
-        self.steps += 1
-        self.surprises += bool((self.predicted(bits, action) != after).any())
         self.feasible.succeed(np.array([action]), literals)
         self._sets[action] |= after & ~bits
         cleared = bits & ~after
-        self._cleared_twice |= cleared & self._cleared & ~self._clears[action]
         self._clears[action] |= cleared
-        self._cleared |= cleared
+        if (cleared & ~self._lasted).any():
+            self._lost += _unpacked(cleared[None])[0]
         self._lasted |= bits & after & ~self._sets[action]
         self._made |= result & ~literals
         self._undone |= literals & ~result
@@ -141,11 +138,17 @@ class TaskModel:
         predicted: Words = bits & ~self._passing & ~self._clears[action] | self._sets[action]
         return predicted
 
+    def surprised(self, bits: Words, action: int, after: Words) -> bool:
+        """Whether an action was not expected to succeed, or to lead there."""
+        if self.feasible.refutes(action, self.literals(bits)):
+            return True
+        return bool((self.predicted(bits, action) != after).any())
+
     @property
     def _passing(self) -> Words:
         """Bits that were cleared by whatever was done next, unless an action set them."""
-        undone, made = self._undone[: self.words], self._made[: self.words]
-        passing: Words = undone & ~self._lasted & (made | self._cleared_twice)
+        often = np.packbits(self._lost >= _OFTEN, bitorder="little").view(np.uint64)
+        passing: Words = often & ~self._lasted
         return passing
 
     def rules(self, hope: float, conjunctions: bool = True) -> Rules:
@@ -268,20 +271,12 @@ class TaskModel:
         least = np.where(np.isfinite(least), least, self._costs[known].min())
         return np.where(known, self._costs, hope * self._hopes * least)
 
-    @property
-    def _passing(self) -> Words:
-        """Bits that were cleared by whatever was done next, unless an action set them."""
-        undone, made = self._undone[: self.words], self._made[: self.words]
-        passing: Words = undone & ~self._lasted & (made | self._cleared_twice)
-        return passing
-
     def arrays(self, name: str) -> Arrays:
         """Return all that is known, to be read by `read`."""
         goal = np.zeros((0, 2 * self.words), np.uint64)
         return {
             **{f"{name}.{key}": array.copy() for key, array in self._own().items()},
             f"{name}.goal": goal if self._goal is None else self._goal[None].copy(),
-            f"{name}.counts": np.array([self.steps, self.surprises], dtype=np.int64),
             **self.allowed.arrays(f"{name}.allowed"),
             **self.feasible.arrays(f"{name}.feasible"),
         }
@@ -296,7 +291,6 @@ class TaskModel:
         """
         for key, array in self._own().items():
             np.copyto(array, fitting(arrays, f"{name}.{key}", array.shape))
-        self.steps, self.surprises = fitting(arrays, f"{name}.counts", (2,)).tolist()
         many = len(arrays.get(f"{name}.goal", ()))
         goal = fitting(arrays, f"{name}.goal", (many, 2 * self.words))
         self._goal = goal[0].copy() if many else None
@@ -310,8 +304,7 @@ class TaskModel:
             "sets": self._sets,
             "clears": self._clears,
             "lasted": self._lasted,
-            "cleared": self._cleared,
-            "cleared_twice": self._cleared_twice,
+            "lost": self._lost,
             "made": self._made,
             "undone": self._undone,
             "together": self._together,
