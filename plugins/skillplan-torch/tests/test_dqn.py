@@ -413,7 +413,7 @@ class TestPoliciesFollowed:
         assert found == {True, False}
 
     def test_without_exploration_every_episode_is(self):
-        episodes = begun(solver(bonus=0.0, branching=0.0, returning=0.0), [0], lid_task()).advance(
+        episodes = begun(solver(bonus=0.0, branching=0.0, planning=False), [0], lid_task()).advance(
             STEPS
         )
         assert all(episode.greedy for episode in episodes)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,24 @@ class CompletedEpisode:
         with np.errstate(over="ignore", invalid="ignore"):
             chosen = policy.greedy(self.observations, self.masks)
         return bool((chosen == self.actions).all())
+
+
+class CheapestSteps(NamedTuple):
+    """Steps of the cheapest episodes, by run.
+
+    Parameters
+    ----------
+    observations, masks, actions
+        Shapes (runs, rows, features), (runs, rows, actions) and (runs, rows, 1).
+    shares
+        How much each step counts, shape (runs, rows): 1 over a run's steps; 0 in what is left
+        over, and of runs without such an episode.
+    """
+
+    observations: NDArray[np.float32]
+    masks: NDArray[np.bool_]
+    actions: NDArray[np.int64]
+    shares: NDArray[np.float32]
 
 
 class BestPolicies:
@@ -96,6 +114,28 @@ class BestPolicies:
     def cheapest(self, run: int) -> CompletedEpisode | None:
         """Return the cheapest episode of a run that completed the task; None without one."""
         return self._cheapest[run]
+
+    def cheapest_steps(self, rows: int, actions: int) -> CheapestSteps:
+        """Return the cheapest episodes of all runs, for so many rows and actions.
+
+        All runs have as many rows, so that none depends on the episodes of the others.
+        """
+        runs = len(self._cheapest)
+        width = max((len(one.observations[0]) for one in self._cheapest if one), default=0)
+        found = CheapestSteps(
+            np.zeros((runs, rows, width), dtype=np.float32),
+            np.zeros((runs, rows, actions), dtype=np.bool_),
+            np.zeros((runs, rows, 1), dtype=np.int64),
+            np.zeros((runs, rows), dtype=np.float32),
+        )
+        for run, episode in enumerate(self._cheapest):
+            if episode is not None:
+                many, known = episode.masks.shape
+                found.observations[run, :many] = episode.observations
+                found.masks[run, :many, :known] = episode.masks
+                found.actions[run, :many, 0] = episode.actions
+                found.shares[run, :many] = 1.0 / many
+        return found
 
     def learned(self, run: int, last: NetworkPolicy) -> Learned:
         """Return what a run has learned, given its policy as it is."""

@@ -82,35 +82,25 @@ class QUpdate:
         loss = losses.mean(1).sum()
         weight = self._options.imitation * self._schedules.imitation(steps)
         if weight:
-            loss = loss + weight * self._margins(len(generators))
+            loss = loss + weight * self._margins()
         self._networks.follow(loss, self._schedules.learning_rate(steps))
         with torch.no_grad():
             memory.learned(slots, (values - wanted).numpy())
             means = [losses.mean(1).numpy(), values.mean(1).numpy()]
         return np.stack(means).astype(np.float64)
 
-    def _margins(self, runs: int) -> torch.Tensor:
-        """Return by how much actions of the cheapest episodes fall short of standing out.
-
-        All runs have as many rows, so that none depends on the episodes of the others.
-        """
-        counts, rows = self._counts, self._rows
-        observations = np.zeros((runs, rows, counts.observations.shape[2]), dtype=np.float32)
-        rivals = np.zeros((runs, rows, counts.masks.shape[2]), dtype=np.bool_)
-        actions = np.zeros((runs, rows, 1), dtype=np.int64)
-        shares = np.zeros((runs, rows), dtype=np.float32)
-        for run in range(runs):
-            episode = self._kept.cheapest(run)
-            if episode is not None:
-                many = len(episode.actions)
-                observations[run, :many], rivals[run, :many] = episode.observations, episode.masks
-                actions[run, :many, 0], shares[run, :many] = episode.actions, 1.0 / many
-        np.put_along_axis(rivals, actions, False, axis=2)
-        values = self._networks.values(torch.from_numpy(observations))
-        own = values.gather(2, torch.from_numpy(actions))
+    def _margins(self) -> torch.Tensor:
+        """Return by how much actions of the cheapest episodes fall short of standing out."""
+        steps = self._kept.cheapest_steps(self._rows, self._counts.masks.shape[2])
+        if not steps.shares.any():
+            return torch.zeros(())
+        rivals = steps.masks.copy()
+        np.put_along_axis(rivals, steps.actions, False, axis=2)
+        values = self._networks.values(torch.from_numpy(steps.observations))
+        own = values.gather(2, torch.from_numpy(steps.actions))
         others = values.masked_fill(torch.from_numpy(~rivals), -torch.inf)
         short = torch.relu(others.amax(2) + self._options.imitation_margin - own[..., 0])
-        return (short * torch.from_numpy(shares)).sum()
+        return (short * torch.from_numpy(steps.shares)).sum()
 
     def _targets(self, slots: NDArray[np.int64], steps: int) -> NDArray[np.float64]:
         """Return what the values of transitions should be, shape (runs, batch)."""

@@ -14,6 +14,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from skillplan_torch.batched_network import padded
+from skillplan_torch.best_policies import BestPolicies, CheapestSteps
 from skillplan_torch.ppo.actor_critic import ActorCritic
 from skillplan_torch.ppo.options import PpoOptions
 from skillplan_torch.ppo.rollout_buffer import RolloutBuffer
@@ -74,10 +76,23 @@ class ClippedUpdate:
         Of the solver.
     networks
         What is improved.
+    kept
+        The cheapest episodes, which are imitated.
+    step_limit, outputs
+        Most skills of an episode, and how many outputs the policy has.
     """
 
-    def __init__(self, options: PpoOptions, networks: ActorCritic) -> None:
+    def __init__(
+        self,
+        options: PpoOptions,
+        networks: ActorCritic,
+        kept: BestPolicies,
+        *,
+        step_limit: int,
+        outputs: int,
+    ) -> None:
         self._options, self._networks = options, networks
+        self._kept, self._rows, self._outputs = kept, padded(step_limit), outputs
 
     def learn(
         self,
@@ -109,11 +124,13 @@ class ClippedUpdate:
         """
         options = self._options
         steps = self._steps(buffer, rewards, ahead)
+        cheapest = self._kept.cheapest_steps(self._rows, self._outputs)
         for _ in range(options.epochs):
             order = np.stack([g.permutation(options.rollout) for g in generators])
             for first in range(0, options.rollout, options.batch):
                 some = torch.from_numpy(order[:, first : first + options.batch])
-                self._networks.follow(self._loss(steps, some, rates.entropy), rates.learning)
+                loss = self._loss(steps, some, rates.entropy) + self._imitated(cheapest)
+                self._networks.follow(loss, rates.learning)
         return self._means(steps)
 
     @torch.no_grad()
@@ -152,6 +169,15 @@ class ClippedUpdate:
         value_loss = (self._networks.values(observations) - steps.returns[rows, some]) ** 2
         loss = policy_loss - entropy_weight * _entropy(logs) + value_loss
         return (loss * _shares(steps.drawn[rows, some])).sum()
+
+    def _imitated(self, cheapest: CheapestSteps) -> torch.Tensor:
+        """Return the cross entropy of the policies to the cheapest episodes, summed over runs."""
+        if not self._options.imitation or not cheapest.shares.any():
+            return torch.zeros(())
+        observations = torch.from_numpy(cheapest.observations)
+        logs = self._networks.log_probabilities(observations, torch.from_numpy(cheapest.masks))
+        taken = logs.gather(2, torch.from_numpy(cheapest.actions))[..., 0]
+        return -self._options.imitation * (taken * torch.from_numpy(cheapest.shares)).sum()
 
     @torch.no_grad()
     def _means(self, steps: _Steps) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.env.skill_vector_env import SkillVectorEnv
-from skillplan.env.transition_table import GOES_ON
+from skillplan.env.transition_table import COMPLETE, GOES_ON, INFEASIBLE
 from skillplan.solvers.learning.learner import Episode
 from skillplan.solvers.learning.network_policy import NetworkPolicy, allowing
 from skillplan_torch.batched_network import padded
@@ -22,6 +22,7 @@ from skillplan_torch.best_policies import CompletedEpisode
 from skillplan_torch.episode_record import EpisodeRecord
 from skillplan_torch.network_training import NetworkTraining
 from skillplan_torch.observation_counts import ObservationCounts
+from skillplan_torch.planned.planned_episodes import PlannedEpisodes
 from skillplan_torch.ppo.actor_critic import ActorCritic, Figures
 from skillplan_torch.ppo.clipped_update import CURVES, ClippedUpdate, Rates
 from skillplan_torch.ppo.options import PpoOptions
@@ -57,9 +58,18 @@ class PpoTraining(NetworkTraining):
         observations, infos = env.reset(seed=list(seeds))
         features = observations.shape[1]
         self._networks = ActorCritic(options, features, self._outputs, self._generators)
-        self._update = ClippedUpdate(options, self._networks)
+        self._update = ClippedUpdate(
+            options, self._networks, self._best, step_limit=self._limit, outputs=self._outputs
+        )
         self._buffer = RolloutBuffer(runs, options.rollout, features, self._outputs)
         self._counts = ObservationCounts(runs, features, self._outputs, False)
+        # What plans are made with is counted apart: for actions only, and while plans are made.
+        self._seen = ObservationCounts(runs, features, self._actions, False)
+        self._planned: PlannedEpisodes | None = None
+        if options.planning and self._one_episode_suffices and options.observation != "layout":
+            self._planned = PlannedEpisodes(
+                self._generators, self._seen, self._limit, options.plan_width
+            )
         self._rewards = ScaledRewards(options, runs, self._limit)
         self._episodes = [EpisodeRecord(greedy=False) for _ in seeds]
         # What was observed and allowed before every action of the current episodes.
@@ -78,10 +88,12 @@ class PpoTraining(NetworkTraining):
         for _ in range(steps):
             before, actions, novelties = (self._observed, self._allowed), *self._choose()
             drawn = np.array([not record.greedy for record in self._episodes])
+            at = self._follow_plans(actions, drawn)
             observations, rewards, _, _, infos = self._env.step(actions)
             step_rewards = self._scaling.of_steps(rewards, infos["cost"], infos["end"])
             self._buffer.add(before, actions, drawn, infos["end"], step_rewards, novelties)
             self.steps += 1
+            self._learn_of_steps(at, actions, infos)
             costs = infos["cost"].tolist()
             for run, end in enumerate(infos["end"].tolist()):
                 record = self._episodes[run]
@@ -127,16 +139,22 @@ class PpoTraining(NetworkTraining):
             **self._networks.arrays(),
             **self._buffer.arrays("roll_out"),
             **self._counts.arrays("situations"),
+            **self._seen.arrays("seen"),
+            **({} if self._planned is None else self._planned.arrays("planned")),
             **{name: array.copy() for name, array in self._small_arrays().items()},
         }
 
     def _own_notes(self) -> dict[str, Any]:
-        return {"filled": self._buffer.filled, "updates": self._updates}
+        plans = [] if self._planned is None else self._planned.notes()
+        return {"filled": self._buffer.filled, "updates": self._updates, "plans": plans}
 
     def _read_own(self, arrays: Mapping[str, NDArray[Any]], notes: Mapping[str, Any]) -> None:
         self._networks.read(arrays)
         self._buffer.read("roll_out", arrays)
         self._counts.read("situations", arrays)
+        self._seen.read("seen", arrays)
+        if self._planned is not None:
+            self._planned.read("planned", arrays, notes["plans"])
         for name, array in self._small_arrays().items():
             np.copyto(array, fitting(arrays, name, array.shape))
         self._buffer.filled, self._updates = int(notes["filled"]), int(notes["updates"])
@@ -207,6 +225,57 @@ class PpoTraining(NetworkTraining):
             record.greedy = self._follows and record.length == 0
             if record.greedy:
                 self._due[run] = False
+
+    def _follow_plans(
+        self, actions: NDArray[np.int64], drawn: NDArray[np.bool_]
+    ) -> NDArray[np.int64]:
+        """Put planned actions in the place of drawn ones; return the indices of what is observed.
+
+        Parameters
+        ----------
+        actions, drawn
+            Of every run: the action, and whether it was drawn from the policy. Both are changed.
+        """
+        if self._planned is None:
+            return np.zeros(len(actions), dtype=np.int64)
+        allowed = self._allowed[:, : self._actions]
+        at = self._seen.indices(self._observed, allowed, [-1] * len(actions))
+        for run, record in enumerate(self._episodes):
+            if not record.greedy and not self._planned.settled(run):
+                action = self._planned.action(run, int(at[run]), record.last_action, record.length)
+                if action is not None:
+                    actions[run], drawn[run] = action, False
+        return at
+
+    def _learn_of_steps(
+        self, at: NDArray[np.int64], actions: NDArray[np.int64], infos: dict[str, Any]
+    ) -> None:
+        """Have plans take in what steps led to.
+
+        Parameters
+        ----------
+        at, actions
+            Of every run: index of what was observed, and what was done.
+        infos
+            Of the environment.
+        """
+        if self._planned is None:
+            return
+        allowed = allowing(infos["final_mask"])
+        after = self._seen.indices(infos["final_obs"], allowed, [-1] * len(at))
+        self._seen.visits[np.arange(len(at)), at, actions] += 1
+        for run, end in enumerate(infos["end"].tolist()):
+            self._planned.stepped(
+                run,
+                int(at[run]),
+                self._episodes[run].last_action,
+                int(actions[run]),
+                None if end == INFEASIBLE else int(after[run]),
+                cost=float(infos["cost"][run]),
+                complete=end == COMPLETE,
+            )
+            if end != GOES_ON:
+                self._planned.begin_episode(run)
 
     def _find_failures(self, before: Figures) -> None:
         """Put runs that an update has broken back for good to what they were before it."""
