@@ -94,16 +94,16 @@ def test_the_cause_and_what_to_try_follow_from_when_progress_ended(
     assert words in found.advice
 
 
-def test_a_learner_that_does_not_go_back_is_told_of_one_that_does(board: Task) -> None:
+def test_a_learner_that_does_not_plan_is_told_of_one_that_does(board: Task) -> None:
     """Where exploration ended it; not where the option of its own does."""
     one = episode(board, 20, "infeasible", *PCB, *FIRST)
     for options, told in (
         ({"mask": "applicable"}, True),
-        ({"mask": "applicable", "returning": True}, False),
+        ({"mask": "applicable", "planning": True}, False),
     ):
         found = shortfall_of(board, "ppo", options, STEPS, {0: [one]})
         assert found is not None
-        assert found.advice.startswith("--solver dqn, which goes back") == told
+        assert found.advice.startswith("--solver dqn, which plans") == told
         assert "search-optimal" in found.advice
 
 

@@ -11,7 +11,7 @@ import pytest
 from skillplan.domains.assembly.board_generator import BoardGenerator
 from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.env.transition_table import COMPLETE, GOES_ON, INFEASIBLE
-from skillplan.pipeline.run import make_model
+from skillplan.pipeline.run import make_model, make_solver, solve
 from skillplan.pipeline.setup import load_problem
 from skillplan.solvers.learning.network_policy import allowing
 from skillplan_torch.observation_counts import ObservationCounts
@@ -132,3 +132,14 @@ def test_they_go_on_from_what_was_kept_as_if_nothing_had_happened() -> None:
     halves.planned.read("planned", arrays, notes)
     halves.go(700)
     assert halves.tried == whole.tried
+
+
+@pytest.mark.slow(
+    reason="trains on a board of twelve parts; boards are completed without networks in every run"
+)
+@pytest.mark.parametrize("solver", ["dqn", "ppo"])
+def test_a_learner_follows_what_its_plans_have_found(solver: str, tmp_path: Path) -> None:
+    path = tmp_path / "board.yaml"
+    path.write_text(BoardGenerator(12, 0.3, 3, 5).text(), encoding="utf-8")
+    found = solve(load_problem(str(path)).task, make_solver(solver, {"steps": 6_000}))
+    assert found.cost == pytest.approx(11.49311, rel=0.02)

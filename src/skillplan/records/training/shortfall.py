@@ -21,8 +21,8 @@ Cause = Literal["steps", "exploration", "policy"]
 # Where progress came in so much of the end of a training, more steps may bring more.
 _RECENT_SHARE = 0.25
 _MORE = 4
-# The learner whose episodes go back to where earlier ones got to.
-_RETURNING = "dqn"
+# A learner that plans its episodes with what it has learned.
+_PLANNING = "dqn"
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,9 +177,9 @@ def _advice(cause: Cause, solver: str, options: Mapping[str, Any], steps: int) -
     if mask == "none":
         return f"-O {solver}.mask=applicable: no choice of what cannot begin at all."
     exact = "search-optimal, which needs no learning"
-    if not options.get("returning", solver == _RETURNING):
+    if not options.get("planning", solver == _PLANNING):
         return (
-            f"--solver {_RETURNING}, which goes back to where its episodes got farthest; or "
+            f"--solver {_PLANNING}, which plans its episodes with what it has learned; or "
             f"{more}; or {exact}."
         )
     if mask == "applicable":
