@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 from skillplan.domains.load import Problem
@@ -76,9 +77,14 @@ class TrainingPlan:
 
     @property
     def groups(self) -> tuple[tuple[int, ...], ...]:
-        """Numbers of the runs that learn side by side."""
-        runs = range(len(self.seeds))
-        return tuple(tuple(runs[at : at + GROUP_RUNS]) for at in runs[::GROUP_RUNS])
+        """Numbers of the runs that learn side by side, in groups as even as can be.
+
+        So no process is left with one run while another one has five.
+        """
+        runs = len(self.seeds)
+        count = -(-runs // GROUP_RUNS)
+        ends = [-(-runs * group // count) for group in range(count + 1)]
+        return tuple(tuple(range(first, end)) for first, end in pairwise(ends))
 
     def learner(self) -> Learner:
         """Return the solver, with its options."""
