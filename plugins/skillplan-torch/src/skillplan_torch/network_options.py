@@ -74,3 +74,14 @@ class NetworkOptions(LearnerOptions):
         description="count the cost of the skill that completes the task, too; Table II of "
         "Moller et al. gives nothing for it but the completion [-]",
     )
+    planning: bool = Field(
+        default=True,
+        description="plan episodes of a deterministic task with what was observed of it, until "
+        "nothing better is in sight [-]",
+    )
+    plan_width: int = Field(
+        default=32,
+        ge=1,
+        le=4_096,
+        description="how many plans a search for a better one goes on with at first [-]",
+    )

@@ -52,17 +52,6 @@ class DqnOptions(NetworkOptions):
         description="share of the steps by which bonus, temperature or epsilon have come to "
         "their end [-]",
     )
-    planning: bool = Field(
-        default=True,
-        description="plan episodes of a deterministic task with what was observed of it, until "
-        "nothing better is in sight [-]",
-    )
-    plan_width: int = Field(
-        default=32,
-        ge=1,
-        le=4_096,
-        description="how many plans a search for a better one goes on with at first [-]",
-    )
     branching: float = Field(
         default=0.9,
         ge=0.0,

@@ -92,17 +92,6 @@ class PpoOptions(NetworkOptions):
         description="how far advantages look: 0 one step, 1 to the end of the episode [-]",
     )
     # Exploration
-    planning: bool = Field(
-        default=True,
-        description="plan episodes of a deterministic task with what was observed of it, until "
-        "nothing better is in sight; no gradient of the policy is taken of them [-]",
-    )
-    plan_width: int = Field(
-        default=32,
-        ge=1,
-        le=4_096,
-        description="how many plans a search for a better one goes on with at first [-]",
-    )
     imitation: float = Field(
         default=1.0,
         ge=0.0,
