@@ -219,3 +219,23 @@ class TestGoingOn:
         memory = ReplayMemory(2, 30, distinct=True, priority=0.0)
         with pytest.raises(ValueError, match="missing or of another shape"):
             ReplayMemory(3, 30, distinct=True, priority=0.0).read("m", memory.arrays("m"))
+
+
+def test_how_likely_an_outcome_is_is_worked_out_over_all_observations() -> None:
+    """Of an action that failed once in four tries here, and once in two there."""
+    memory = ReplayMemory(1, 100, distinct=True, priority=0.0)
+    # Where it is taken, then whether it succeeded.
+    observations = np.array([[0, 0], [0, 1], [1, 0], [1, 1]], dtype=np.float32)
+    for before, after, times in ((0, 1, 3), (0, 0, 1), (2, 3, 1), (2, 2, 1)):
+        for _ in range(times):
+            memory.add(0, before, 7, 0.0, 0, after, 1)
+    memory.pool(0, observations)
+    likely = dict(zip(memory.next_observation[0, :4].tolist(), memory.share[0, :4], strict=True))
+    assert likely == pytest.approx({1: 4 / 6, 0: 2 / 6, 3: 4 / 6, 2: 2 / 6})
+
+
+def test_of_an_action_with_one_outcome_nothing_is_pooled() -> None:
+    memory = ReplayMemory(1, 100, distinct=True, priority=0.0)
+    memory.add(0, 0, 7, 0.0, 0, 1, 1)
+    memory.pool(0, np.zeros((2, 1), dtype=np.float32))
+    assert np.isnan(memory.share[0, 0])

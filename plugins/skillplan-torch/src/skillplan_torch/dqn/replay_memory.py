@@ -31,6 +31,7 @@ _COLUMNS = {
     "seen": "seen",
     "tried": "tried",
     "error": "error",
+    "share": "share",
 }
 
 
@@ -63,6 +64,8 @@ class ReplayMemory:
         How often the transition was seen, and its choice tried.
     best
         The greatest return from there to a completed end; NaN where there was none.
+    share
+        How likely the outcome is, see `pool`; NaN where it was not worked out.
     """
 
     def __init__(self, runs: int, capacity: int, *, distinct: bool, priority: float) -> None:
@@ -77,6 +80,7 @@ class ReplayMemory:
         self.reward = np.zeros(shape)
         self.best = np.full(shape, np.nan)
         self.error = np.ones(shape)
+        self.share = np.full(shape, np.nan)
         self.seen, self.tried = (np.zeros(shape, dtype=np.int64) for _ in range(2))
 
     def add(
@@ -116,6 +120,7 @@ class ReplayMemory:
             self.observation[run, slot], self.action[run, slot] = observation, action
             self.next_observation[run, slot], self.end[run, slot] = next_observation, end
             self.best[run, slot], self.seen[run, slot] = np.nan, 0
+            self.share[run, slot] = np.nan
             self.error[run, slot] = self.error[run].max()
         self.reward[run, slot], self.steps[run, slot] = reward, steps
         self.seen[run, slot] += 1
@@ -168,8 +173,38 @@ class ReplayMemory:
             slots = np.minimum((uniforms * sizes).astype(np.int64), sizes - 1)
             weights = np.ones(uniforms.shape)
         if self._distinct:
-            weights = weights * of_runs(self.seen, slots) / of_runs(self.tried, slots)
+            counted = of_runs(self.seen, slots) / of_runs(self.tried, slots)
+            shares = of_runs(self.share, slots)
+            weights = weights * np.where(np.isnan(shares), counted, shares)
         return slots, weights
+
+    def pool(self, run: int, observations: NDArray[np.float32]) -> None:
+        """Work out how likely outcomes are, over all observations in which an action was taken.
+
+        Outcomes of one and the same choice differ in some features, such as whether a part is
+        held. Which of these an action leads to is as likely wherever it is taken.
+
+        Parameters
+        ----------
+        run
+            Whose.
+        observations
+            By index, shape (n, features).
+        """
+        size = self.size(run)
+        actions, following = self.action[run, :size], self.next_observation[run, :size]
+        differing: dict[int, NDArray[np.bool_]] = {}
+        for (_, action), slots in self._choices[run].items():
+            if len(slots) > 1:
+                after = observations[self.next_observation[run, slots]]
+                differs = (after != after[:1]).any(axis=0)
+                differing[action] = differing.get(action, False) | differs
+        for action, differs in differing.items():
+            members = np.flatnonzero(actions == action)
+            after = observations[following[members]][:, differs]
+            _, kinds = np.unique(after, axis=0, return_inverse=True)
+            counts = np.bincount(kinds, weights=self.seen[run, members])
+            self.share[run, members] = counts[kinds] / counts.sum()
 
     def size(self, run: int) -> int:
         """Return how many transitions a run remembers."""

@@ -28,6 +28,9 @@ from skillplan_torch.episode_record import EpisodeRecord
 from skillplan_torch.network_training import NetworkTraining
 from skillplan_torch.observation_counts import ObservationCounts
 
+# Environment steps after which it is worked out anew how likely outcomes are.
+_POOLED_STEPS = 500
+
 
 class DqnTraining(NetworkTraining):
     """Runs of deep Q-learning in progress.
@@ -70,6 +73,8 @@ class DqnTraining(NetworkTraining):
             self._limit,
             plans=self._one_episode_suffices and options.observation != "layout",
         )
+        self._pools = options.replay == "distinct" and len(env.models) == 1
+        self._pools &= not env.models[0].task.deterministic
         deterministic = all(model.task.deterministic for model in env.models)
         best_share = 0.9 if deterministic else 0.0
         # What rewards of steps are multiplied by, and the least that one of them is taken for.
@@ -136,6 +141,9 @@ class DqnTraining(NetworkTraining):
                     if episode is not None:
                         ended.append(episode)
             self._observe(observations, infos["action_mask"])
+            if self._pools and self.steps % _POOLED_STEPS == 0:
+                for run in range(len(self._rows)):
+                    self._memory.pool(run, self._counts.observations[run])
             if self.steps >= options.warm_up:
                 self._due += options.updates
                 while self._due >= 1.0:
