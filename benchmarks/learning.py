@@ -277,7 +277,9 @@ def train_dqn(setting: Setting, runs: int, steps: int, seed: int) -> Share:
         training.figures()
     wall_s, cpu_s = clock.read()
     options = learner.options
-    updates = options.updates * max(0, steps - options.warm_up) / steps
+    # The board has no chance.
+    often = 0.5 if options.updates is None else options.updates
+    updates = often * max(0, steps - options.warm_up) / steps
     policies = [training.learned(run).policy for run in range(runs)]
     return Share(
         wall_s,

@@ -130,8 +130,12 @@ class DqnOptions(NetworkOptions):
         multiple_of=BLOCK,
         description="transitions that an update learns from, a multiple of 32 [-]",
     )
-    updates: float = Field(
-        default=0.5, gt=0.0, le=100.0, description="updates for every environment step [-]"
+    updates: float | None = Field(
+        default=None,
+        gt=0.0,
+        le=100.0,
+        description="updates for every environment step; null for 0.5 where every skill has one "
+        "outcome, and 1 under chance [-]",
     )
     warm_up: int = Field(
         default=100, ge=1, le=1_000_000, description="steps before the first update [-]"

@@ -30,6 +30,8 @@ from skillplan_torch.observation_counts import ObservationCounts
 
 # Environment steps after which it is worked out anew how likely outcomes are.
 _POOLED_STEPS = 500
+# Updates for every environment step where every skill has one outcome, and where not.
+_UPDATES, _UPDATES_UNDER_CHANCE = 0.5, 1.0
 
 
 class DqnTraining(NetworkTraining):
@@ -77,6 +79,8 @@ class DqnTraining(NetworkTraining):
         self._pools &= not env.models[0].task.deterministic
         deterministic = all(model.task.deterministic for model in env.models)
         best_share = 0.9 if deterministic else 0.0
+        usual = _UPDATES if deterministic else _UPDATES_UNDER_CHANCE
+        self._updates = usual if options.updates is None else options.updates
         # What rewards of steps are multiplied by, and the least that one of them is taken for.
         typical = self._scaling.typical
         self._least = -options.step_floor * typical
@@ -145,7 +149,7 @@ class DqnTraining(NetworkTraining):
                 for run in range(len(self._rows)):
                     self._memory.pool(run, self._counts.observations[run])
             if self.steps >= options.warm_up:
-                self._due += options.updates
+                self._due += self._updates
                 while self._due >= 1.0:
                     self._due -= 1.0
                     self._curves.append(self._update.learn(self._generators, self.steps))
