@@ -21,7 +21,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a short training of seven runs, one of which has failed."""
     folder = tmp_path_factory.mktemp("kept")
     with pytest.MonkeyPatch.context() as patch, learner_installed(folder / "site", patch):
-        train(folder / "run", {"fails": "4@150"}, steps=300, checkpoint_steps=100)
+        train(folder / "run", {"fails": "3@150"}, steps=300, checkpoint_steps=100)
     return folder / "run"
 
 
@@ -48,7 +48,7 @@ def test_every_run_is_there_with_its_policies(kept: Path) -> None:
     folder = RunFolder(kept)
     runs = folder.runs()
     assert list(range(7)) == [one.run for one in runs] == [one.seed for one in runs]
-    assert [4] == [one.run for one in runs if one.failure]
+    assert [3] == [one.run for one in runs if one.failure]
     assert all(one.policy is not None and one.last is not None for one in runs)
     assert all((one.best is None) == (one.policy.kept == "last") for one in runs if one.policy)
     assert runs[2].episodes == folder.run(2).episodes
