@@ -72,7 +72,8 @@ class Search(NamedTuple):
     worth
         Where there is no goal: of progress by one literal.
     trial
-        Of an action that never succeeded yet, with which a plan ends; 0 to leave them out.
+        Where there is no goal: of an action that never succeeded yet, with which a plan ends, in
+        worth of progress.
     most_cost
         Plans that come to more are left out.
     """
@@ -249,7 +250,7 @@ def beam_search(
                 literals[:words], literals[words:] = bits[at], ~bits[at]
                 for action in range(actions):
                     never = rules.untried[action]
-                    if never and search.trial == 0.0:
+                    if never and has_goal:
                         continue
                     verdict = _verdict(rules, action, literals)
                     if verdict == 0:
@@ -257,9 +258,7 @@ def beam_search(
                     cost = costs[at] + rules.costs[lasts[at] + 1, action]
                     value = worth[at] * search.hope if verdict == 1 else worth[at]
                     if never:
-                        total = cost - search.trial
-                        if not has_goal:
-                            total = cost + to_come[at] - search.trial * value
+                        total = cost + to_come[at] - search.trial * value
                         if total < best:
                             best, best_at, best_action, best_end = total, at, action, 1
                         continue
@@ -297,8 +296,7 @@ def beam_search(
                         if reached:
                             if cost < best:
                                 best, best_at, best_action, best_end = cost, at, action, 2
-                                if search.trial == 0.0:
-                                    most_cost = min(most_cost, best)
+                                most_cost = min(most_cost, best)
                             continue
                     else:
                         come = to_come[at] - gain * value

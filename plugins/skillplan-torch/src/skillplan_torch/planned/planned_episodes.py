@@ -135,8 +135,6 @@ class PlannedEpisodes:
         """
         one = self._runs[run]
         bits = self._seen(run, at)
-        if one.start is None:
-            one.start = bits
         allowed = self._counts.masks[run, at]
         if one.plan and not allowed[one.plan[-1]]:
             # What was known of it has been explained otherwise since.
@@ -173,6 +171,9 @@ class PlannedEpisodes:
             Whether the task is completed by it.
         """
         one = self._runs[run]
+        one.cost += cost
+        if complete and one.cost < one.best - _TOLERANCE:
+            one.best, one.stage = one.cost, 0
         if one.settled and self._counts.visits[run, before, action] > 1:
             return
         bits = self._seen(run, before)
@@ -188,9 +189,6 @@ class PlannedEpisodes:
             if one.settled:
                 one.settled, one.stage = False, 0
         one.model.succeed(bits, last, action, following, cost, complete=complete)
-        one.cost += cost
-        if complete and one.cost < one.best - _TOLERANCE:
-            one.best, one.stage = one.cost, 0
 
     def _seen(self, run: int, index: int) -> Words:
         """Return what was observed, having learned from what is allowed there."""
