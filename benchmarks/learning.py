@@ -12,7 +12,8 @@ Stable-Baselines3 is no part of the project: it is installed apart, into a folde
 shares torch and Gymnasium with this interpreter.
 
 Run from the repository: ``python benchmarks/learning.py [--steps N] [--rounds N] [--folder DIR]``.
-With ``--boards`` it shows what learners come to on boards at random instead: `learning_boards`.
+With ``--boards`` it shows what learners come to on boards at random instead: `learning_boards`;
+with ``--ablation`` what every option of `dqn` is worth: `learning_ablation`.
 """
 
 from __future__ import annotations
@@ -21,7 +22,6 @@ import argparse
 import multiprocessing
 import os
 import statistics
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -33,10 +33,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import learning_ablation
+import learning_baselines
 import learning_boards
 
 BASELINE = "stable-baselines3"
-VERSION = "2.9.2"
 BOARD = Path(__file__).parents[1] / "configs" / "inverter_board.yaml"
 PRESENTATION = {"observation": "paper", "mask": "none"}
 BUDGET = 3.0
@@ -127,32 +128,23 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=2, help="how often the settings take turns")
     parser.add_argument("--folder", type=Path, help=f"where {BASELINE} is, or is installed")
     learning_boards.add_options(parser)
+    learning_ablation.add_options(parser)
     args = parser.parse_args()
-    if args.boards:
-        learning_boards.show(args)
+    if args.ablation:
+        learning_ablation.show(args)
         return
     if args.steps < LEAST_STEPS or args.rounds < 1:
         parser.error(f"it takes at least {LEAST_STEPS:,} steps and 1 round")
     with ExitStack() as stack:
         folder = args.folder or Path(stack.enter_context(TemporaryDirectory()))
-        install(folder)
+        if args.boards:
+            learning_boards.show(args, folder)
+            return
+        learning_baselines.install(folder)
         rounds: list[list[list[Share]]] = []
         for number in range(args.rounds):
             rounds.append([turn(setting, args.steps, 100 * number, folder) for setting in SETTINGS])
     table(rounds, args.steps)
-
-
-def install(folder: Path) -> None:
-    """Install Stable-Baselines3 into a folder, without what it shares with this interpreter."""
-    if (folder / f"{BASELINE.replace('-', '_')}-{VERSION}.dist-info").is_dir():
-        return
-    wanted = f"{BASELINE}=={VERSION}"
-    command = (sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
-    where = ("--no-deps", "--upgrade", "--target", str(folder))
-    done = subprocess.run((*command, *where, wanted), capture_output=True, text=True)
-    if done.returncode:
-        said = (done.stderr.strip() or "pip says nothing").splitlines()[-1]
-        sys.exit(f"{wanted} cannot be installed into {folder}: {said}")
 
 
 def turn(setting: Setting, steps: int, seed: int, folder: Path) -> list[Share]:
@@ -277,8 +269,7 @@ def train_dqn(setting: Setting, runs: int, steps: int, seed: int) -> Share:
         training.figures()
     wall_s, cpu_s = clock.read()
     options = learner.options
-    # The board has no chance.
-    often = 0.5 if options.updates is None else options.updates
+    often = learner.derived([one.task for one in env.models]).get("updates", options.updates)
     updates = often * max(0, steps - options.warm_up) / steps
     policies = [training.learned(run).policy for run in range(runs)]
     return Share(

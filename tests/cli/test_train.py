@@ -60,7 +60,7 @@ def run_dir(kept: Path, tmp_path: Path) -> Path:
 class TestOutput:
     def test_json_is_one_document_that_is_kept_too(self, cli: Any, tmp_path: Path) -> None:
         outcome = cli("train", BOARD, *QUICK, "--out", str(tmp_path / "a"), "--format", "json")
-        assert (0, "") == (outcome.code, outcome.err)
+        assert (0, "derived from the task: horizon 20\n") == (outcome.code, outcome.err)
         document = outcome.document
         assert "skillplan.training/1" == document["schema"]
         assert [0, 1, 2] == [one["seed"] for one in document["runs"]]
@@ -80,7 +80,8 @@ class TestOutput:
         monkeypatch.chdir(tmp_path)
         for number in (1, 2):
             name = str(Path("runs") / f"inverter-board-tabular-{number}")
-            assert f"writing to {name}\n" == cli("train", BOARD, *QUICK).err
+            told = cli("train", BOARD, *QUICK).err.splitlines()
+            assert [f"writing to {name}", "derived from the task: horizon 20"] == told
             assert (Path(name) / "result.json").is_file()
 
     @pytest.mark.slow(reason="a training; the other endings in every run")
@@ -342,7 +343,7 @@ class TestFaults:
             env=environment,
         )
         assert (2, "") == (limited.returncode, limited.stdout)
-        assert 1 == limited.stderr.count("\n")
+        assert 1 == limited.stderr.count("skillplan: error: ")
         assert (
             "cannot be written: File too large. The last checkpoints are intact" in limited.stderr
         )

@@ -79,7 +79,8 @@ class TestWhatIsKept:
     ) -> None:
         problem = load_problem(BOARD)
         for options, steps, expected in (
-            ({}, None, 20_000),
+            ({}, None, 5_000),
+            ({"steps": None}, None, 5_000),
             ({"steps": 300}, None, 300),
             ({"steps": 300}, 500, 500),
             ({"steps": "300"}, None, 300),

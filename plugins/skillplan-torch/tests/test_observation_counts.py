@@ -21,73 +21,61 @@ def mask(number):
     return np.array([True, number % 2 == 0, number % 3 == 0])
 
 
-def met(counts, numbers, before):
+def met(counts, numbers):
     """Return the numbers of what every run observes."""
     return counts.indices(
-        np.stack([bits(n) for n in numbers]), np.stack([mask(n) for n in numbers]), before
+        np.stack([bits(n) for n in numbers]), np.stack([mask(n) for n in numbers])
     ).tolist()
 
 
-def rebuilt(counts, runs, **more):
-    other = ObservationCounts(runs, 12, ACTIONS, **more)
+def rebuilt(counts, runs):
+    other = ObservationCounts(runs, 12, ACTIONS)
     other.read("s", counts.arrays("s"))
     return other
 
 
 class TestNumbers:
     def test_they_are_given_in_the_order_in_which_a_run_meets_them(self):
-        counts = ObservationCounts(2, 12, ACTIONS, True)
-        assert met(counts, [5, 8], [-1, -1]) == [0, 0]
-        assert met(counts, [6, 8], [0, -1]) == [1, 0]
-        assert met(counts, [5, 5], [-1, -1]) == [0, 1]
+        counts = ObservationCounts(2, 12, ACTIONS)
+        assert met(counts, [5, 8]) == [0, 0]
+        assert met(counts, [6, 8]) == [1, 0]
+        assert met(counts, [5, 5]) == [0, 1]
         assert [counts.known(run) for run in (0, 1)] == [2, 2]
-
-    @pytest.mark.parametrize(("tells", "expected"), [(True, [0, 1, 2]), (False, [0, 0, 0])])
-    def test_the_action_before_tells_them_apart_where_that_is_wanted(self, tells, expected):
-        counts = ObservationCounts(1, 12, ACTIONS, tells)
-        assert [met(counts, [5], [before])[0] for before in (-1, 0, 2)] == expected
 
     @settings(max_examples=examples(50))
     @given(
-        st.lists(
-            st.tuples(st.integers(0, 20), st.integers(0, 20), st.integers(-1, ACTIONS - 1)),
-            max_size=60,
-        ),
-        st.booleans(),
+        st.lists(st.tuples(st.integers(0, 20), st.integers(0, 20)), max_size=60),
         st.integers(0, 60),
     )
-    def test_they_are_those_of_a_plain_dictionary_also_where_they_are_read_again(
-        self, way, tells, cut
-    ):
-        counts, known = ObservationCounts(2, 12, ACTIONS, tells), ({}, {})
-        for i, (first, second, before) in enumerate(way):
+    def test_they_are_those_of_a_plain_dictionary_also_where_they_are_read_again(self, way, cut):
+        counts, known = ObservationCounts(2, 12, ACTIONS), ({}, {})
+        for i, both in enumerate(way):
             if i == cut:
-                counts = rebuilt(counts, 2, tells_last_action=tells)
-            found = met(counts, [first, second], [before, before])
-            for run, seen in enumerate((first, second)):
-                key = (seen, before if tells else None)
-                assert found[run] == known[run].setdefault(key, len(known[run]))
+                counts = rebuilt(counts, 2)
+            found = met(counts, both)
+            for run, seen in enumerate(both):
+                assert found[run] == known[run].setdefault(seen, len(known[run]))
         for run, numbers in enumerate(known):
             assert counts.known(run) == len(numbers)
-            for (seen, _), number in numbers.items():
+            for seen, number in numbers.items():
                 assert (counts.observations[run, number] == bits(seen)).all()
                 assert (counts.masks[run, number] == mask(seen)).all()
 
 
 class TestGrowth:
     def test_there_is_room_for_more_than_at_first(self):
-        counts = ObservationCounts(2, 12, ACTIONS, False)
+        counts = ObservationCounts(2, 12, ACTIONS)
         first = counts.visits.shape[1]
         for number in range(3 * first):
             # The second run meets one situation only.
-            assert met(counts, [number, 7], [-1, -1]) == [number, 0]
+            assert met(counts, [number, 7]) == [number, 0]
             counts.visits[0, number, number % ACTIONS] += number
         assert counts.visits.shape[1] >= 3 * first
-        for one in (counts, rebuilt(counts, 2, tells_last_action=False)):
+        for one in (counts, rebuilt(counts, 2)):
             for number in range(0, 3 * first, 97):
                 assert (one.observations[0, number] == bits(number)).all()
                 assert one.visits[0, number].sum() == number
-                assert met(one, [number, 7], [-1, -1]) == [number, 0]
+                assert met(one, [number, 7]) == [number, 0]
             assert one.known(0) == 3 * first
             assert one.known(1) == 1
 
@@ -97,18 +85,18 @@ class TestGrowth:
 
 class TestGoingOn:
     def test_arrays_are_as_long_as_what_is_known(self):
-        counts = ObservationCounts(2, 12, ACTIONS, True)
+        counts = ObservationCounts(2, 12, ACTIONS)
         assert counts.arrays("s")["s.tried"].shape == (2, 1, ACTIONS)
-        met(counts, [1, 1], [-1, -1])
-        met(counts, [2, 1], [-1, -1])
+        met(counts, [1, 1])
+        met(counts, [2, 1])
         assert counts.arrays("s")["s.tried"].shape == (2, 2, ACTIONS)
 
     def test_arrays_of_others_are_refused(self):
-        counts = ObservationCounts(2, 12, ACTIONS, True)
-        met(counts, [1, 2], [-1, -1])
+        counts = ObservationCounts(2, 12, ACTIONS)
+        met(counts, [1, 2])
         for shape in ((3, 12, ACTIONS), (2, 11, ACTIONS), (2, 12, ACTIONS + 1)):
             with pytest.raises(ValueError, match="missing or of another shape"):
-                ObservationCounts(*shape, True).read("s", counts.arrays("s"))
+                ObservationCounts(*shape).read("s", counts.arrays("s"))
 
 
 @settings(max_examples=examples(30))

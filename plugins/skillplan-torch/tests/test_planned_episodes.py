@@ -31,7 +31,7 @@ class Run:
         self.env = SkillVectorEnv(self.task, 1, observation=observation, mask=mask)
         seen, infos = self.env.reset(seed=0)
         features, actions = seen.shape[1], len(self.task.task.skills)
-        self.counts = ObservationCounts(1, features, actions, True)
+        self.counts = ObservationCounts(1, features, actions)
         self.planned = self.plans()
         self.best, self.steps, self.tried = np.inf, 0, list[int]()
         self.last, self.length, self.cost = -1, 0, 0.0
@@ -45,7 +45,7 @@ class Run:
 
     def index(self, seen: np.ndarray, mask: np.ndarray) -> int:
         """Return the index of what is observed."""
-        return int(self.counts.indices(seen, allowing(mask), [self.last])[0])
+        return int(self.counts.indices(seen, allowing(mask))[0])
 
     def go(self, most: int) -> None:
         """Take steps until nothing better is in sight, or so many were taken."""

@@ -105,12 +105,14 @@ class TestLearning:
         "options",
         [
             {},
+            {"mask": "none", "observation": "paper"},
             {"mask": "none", "observation": "paper", "novelty": 3.0, "failure": 0.2, "gamma": 0.8},
         ],
     )
     def test_every_seed_comes_within_one_percent_of_the_board_s_optimum(self, board, options, runs):
         learner = PpoSolver(PpoSolver.Options(**options))
-        steps = learner.options.steps
+        steps = learner.derived([board])["steps"]
+        assert steps == 10_000
         training = learner.begin(places(learner, runs, board), range(runs), steps)
         training.advance(steps)
         costs = [training.learned(run).best_cost for run in range(runs)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -47,6 +47,8 @@ class TrainingPlan:
         Networks that the runs begin with; None for drawn ones.
     steps_said
         Whether somebody said how many steps; otherwise they are the learner's default.
+    derived
+        Which of `options` were chosen by what is learned on, and what else was.
 
     Raises
     ------
@@ -65,6 +67,7 @@ class TrainingPlan:
     warm: bool = False
     start: WarmStart | None = None
     steps_said: bool = True
+    derived: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.layouts or not self.seeds or self.checkpoint_steps < 1:
@@ -123,7 +126,7 @@ def plan_training(
         How many, >= 1, with the seeds from `seed` on.
     steps
         Environment steps of every run; None for the learner's option ``steps``, before which
-        this goes.
+        this goes. Options that are null are chosen by the task.
     seed
         The first seed, >= 0.
     family
@@ -152,6 +155,10 @@ def plan_training(
         raise OptionError("--family and --part do not go together: a chain has no family.")
     task = problem.part(part)
     layouts = problem.variants(seed, family) if family else (task,)
+    learner = make_solver(solver, options.model_dump())
+    assert isinstance(learner, Learner)
+    derived = learner.derived(layouts)
+    options = options.model_copy(update=derived)
     others = {name: dict(kv) for name, kv in setup.options.items() if name != solver}
     plan = TrainingPlan(
         task=task,
@@ -163,7 +170,8 @@ def plan_training(
         family=Family(count=family, seed=seed) if family else None,
         checkpoint_steps=checkpoint_steps,
         warm=warm,
-        steps_said=steps is not None or "steps" in values,
+        steps_said=steps is not None or values.get("steps") is not None,
+        derived={**derived, **learner.scales(task)},
     )
     made = plan.setup.back_ends(layouts[0], problem.spare_back_ends)
     refusal = plan.learner().refuses(make_model(layouts[0], plan.setup, back_ends=made))

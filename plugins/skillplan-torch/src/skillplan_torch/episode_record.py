@@ -24,22 +24,16 @@ class EpisodeRecord:
     ----------
     indices, actions
         Of every step, the index of what was observed, see `ObservationCounts`, and the action.
-    step_rewards
-        What a learner makes of the reward of every step, see `RewardScaling`.
     costs, rewards
         Of every step, in the environment.
-    slots
-        Where the transitions that begin with the first steps are remembered.
     greedy
         Whether the policy was followed so far.
     """
 
     indices: list[int] = field(default_factory=list)
     actions: list[int] = field(default_factory=list)
-    step_rewards: list[float] = field(default_factory=list)
     costs: list[float] = field(default_factory=list)
     rewards: list[float] = field(default_factory=list)
-    slots: list[int] = field(default_factory=list)
     greedy: bool = True
 
     @property
@@ -52,7 +46,7 @@ class EpisodeRecord:
         """The action taken last; -1 where none was."""
         return self.actions[-1] if self.actions else -1
 
-    def add(self, index: int, action: int, step_reward: float, cost: float, reward: float) -> None:
+    def add(self, index: int, action: int, cost: float, reward: float) -> None:
         """Take note of a step.
 
         Parameters
@@ -61,14 +55,11 @@ class EpisodeRecord:
             Of what was observed.
         action
             What was done.
-        step_reward
-            What the learner makes of the reward.
         cost, reward
             In the environment.
         """
         self.indices.append(index)
         self.actions.append(action)
-        self.step_rewards.append(step_reward)
         self.costs.append(cost)
         self.rewards.append(reward)
 
@@ -89,10 +80,8 @@ class EpisodeRecord:
         return {
             "situations": list(self.indices),
             "actions": list(self.actions),
-            "paid": list(self.step_rewards),
             "costs": list(self.costs),
             "rewards": list(self.rewards),
-            "slots": list(self.slots),
             "greedy": self.greedy,
         }
 
@@ -102,9 +91,7 @@ class EpisodeRecord:
         return cls(
             indices=list(document["situations"]),
             actions=list(document["actions"]),
-            step_rewards=list(document["paid"]),
             costs=list(document["costs"]),
             rewards=list(document["rewards"]),
-            slots=list(document["slots"]),
             greedy=bool(document["greedy"]),
         )

@@ -74,10 +74,10 @@ class NetworkOptions(LearnerOptions):
         description="count the cost of the skill that completes the task, too; Table II of "
         "Moller et al. gives nothing for it but the completion [-]",
     )
-    planning: bool = Field(
-        default=True,
-        description="plan episodes of a deterministic task with what was observed of it, until "
-        "nothing better is in sight [-]",
+    planning: bool | None = Field(
+        default=None,
+        description="plan episodes with what was observed of the task, until nothing better is in "
+        "sight: of one deterministic task whose costs are not observed, where null plans [-]",
     )
     plan_width: int = Field(
         default=32,

@@ -49,6 +49,9 @@ class NetworkTraining(Training):
         )
         # Under chance, or with several boards, one episode does not show what a policy costs.
         self._one_episode_suffices = len(env.models) == 1 and task.deterministic
+        self._plans = bool(options.planning) and self._one_episode_suffices
+        # Of costs among the observations no plan is made: it reads bits.
+        self._plans &= options.observation != "layout"
         self._best = BestPolicies(len(seeds), keeps=self._one_episode_suffices)
         self._generators = [np.random.default_rng([seed, 1]) for seed in seeds]
         self._episodes = [EpisodeRecord() for _ in seeds]

@@ -1,13 +1,8 @@
-"""Visit counts: which observations a run has met, and how often it took which action there.
-
-With the action before it an observation says more, where observations leave out what costs depend
-on. The networks never see that action; it distinguishes observations when they are counted
-and remembered.
-"""
+"""Visit counts: which observations a run has met, and how often it took which action there."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -25,8 +20,6 @@ class ObservationCounts:
     ----------
     runs, features, actions
         How many.
-    tells_last_action
-        Whether observations after different actions are different.
 
     Attributes
     ----------
@@ -36,19 +29,14 @@ class ObservationCounts:
         How often an action was taken there, shape (runs, size, actions).
     """
 
-    def __init__(self, runs: int, features: int, actions: int, tells_last_action: bool) -> None:
-        self._tells_last_action = tells_last_action
+    def __init__(self, runs: int, features: int, actions: int) -> None:
         self._indices: list[dict[bytes, int]] = [{} for _ in range(runs)]
-        self._before = np.zeros((runs, _FIRST_SIZE), dtype=np.int64)
         self.observations = np.zeros((runs, _FIRST_SIZE, features), dtype=np.float32)
         self.masks = np.zeros((runs, _FIRST_SIZE, actions), dtype=np.bool_)
         self.visits = np.zeros((runs, _FIRST_SIZE, actions), dtype=np.int64)
 
     def indices(
-        self,
-        observations: NDArray[np.float32],
-        masks: NDArray[np.bool_],
-        before: Sequence[int],
+        self, observations: NDArray[np.float32], masks: NDArray[np.bool_]
     ) -> NDArray[np.int64]:
         """Return the index of what every run observes; new observations are added.
 
@@ -56,19 +44,15 @@ class ObservationCounts:
         ----------
         observations, masks
             Of every run, shapes (runs, features) and (runs, actions); each mask allows some.
-        before
-            The action before of every run, -1 at the start of an episode.
         """
         found = np.empty(len(self._indices), dtype=np.int64)
         for run, known in enumerate(self._indices):
-            last = before[run] if self._tells_last_action else -1
-            key = _key(observations[run], masks[run], last)
+            key = _key(observations[run], masks[run])
             index = known.get(key)
             if index is None:
                 index = known[key] = len(known)
                 if index == self.visits.shape[1]:
                     self._grow()
-                self._before[run, index] = last
                 self.observations[run, index] = observations[run]
                 self.masks[run, index] = masks[run]
             found[run] = index
@@ -84,7 +68,6 @@ class ObservationCounts:
         most = max(1, int(known.max()))
         return {
             f"{name}.known": known,
-            f"{name}.before": self._before[:, :most].copy(),
             f"{name}.observations": self.observations[:, :most].copy(),
             f"{name}.masks": self.masks[:, :most].copy(),
             f"{name}.tried": self.visits[:, :most].copy(),
@@ -104,7 +87,6 @@ class ObservationCounts:
         while self.visits.shape[1] < most:
             self._grow()
         for key, mine in (
-            ("before", self._before),
             ("observations", self.observations),
             ("masks", self.masks),
             ("tried", self.visits),
@@ -112,18 +94,13 @@ class ObservationCounts:
             mine[:, :most] = fitting(arrays, f"{name}.{key}", (runs, most, *mine.shape[2:]))
         self._indices = [
             {
-                _key(
-                    self.observations[run, index],
-                    self.masks[run, index],
-                    int(self._before[run, index]),
-                ): index
+                _key(self.observations[run, index], self.masks[run, index]): index
                 for index in range(int(known[run]))
             }
             for run in range(runs)
         ]
 
     def _grow(self) -> None:
-        self._before = doubled(self._before)
         self.observations = doubled(self.observations)
         self.masks = doubled(self.masks)
         self.visits = doubled(self.visits)
@@ -155,5 +132,5 @@ def of_runs(array: NDArray[Any], indices: NDArray[np.int64]) -> NDArray[Any]:
     return entries
 
 
-def _key(observation: NDArray[np.float32], mask: NDArray[np.bool_], before: int) -> bytes:
-    return observation.tobytes() + mask.tobytes() + before.to_bytes(4, "little", signed=True)
+def _key(observation: NDArray[np.float32], mask: NDArray[np.bool_]) -> bytes:
+    return observation.tobytes() + mask.tobytes()

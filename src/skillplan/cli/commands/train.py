@@ -195,7 +195,7 @@ def command(
     how to go on.
     """
     from skillplan.cli.output import emit
-    from skillplan.cli.training_runs.display import displaying
+    from skillplan.cli.training_runs.display import derived_words, displaying
     from skillplan.errors import OptionError
     from skillplan.training.trainer import Trainer, next_folder
     from skillplan.training.training_folder import TrainingFolder
@@ -241,6 +241,7 @@ def command(
     ) as folder:
         if folder.extended:
             tell(folder.extended)
+        tell(derived_words(plan))
         trainer = Trainer(folder.plan, folder, jobs=jobs, time_limit_s=time_limit_s)
         with displaying(folder.plan, trainer.interrupt) as display:
             trainer.on_report, trainer.on_optimum = display.report, display.proved

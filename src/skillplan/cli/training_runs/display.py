@@ -110,6 +110,18 @@ class TrainingDisplay:
         return "  ".join([*parts, *([f"{executions:,} checks"] if executions else [])])
 
 
+def derived_words(plan: TrainingPlan) -> str:
+    """Return what was chosen by the task where nobody chose: options, and what else there is."""
+    values = ", ".join(f"{name} {_word(value)}" for name, value in plan.derived.items())
+    return f"derived from the task: {values}"
+
+
+def _word(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:,.6g}" if isinstance(value, int | float) else str(value)
+
+
 @contextmanager
 def displaying(plan: TrainingPlan, interrupt: Callable[[], None]) -> Iterator[TrainingDisplay]:
     """Yield a display that heeds Ctrl-C and SIGTERM.

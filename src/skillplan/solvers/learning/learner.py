@@ -18,8 +18,10 @@ from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.model.skill_model import SkillModel
 from skillplan.solvers.learning.network_choice import NetworkChoice, reachable_policy
 from skillplan.solvers.learning.network_policy import NetworkPolicy
+from skillplan.solvers.learning.training_length import usual_steps
 from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
+from skillplan.task.task import Task
 
 STRIDE_STEPS = 100
 """After so many environment steps a run notes what it has, and may be stopped."""
@@ -172,11 +174,12 @@ class LearnerOptions(BaseModel):
     a training has in all.
     """
 
-    steps: int = Field(
-        default=20_000,
+    steps: int | None = Field(
+        default=None,
         ge=1,
         le=1_000_000_000,
-        description="environment steps of a run; `train --steps` takes precedence [-]",
+        description="environment steps of a run; null for a number that is derived from how many "
+        "skills the task has; `train --steps` takes precedence [-]",
     )
     schedule_steps: int | None = Field(
         default=None,
@@ -209,6 +212,22 @@ class Learner(Solver):
     Options: ClassVar[type[BaseModel]] = LearnerOptions
     polls = True
     options: LearnerOptions
+
+    def derived(self, tasks: Sequence[Task]) -> dict[str, Any]:
+        """Return values, chosen by what is learned on, of the options that are null.
+
+        Parameters
+        ----------
+        tasks
+            What is learned on: one task, or the layouts of a family.
+        """
+        if self.options.steps is not None:
+            return {}
+        return {"steps": usual_steps(tasks)}
+
+    def scales(self, task: Task) -> dict[str, float]:
+        """Return what else is chosen by the task and is no option, by what to call it."""
+        return {"horizon": task.step_limit}
 
     @property
     def hidden_layers(self) -> tuple[int, ...] | None:
@@ -257,6 +276,7 @@ class Learner(Solver):
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Train one run and return its policy in the states that it reaches."""
         options = self.options
+        steps = options.steps or int(self.derived([model.task])["steps"])
         env = SkillVectorEnv(
             model,
             1,
@@ -264,11 +284,11 @@ class Learner(Solver):
             mask=options.mask,
             objective=options.objective,
         )
-        training = self.begin(env, [seed], options.steps)
+        training = self.begin(env, [seed], steps)
         episodes = completed = 0
         best: float | None = None
-        while training.steps < options.steps and not training.failed and not self.stop():
-            for episode in training.advance(min(STRIDE_STEPS, options.steps - training.steps)):
+        while training.steps < steps and not training.failed and not self.stop():
+            for episode in training.advance(min(STRIDE_STEPS, steps - training.steps)):
                 episodes += 1
                 completed += episode.success
                 if episode.success and model.task.deterministic:

@@ -1,8 +1,8 @@
-"""Which action deep Q-learning tries: by plan, by visit counts, by chance, or off the policy once.
+"""Which action deep Q-learning tries: by plan, at random now and then, or off the policy once.
 
-Untried actions are taken to be better than they look, where an action is chosen and where a value
-is learned from the next one: Rashid et al., "Optimistic exploration even with a pessimistic
-initialisation" (2020).
+Where mistakes end episodes and nothing is planned, untried actions are taken to be better than they
+look instead, where an action is chosen and where a value is learned from the next one: Rashid et
+al., "Optimistic exploration even with a pessimistic initialisation" (2020).
 """
 
 from __future__ import annotations
@@ -18,8 +18,10 @@ from skillplan_torch.dqn.schedules import Schedules
 from skillplan_torch.observation_counts import ObservationCounts, of_runs
 from skillplan_torch.planned.planned_episodes import PlannedEpisodes
 
-# From so many visits on the bonus is as good as gone.
-_MOST_VISITS = 256
+# Off the policy this is added to the value of an action, over the root of one more than its tries.
+_TRIED_SELDOM = 5.0
+# By tries, the share of the bonus that is left: as good as gone from the last one on.
+_FADING = 1.0 / np.arange(1.0, 17.0) ** 10
 
 
 class Exploration:
@@ -64,12 +66,11 @@ class Exploration:
     ) -> None:
         self._options, self._schedules = options, schedules
         self._generators, self._counts, self._limit = generators, counts, step_limit
-        self._fading = 1.0 / np.arange(1.0, _MOST_VISITS + 1.0) ** options.bonus_power
         self.completed = np.zeros(len(generators), dtype=np.bool_)
         self.branch_depths = [step_limit] * len(generators)
         self.following = [False] * len(generators)
         self.planned = None
-        if plans and options.planning:
+        if plans:
             self.planned = PlannedEpisodes(generators, counts, step_limit, options.plan_width)
         for run in range(len(generators)):
             self.begin_episode(run, 0)
@@ -122,14 +123,11 @@ class Exploration:
         """
         greedy: NDArray[np.int64] = values.argmax(axis=1)
         actions = greedy.copy()
-        if self._options.exploration == "count":
-            bonus = self.bonus(at[:, None], steps)
-            if bonus is not None:
-                actions = (values + bonus[:, 0]).argmax(axis=1)
-        elif self._options.exploration == "boltzmann":
-            self._draw_by_value(actions, values, steps)
-        else:
-            epsilon = self._schedules.exploration(steps)
+        bonus = self.bonus(at[:, None], steps)
+        if bonus is not None:
+            actions = (values + bonus[:, 0]).argmax(axis=1)
+        if self._options.exploration == "epsilon":
+            epsilon = self._schedules.epsilon(steps)
             for run, generator in enumerate(self._generators):
                 if generator.random() < epsilon:
                     actions[run] = generator.choice(np.flatnonzero(allowed[run]))
@@ -162,11 +160,12 @@ class Exploration:
         ndarray or None
             Shape (runs, n, actions).
         """
-        if self._options.exploration != "count" or not self._schedules.optimism(steps):
+        most = self._schedules.bonus(steps)
+        if self._options.exploration != "count" or not most:
             return None
         visits = of_runs(self._counts.visits, indices)
-        fading: NDArray[np.float64] = self._fading.take(np.minimum(visits, _MOST_VISITS - 1))
-        return self._schedules.exploration(steps) * fading
+        bonus: NDArray[np.float64] = most * _FADING.take(np.minimum(visits, len(_FADING) - 1))
+        return bonus
 
     def notes(self) -> dict[str, Any]:
         """Return how episodes in progress go on, as JSON values."""
@@ -194,17 +193,6 @@ class Exploration:
         self.following = [bool(one) for one in notes["following"]]
         if self.planned is not None:
             self.planned.read(name, arrays, notes["plans"])
-
-    def _draw_by_value(
-        self, actions: NDArray[np.int64], values: NDArray[np.float32], steps: int
-    ) -> None:
-        temperature = self._schedules.exploration(steps)
-        with np.errstate(over="ignore", invalid="ignore"):
-            worth = np.exp((values - values.max(axis=1, keepdims=True)) / temperature)
-        for run, generator in enumerate(self._generators):
-            total = np.cumsum(worth[run])
-            drawn = np.searchsorted(total, generator.random() * total[-1], side="right")
-            actions[run] = min(int(drawn), len(total) - 1)
 
     def _branch(
         self,
@@ -234,5 +222,5 @@ class Exploration:
             others &= visits == 0
         if not others.any():
             return None
-        promise = values + self._options.branch_bonus / np.sqrt(visits + 1.0)
+        promise = values + _TRIED_SELDOM / np.sqrt(visits + 1.0)
         return int(np.where(others, promise, -np.inf).argmax())

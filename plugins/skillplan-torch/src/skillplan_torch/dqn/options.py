@@ -14,43 +14,24 @@ class DqnOptions(NetworkOptions):
     """The defaults complete and optimise the inverter board with and without masks."""
 
     # Exploration
-    exploration: Literal["count", "boltzmann", "epsilon"] = Field(
-        default="count",
-        description="how actions are tried: those taken seldom first; by exp(value / "
-        "temperature); at random with probability epsilon [-]",
-    )
-    bonus: float | None = Field(
+    exploration: Literal["epsilon", "count"] | None = Field(
         default=None,
-        ge=0.0,
-        le=1e6,
-        description="count: added to the value of an untried action; values are about -1 to 4. "
-        "null for 5 with a mask, where all is tried, and 1 without, where what looks like "
-        "failing is not [-]",
-    )
-    bonus_power: float = Field(
-        default=10.0,
-        gt=0.0,
-        le=100.0,
-        description="count: after n tries the bonus is divided by (n + 1) to this power [-]",
-    )
-    temperature: float = Field(
-        default=0.2, gt=0.0, le=1e6, description="boltzmann: temperature at first [-]"
-    )
-    temperature_end: float = Field(
-        default=0.001, gt=0.0, le=1e6, description="boltzmann: temperature in the end [-]"
+        description="where nothing is planned: actions at random with probability epsilon, or "
+        "those tried seldom count for better; null for count without a mask where nothing is "
+        "planned, else for epsilon [-]",
     )
     epsilon: float = Field(
-        default=0.3, ge=0.0, le=1.0, description="epsilon: probability at first [-]"
+        default=0.3, ge=0.0, le=1.0, description="probability of an action at random, at first [-]"
     )
     epsilon_end: float = Field(
-        default=0.01, ge=0.0, le=1.0, description="epsilon: probability in the end [-]"
+        default=0.01, ge=0.0, le=1.0, description="that probability in the end [-]"
     )
     explore_until: float = Field(
         default=0.6,
         gt=0.0,
         le=1.0,
-        description="share of the steps by which bonus, temperature or epsilon have come to "
-        "their end [-]",
+        description="share of the steps by which it has fallen to that, evenly, and by which count "
+        "has come to its end [-]",
     )
     branching: float = Field(
         default=0.9,
@@ -60,57 +41,22 @@ class DqnOptions(NetworkOptions):
         "the most promising of its other actions; for one never tried there, until the task "
         "has been completed [-]",
     )
-    branch_bonus: float = Field(
-        default=5.0,
-        ge=0.0,
-        le=1e6,
-        description="then added to the value of an action, divided by the root of one more "
-        "than its tries [-]",
-    )
-    branch_until: float = Field(
-        default=0.88, ge=0.0, le=1.0, description="share of the steps during which they do [-]"
-    )
-    tell_last_action: bool = Field(
-        default=True,
-        description="distinguish observations by the action before them when counting and "
-        "remembering; the network never sees it [-]",
-    )
-    # Replay memory
-    replay: Literal["distinct", "recent"] = Field(
-        default="distinct",
-        description="remember every distinct transition once, or the last ones [-]",
-    )
+    # What is learned from
     capacity: int = Field(
         default=100_000, ge=1, le=100_000_000, description="most transitions remembered [-]"
-    )
-    priority: float = Field(
-        default=0.0,
-        ge=0.0,
-        le=2.0,
-        description="exponent of the error by which transitions are drawn; 0 draws evenly [-]",
-    )
-    n_step: int = Field(
-        default=1, ge=1, le=1_000, description="steps between a value and its target's [-]"
-    )
-    best_return: float | None = Field(
-        default=None,
-        ge=0.0,
-        le=1.0,
-        description="share of the best return seen in a target, beside the next value; null "
-        "for 0.9 where every skill has one outcome, and 0 under chance; for gamma 1 only [-]",
     )
     imitate_from: float = Field(
         default=0.65,
         ge=0.0,
         le=1.0,
-        description="share of the steps after which the best return comes in [-]",
+        description="share of the steps after which the cheapest episode is imitated [-]",
     )
     imitation: float = Field(
         default=1.0,
         ge=0.0,
         le=1e6,
-        description="weight of a loss by which, from then on, the actions of the cheapest episode "
-        "that completed a deterministic task stand out by a margin [-]",
+        description="weight of the loss by which its actions then stand out by a margin; only of "
+        "one deterministic task is there such an episode [-]",
     )
     imitation_margin: float = Field(
         default=0.2,
@@ -119,10 +65,6 @@ class DqnOptions(NetworkOptions):
         description="by which their values do; values are about -1 to 4 [-]",
     )
     # Updates
-    dueling: bool = Field(
-        default=False,
-        description="learn the value of a state apart from the advantages of its actions [-]",
-    )
     batch: int = Field(
         default=64,
         ge=BLOCK,
@@ -151,9 +93,4 @@ class DqnOptions(NetworkOptions):
         gt=0.0,
         le=1.0,
         description="share by which every update moves the target network to the other [-]",
-    )
-    late_is_failure: bool = Field(
-        default=False,
-        description="take the step limit for a failure of the last skill; otherwise what is "
-        "learned of it goes on with the state after it, as no one observes the time [-]",
     )

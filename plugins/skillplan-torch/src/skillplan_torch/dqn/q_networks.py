@@ -1,7 +1,6 @@
 """The networks of deep Q-learning: the one that acts, and the target network that trails it.
 
-Mnih et al., "Human-level control through deep reinforcement learning" (2015); Wang et al.,
-"Dueling network architectures" (2016).
+Mnih et al., "Human-level control through deep reinforcement learning" (2015).
 """
 
 from __future__ import annotations
@@ -43,8 +42,7 @@ class QNetworks:
         generators: Sequence[np.random.Generator],
     ) -> None:
         self._options, self._actions = options, actions
-        outputs = padded(actions + options.dueling)
-        sizes = [features, *[options.width] * options.layers, outputs]
+        sizes = [features, *[options.width] * options.layers, padded(actions)]
         self._online = BatchedNetwork(sizes, generators, last_gain=_LAST_GAIN)
         self._target = self._online.copy()
         self._adam = BatchedAdam(self._online.parameters)
@@ -54,16 +52,16 @@ class QNetworks:
         # Of a run that breaks they overflow; it is named where its network is seen to.
         with np.errstate(over="ignore", invalid="ignore"):
             outputs = torch.from_numpy(self._online.of_one(observations))
-            values: NDArray[np.float32] = self._values(outputs).numpy()
+            values: NDArray[np.float32] = outputs[..., : self._actions].numpy()
         return values
 
     def values(self, observations: torch.Tensor) -> torch.Tensor:
         """Return values, shape (runs, n, actions), of observations, shape (runs, n, features)."""
-        return self._values(self._online(observations))
+        return self._online(observations)[..., : self._actions]
 
     def target_values(self, observations: torch.Tensor) -> torch.Tensor:
         """Return the same by the target network."""
-        return self._values(self._target(observations))
+        return self._target(observations)[..., : self._actions]
 
     def follow(self, loss: torch.Tensor, rate: float) -> None:
         """Follow the gradient of a loss that is a sum over runs; the target network trails."""
@@ -108,11 +106,3 @@ class QNetworks:
         self._online.read("network", arrays)
         self._target.read("target", arrays)
         self._adam.read("adam", arrays)
-
-    def _values(self, outputs: torch.Tensor) -> torch.Tensor:
-        """Return values of actions from a network's outputs."""
-        advantages = outputs[..., : self._actions]
-        if not self._options.dueling:
-            return advantages
-        value = outputs[..., self._actions : self._actions + 1]
-        return advantages - advantages.mean(-1, keepdim=True) + value

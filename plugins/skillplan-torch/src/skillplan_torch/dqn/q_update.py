@@ -1,9 +1,8 @@
 """The update of deep Q-learning: targets by double Q-learning, and a step of gradient descent.
 
-van Hasselt et al., "Deep reinforcement learning with double Q-learning" (2016). Targets are mixed
-with the best return seen: Ostrovski et al., "Count-based exploration with neural density models"
-(2017). In the end the cheapest episode is followed by a margin: Hester et al., "Deep Q-learning
-from demonstrations" (2018); it is the run's own, and nobody else's.
+van Hasselt et al., "Deep reinforcement learning with double Q-learning" (2016). In the end the
+cheapest episode is followed by a margin: Hester et al., "Deep Q-learning from demonstrations"
+(2018); it is the run's own, and nobody else's.
 """
 
 from __future__ import annotations
@@ -40,8 +39,6 @@ class QUpdate:
         Most skills of an episode.
     reward_scale
         What the rewards of steps are multiplied by.
-    best_share
-        Share of the best return seen in a target, once it has come in, in [0, 1].
     """
 
     def __init__(
@@ -56,12 +53,11 @@ class QUpdate:
         step_limit: int,
         *,
         reward_scale: float,
-        best_share: float,
     ) -> None:
         self._options, self._schedules, self._networks = options, schedules, networks
         self._memory, self._counts, self._exploration = memory, counts, exploration
         self._kept, self._rows = kept, padded(step_limit)
-        self._scale, self._best_share = reward_scale, best_share
+        self._scale = reward_scale
 
     def learn(self, generators: Sequence[np.random.Generator], steps: int) -> NDArray[np.float64]:
         """Learn from a batch of every run, after so many steps.
@@ -85,7 +81,6 @@ class QUpdate:
             loss = loss + weight * self._margins()
         self._networks.follow(loss, self._schedules.learning_rate(steps))
         with torch.no_grad():
-            memory.learned(slots, (values - wanted).numpy())
             means = [losses.mean(1).numpy(), values.mean(1).numpy()]
         return np.stack(means).astype(np.float64)
 
@@ -106,23 +101,15 @@ class QUpdate:
         """Return what the values of transitions should be, shape (runs, batch)."""
         options, memory = self._options, self._memory
         following, end = of_runs(memory.next_observation, slots), of_runs(memory.end, slots)
-        lengths = of_runs(memory.steps, slots)
         rewards = self._scale * of_runs(memory.reward, slots)
-        # What the last of several steps brings is as far away.
-        last = options.gamma ** (lengths - 1)
-        rewards += np.where(end == COMPLETE, last * options.complete, 0.0)
-        rewards -= np.where((end != COMPLETE) & (end != GOES_ON), last * options.failure, 0.0)
+        rewards += np.where(end == COMPLETE, options.complete, 0.0)
+        rewards -= np.where((end != COMPLETE) & (end != GOES_ON), options.failure, 0.0)
         next_values = self._next_values(following, steps)
-        discounts = np.where(end == GOES_ON, options.gamma**lengths, 0.0)
+        discounts = np.where(end == GOES_ON, options.gamma, 0.0)
         # Steps only lose: nothing is worth more than completing, however promising it looks.
         targets: NDArray[np.float64] = rewards + discounts * np.minimum(
             next_values, options.complete
         )
-        share = self._best_share * self._schedules.imitation(steps)
-        if share and options.gamma == 1.0:
-            # What was seen is held up once the search for better is over.
-            best = options.complete + self._scale * of_runs(memory.best, slots)
-            targets = np.where(np.isnan(best), targets, (1 - share) * targets + share * best)
         return targets
 
     @torch.no_grad()

@@ -1,8 +1,7 @@
 """What runs remember of their steps, to be learned from again and again.
 
-Either every distinct transition once, however often it was seen, or the last so many steps; drawn
-evenly, or in proportion to how much was still to be learned from them (Schaul et al.,
-"Prioritized experience replay", 2016).
+Every distinct transition is remembered once, however often it was seen, and all are drawn evenly:
+so what was met seldom is learned from as often as what is met in every episode.
 """
 
 from __future__ import annotations
@@ -17,8 +16,6 @@ from skillplan_torch.observation_counts import doubled, of_runs
 from skillplan_torch.snapshot_arrays import fitting
 
 _FIRST_SIZE = 1_024
-# Added to errors, so that nothing is never drawn.
-_LEAST_PRIORITY = 1e-3
 # What a transition has, by its name in a snapshot.
 _COLUMNS = {
     "situation": "observation",
@@ -26,11 +23,8 @@ _COLUMNS = {
     "reward": "reward",
     "end": "end",
     "following": "next_observation",
-    "steps": "steps",
-    "best": "best",
     "seen": "seen",
     "tried": "tried",
-    "error": "error",
     "share": "share",
 }
 
@@ -44,42 +38,31 @@ class ReplayMemory:
         How many.
     capacity
         The most transitions that a run remembers; the oldest are forgotten, >= 1.
-    distinct
-        Whether equal transitions are remembered once.
-    priority
-        Exponent of the last error of a transition, to which its chance to be drawn is
-        proportional; 0 draws evenly.
 
     Attributes
     ----------
     observation, action, next_observation
         Indices, shape (runs, size); of observations those of `ObservationCounts`.
     reward
-        Scaled rewards, summed over the steps of the transition.
+        What the learner makes of the reward.
     end
         How the episode ended with it; 0 where it went on.
-    steps
-        Of how many steps it consists.
     seen, tried
         How often the transition was seen, and its choice tried.
-    best
-        The greatest return from there to a completed end; NaN where there was none.
     share
         How likely the outcome is, see `pool`; NaN where it was not worked out.
     """
 
-    def __init__(self, runs: int, capacity: int, *, distinct: bool, priority: float) -> None:
-        self._capacity, self._distinct, self._priority = capacity, distinct, priority
+    def __init__(self, runs: int, capacity: int) -> None:
+        self._capacity = capacity
         self._slots: list[dict[tuple[int, ...], int]] = [{} for _ in range(runs)]
         self._choices: list[dict[tuple[int, int], list[int]]] = [{} for _ in range(runs)]
         self._added = [0] * runs
         shape = (runs, min(capacity, _FIRST_SIZE))
-        self.observation, self.action, self.next_observation, self.end, self.steps = (
-            np.zeros(shape, dtype=np.int64) for _ in range(5)
+        self.observation, self.action, self.next_observation, self.end = (
+            np.zeros(shape, dtype=np.int64) for _ in range(4)
         )
         self.reward = np.zeros(shape)
-        self.best = np.full(shape, np.nan)
-        self.error = np.ones(shape)
         self.share = np.full(shape, np.nan)
         self.seen, self.tried = (np.zeros(shape, dtype=np.int64) for _ in range(2))
 
@@ -91,9 +74,8 @@ class ReplayMemory:
         reward: float,
         end: int,
         next_observation: int,
-        steps: int,
-    ) -> int:
-        """Remember a transition of a run, and return where.
+    ) -> None:
+        """Remember a transition of a run.
 
         Parameters
         ----------
@@ -102,48 +84,24 @@ class ReplayMemory:
         observation, action
             Index of what was observed, and what was done.
         reward
-            Of all its steps.
+            What the learner makes of it.
         end
             How the episode ended with it; 0 where it went on.
         next_observation
             Index of what was observed after it.
-        steps
-            Of how many it consists, >= 1.
         """
         key = (observation, action, next_observation, end)
-        slot = self._slots[run].get(key) if self._distinct else None
+        slot = self._slots[run].get(key)
         if slot is None:
             slot = self._free(run)
-            if self._distinct:
-                self._slots[run][key] = slot
-                self._choices[run].setdefault((observation, action), []).append(slot)
+            self._slots[run][key] = slot
+            self._choices[run].setdefault((observation, action), []).append(slot)
             self.observation[run, slot], self.action[run, slot] = observation, action
             self.next_observation[run, slot], self.end[run, slot] = next_observation, end
-            self.best[run, slot], self.seen[run, slot] = np.nan, 0
-            self.share[run, slot] = np.nan
-            self.error[run, slot] = self.error[run].max()
-        self.reward[run, slot], self.steps[run, slot] = reward, steps
+            self.share[run, slot], self.seen[run, slot] = np.nan, 0
+        self.reward[run, slot] = reward
         self.seen[run, slot] += 1
-        if self._distinct:
-            self._count(run, (observation, action))
-        return slot
-
-    def complete(self, run: int, slots: Sequence[int], rewards: Sequence[float]) -> None:
-        """Take note of the returns from the transitions of a completed episode to its end.
-
-        Parameters
-        ----------
-        run
-            The run.
-        slots
-            Where the transition that begins with every step is remembered.
-        rewards
-            Of every step.
-        """
-        total = 0.0
-        for slot, reward in zip(reversed(slots), reversed(rewards), strict=True):
-            total += reward
-            self.best[run, slot] = np.fmax(self.best[run, slot], total)
+        self._count(run, (observation, action))
 
     def draw(
         self, generators: Sequence[np.random.Generator], count: int
@@ -159,24 +117,10 @@ class ReplayMemory:
         """
         uniforms = np.stack([generator.random(count) for generator in generators])
         sizes = np.array([self.size(run) for run in range(len(generators))])[:, None]
-        if self._priority:
-            slots = np.empty(uniforms.shape, dtype=np.int64)
-            weights = np.empty(uniforms.shape)
-            for run, size in enumerate(sizes[:, 0].tolist()):
-                share = (self.error[run, :size] + _LEAST_PRIORITY) ** self._priority
-                totals = np.cumsum(share)
-                drawn = np.searchsorted(totals, uniforms[run] * totals[-1], side="right")
-                slots[run] = np.minimum(drawn, size - 1)
-                # Importance: what is drawn more often counts less.
-                weights[run] = share.mean() / share[slots[run]]
-        else:
-            slots = np.minimum((uniforms * sizes).astype(np.int64), sizes - 1)
-            weights = np.ones(uniforms.shape)
-        if self._distinct:
-            counted = of_runs(self.seen, slots) / of_runs(self.tried, slots)
-            shares = of_runs(self.share, slots)
-            weights = weights * np.where(np.isnan(shares), counted, shares)
-        return slots, weights
+        slots = np.minimum((uniforms * sizes).astype(np.int64), sizes - 1)
+        counted = of_runs(self.seen, slots) / of_runs(self.tried, slots)
+        shares = of_runs(self.share, slots)
+        return slots, np.where(np.isnan(shares), counted, shares)
 
     def pool(self, run: int, observations: NDArray[np.float32]) -> None:
         """Work out how likely outcomes are, over all observations in which an action was taken.
@@ -210,11 +154,6 @@ class ReplayMemory:
         """Return how many transitions a run remembers."""
         return min(self._added[run], self._capacity)
 
-    def learned(self, slots: NDArray[np.int64], errors: NDArray[np.float32]) -> None:
-        """Take note of the errors of what was drawn."""
-        if self._priority:
-            self.error[np.arange(len(slots))[:, None], slots] = np.abs(errors)
-
     def arrays(self, name: str) -> dict[str, NDArray[Any]]:
         """Return copies of all that is remembered, to be read by `read`."""
         most = max(1, *(self.size(run) for run in range(len(self._added))))
@@ -237,7 +176,7 @@ class ReplayMemory:
             self._grow()
         for key, column in _COLUMNS.items():
             getattr(self, column)[:, :most] = fitting(arrays, f"{name}.{key}", (runs, most))
-        for run in range(runs if self._distinct else 0):
+        for run in range(runs):
             self._slots[run], self._choices[run] = {}, {}
             for slot in range(self.size(run)):
                 transition = self._key(run, slot)
@@ -263,11 +202,10 @@ class ReplayMemory:
     def _free(self, run: int) -> int:
         slot = self._added[run] % self._capacity
         if self._added[run] >= self._capacity:
-            if self._distinct:
-                key = self._key(run, slot)
-                del self._slots[run][key]
-                self._choices[run][key[:2]].remove(slot)
-                self._count(run, key[:2])
+            key = self._key(run, slot)
+            del self._slots[run][key]
+            self._choices[run][key[:2]].remove(slot)
+            self._count(run, key[:2])
         elif slot == self.reward.shape[1]:
             self._grow()
         self._added[run] += 1

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from skillplan_torch.dqn.options import DqnOptions
 
-_BONUS, _MASKED_BONUS = 1.0, 5.0
-# Over this share of the steps the best return comes in.
+# Episodes leave the policy until this share of the steps.
+_BRANCHING_UNTIL = 0.88
+# Over this share of the steps imitation sets in.
 _IMITATION_RAMP = 0.05
 
 
@@ -22,33 +23,26 @@ class Schedules:
 
     def __init__(self, options: DqnOptions, total: int) -> None:
         self._options, self._total = options, total
-        bonus = _BONUS if options.mask == "none" else _MASKED_BONUS
-        self._bonus_at_first = bonus if options.bonus is None else options.bonus
-
-    def optimism(self, steps: int) -> float:
-        """Return 1 while exploration is in full swing, then less, and 0 in the end."""
-        done = steps / self._total / self._options.explore_until
-        return min(1.0, max(0.0, 2.0 * (1.0 - done)))
 
     def imitation(self, steps: int) -> float:
         """Return 0 at first, then more, and 1 in the end."""
         first = self._options.imitate_from
         return min(1.0, max(0.0, (steps / self._total - first) / _IMITATION_RAMP))
 
-    def exploration(self, steps: int) -> float:
-        """Return the bonus, the temperature or epsilon."""
+    def epsilon(self, steps: int) -> float:
+        """Return the probability of an action at random."""
         options = self._options
         done = min(1.0, steps / self._total / options.explore_until)
-        if options.exploration == "count":
-            return self._bonus_at_first * self.optimism(steps)
-        if options.exploration == "epsilon":
-            return options.epsilon + (options.epsilon_end - options.epsilon) * done
-        fall: float = (options.temperature_end / options.temperature) ** done
-        return options.temperature * fall
+        return options.epsilon + (options.epsilon_end - options.epsilon) * done
+
+    def bonus(self, steps: int) -> float:
+        """Return what the value of an untried action is raised by; values are about -1 to 4."""
+        done = steps / self._total / self._options.explore_until
+        return min(1.0, max(0.0, 2.0 * (1.0 - done)))
 
     def branches(self, steps: int) -> bool:
         """Whether episodes that begin may leave the policy."""
-        return steps < self._options.branch_until * self._total
+        return steps < _BRANCHING_UNTIL * self._total
 
     def learning_rate(self, steps: int) -> float:
         """Return the step size of Adam."""

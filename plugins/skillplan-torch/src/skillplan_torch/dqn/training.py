@@ -17,6 +17,7 @@ from skillplan.env.skill_vector_env import SkillVectorEnv
 from skillplan.env.transition_table import COMPLETE, GOES_ON, INFEASIBLE, OUT_OF_TIME
 from skillplan.solvers.learning.learner import Episode
 from skillplan.solvers.learning.network_policy import NetworkPolicy, allowing
+from skillplan.task.task import Task
 from skillplan_torch.best_policies import CompletedEpisode
 from skillplan_torch.dqn.exploration import Exploration
 from skillplan_torch.dqn.options import DqnOptions
@@ -27,11 +28,16 @@ from skillplan_torch.dqn.schedules import Schedules
 from skillplan_torch.episode_record import EpisodeRecord
 from skillplan_torch.network_training import NetworkTraining
 from skillplan_torch.observation_counts import ObservationCounts
+from skillplan_torch.reward_scaling import RewardScaling
 
 # Environment steps after which it is worked out anew how likely outcomes are.
 _POOLED_STEPS = 500
-# Updates for every environment step where every skill has one outcome, and where not.
-_UPDATES, _UPDATES_UNDER_CHANCE = 0.5, 1.0
+
+
+def reward_scale(options: DqnOptions, task: Task) -> float:
+    """Return by what the rewards of steps are multiplied, 0 where no step costs anything."""
+    typical = RewardScaling.of(task, options.objective, counts_last=options.count_last_cost).typical
+    return options.steps_worth / (task.step_limit * typical) if typical else 0.0
 
 
 class DqnTraining(NetworkTraining):
@@ -40,7 +46,7 @@ class DqnTraining(NetworkTraining):
     Parameters
     ----------
     options
-        Of the solver.
+        Of the solver, none of them null.
     env
         An environment for every run.
     seeds
@@ -58,13 +64,8 @@ class DqnTraining(NetworkTraining):
         self._rows = np.arange(runs)
         observations, infos = env.reset(seed=list(seeds))
         features = observations.shape[1]
-        self._counts = ObservationCounts(runs, features, self._actions, options.tell_last_action)
-        self._memory = ReplayMemory(
-            runs,
-            options.capacity,
-            distinct=options.replay == "distinct",
-            priority=options.priority,
-        )
+        self._counts = ObservationCounts(runs, features, self._actions)
+        self._memory = ReplayMemory(runs, options.capacity)
         self._networks = QNetworks(options, features, self._actions, self._generators)
         self._schedules = Schedules(options, self._total)
         self._exploration = Exploration(
@@ -73,17 +74,12 @@ class DqnTraining(NetworkTraining):
             self._generators,
             self._counts,
             self._limit,
-            plans=self._one_episode_suffices and options.observation != "layout",
+            plans=self._plans,
         )
-        self._pools = options.replay == "distinct" and len(env.models) == 1
-        self._pools &= not env.models[0].task.deterministic
-        deterministic = all(model.task.deterministic for model in env.models)
-        best_share = 0.9 if deterministic else 0.0
-        usual = _UPDATES if deterministic else _UPDATES_UNDER_CHANCE
-        self._updates = usual if options.updates is None else options.updates
-        # What rewards of steps are multiplied by, and the least that one of them is taken for.
-        typical = self._scaling.typical
-        self._least = -options.step_floor * typical
+        self._pools = len(env.models) == 1 and not env.models[0].task.deterministic
+        self._updates = float(options.updates or 0.0)
+        # The least that the reward of a step is taken for.
+        self._least = -options.step_floor * self._scaling.typical
         self._update = QUpdate(
             options,
             self._schedules,
@@ -93,8 +89,7 @@ class DqnTraining(NetworkTraining):
             self._exploration,
             self._best,
             self._limit,
-            reward_scale=options.steps_worth / (self._limit * typical) if typical else 0.0,
-            best_share=best_share if options.best_return is None else options.best_return,
+            reward_scale=reward_scale(options, env.models[0].task),
         )
         # Updates that are due; a fraction of one is carried over.
         self._due = 0.0
@@ -103,16 +98,13 @@ class DqnTraining(NetworkTraining):
 
     def advance(self, steps: int) -> list[Episode]:
         """Do so many environment steps in every run; return the episodes that ended."""
-        options = self._options
         ended: list[Episode] = []
         for _ in range(steps):
             actions, greedy = self._choose()
             observations, rewards, _, _, infos = self._env.step(actions)
             self.steps += 1
             before, ends = self._at, infos["end"]
-            final = self._counts.indices(
-                infos["final_obs"], allowing(infos["final_mask"]), actions.tolist()
-            )
+            final = self._counts.indices(infos["final_obs"], allowing(infos["final_mask"]))
             step_rewards = np.maximum(
                 self._scaling.of_steps(rewards, infos["cost"], ends), self._least
             )
@@ -130,16 +122,18 @@ class DqnTraining(NetworkTraining):
                         cost=costs[run],
                         complete=end == COMPLETE,
                     )
-                record.add(
+                record.add(int(before[run]), int(actions[run]), costs[run], float(rewards[run]))
+                record.greedy = record.greedy and bool(greedy[run])
+                # What is learned at the step limit goes on with the state after it.
+                self._memory.add(
+                    run,
                     int(before[run]),
                     int(actions[run]),
                     float(step_rewards[run]),
-                    costs[run],
-                    float(rewards[run]),
+                    GOES_ON if end == OUT_OF_TIME else end,
+                    int(final[run]),
                 )
-                record.greedy = record.greedy and bool(greedy[run])
-                goes_on = end == OUT_OF_TIME and not options.late_is_failure
-                self._remember(run, GOES_ON if goes_on else end, int(final[run]), over=end)
+                self._exploration.completed[run] |= end == COMPLETE
                 if end != GOES_ON:
                     episode = self._end_episode(run, end)
                     if episode is not None:
@@ -148,7 +142,7 @@ class DqnTraining(NetworkTraining):
             if self._pools and self.steps % _POOLED_STEPS == 0:
                 for run in range(len(self._rows)):
                     self._memory.pool(run, self._counts.observations[run])
-            if self.steps >= options.warm_up:
+            if self.steps >= self._options.warm_up:
                 self._due += self._updates
                 while self._due >= 1.0:
                     self._due -= 1.0
@@ -167,11 +161,13 @@ class DqnTraining(NetworkTraining):
         runs, steps = len(self._generators), self.steps
         means = np.mean(self._curves, axis=0) if self._curves else np.full((2, runs), np.nan)
         self._curves = []
+        counts = self._options.exploration == "count"
+        exploring = self._schedules.bonus(steps) if counts else self._schedules.epsilon(steps)
         found = []
         for run in range(runs):
             one = {
                 "learning_rate": self._schedules.learning_rate(steps),
-                self._options.exploration: self._schedules.exploration(steps),
+                "bonus" if counts else "epsilon": exploring,
                 "situations": float(self._counts.known(run)),
                 "remembered": float(self._memory.size(run)),
             }
@@ -204,9 +200,8 @@ class DqnTraining(NetworkTraining):
         self._exploration.read("planned", arrays, notes)
 
     def _observe(self, observations: NDArray[np.float32], masks: NDArray[np.bool_]) -> None:
-        before = [record.last_action for record in self._episodes]
         self._observed, self._allowed = observations, allowing(masks)
-        self._at = self._counts.indices(observations, self._allowed, before)
+        self._at = self._counts.indices(observations, self._allowed)
 
     def _choose(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Return the action of every run, and whether it is the policy's own."""
@@ -214,41 +209,6 @@ class DqnTraining(NetworkTraining):
         lengths = [record.length for record in self._episodes]
         lasts = [record.last_action for record in self._episodes]
         return self._exploration.choose(values, self._allowed, self._at, lengths, lasts, self.steps)
-
-    def _remember(self, run: int, end: int, following: int, *, over: int) -> None:
-        """Add the transitions that are complete with the step just taken.
-
-        Parameters
-        ----------
-        run
-            Whose.
-        end
-            How the episode is taken to end with the step.
-        following
-            The index of what is observed after it.
-        over
-            How it does end.
-        """
-        record, n_step = self._episodes[run], self._options.n_step
-        last = record.length
-        while len(record.slots) < last and (over != GOES_ON or last - len(record.slots) >= n_step):
-            first = len(record.slots)
-            slot = self._memory.add(
-                run,
-                record.indices[first],
-                record.actions[first],
-                sum(
-                    self._options.gamma**later * reward
-                    for later, reward in enumerate(record.step_rewards[first:])
-                ),
-                end,
-                following,
-                last - first,
-            )
-            record.slots.append(slot)
-        if end == COMPLETE:
-            self._exploration.completed[run] = True
-            self._memory.complete(run, record.slots, record.step_rewards)
 
     def _policy_of(self, run: int) -> NetworkPolicy:
         return self._networks.policy(run)

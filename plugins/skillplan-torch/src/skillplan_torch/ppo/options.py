@@ -20,18 +20,12 @@ from skillplan_torch.network_options import (
 
 
 class PpoOptions(NetworkOptions):
-    """The defaults find the optimum of the inverter board with the mask of the applicable.
+    """The defaults find the optimum of the inverter board, with and without a mask.
 
-    Without a mask it takes novelty=3, failure=0.2 and gamma=0.8: then failing late is better
-    than failing early, and what is new is worth failing for.
+    Where there is no mask and nothing can be planned it takes novelty=3, failure=0.2 and gamma=0.8:
+    then failing late is better than failing early, and what is new is worth failing for.
     """
 
-    steps: int = Field(
-        default=100_000,
-        ge=1,
-        le=1_000_000_000,
-        description="environment steps of a run; `train --steps` takes precedence [-]",
-    )
     width: Width = 64
     layers: Layers = 2
     learning_rate_end: Annotated[

@@ -62,11 +62,11 @@ class PpoTraining(NetworkTraining):
             options, self._networks, self._best, step_limit=self._limit, outputs=self._outputs
         )
         self._buffer = RolloutBuffer(runs, options.rollout, features, self._outputs)
-        self._counts = ObservationCounts(runs, features, self._outputs, False)
+        self._counts = ObservationCounts(runs, features, self._outputs)
         # What plans are made with is counted apart: for actions only, and while plans are made.
-        self._seen = ObservationCounts(runs, features, self._actions, False)
+        self._seen = ObservationCounts(runs, features, self._actions)
         self._planned: PlannedEpisodes | None = None
-        if options.planning and self._one_episode_suffices and options.observation != "layout":
+        if self._plans:
             self._planned = PlannedEpisodes(
                 self._generators, self._seen, self._limit, options.plan_width
             )
@@ -99,7 +99,7 @@ class PpoTraining(NetworkTraining):
                 record = self._episodes[run]
                 self._seen_observations[run, record.length] = before[0][run]
                 self._seen_masks[run, record.length] = before[1][run]
-                record.add(0, int(actions[run]), 0.0, costs[run], float(rewards[run]))
+                record.add(0, int(actions[run]), costs[run], float(rewards[run]))
                 if end != GOES_ON:
                     episode = record.ended(run, self.steps, end)
                     self._episodes[run] = EpisodeRecord(greedy=bool(self._due[run]))
@@ -203,8 +203,7 @@ class PpoTraining(NetworkTraining):
         actions = np.where(greedy, scores.argmax(axis=1), np.minimum(drawn, self._actions - 1))
         if not self._options.novelty:
             return actions, np.zeros(len(actions))
-        # Observations are counted without the action before.
-        at = self._counts.indices(self._observed, self._allowed, [-1] * len(actions))
+        at = self._counts.indices(self._observed, self._allowed)
         visits, rows = self._counts.visits, np.arange(len(actions))
         visits[rows, at, actions] += 1
         return actions, 1.0 / np.sqrt(visits[rows, at, actions])
@@ -239,7 +238,7 @@ class PpoTraining(NetworkTraining):
         if self._planned is None:
             return np.zeros(len(actions), dtype=np.int64)
         allowed = self._allowed[:, : self._actions]
-        at = self._seen.indices(self._observed, allowed, [-1] * len(actions))
+        at = self._seen.indices(self._observed, allowed)
         for run, record in enumerate(self._episodes):
             if not record.greedy and not self._planned.settled(run):
                 action = self._planned.action(run, int(at[run]), record.last_action, record.length)
@@ -262,7 +261,7 @@ class PpoTraining(NetworkTraining):
         if self._planned is None:
             return
         allowed = allowing(infos["final_mask"])
-        after = self._seen.indices(infos["final_obs"], allowed, [-1] * len(at))
+        after = self._seen.indices(infos["final_obs"], allowed)
         self._seen.visits[np.arange(len(at)), at, actions] += 1
         for run, end in enumerate(infos["end"].tolist()):
             self._planned.stepped(

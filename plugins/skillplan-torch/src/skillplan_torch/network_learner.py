@@ -1,0 +1,48 @@
+"""What `dqn` and `ppo` have in common as solvers: what they choose by the task."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from skillplan.solvers.learning.learner import Learner
+from skillplan.solvers.learning.training_length import usual_steps
+from skillplan.task.task import Task
+from skillplan_torch.network_options import NetworkOptions
+
+
+class NetworkLearner(Learner):
+    """A learner that trains networks on scaled rewards.
+
+    Attributes
+    ----------
+    steps_factor
+        How many times as many steps as `dqn` it usually takes.
+    """
+
+    Options = NetworkOptions
+    options: NetworkOptions
+    steps_factor = 1.0
+
+    @property
+    def hidden_layers(self) -> tuple[int, ...]:
+        """Units of every hidden layer."""
+        return (self.options.width,) * self.options.layers
+
+    def derived(self, tasks: Sequence[Task]) -> dict[str, Any]:
+        """Return values, chosen by what is learned on, of the options that are null."""
+        return self.where_null(
+            steps=usual_steps(tasks, self.steps_factor),
+            planning=is_certain(tasks) and self.options.observation != "layout",
+        )
+
+    def where_null(self, **values: Any) -> dict[str, Any]:
+        """Return those of the values whose option is null."""
+        return {
+            name: value for name, value in values.items() if getattr(self.options, name) is None
+        }
+
+
+def is_certain(tasks: Sequence[Task]) -> bool:
+    """Whether one episode shows what a policy costs: there is one task, and no chance."""
+    return len(tasks) == 1 and tasks[0].deterministic
