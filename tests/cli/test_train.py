@@ -155,7 +155,7 @@ class TestInterruption:
         document = json.loads(out)
         assert document["interrupted"]
         assert {one["steps"] for one in document["runs"]} < set(range(0, 600, 100))
-        assert (folder / "runs" / "02" / "policy.safetensors").is_file()
+        assert (folder / "runs" / "01" / "policy.safetensors").is_file()
         again = shlex.split(err.partition("go on with: skillplan ")[2])
         assert 0 == cli(*again).code
         assert same_run("metrics.jsonl", kept, folder)

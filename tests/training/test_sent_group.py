@@ -14,7 +14,7 @@ from skillplan.pipeline import registry
 from skillplan.training.sent_group import FileChange, put_in_place
 from skillplan.workers.executor import Answer, Ended, Prepare
 from skillplan.workers.executor_choice import ExecutorChoice
-from training_situations import event_lengths, learned_bytes, train
+from training_situations import counts, event_lengths, learned_bytes, train
 
 pytestmark = pytest.mark.usefixtures("learner", "elsewhere")
 
@@ -74,6 +74,13 @@ def test_what_is_learned_elsewhere_is_the_same_file_by_file(kept: Path, tmp_path
     train(tmp_path / "sent", jobs=2, executor=ELSEWHERE)
     assert learned_bytes(kept) == learned_bytes(tmp_path / "sent")
     assert event_lengths(kept) == event_lengths(tmp_path / "sent")
+
+
+def test_what_is_counted_elsewhere_is_what_is_counted_here(kept: Path, tmp_path: Path) -> None:
+    """Of every group: checks, executions and how often each back end was asked."""
+    train(tmp_path / "sent", jobs=2, executor=ELSEWHERE)
+    assert counts(kept) == counts(tmp_path / "sent")
+    assert all(one["checks"] > 0 for one in counts(kept))
 
 
 @pytest.mark.slow(reason="two trainings; one that is lost goes on in every run")

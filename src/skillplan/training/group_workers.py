@@ -23,7 +23,7 @@ from skillplan.pipeline.registry import load
 from skillplan.plugins.blame import debugging, ends_program, raised_by
 from skillplan.records.training.run_folder import CHECKPOINT, group_path
 from skillplan.training.group_job import GroupJob, GroupOutcome, GroupReport
-from skillplan.training.group_training import GroupTraining
+from skillplan.training.group_training import GroupTraining, kept_verdicts
 from skillplan.training.sent_group import SentAnswer, SentGroup, put_in_place, serving_sent
 from skillplan.workers.executor import Answer, Ended, Executor, Worker, packed
 from skillplan.workers.local_processes import LocalProcesses
@@ -133,7 +133,8 @@ def drive(
     on_report
         Called after every stride.
     cache
-        Where this process keeps verdicts; others keep their own.
+        Is given the verdicts of the groups that this process drives. Each of them keeps its own,
+        as elsewhere, so that what is counted does not depend on where that is.
     executor
         Where the groups are driven instead; it has the number of processes, too.
 
@@ -167,7 +168,8 @@ def _here(
     for job in jobs:
         if stopped() and not _begun(job):
             continue
-        work = serve(job, cache, overdue)
+        own = kept_verdicts(job)
+        work = serve(job, own, overdue)
         outcome: GroupAnswer | None = None
         while not stopped() and not _over(outcome, job):
             outcome = work("advance")
@@ -176,10 +178,12 @@ def _here(
         if not isinstance(outcome, GroupFailure):
             outcome = overdue.spared(work)
         elif outcome.stopped and _begun(job):
-            outcome = overdue.spared(serve(job, cache))
+            outcome = overdue.spared(serve(job, own))
         elif outcome.stopped:
             continue
         assert not isinstance(outcome, GroupReport)
+        if cache is not None:
+            cache.take_over(own)
         yield job.group, outcome
 
 

@@ -87,7 +87,8 @@ class Amount:
             "--runs",
             least=1,
             most=1_000,
-            text="How many runs, with the seeds from --seed on; up to five learn side by side.",
+            text="How many runs, with the seeds from --seed on; up to five learn side by side, and "
+            "two or more as two groups at least.",
             rich_help_panel=TRAINING,
         ),
     ] = 10
@@ -151,7 +152,7 @@ def command(
             "--jobs",
             least=1,
             most=64,
-            text="In how many processes groups of five runs learn; nothing that is learned "
+            text="In how many processes groups of up to five runs learn; nothing that is learned "
             "depends on it.",
             rich_help_panel=SOLVER,
         ),
