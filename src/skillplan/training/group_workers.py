@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from skillplan.checks.verdict_cache import VerdictCache
@@ -268,10 +268,11 @@ class _Elsewhere:
             self._executor.close()
 
     def _start(self, job: GroupJob, order: Order, starts: int = 1) -> None:
+        sent = replace(job, plan=replace(job.plan, setup=job.plan.setup.in_worker))
         if self._executor.shares_files:
-            worker = self._executor.start(serve, packed(job, _WHAT), _WHAT)
+            worker = self._executor.start(serve, packed(sent, _WHAT), _WHAT)
         else:
-            content = packed(SentGroup.of(job), _WHAT)
+            content = packed(SentGroup.of(sent), _WHAT)
             worker = self._executor.start(serve_sent, content, _WHAT)
         self._busy[worker] = _Assignment(job, order, starts)
         worker.take(order)
