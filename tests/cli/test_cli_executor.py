@@ -87,7 +87,7 @@ def test_every_command_that_has_jobs_gives_them_to_the_executor(
     monkeypatch.setenv("SKILLPLAN_CACHE_DIR", str(tmp_path / "cache"))
     generated = str(tmp_path / "generated.yaml")
     if "GENERATED" in words:
-        cli(*"generate assembly --parts 5 --density 0.3 --out".split(), generated)
+        cli(*["generate", "assembly", "--parts", "5", "--density", "0.3", "--out"], generated)
     if "verify" in words:
         cli("cache", "fill", board, "--collision", "aabb")
     paths = {"BOARD": board, "GENERATED": generated}
