@@ -208,15 +208,15 @@ def test_a_search_loses_actors_and_proves_the_same(cluster: Any, tmp_path: Path)
 
 @pytest.mark.release(reason="commands with actors; local processes in the whole suite")
 @pytest.mark.parametrize(
-    ("words", "plugin", "schema"),
+    ("words", "plugin", "wait_s", "schema"),
     [
-        pytest.param(SEARCH, "pybullet", "skillplan.result/1", id="a search"),
-        pytest.param(TRAINING, "skillplan_torch", "skillplan.training/1", id="a training"),
-        pytest.param(STUDY, "numpy", "skillplan.sweep/1", id="a study"),
+        pytest.param(SEARCH, "pybullet", 2.5, "skillplan.result/1", id="a search"),
+        pytest.param(TRAINING, "skillplan_torch", 6.0, "skillplan.training/1", id="a training"),
+        pytest.param(STUDY, "numpy", 6.0, "skillplan.sweep/1", id="a study"),
     ],
 )
 def test_ctrl_c_ends_all_actors_at_once(
-    words: list[str], plugin: str, schema: str, cluster: Any, tmp_path: Path
+    words: list[str], plugin: str, wait_s: float, schema: str, cluster: Any, tmp_path: Path
 ) -> None:
     """Within two seconds none is left, and the command says what it has."""
     pytest.importorskip(plugin)
@@ -224,7 +224,7 @@ def test_ctrl_c_ends_all_actors_at_once(
     out = ["--out", str(tmp_path / "out")]
     process = started([*words, *out], cluster)
     new_actors(before)
-    time.sleep(6.0)
+    time.sleep(wait_s)
     assert process.poll() is None
     process.send_signal(signal.SIGINT)
     begun_s = time.monotonic()
