@@ -23,7 +23,6 @@ from skillplan.testing import lid_task, reachable_states
 from skillplan.testing.executor_suite import ExpensiveBoxes
 from skillplan.workers.executor import Answer, Ended, Executor, Worker, packed
 from skillplan.workers.executor_choice import ExecutorChoice
-from skillplan_ray.fingerprint import differences, fingerprint
 
 BOARD = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"
 OPTIMUM_M = 1.8670860141568904
@@ -236,21 +235,3 @@ def test_ctrl_c_ends_all_actors_at_once(
     assert json.loads(said)["schema"] == schema
     assert took_s <= ENDED_S
     assert set() == actors() - before
-
-
-class TestMixedMachines:
-    def test_the_same_machine_does_not_differ(self) -> None:
-        """What is compared is the same every time."""
-        found = fingerprint()
-        assert {"processor", "Python", "numpy", "skillplan", "source of skillplan"} <= set(found)
-        assert differences(found, fingerprint()) == []
-
-    def test_what_differs_is_named(self) -> None:
-        """Versions with both, what is missing there, and another source of the same version."""
-        here = {"numpy": "2.4.6", "pybullet": "3.2.7", "skillplan": "1", "source of skillplan": "a"}
-        there = {"numpy": "2.4.5", "skillplan": "1", "source of skillplan": "b"}
-        assert differences(here, there) == [
-            "numpy 2.4.5 (here 2.4.6)",
-            "pybullet is not installed (here 3.2.7)",
-            "another source of skillplan 1",
-        ]
