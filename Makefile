@@ -109,6 +109,7 @@ bench: .venv/.test try-web  ## ratios against a baseline of the same run
 	$(BIN)/python benchmarks/sequencing.py --names ESC25,ft70.4,p43.1,rbg109a,ry48p.1 --seconds 2
 	if $(HAS_PYBULLET); then $(BIN)/python benchmarks/physics.py; fi
 	$(BIN)/python benchmarks/engines.py $(ENGINES)
+	$(BIN)/python benchmarks/executors.py
 	$(BIN)/python benchmarks/learning.py
 	$(BIN)/python benchmarks/handover.py
 

@@ -14,7 +14,7 @@ import argparse
 import heapq
 import pickle
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any
@@ -26,6 +26,8 @@ from skillplan.task.task import Task
 from skillplan.workers.executor import POLL_S, Answer, Executor, MakeExecutor, Prepare, Worker
 
 SLOTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
+# A gain in speed below this is none.
+GAIN = 0.05
 
 
 @dataclass
@@ -190,6 +192,7 @@ def main() -> None:
     mean_s = busy_s / len(recording.answers)
     print(f"{task.name}: {checks} checks, {busy_s:.1f} s, {1000 * mean_s:.0f} ms each")
     print(f"{'slots':>5} {'s':>8} {'speed-up':>9} {'of ideal':>9}   with start-up: s, speed-up")
+    speed_ups = {}
     for slots in SLOTS:
         seconds = []
         for start_s in (0.0, words.start_s):
@@ -197,10 +200,19 @@ def main() -> None:
             fill(task, setup, slots, lambda _, place=place: place)  # type: ignore[misc]
             seconds.append(place.now_s)
         alone, started = (busy_s / one for one in seconds)
+        speed_ups[slots] = alone
         print(
             f"{slots:>5} {seconds[0]:>8.1f} {alone:>9.2f} {alone / slots:>9.0%}"
             f"   {seconds[1]:>16.1f} {started:>9.2f}"
         )
+    level = levels_off(speed_ups)
+    print(f"levels off at {level} slots: more make it at most {GAIN:.0%} faster")
+
+
+def levels_off(speed_ups: Mapping[int, float]) -> int:
+    """Return the least number of slots beyond which no more of them help, by their speed-ups."""
+    best = max(speed_ups.values())
+    return min(slots for slots, one in speed_ups.items() if best <= one * (1 + GAIN))
 
 
 if __name__ == "__main__":

@@ -420,6 +420,30 @@ def test_a_copy_for_some_back_ends_starts_with_theirs_only():
     assert cache.find(one, TASK.skills[1], TASK.initial) is None
 
 
+def test_what_is_taken_over_is_found_and_stays_where_it_was():
+    """Beside what was there; of a folder nothing need be taken over."""
+    cache, other = VerdictCache(), VerdictCache()
+    checked = Checked(Verdict.feasible(TASK.facts.none, TASK.facts.none), 0.0)
+    one = fake_back_end(TASK, name="one")
+    cache.keep(one, SKILL, checked, TASK.initial)
+    other.keep(one, TASK.skills[1], checked, TASK.initial)
+    cache.take_over(other)
+    assert all(cache.find(one, skill, TASK.initial) is not None for skill in TASK.skills[:2])
+    assert other.find(one, SKILL, TASK.initial) is None
+
+
+def test_a_cache_on_disk_takes_nothing_over_that_is_not_in_its_folder(tmp_path):
+    """So what others keep there later is still found."""
+    cache, other = DiskVerdictCache(tmp_path), VerdictCache()
+    checked = Checked(Verdict.feasible(TASK.facts.none, TASK.facts.none), 0.0)
+    dear = dear_one()
+    other.keep(dear, SKILL, checked, TASK.initial)
+    cache.take_over(other)
+    assert cache.find(dear, SKILL, TASK.initial) is None
+    DiskVerdictCache(tmp_path).keep(dear, SKILL, checked, TASK.initial)
+    assert cache.find(dear, SKILL, TASK.initial) is not None
+
+
 def test_an_engine_and_a_detector_of_one_name_do_not_share_verdicts():
     """Names are unique within a kind only."""
     yes = fake_back_end(TASK, lambda skill, state: Verdict.feasible(), name="twin", base=Engine)

@@ -416,7 +416,7 @@ class TestOtherCommands:
         assert list((tmp_path / "cache").rglob("*.json"))
 
     @pytest.mark.parametrize("command", ["search-optimal", "chart", "cache fill", "cache verify"])
-    @pytest.mark.parametrize("jobs", ["0", "65", "many", "-1", "1.5"])
+    @pytest.mark.parametrize("jobs", ["0", "257", "many", "-1", "1.5"])
     def test_a_wrong_number_of_processes_is_one_clear_message(
         self, cli: Any, board: str, command: str, jobs: str
     ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -69,6 +70,18 @@ def learned_bytes(
         and "tfevents" not in path.name
         and keep(path.name)
     }
+
+
+def counts(folder: Path) -> list[dict[str, Any]]:
+    """Return what was counted in every group: progress without steps and times."""
+    return [
+        {
+            name: value
+            for name, value in json.loads(path.read_text()).items()
+            if name in ("checks", "hits", "executions", "asked")
+        }
+        for path in sorted(folder.glob("groups/*/progress.json"))
+    ]
 
 
 def event_lengths(folder: Path) -> dict[str, int]:

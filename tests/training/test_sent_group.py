@@ -11,10 +11,11 @@ import pytest
 
 from same_process import SameProcess, SameProcessWorker
 from skillplan.pipeline import registry
+from skillplan.records.training.run_folder import RunFolder
 from skillplan.training.sent_group import FileChange, put_in_place
 from skillplan.workers.executor import Answer, Ended, Prepare
 from skillplan.workers.executor_choice import ExecutorChoice
-from training_situations import event_lengths, learned_bytes, train
+from training_situations import counts, event_lengths, learned_bytes, train
 
 pytestmark = pytest.mark.usefixtures("learner", "elsewhere")
 
@@ -76,6 +77,13 @@ def test_what_is_learned_elsewhere_is_the_same_file_by_file(kept: Path, tmp_path
     assert event_lengths(kept) == event_lengths(tmp_path / "sent")
 
 
+def test_what_is_counted_elsewhere_is_what_is_counted_here(kept: Path, tmp_path: Path) -> None:
+    """Of every group: checks, executions and how often each back end was asked."""
+    train(tmp_path / "sent", jobs=2, executor=ELSEWHERE)
+    assert counts(kept) == counts(tmp_path / "sent")
+    assert all(one["checks"] > 0 for one in counts(kept))
+
+
 @pytest.mark.slow(reason="two trainings; one that is lost goes on in every run")
 def test_a_training_that_was_stopped_goes_on_elsewhere(kept: Path, tmp_path: Path) -> None:
     """And what was begun elsewhere goes on here: the folder is the same."""
@@ -86,6 +94,25 @@ def test_a_training_that_was_stopped_goes_on_elsewhere(kept: Path, tmp_path: Pat
     for folder in (tmp_path / "sent", tmp_path / "here"):
         assert learned_bytes(kept) == learned_bytes(folder)
         assert event_lengths(kept) == event_lengths(folder)
+
+
+def test_after_a_stop_no_worker_is_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A group that had begun before, and has none, hands over here what it has learned."""
+    train(tmp_path / "a", stop_after=5)
+    started: list[str] = []
+    start = OnAnotherMachine.start
+
+    def noted(self: OnAnotherMachine, *words: Any) -> SameProcessWorker:
+        started.append(words[2])
+        return start(self, *words)
+
+    monkeypatch.setattr(OnAnotherMachine, "start", noted)
+    result = train(tmp_path / "a", executor=ELSEWHERE, resume=True, stop_after=1)
+    assert ["the training"] == started
+    assert result.interrupted
+    assert all(one.last is not None for one in result.outcomes)
+    steps = [one.steps for one in RunFolder(tmp_path / "a").runs()]
+    assert [400] * 4 + [100] * 3 == steps
 
 
 # What is lost closes no files.

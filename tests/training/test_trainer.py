@@ -22,7 +22,7 @@ from skillplan.training.group_training import GroupTraining
 from skillplan.training.training_folder import TrainingFolder
 from skillplan.training.training_plan import plan_training
 from thinned import thinned
-from training_situations import BOARD, a_plan, event_lengths, learned_bytes, train
+from training_situations import BOARD, a_plan, counts, event_lengths, learned_bytes, train
 
 pytestmark = pytest.mark.usefixtures("learner")
 
@@ -109,6 +109,7 @@ class TestWhatHappens:
     def test_processes_change_nothing(self, whole: Path, tmp_path: Path) -> None:
         train(tmp_path / "two", jobs=2)
         assert learned_bytes(whole) == learned_bytes(tmp_path / "two")
+        assert counts(whole) == counts(tmp_path / "two")
 
     @pytest.mark.slow(reason="another training; every run stops and goes on with one")
     def test_how_often_a_checkpoint_is_kept_changes_nothing(
@@ -195,7 +196,7 @@ class TestWhatHappens:
     ) -> None:
         """What the last checkpoint knows counts, and nothing else changes."""
         slow = {"pause_s": 0.004}
-        more = {"runs": 2, "steps": 200, "checkpoint_steps": 100}
+        more = {"runs": 1, "steps": 200, "checkpoint_steps": 100}
         train(tmp_path / "whole", slow, **more)
         monkeypatch.setattr("skillplan.training.group_workers.GRACE_S", 0.05)
         begun_s = time.monotonic()

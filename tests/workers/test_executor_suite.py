@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 from typing import ClassVar
 
 import pytest
 
 from same_process import SameProcess
 from skillplan.pipeline import registry
+from skillplan.pipeline.comparing.comparison import compare_solvers
 from skillplan.pipeline.run import make_feasibility, solve
-from skillplan.pipeline.setup import Setup
+from skillplan.pipeline.setup import Setup, load_problem
 from skillplan.sweep.parameter_study import do_study, plan_study
 from skillplan.testing import ExecutorSuite, lid_task
 from skillplan.testing.executor_suite import ExpensiveBoxes
+from skillplan.training.trainer import Trainer
+from skillplan.training.training_folder import TrainingFolder
+from skillplan.training.training_plan import plan_training
 from skillplan.workers.executor import Ended, Prepare, Worker
 from skillplan.workers.executor_choice import ExecutorChoice
+from tabular_learner import learner_installed
+from training_situations import BOARD
 
 pytestmark = pytest.mark.slow(reason="processes of its own; checks in several in every run")
 
@@ -35,6 +44,7 @@ class Elsewhere(SameProcess):
         return super().start(prepare, content, what)
 
 
+SOLVERS = ("exact", "value-iteration")
 ELSEWHERE = Setup(executor=ExecutorChoice("elsewhere", "there"))
 
 
@@ -42,11 +52,24 @@ ELSEWHERE = Setup(executor=ExecutorChoice("elsewhere", "there"))
 def elsewhere(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """An executor that is registered from outside; returns what was asked of it."""
     known = registry.load
+    ours = {"elsewhere": Elsewhere, ExpensiveBoxes.name: ExpensiveBoxes}
     monkeypatch.setattr(
-        registry, "load", lambda kind, name: Elsewhere if name == "elsewhere" else known(kind, name)
+        registry, "load", lambda kind, name: ours[name] if name in ours else known(kind, name)
     )
     monkeypatch.setattr(Elsewhere, "started", [])
     return Elsewhere.started
+
+
+def purposes(started: list[str]) -> list[str]:
+    """Return what workers were started for."""
+    return [words.partition(",")[0] for words in started]
+
+
+@pytest.fixture
+def learner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """The name of a learner that is quick."""
+    with learner_installed(tmp_path / "site", monkeypatch) as name:
+        yield name
 
 
 class TestWhoeverHasJobs:
@@ -81,6 +104,37 @@ class TestWhoeverHasJobs:
         """No process is asked for, or connected to, before there are jobs."""
         assert Setup().make_executor is None
         assert Setup(executor=ExecutorChoice("local")).make_executor is None
+
+
+class TestWhatIsSentElsewhere:
+    """Makes its expensive checks itself: whatever runs in a worker starts no others."""
+
+    setup = replace(ELSEWHERE, collision=(ExpensiveBoxes.name,))
+
+    def test_studies(self, elsewhere: list[str]) -> None:
+        """The optimum is proved before, by checks elsewhere."""
+        plan, job = plan_study(lid_task(), "exact", setup=self.setup, runs=2)
+        result = do_study(plan, job, jobs=2)
+        assert [None, None] == [record.error for record in result.records]
+        assert ["checks", "the runs", "the runs"] == purposes(elsewhere)
+
+    def test_comparisons(self, elsewhere: list[str]) -> None:
+        """Rows as they are in turn."""
+        problem = load_problem(BOARD)
+        here = compare_solvers(problem, SOLVERS, replace(self.setup, executor=ExecutorChoice()))
+        there = compare_solvers(problem, SOLVERS, self.setup, jobs=2)
+        assert [row.checks for row in here] == [row.checks for row in there]
+        assert ["optimal", "optimal"] == [row.status for row in there]
+        assert ["the comparison"] * 2 == purposes(elsewhere)
+
+    def test_trainings(self, elsewhere: list[str], learner: str, tmp_path: Path) -> None:
+        """The optimum is proved afterwards, by checks elsewhere."""
+        problem = load_problem(BOARD)
+        plan = plan_training(problem, learner, self.setup, runs=2, steps=100)
+        with TrainingFolder(str(tmp_path / "run"), plan, problem) as folder:
+            result = Trainer(folder.plan, folder, jobs=2).train()
+        assert [] == result.failed
+        assert ["the training", "the training", "checks"] == purposes(elsewhere)
 
 
 def test_a_lost_machine_is_told_from_a_process_that_failed() -> None:

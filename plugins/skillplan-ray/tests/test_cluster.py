@@ -8,12 +8,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from ray_clusters import PATIENCE_S, actors, new_actors, processes_of
 from skillplan.checks.feasibility import Feasibility
 from skillplan.errors import SkillplanError
 from skillplan.model.skill_model import SkillModel
@@ -23,35 +23,13 @@ from skillplan.testing import lid_task, reachable_states
 from skillplan.testing.executor_suite import ExpensiveBoxes
 from skillplan.workers.executor import Answer, Ended, Executor, Worker, packed
 from skillplan.workers.executor_choice import ExecutorChoice
-from skillplan_ray.fingerprint import differences, fingerprint
 
 BOARD = Path(__file__).parents[3] / "configs" / "inverter_board.yaml"
 OPTIMUM_M = 1.8670860141568904
-PATIENCE_S = 60.0
 # In so long Ctrl-C ends all actors [s].
 ENDED_S = 2.0
 
 slow = pytest.mark.slow(reason="starts two nodes of Ray; what machines differ in is in every run")
-
-
-@pytest.fixture
-def cluster() -> Iterator[Any]:
-    """A cluster of two nodes with a CPU each; this process is not connected to it."""
-    yield from two_nodes()
-
-
-def two_nodes() -> Iterator[Any]:
-    """Start both, and end them after the test."""
-    os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
-    import ray
-    from ray.cluster_utils import Cluster
-
-    ray.shutdown()
-    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
-    made.second = made.add_node(num_cpus=1)
-    yield made
-    ray.shutdown()
-    made.shutdown()
 
 
 def at(cluster: Any) -> Setup:
@@ -148,35 +126,6 @@ def test_the_loss_of_a_node_is_told_in_words_and_costs_its_check_only(cluster: A
     executor.close()
 
 
-def processes_of(node: Any) -> list[int]:
-    """Return the processes of a node, its actors too, but for what keeps track of the cluster."""
-    own = [
-        info.process.pid
-        for kind, infos in node.all_processes.items()
-        for info in infos
-        if kind != "gcs_server"
-    ]
-    found = list(own)
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            parent = int(path.read_text().rpartition(")")[2].split()[1])
-        except OSError:
-            continue
-        if parent in own:
-            found.append(int(path.parent.name))
-    return found
-
-
-@pytest.fixture
-def impatient_cluster(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """The same, in which a node counts as lost after some seconds of silence."""
-    monkeypatch.setenv("RAY_health_check_initial_delay_ms", "5000")
-    monkeypatch.setenv("RAY_health_check_period_ms", "1000")
-    monkeypatch.setenv("RAY_health_check_timeout_ms", "4000")
-    monkeypatch.setenv("RAY_health_check_failure_threshold", "3")
-    yield from two_nodes()
-
-
 @pytest.mark.release(reason="silences a node for seconds; its loss is told in the whole suite")
 def test_a_node_whose_network_falls_silent_costs_its_check_only(impatient_cluster: Any) -> None:
     """Its processes stand still: nothing is closed, nothing answers; the check is made elsewhere.
@@ -226,24 +175,17 @@ def test_a_cluster_of_mixed_versions_is_refused_in_words(cluster: Any, tmp_path:
         executor_at(cluster).start(int, packed("1", "tests"), "tests")
 
 
-def actors() -> set[int]:
-    """Return the processes of actors on this machine."""
-    found = set()
-    for path in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
-            if path.read_bytes().startswith(b"ray::ListeningActor"):
-                found.add(int(path.parent.name))
-        except OSError:
-            continue
-    return found
+SEARCH = ["search-optimal", str(BOARD), "--physics", "pybullet", "--collision", "contact-pairs"]
+SEARCH += ["--no-cache", "--no-screening"]
+TRAINING = ["train", str(BOARD), "--solver", "dqn", "--runs", "2", "--steps", "20000"]
+STUDY = ["sweep", str(BOARD), "--solver", "sarsa", "-O", "episodes=2000,4000", "--runs", "200"]
 
 
-def search(cluster: Any, tmp_path: Path) -> subprocess.Popen[str]:
-    """Return a search of the board by physics that has its actors on a cluster."""
-    words = ["search-optimal", str(BOARD), "--physics", "pybullet", "--collision", "contact-pairs"]
-    words += ["--no-cache", "--no-screening", "--format", "json", "--jobs", "2"]
+def started(words: list[str], cluster: Any) -> subprocess.Popen[str]:
+    """Return a command that has its actors on a cluster."""
+    words = [*words, "--format", "json", "--jobs", "2", "--executor", f"ray:{cluster.address}"]
     return subprocess.Popen(
-        [sys.executable, "-m", "skillplan", *words, "--executor", f"ray:{cluster.address}"],
+        [sys.executable, "-m", "skillplan", *words],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -251,86 +193,45 @@ def search(cluster: Any, tmp_path: Path) -> subprocess.Popen[str]:
     )
 
 
-def new_actors(before: set[int]) -> set[int]:
-    """Return the actors that were not there before, as soon as there are any."""
-    end_s = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end_s:
-        found = actors() - before
-        if found:
-            return found
-        time.sleep(0.1)
-    raise AssertionError("there are no actors")
-
-
 @pytest.mark.release(reason="a search by physics with actors; a lost node in the whole suite")
 def test_a_search_loses_actors_and_proves_the_same(cluster: Any, tmp_path: Path) -> None:
     """One by SIGKILL; stdout is one document all the same."""
     pytest.importorskip("pybullet")
     before = actors()
-    process = search(cluster, tmp_path)
+    process = started(SEARCH, cluster)
     os.kill(min(new_actors(before)), signal.SIGKILL)
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
     assert json.loads(out)["cost"] == OPTIMUM_M
 
 
-@pytest.mark.release(reason="a search by physics with actors; local processes in the whole suite")
-def test_ctrl_c_ends_all_actors_at_once(cluster: Any, tmp_path: Path) -> None:
-    """Within two seconds none is left, and the search says what it has."""
-    pytest.importorskip("pybullet")
+@pytest.mark.release(reason="commands with actors; local processes in the whole suite")
+@pytest.mark.parametrize(
+    ("words", "plugin", "wait_s", "schema"),
+    [
+        pytest.param(SEARCH, "pybullet", 2.5, "skillplan.result/1", id="a search"),
+        pytest.param(TRAINING, "skillplan_torch", 6.0, "skillplan.training/1", id="a training"),
+        pytest.param(STUDY, "numpy", 6.0, "skillplan.sweep/1", id="a study"),
+    ],
+)
+def test_ctrl_c_ends_all_actors_at_once(
+    words: list[str], plugin: str, wait_s: float, schema: str, cluster: Any, tmp_path: Path
+) -> None:
+    """Within two seconds none is left, and the command says what it has."""
+    pytest.importorskip(plugin)
     before = actors()
-    process = search(cluster, tmp_path)
+    out = ["--out", str(tmp_path / "out")]
+    process = started([*words, *out], cluster)
     new_actors(before)
-    time.sleep(3.0)
+    time.sleep(wait_s)
+    assert process.poll() is None
     process.send_signal(signal.SIGINT)
-    end_s = time.monotonic() + ENDED_S
-    while actors() - before and time.monotonic() < end_s:
+    begun_s = time.monotonic()
+    while actors() - before and time.monotonic() < begun_s + PATIENCE_S:
         time.sleep(0.05)
-    left = actors() - before
-    out, err = process.communicate(timeout=60)
-    assert set() == left
+    took_s = time.monotonic() - begun_s
+    said, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
-    assert json.loads(out)["schema"] == "skillplan.result/1"
-
-
-def learned(folder: Path) -> dict[str, bytes]:
-    """Return what is learned and noted, by path; progress and events hold times of day."""
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.name.endswith((".safetensors", "metrics.jsonl")) or path.name == "policy.json"
-    }
-
-
-@pytest.mark.release(reason="trains twice; that files come back is in every run")
-def test_what_is_learned_on_a_cluster_is_the_same(cluster: Any, tmp_path: Path) -> None:
-    """Weights and metrics, file by file."""
-    pytest.importorskip("skillplan_torch")
-    words = ["train", str(BOARD), "--solver", "dqn", "--runs", "6", "--steps", "400", "--no-cache"]
-    words += ["--jobs", "2", "--format", "json"]
-    for name, more in (("here", []), ("there", ["--executor", f"ray:{cluster.address}"])):
-        out = ["--out", str(tmp_path / name)]
-        call = [sys.executable, "-m", "skillplan", *words, *more, *out]
-        done = subprocess.run(call, capture_output=True, text=True, timeout=300)
-        assert done.returncode in (0, 1), done.stderr
-        assert len(json.loads(done.stdout)["runs"]) == 6
-    assert len(learned(tmp_path / "here")) >= 12
-    assert learned(tmp_path / "here") == learned(tmp_path / "there")
-
-
-class TestMixedMachines:
-    def test_the_same_machine_does_not_differ(self) -> None:
-        """What is compared is the same every time."""
-        found = fingerprint()
-        assert {"processor", "Python", "numpy", "skillplan", "source of skillplan"} <= set(found)
-        assert differences(found, fingerprint()) == []
-
-    def test_what_differs_is_named(self) -> None:
-        """Versions with both, what is missing there, and another source of the same version."""
-        here = {"numpy": "2.4.6", "pybullet": "3.2.7", "skillplan": "1", "source of skillplan": "a"}
-        there = {"numpy": "2.4.5", "skillplan": "1", "source of skillplan": "b"}
-        assert differences(here, there) == [
-            "numpy 2.4.5 (here 2.4.6)",
-            "pybullet is not installed (here 3.2.7)",
-            "another source of skillplan 1",
-        ]
+    assert json.loads(said)["schema"] == schema
+    assert took_s <= ENDED_S
+    assert set() == actors() - before

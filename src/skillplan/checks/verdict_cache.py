@@ -98,6 +98,13 @@ class VerdictCache:
                     copy._shelves[_shelf_key(back_end, skill)] = _Shelf(shelf)
         return copy
 
+    def take_over(self, other: VerdictCache) -> None:
+        """Take over what another cache has in memory, of the same tasks as objects."""
+        for key, shelf in other._shelves.items():
+            mine = self._shelves.setdefault(key, _Shelf())
+            for verdict, state in shelf:
+                mine.add(verdict, state)
+
     def _shelf(self, back_end: BackEnd, skill: Skill) -> _Shelf:
         known = self._by_object.get((id(back_end), skill.name))
         if known is not None:
@@ -222,6 +229,9 @@ class DiskVerdictCache(VerdictCache):
                 logging.getLogger(__name__).warning(
                     "skillplan: verdicts cannot be kept in %s: %s", self.folder, error.strerror
                 )
+
+    def take_over(self, other: VerdictCache) -> None:
+        """Do nothing: what was worth a check is found in the folder."""
 
     def _new_shelf(self, back_end: BackEnd, skill: Skill) -> _Shelf:
         if not back_end.expensive:

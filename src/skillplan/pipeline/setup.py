@@ -87,6 +87,11 @@ class Setup:
         return made
 
     @property
+    def in_worker(self) -> Setup:
+        """The same for what runs in a worker, which starts no others."""
+        return replace(self, executor=ExecutorChoice())
+
+    @property
     def make_executor(self) -> MakeExecutor | None:
         """What makes executors of so many slots; None for processes of this machine."""
         return None if self.executor.is_default else self._executor

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from skillplan.records.sweep.record import SweepRecord
@@ -56,7 +56,7 @@ def do_all(
     """
     executor = LocalProcesses(count) if executor is None else executor
     todo = iter(orders)
-    content = packed(job, _WHAT)
+    content = packed(replace(job, setup=job.setup.in_worker), _WHAT)
     at: dict[Worker, Order] = {}
     again: list[Order] = []
 

@@ -34,6 +34,14 @@ from skillplan.workers.inside import shares_files
 _PATIENCE_S = 10.0
 
 
+def kept_verdicts(job: GroupJob) -> VerdictCache:
+    """Return where a group keeps verdicts: nothing is in memory yet.
+
+    As the plan has it, but in memory alone where files are not those of whoever gave the job.
+    """
+    return warm_cache() if job.plan.warm and shares_files() else VerdictCache()
+
+
 class GroupTraining:
     """Drives one training and keeps what it hands over.
 
@@ -42,8 +50,7 @@ class GroupTraining:
     job
         What to drive; goes on from its checkpoint where there is one.
     cache
-        Where verdicts are kept; by default as the plan has it, but in memory alone where files are
-        not those of whoever gave the job.
+        Where verdicts are kept; by default `kept_verdicts`.
     overdue
         Returns True once the training should have stopped long ago.
 
@@ -73,7 +80,7 @@ class GroupTraining:
             checkpoint = read_checkpoint(self._path / CHECKPOINT, within=job.folder)
             progress = RunFolder(job.folder).progress(job.group)
             if cache is None:
-                cache = warm_cache() if plan.warm and shares_files() else VerdictCache()
+                cache = kept_verdicts(job)
             self._models = [make_model(one, plan.setup, cache, overdue) for one in plan.layouts]
             self._judge = self._models[0]
             if plan.task is not plan.layouts[0]:

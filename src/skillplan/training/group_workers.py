@@ -8,105 +8,30 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
 
 from skillplan.checks.verdict_cache import VerdictCache
-from skillplan.errors import (
-    BackEndError,
-    OptionError,
-    PluginError,
-    SearchStopped,
-    SkillplanError,
-)
-from skillplan.pipeline.registry import load
-from skillplan.plugins.blame import debugging, ends_program, raised_by
-from skillplan.records.training.run_folder import CHECKPOINT, group_path
+from skillplan.errors import OptionError
 from skillplan.training.group_job import GroupJob, GroupOutcome, GroupReport
-from skillplan.training.group_training import GroupTraining
-from skillplan.training.sent_group import SentAnswer, SentGroup, put_in_place, serving_sent
+from skillplan.training.group_service import (
+    Ending,
+    GroupAnswer,
+    GroupFailure,
+    Order,
+    begun,
+    over,
+    serve,
+    serve_sent,
+)
+from skillplan.training.group_training import kept_verdicts
+from skillplan.training.sent_group import SentAnswer, SentGroup, put_in_place
 from skillplan.workers.executor import Answer, Ended, Executor, Worker, packed
 from skillplan.workers.local_processes import LocalProcesses
 
 _WHAT = "the training"
 _STARTS = 2
-# A stride that takes longer than this after a stop is given up: the checkpoint before counts.
-GRACE_S = 3.0
-
-Order = Literal["advance", "conclude"]
-
-
-@dataclass(frozen=True, slots=True)
-class GroupFailure:
-    """Why the runs of a group cannot go on.
-
-    Parameters
-    ----------
-    group
-        Number of the group.
-    reason
-        In words.
-    fatal
-        Whether no other group can go on either: something cannot be written, or is damaged.
-    back_end
-        Whether a back end has failed.
-    stopped
-        Whether it was merely stopped, and lost the work in progress.
-    """
-
-    group: int
-    reason: str
-    fatal: bool = False
-    back_end: bool = False
-    stopped: bool = False
-
-
-GroupAnswer = GroupReport | GroupOutcome | GroupFailure
-Ending = tuple[int, GroupOutcome | GroupFailure]
-
-
-def serve(
-    job: GroupJob,
-    cache: VerdictCache | None = None,
-    overdue: Callable[[], bool] | None = None,
-) -> Callable[[Order], GroupAnswer]:
-    """Return what does strides of a group, and in the end hands over what was learned.
-
-    Nothing that goes wrong in the group is raised: it is returned. Files are opened by the first
-    order and closed by the last.
-
-    Parameters
-    ----------
-    job, cache, overdue
-        As for `GroupTraining`.
-    """
-    training: GroupTraining | None = None
-
-    def work(order: Order) -> GroupAnswer:
-        nonlocal training
-        try:
-            if training is None:
-                training = GroupTraining(job, cache, overdue)
-            if order == "advance":
-                if not training.finished:
-                    training.advance()
-                return training.report
-            outcome = training.conclude()
-            training.close()
-            return outcome
-        except BaseException as error:
-            if training is not None:
-                training.close()
-            if ends_program(error) and not isinstance(error, SearchStopped):
-                raise
-            return _failure(job, error)
-
-    return work
-
-
-def serve_sent(sent: SentGroup) -> Callable[[Order], SentAnswer[GroupAnswer]]:
-    """Return what does strides of a group where the folder of the training is not at hand."""
-    return serving_sent(sent, serve)
+# What takes longer than this after a stop is given up: the checkpoint before counts.
+GRACE_S = 1.5
 
 
 def drive(
@@ -133,7 +58,8 @@ def drive(
     on_report
         Called after every stride.
     cache
-        Where this process keeps verdicts; others keep their own.
+        Is given the verdicts of the groups that this process drives. Each of them keeps its own,
+        as elsewhere, so that what is counted does not depend on where that is.
     executor
         Where the groups are driven instead; it has the number of processes, too.
 
@@ -165,21 +91,24 @@ def _here(
 ) -> Iterator[Ending]:
     overdue = _Overdue(stopped)
     for job in jobs:
-        if stopped() and not _begun(job):
+        if stopped() and not begun(job):
             continue
-        work = serve(job, cache, overdue)
+        own = kept_verdicts(job)
+        work = serve(job, own, overdue)
         outcome: GroupAnswer | None = None
-        while not stopped() and not _over(outcome, job):
+        while not stopped() and not over(outcome, job):
             outcome = work("advance")
             if isinstance(outcome, GroupReport):
                 on_report(outcome)
         if not isinstance(outcome, GroupFailure):
             outcome = overdue.spared(work)
-        elif outcome.stopped and _begun(job):
-            outcome = overdue.spared(serve(job, cache))
+        elif outcome.stopped and begun(job):
+            outcome = overdue.spared(serve(job, own))
         elif outcome.stopped:
             continue
         assert not isinstance(outcome, GroupReport)
+        if cache is not None:
+            cache.take_over(own)
         yield job.group, outcome
 
 
@@ -242,32 +171,42 @@ class _Elsewhere:
         self._stopped = stopped
         self._on_report = on_report
         self._busy: dict[Worker, _Assignment] = {}
+        # What has a checkpoint, and after a stop no worker any more.
+        self._left: list[GroupJob] = []
         self._stop_s: float | None = None
 
     def endings(self) -> Iterator[Ending]:
-        """Yield what became of every group as it ends."""
+        """Yield what became of every group as it ends.
+
+        After a stop no worker is started, and soon none is left; groups that have a checkpoint then
+        hand over here what they have learned.
+        """
         try:
             while self._busy or self._waiting:
                 if self._stop_s is None and self._stopped():
                     self._stop_s = time.monotonic()
-                    self._waiting = [job for job in self._waiting if _begun(job)]
+                    self._leave(self._waiting)
+                    self._waiting = []
                 while self._waiting and len(self._busy) < self._executor.slots:
-                    order: Order = "advance" if self._stop_s is None else "conclude"
-                    self._start(self._waiting.pop(0), order)
+                    self._start(self._waiting.pop(0), "advance")
                 for worker in self._executor.first_ready(self._busy):
                     ending = self._attend(worker)
                     if ending is not None:
                         yield ending
                 if self._stop_s is not None and time.monotonic() > self._stop_s + GRACE_S:
-                    self._give_up_strides()
+                    self._give_up()
         finally:
             self._executor.close()
+        for job in self._left:
+            outcome = serve(_alone(job))("conclude")
+            assert not isinstance(outcome, GroupReport)
+            yield job.group, outcome
 
     def _start(self, job: GroupJob, order: Order, starts: int = 1) -> None:
         if self._executor.shares_files:
-            worker = self._executor.start(serve, packed(job, _WHAT), _WHAT)
+            worker = self._executor.start(serve, packed(_alone(job), _WHAT), _WHAT)
         else:
-            content = packed(SentGroup.of(job), _WHAT)
+            content = packed(SentGroup.of(_alone(job)), _WHAT)
             worker = self._executor.start(serve_sent, content, _WHAT)
         self._busy[worker] = _Assignment(job, order, starts)
         worker.take(order)
@@ -284,8 +223,8 @@ class _Elsewhere:
             outcome = outcome.outcome
         if isinstance(outcome, GroupReport):
             self._on_report(outcome)
-            over = self._stop_s is not None or _over(outcome, assigned.job)
-            assigned.order = "conclude" if over else "advance"
+            done = self._stop_s is not None or over(outcome, assigned.job)
+            assigned.order = "conclude" if done else "advance"
             worker.take(assigned.order)
             return None
         del self._busy[worker]
@@ -294,6 +233,9 @@ class _Elsewhere:
         if isinstance(answer, Ended):
             if not answer.started and not answer.killed:
                 raise worker.not_started()
+            if self._stop_s is not None and begun(assigned.job):
+                self._leave([assigned.job])
+                return None
             if assigned.starts < _STARTS:
                 self._start(assigned.job, assigned.order, assigned.starts + 1)
                 return None
@@ -301,35 +243,18 @@ class _Elsewhere:
         assert isinstance(outcome, GroupOutcome | GroupFailure)
         return group, outcome
 
-    def _give_up_strides(self) -> None:
+    def _give_up(self) -> None:
         """End what takes too long after a stop: its checkpoint is as good."""
-        late = [(worker, one) for worker, one in self._busy.items() if one.order == "advance"]
-        for worker, assigned in late:
-            del self._busy[worker]
+        for worker in self._busy:
             worker.end(gently=False)
-            if _begun(assigned.job):
-                self._start(assigned.job, "conclude", _STARTS)
+        self._leave([assigned.job for assigned in self._busy.values()])
+        self._busy.clear()
+
+    def _leave(self, jobs: Sequence[GroupJob]) -> None:
+        """Note which of some groups have something to hand over."""
+        self._left += [job for job in jobs if begun(job)]
 
 
-def _over(outcome: GroupAnswer | None, job: GroupJob) -> bool:
-    if isinstance(outcome, GroupReport):
-        return outcome.steps >= job.plan.steps
-    return outcome is not None
-
-
-def _begun(job: GroupJob) -> bool:
-    return (group_path(job.folder, job.group) / CHECKPOINT).exists()
-
-
-def _failure(job: GroupJob, error: BaseException) -> GroupFailure:
-    if isinstance(error, SearchStopped):
-        return GroupFailure(job.group, str(error), stopped=True)
-    if isinstance(error, OptionError | PluginError):
-        return GroupFailure(job.group, str(error), fatal=True)
-    if isinstance(error, SkillplanError):
-        return GroupFailure(job.group, str(error), back_end=isinstance(error, BackEndError))
-    if debugging():
-        raise error
-    name = job.plan.solver
-    words = f"The solver {name!r} failed: {raised_by(load('solver', name), error)}"
-    return GroupFailure(job.group, words)
+def _alone(job: GroupJob) -> GroupJob:
+    """Return a group that is driven without further workers."""
+    return replace(job, plan=replace(job.plan, setup=job.plan.setup.in_worker))

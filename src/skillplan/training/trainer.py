@@ -17,7 +17,8 @@ from skillplan.records.training.shortfall import shortfall_of
 from skillplan.solvers.learning.learner import Episode
 from skillplan.solvers.stop import Stop
 from skillplan.training.group_job import GroupJob, GroupReport, failed_progress, write_progress
-from skillplan.training.group_workers import Ending, GroupFailure, drive
+from skillplan.training.group_service import Ending, GroupFailure
+from skillplan.training.group_workers import drive
 from skillplan.training.policy_roll_out import prove_optimum
 from skillplan.training.training_folder import TrainingFolder
 from skillplan.training.training_plan import TrainingPlan

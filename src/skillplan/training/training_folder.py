@@ -95,7 +95,8 @@ class TrainingFolder(HeldFolder):
     manifest
         What is trained there.
     plan
-        The same, to be done: of a training that is gone on with, with the schedules it has.
+        The same, to be done: of a training that is gone on with, with the schedules and groups
+        that it has.
     extended
         What the training has become by more steps, in words; empty where it has as many as before.
 
@@ -122,7 +123,8 @@ class TrainingFolder(HeldFolder):
         self.extended = ""
         with self._opening("training"):
             self.manifest = self._opened(wanted, problem, resume, plan.steps_said)
-        self.plan = replace(plan, options=self.manifest.options)
+        # Checkpoints are of the groups that the training was begun with.
+        self.plan = replace(plan, options=self.manifest.options, groups=self.manifest.groups)
 
     def finish(self, result: Mapping[str, Any]) -> None:
         """Write the result, and what all runs have noted in one file.

@@ -19,6 +19,28 @@ from skillplan.training.warm_start import WarmStart, warm_start
 
 GROUP_RUNS = 5
 """So many runs learn side by side at most, however many processes there are."""
+LEAST_GROUPS = 2
+"""So many groups there are at least, of as many runs or more."""
+
+
+Groups = tuple[tuple[int, ...], ...]
+
+
+def even_groups(runs: int) -> Groups:
+    """Return the numbers of the runs that learn side by side, in groups as even as can be.
+
+    Runs side by side share the cost of every small operation, so that few large groups are the
+    least work; two of them at least, so that a second process has something to do. Nothing else
+    goes into it, the number of processes least of all: what is checked and kept is the same.
+
+    Parameters
+    ----------
+    runs
+        How many there are, >= 1.
+    """
+    count = max(-(-runs // GROUP_RUNS), min(runs, LEAST_GROUPS))
+    ends = [-(-runs * group // count) for group in range(count + 1)]
+    return tuple(tuple(range(first, end)) for first, end in pairwise(ends))
 
 
 @dataclass(frozen=True)
@@ -49,6 +71,8 @@ class TrainingPlan:
         Whether somebody said how many steps; otherwise they are the learner's default.
     derived
         Which of `options` were chosen by what is learned on, and what else was.
+    groups
+        Numbers of the runs that learn side by side; `even_groups` of them where none are given.
 
     Raises
     ------
@@ -68,26 +92,18 @@ class TrainingPlan:
     start: WarmStart | None = None
     steps_said: bool = True
     derived: Mapping[str, Any] = field(default_factory=dict)
+    groups: Groups = ()
 
     def __post_init__(self) -> None:
         if not self.layouts or not self.seeds or self.checkpoint_steps < 1:
             raise ValueError("A training has a layout, a seed, and steps between checkpoints.")
+        if not self.groups:
+            object.__setattr__(self, "groups", even_groups(len(self.seeds)))
 
     @property
     def steps(self) -> int:
         """Environment steps of every run."""
         return int(self.options["steps"])
-
-    @property
-    def groups(self) -> tuple[tuple[int, ...], ...]:
-        """Numbers of the runs that learn side by side, in groups as even as can be.
-
-        So no process is left with one run while another one has five.
-        """
-        runs = len(self.seeds)
-        count = -(-runs // GROUP_RUNS)
-        ends = [-(-runs * group // count) for group in range(count + 1)]
-        return tuple(tuple(range(first, end)) for first, end in pairwise(ends))
 
     def learner(self) -> Learner:
         """Return the solver, with its options."""

@@ -14,8 +14,8 @@ from pathlib import Path
 
 # Besides skillplan's distributions, those whose version may change a figure.
 LIBRARIES = frozenset(
-    {"coal", "gymnasium", "highspy", "numba", "numpy", "ortools", "pin", "pybullet", "ray"}
-    | {"scipy", "toppra", "torch"}
+    {"coacd", "coal", "gymnasium", "highspy", "manifold3d", "mujoco-core", "numba", "numpy"}
+    | {"ompl", "ortools", "pin", "pybullet", "ray", "scipy", "toppra", "torch", "trimesh"}
 )
 ABSENT = "is not installed"
 

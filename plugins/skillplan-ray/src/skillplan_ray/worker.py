@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import time
 from collections import deque
+from functools import partial
 from typing import Any
 
 from skillplan.errors import SkillplanError
@@ -45,10 +46,11 @@ class RayWorker(Worker):
     ) -> None:
         super().__init__(what)
         self._cluster = cluster
-        self._actor, self._cpus = cluster.actor(prepare, content, cpus)
+        self._make_actor = partial(cluster.actor, prepare, content, cpus)
+        self._job: bytes | None = None
         # What it will say, one stream for each call, in order.
         self._streams: deque[Any] = deque()
-        self._streams.append(self._actor.make_ready.options(num_returns="streaming").remote())
+        self._begin()
         self._due_s = time.monotonic() + patience_s
         self._started = False
         self._lost = False
@@ -77,8 +79,8 @@ class RayWorker(Worker):
     def take(self, job: Any) -> None:
         """Give it a job; it must not have one."""
         if self.alive:
-            call = self._actor.do.options(num_returns="streaming")
-            self._streams.append(call.remote(pickle.dumps(job)))
+            self._job = pickle.dumps(job)
+            self._do()
 
     def answer(self) -> Answer | News | Ended | None:
         """Return what became of the job, news of it, or that it broke down; None if neither yet.
@@ -109,6 +111,17 @@ class RayWorker(Worker):
             return self._lose(error)
         return self._meaning(kind, content)
 
+    def _begin(self) -> None:
+        """Start an actor, and give it the job that there may be already."""
+        self._actor, self._cpus = self._make_actor()
+        self._streams.clear()
+        self._streams.append(self._actor.make_ready.options(num_returns="streaming").remote())
+        if self._job is not None:
+            self._do()
+
+    def _do(self) -> None:
+        self._streams.append(self._actor.do.options(num_returns="streaming").remote(self._job))
+
     def _meaning(self, kind: str, content: Any) -> Answer | News | Ended | None:
         if kind == READY:
             self._started = True
@@ -127,10 +140,15 @@ class RayWorker(Worker):
         assert kind == DONE
         return Answer(pickle.loads(content))
 
-    def _lose(self, error: Exception) -> Ended:
-        self._lost = True
+    def _lose(self, error: Exception) -> Ended | None:
         words = str(error)
         node = any(sign in words for sign in _NODE_LOST)
+        if node and not self._started and time.monotonic() < self._due_s:
+            # For a moment Ray places actors on a machine that is being lost. Nothing began there.
+            self._cluster.give_back(self._cpus)
+            self._begin()
+            return None
+        self._lost = True
         address = next(
             (line.partition("ip:")[2].strip() for line in words.splitlines() if "ip:" in line), ""
         )

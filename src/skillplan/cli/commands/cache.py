@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from skillplan.cli.options.panels import OUTPUT
-from skillplan.cli.options.shared import BackEnds, Checking, PartReading
-from skillplan.cli.options.single import ExecutorName, Jobs, MaybeTaskFile, Seed, Style, TaskFile
+from skillplan.cli.options.shared import BackEnds, Checking, PartReading, Workers
+from skillplan.cli.options.single import MaybeTaskFile, Seed, Style, TaskFile
 from skillplan.cli.options.values import count_option
 from skillplan.cli.writing import tell
 
@@ -55,6 +55,7 @@ def verify(
     task: TaskFile,
     back_ends: BackEnds,
     reading: PartReading,
+    workers: Workers,
     sample: Annotated[
         int,
         count_option(
@@ -73,8 +74,6 @@ def verify(
         ),
     ] = False,
     seed: Seed = 0,
-    jobs: Jobs = 1,
-    executor: ExecutorName = "local",
     style: Style = "table",
 ) -> int:
     """Check again, with fresh back ends, a random sample of the verdicts that TASK would use.
@@ -93,7 +92,7 @@ def verify(
     from skillplan.records.cache import CacheTest
     from skillplan.views.tables.cache import cache_test_table
 
-    loaded, setup, made = reading.set_up(task, back_ends, executor=executor)
+    loaded, setup, made = reading.set_up(task, back_ends, executor=workers.executor)
     feasibility = make_feasibility(loaded, setup, back_ends=made)
     folder = VerdictFolder(warm_cache().folder)
     kept = folder.kept_for(feasibility.back_ends)
@@ -108,7 +107,7 @@ def verify(
             feasibility,
             chosen,
             elsewhere=states,
-            jobs=jobs,
+            jobs=workers.jobs,
             stopped=lambda: count.interrupted,
             on_trial=count.one_more,
         )

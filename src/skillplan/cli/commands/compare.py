@@ -10,11 +10,9 @@ import typer
 from skillplan.cli.options.completion import plugin_lists
 from skillplan.cli.options.limits import Limits
 from skillplan.cli.options.panels import BACK_ENDS
-from skillplan.cli.options.shared import BackEnds, Reading
+from skillplan.cli.options.shared import BackEnds, Reading, Workers
 from skillplan.cli.options.single import (
     Audit,
-    ExecutorName,
-    Jobs,
     NoScreening,
     Seed,
     Style,
@@ -84,8 +82,7 @@ def command(
     seed: Seed = 0,
     back_ends: BackEnds,
     no_screening: NoScreening = False,
-    jobs: Jobs = 1,
-    executor: ExecutorName = "local",
+    workers: Workers,
     audit: Audit = None,
     warm: Annotated[
         bool,
@@ -121,8 +118,8 @@ def command(
         given = {
             "--no-screening": no_screening,
             "--warm": warm,
-            "--jobs": jobs != 1 and engines is None,
-            "--executor": executor != "local" and engines is None,
+            "--jobs": workers.jobs != 1 and engines is None,
+            "--executor": workers.executor != "local" and engines is None,
             "--audit": audit is not None,
             "--stall": limits.stall_s is not None,
             "--memory-limit": limits.memory_limit_bytes is not None,
@@ -137,8 +134,8 @@ def command(
             engines,
             back_ends,
             reading,
-            jobs=jobs,
-            executor=executor,
+            jobs=workers.jobs,
+            executor=workers.executor,
             pictures=pictures,
             time_limit_s=limits.time_limit_s,
             style=style,
@@ -157,7 +154,7 @@ def command(
     names = tuple(split_names(solvers or ""))
     if not names:
         raise OptionError("--solvers names no solver.")
-    run = _Run(names, limits, seed, jobs, executor, warm, audit, not no_screening)
+    run = _Run(names, limits, seed, workers, warm, audit, not no_screening)
     return _compare(task, reading, back_ends, run, style)
 
 
@@ -168,8 +165,7 @@ class _Run:
     names: tuple[str, ...]
     limits: Limits
     seed: int
-    jobs: int
-    executor: str
+    workers: Workers
     warm: bool
     audit: int | None
     screening: bool
@@ -191,7 +187,7 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
     problem = reading.problem(path, back_ends)
     last = problem.tasks[-1]
     every = tuple(dict.fromkeys(each for name in names for each in solver_names(name)))
-    setup = back_ends.setup(last, every, screening=run.screening, executor=run.executor)
+    setup = back_ends.setup(last, every, screening=run.screening, executor=run.workers.executor)
     for name in every:
         check_solver(name, setup.options.get(name, {}))
     with ExitStack() as waiting:
@@ -210,7 +206,7 @@ def _compare(path: str, reading: Reading, back_ends: BackEnds, run: _Run, style:
             seed=run.seed,
             make_stop=make_stop,
             warm=run.warm,
-            jobs=run.jobs,
+            jobs=run.workers.jobs,
             audit=run.audit,
             limits=run.limits.of_stop,
         )

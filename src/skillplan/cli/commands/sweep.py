@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from skillplan.cli.options.completion import plugin_names
-from skillplan.cli.options.panels import BACK_ENDS, OUTPUT, SOLVER
-from skillplan.cli.options.shared import BackEnds, PartReading
-from skillplan.cli.options.single import ExecutorName, Seed, Style, TaskFile, solver_option
+from skillplan.cli.options.panels import BACK_ENDS, OUTPUT
+from skillplan.cli.options.shared import BackEnds, PartReading, Workers
+from skillplan.cli.options.single import Seed, Style, TaskFile, solver_option
 from skillplan.cli.options.values import count_option, one_of, split_names
 
 if TYPE_CHECKING:  # --help pays for no imports
@@ -188,17 +188,7 @@ def command(
     *,
     solver: Annotated[str, solver_option("Which solver is studied.")] = "sarsa",
     seed: Seed = 0,
-    jobs: Annotated[
-        int,
-        count_option(
-            "--jobs",
-            least=1,
-            most=256,
-            text="How many processes; results do not depend on it, but learning times do.",
-            rich_help_panel=SOLVER,
-        ),
-    ] = 1,
-    executor: ExecutorName = "local",
+    workers: Workers,
     back_ends: BackEnds,
     warm: Annotated[
         bool,
@@ -232,10 +222,10 @@ def command(
         "warm": warm,
         "name": problem.name if part is None else f"{problem.name}, {loaded.name}",
     }
-    asked = _Asked(loaded, solver, values, common, jobs, kept)
+    asked = _Asked(loaded, solver, values, common, workers.jobs, kept)
     given, chosen = replace(back_ends, options=others), sampling.sampler
     if chosen is None:
-        setup = given.setup(loaded, (solver,), executor=executor)
+        setup = given.setup(loaded, (solver,), executor=workers.executor)
         return _shown(_designed(asked, setup, study.design), kept, style)
     if study.design == "grid":
         raise OptionError("--design grid says which settings are tried; leave out --sampler.")
@@ -246,7 +236,7 @@ def command(
         )
     mine = [one for one in others if one.startswith(f"{chosen}.")]
     rest = [one for one in others if one not in mine]
-    setup = replace(back_ends, options=rest).setup(loaded, (solver,), executor=executor)
+    setup = replace(back_ends, options=rest).setup(loaded, (solver,), executor=workers.executor)
     return _shown(_sampled(asked, setup, sampling, mine), kept, style)
 
 

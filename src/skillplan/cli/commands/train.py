@@ -11,10 +11,9 @@ import typer
 
 from skillplan.cli.options.fit import refuse_given
 from skillplan.cli.options.limits import time_limit_option
-from skillplan.cli.options.panels import OUTPUT, SOLVER
-from skillplan.cli.options.shared import BackEnds, Caching, PartReading
+from skillplan.cli.options.panels import OUTPUT
+from skillplan.cli.options.shared import BackEnds, Caching, PartReading, Workers
 from skillplan.cli.options.single import (
-    ExecutorName,
     MaybeTaskFile,
     NoScreening,
     Seed,
@@ -87,7 +86,8 @@ class Amount:
             "--runs",
             least=1,
             most=1_000,
-            text="How many runs, with the seeds from --seed on; up to five learn side by side.",
+            text="How many runs, with the seeds from --seed on; up to five learn side by side, and "
+            "two or more as two groups at least.",
             rich_help_panel=TRAINING,
         ),
     ] = 10
@@ -145,18 +145,7 @@ def command(
     amount: Amount,
     solver: Annotated[str, solver_option("Which learner is trained.")] = "dqn",
     seed: Seed = 0,
-    jobs: Annotated[
-        int,
-        count_option(
-            "--jobs",
-            least=1,
-            most=64,
-            text="In how many processes groups of five runs learn; nothing that is learned "
-            "depends on it.",
-            rich_help_panel=SOLVER,
-        ),
-    ] = 1,
-    executor: ExecutorName = "local",
+    workers: Workers,
     back_ends: BackEnds,
     caching: Caching,
     no_screening: NoScreening = False,
@@ -216,7 +205,7 @@ def command(
     part = reading.part
     problem = reading.problem(task, back_ends)
     setup = back_ends.setup(
-        problem.part(part), (solver,), screening=not no_screening, executor=executor
+        problem.part(part), (solver,), screening=not no_screening, executor=workers.executor
     )
     plan = plan_training(
         problem,
@@ -242,7 +231,7 @@ def command(
         if folder.extended:
             tell(folder.extended)
         tell(derived_words(plan))
-        trainer = Trainer(folder.plan, folder, jobs=jobs, time_limit_s=time_limit_s)
+        trainer = Trainer(folder.plan, folder, jobs=workers.jobs, time_limit_s=time_limit_s)
         with displaying(folder.plan, trainer.interrupt) as display:
             trainer.on_report, trainer.on_optimum = display.report, display.proved
             result = trainer.train()

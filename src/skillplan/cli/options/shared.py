@@ -279,7 +279,7 @@ class BackEnds:
         return setup
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Caching:
     """Whether verdicts kept on disk are used.
 
@@ -305,22 +305,33 @@ class Caching:
         return None if self.no_cache else warm_cache()
 
 
-@dataclass(frozen=True, slots=True)
-class Checking(Caching):
-    """How back ends are queried.
+@dataclass(frozen=True)
+class Workers:
+    """How many processes do jobs, and where.
 
     Parameters
     ----------
-    no_cache
-        Whether verdicts kept on disk are left alone.
     jobs
-        How many processes, from 1 to 64.
+        How many processes, from 1 to 256.
     executor
         Where they are, as ``NAME`` or ``NAME:ADDRESS``.
     """
 
     jobs: Jobs = 1
     executor: ExecutorName = "local"
+
+
+@dataclass(frozen=True)
+class Checking(Workers, Caching):
+    """How back ends are queried.
+
+    Parameters
+    ----------
+    no_cache
+        Whether verdicts kept on disk are left alone.
+    jobs, executor
+        As for `Workers`.
+    """
 
 
 def warn_of(problem: Problem) -> None:

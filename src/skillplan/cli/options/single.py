@@ -51,9 +51,10 @@ Jobs = Annotated[
     count_option(
         "--jobs",
         least=1,
-        most=64,
-        text="How many processes may be used: expensive back ends check in them at once, and "
-        "solvers that can search in them; no verdict depends on it.",
+        most=256,
+        text="How many processes may be used at once: for checks of expensive back ends, by "
+        "solvers that can, for runs, and for solvers side by side. Nothing that comes out depends "
+        "on it, but times do.",
         rich_help_panel=BACK_ENDS,
     ),
 ]
@@ -64,7 +65,7 @@ ExecutorName = Annotated[
         metavar="NAME[:ADDRESS]",
         autocompletion=plugin_names("executor"),
         help="Where those processes are: local for this machine, ray for a cluster that has been "
-        "started, if skillplan-ray is installed. Nothing that comes out depends on it.",
+        "started, if skillplan-ray is installed. Nothing that comes out depends on that either.",
         rich_help_panel=BACK_ENDS,
     ),
 ]

@@ -22,7 +22,6 @@ from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result
 from skillplan.solvers.stop import Stop
 from skillplan.workers.executor import Answer, Ended, Executor, News, Worker, packed
-from skillplan.workers.executor_choice import ExecutorChoice
 from skillplan.workers.inside import shares_files, when_asked_to_stop
 from skillplan.workers.local_processes import LocalProcesses
 
@@ -124,8 +123,7 @@ def rows_side_by_side(
     """
     maker = terms.setup.make_executor
     executor = LocalProcesses(slots) if maker is None else maker(slots)
-    # What runs in a worker starts no others.
-    alone = replace(terms, setup=replace(terms.setup, executor=ExecutorChoice()))
+    alone = replace(terms, setup=terms.setup.in_worker)
     content = packed(_Ground(_sendable(alone), limits), _WHAT)
     found: dict[int, Row] = {}
     try:

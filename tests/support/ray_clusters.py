@@ -1,0 +1,78 @@
+"""Ray clusters of two nodes on this machine, and the processes that belong to them."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+PATIENCE_S = 60.0
+
+
+def two_nodes() -> Iterator[Any]:
+    """Start both, and end them after the test."""
+    os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+    import ray
+    from ray.cluster_utils import Cluster
+
+    ray.shutdown()
+    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    made.second = made.add_node(num_cpus=1)
+    yield made
+    ray.shutdown()
+    made.shutdown()
+
+
+def processes_of(node: Any) -> list[int]:
+    """Return the processes of a node, its actors too, but for what keeps track of the cluster."""
+    own = [
+        info.process.pid
+        for kind, infos in node.all_processes.items()
+        for info in infos
+        if kind != "gcs_server"
+    ]
+    found = list(own)
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            parent = int(path.read_text().rpartition(")")[2].split()[1])
+        except OSError:
+            continue
+        if parent in own:
+            found.append(int(path.parent.name))
+    return found
+
+
+def actors() -> set[int]:
+    """Return the processes of actors on this machine."""
+    found = set()
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            if path.read_bytes().startswith(b"ray::ListeningActor"):
+                found.add(int(path.parent.name))
+        except OSError:
+            continue
+    return found
+
+
+def new_actors(before: set[int]) -> set[int]:
+    """Return the actors that were not there before, as soon as there are any."""
+    end_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end_s:
+        found = actors() - before
+        if found:
+            return found
+        time.sleep(0.1)
+    raise AssertionError("there are no actors")
+
+
+def places(cluster: Any) -> dict[str, list[str]]:
+    """Return where all answers must be the same: words of a command line, by name."""
+    two = ["--jobs", "2"]
+    return {
+        "local 1": ["--jobs", "1"],
+        "local 2": two,
+        "ray": [*two, "--executor", "ray"],
+        "cluster": [*two, "--executor", f"ray:{cluster.address}"],
+    }

@@ -1,0 +1,82 @@
+"""Plans of trainings: which runs learn side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
+from skillplan.pipeline.setup import Setup, load_problem
+from skillplan.records.training.run_folder import RunFolder
+from skillplan.sweep.study_run import StudyJob
+from skillplan.training import training_plan
+from skillplan.training.group_job import GroupJob
+from skillplan.training.group_training import kept_verdicts
+from skillplan.training.training_plan import GROUP_RUNS, Groups, even_groups
+from training_situations import BOARD, a_plan, learned_bytes, train
+
+pytestmark = pytest.mark.usefixtures("learner")
+
+
+@pytest.mark.parametrize(
+    ("runs", "groups"),
+    [
+        (1, ((0,),)),
+        (2, ((0,), (1,))),
+        (3, ((0, 1), (2,))),
+        (5, ((0, 1, 2), (3, 4))),
+        (7, ((0, 1, 2, 3), (4, 5, 6))),
+        (10, ((0, 1, 2, 3, 4), (5, 6, 7, 8, 9))),
+        (11, ((0, 1, 2, 3), (4, 5, 6, 7), (8, 9, 10))),
+    ],
+)
+def test_runs_are_shared_out_evenly_among_two_groups_or_more(runs: int, groups: Groups) -> None:
+    assert groups == even_groups(runs)
+    assert groups == a_plan(load_problem(BOARD), runs=runs).groups
+
+
+@pytest.mark.parametrize("runs", range(2, 65))
+def test_two_processes_are_filled_and_no_group_is_larger_than_others(runs: int) -> None:
+    """Every run is in one group; sizes differ by one at most."""
+    groups = even_groups(runs)
+    sizes = [len(group) for group in groups]
+    assert list(range(runs)) == [run for group in groups for run in group]
+    assert len(groups) >= 2
+    assert max(sizes) <= GROUP_RUNS
+    assert max(sizes) - min(sizes) <= 1
+
+
+def test_a_training_goes_on_in_the_groups_that_it_was_begun_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its checkpoints are theirs; what is learned is the same."""
+    more = {"runs": 3, "steps": 200, "checkpoint_steps": 100}
+    train(tmp_path / "whole", **more)
+    with monkeypatch.context() as patch:
+        patch.setattr(training_plan, "LEAST_GROUPS", 1)
+        stopped = train(tmp_path / "a", stop_after=1, **more)
+    assert stopped.interrupted
+    assert not train(tmp_path / "a", resume=True, **more).interrupted
+    found = RunFolder(tmp_path / "a")
+    assert ((0, 1, 2),) == found.manifest.groups
+    assert ((0, 1), (2,)) == RunFolder(tmp_path / "whole").manifest.groups
+    assert not (tmp_path / "a" / "groups" / "1").exists()
+    whole, gone_on = (
+        {name: content for name, content in learned_bytes(folder).items() if "groups/" not in name}
+        for folder in (tmp_path / "whole", tmp_path / "a")
+    )
+    assert whole == gone_on
+
+
+@pytest.mark.parametrize(("shared", "kind"), [(True, DiskVerdictCache), (False, VerdictCache)])
+def test_only_where_files_are_those_of_the_head_verdicts_are_kept_on_disk(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shared: bool, kind: type[VerdictCache]
+) -> None:
+    """Of warm trainings and studies alike: another machine keeps them in memory."""
+    for module in ("skillplan.training.group_training", "skillplan.sweep.study_run"):
+        monkeypatch.setattr(f"{module}.shares_files", lambda: shared)
+    task = load_problem(BOARD).task
+    job = GroupJob(a_plan(load_problem(BOARD), warm=True), tmp_path, 0)
+    study = StudyJob({"start": task}, "exact", Setup(), warm=True)
+    assert [kind, kind] == [type(kept_verdicts(job)), type(study.cache())]
