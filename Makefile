@@ -46,7 +46,7 @@ demo: .venv/.demo try-web  ## the board to its proven optimum, also by physics a
 	for engine in $(ENGINES); do \
 	  $(SKILLPLAN) search-optimal $(BOARD) --physics $$engine --collision contact-pairs --no-cache || exit; done
 	out=$$(mktemp -d) && trap 'rm -rf "$$out"' EXIT && \
-	  $(SKILLPLAN) train $(BOARD) --solver dqn --runs 2 --steps 20000 --out "$$out/runs"
+	  $(SKILLPLAN) train $(BOARD) --solver dqn --runs 2 --steps 5000 --out "$$out/runs"
 	@mkdir -p $(dir $(PAGE)) && rm -f $(PAGE)
 	$(SKILLPLAN) report $(BOARD) --out $(PAGE)
 	@printf '%s\n' '' 'What was shown:' \

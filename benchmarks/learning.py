@@ -8,12 +8,12 @@ five side by side, as `skillplan train` has them. Budget of the project: 3 times
 A transition learned from is one of a batch of an update: 32 of them and two layers of 64 units
 there by default, 64 and one layer of 256 units here.
 
-Stable-Baselines3 is no part of the project: it is installed apart, into a folder of its own, and
-shares torch and Gymnasium with this interpreter.
+Stable-Baselines3, and sb3-contrib for ``--boards``, are no part of the project: they are installed
+apart, into a folder of their own, and share torch and Gymnasium with this interpreter.
 
 Run from the repository: ``python benchmarks/learning.py [--steps N] [--rounds N] [--folder DIR]``.
 With ``--boards`` it shows what learners come to on boards at random instead: `learning_boards`;
-with ``--ablation`` what every option of `dqn` is worth: `learning_ablation`.
+with ``--ablation`` what options of `dqn` are worth: `learning_ablation`.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def main() -> None:
         if args.boards:
             learning_boards.show(args, folder)
             return
-        learning_baselines.install(folder)
+        learning_baselines.install(folder, learning_baselines.PACKAGES[:1])
         rounds: list[list[list[Share]]] = []
         for number in range(args.rounds):
             rounds.append([turn(setting, args.steps, 100 * number, folder) for setting in SETTINGS])

@@ -1,4 +1,4 @@
-"""What every option of `dqn` is worth: tables with one of them changed at a time.
+"""What options of `dqn` are worth: tables with one of them changed at a time.
 
 Three rows of trials: the boards that defaults are chosen on, few steps each, where differences
 still show; `inverter_grasps`, whose grasps fail by chance, where nothing can be planned; and the
@@ -10,7 +10,9 @@ for `MISSED`. Called by ``python benchmarks/learning.py --ablation``.
 from __future__ import annotations
 
 import argparse
+import json
 import statistics
+import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
@@ -41,6 +43,18 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "lower learning rate in the end": {"learning_rate_end": 1e-6, "decay_from": 0.4},
     "no floor of steps": {"step_floor": 1e6},
     "discount 0.99": {"gamma": 0.99},
+    "the last cost does not count": {"count_last_cost": False},
+    "counts": {"exploration": "count"},
+    "fewer random actions": {"epsilon": 0.1},
+    "exploring to the end": {"explore_until": 1.0},
+    "imitation from the start": {"imitate_from": 0.0},
+    "a tenth of the margin": {"imitation_margin": 0.02},
+    "batches of 32": {"batch": 32},
+    "batches of 128": {"batch": 128},
+    "a target that follows faster": {"target_rate": 0.1},
+    "a memory of 1,000": {"capacity": 1_000},
+    "no warm-up": {"warm_up": 1},
+    "two layers": {"layers": 2},
     "64 units": {"width": 64},
 }
 
@@ -76,21 +90,25 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of these tables."""
     ablation = parser.add_argument_group("ablation")
     ablation.add_argument("--ablation", action="store_true", help="dqn with one option changed")
-    ablation.add_argument("--variants", help="names, separated by commas; all without")
+    ablation.add_argument("--variants", help="names, separated by commas; default: all")
 
 
 def show(options: argparse.Namespace) -> None:
     """Measure what is not in `--out` yet, and print a row for every variant."""
     done = learning_boards.read(options.out)
     names = options.variants.split(",") if options.variants else list(VARIANTS)
-    print(f"{'variant':34} {'boards':>28} {'grasps':>24} {'no mask':>24} {'seconds':>8}")
+    unknown = ", ".join(name for name in names if name not in VARIANTS)
+    if unknown:
+        sys.exit(f"--variants {unknown}: known are {', '.join(VARIANTS)}")
+    print(f"{'variant':34} {'boards':>25} {'grasps':>25} {'no mask':>25} {'seconds':>8}")
     with tempfile.TemporaryDirectory() as folder:
         trials = list(all_trials(Path(folder)))
         for name in names:
             rows: dict[str, list[float]] = {}
             took_s = 0.0
             for trial in trials:
-                key = ("ablation", name, trial.name, trial.runs, trial.steps)
+                changed = json.dumps(VARIANTS[name], sort_keys=True)
+                key = ("ablation", name, changed, trial.name, trial.runs, trial.steps)
                 if key not in done:
                     least = learning_boards.least_cost(trial.name, trial.task, done, options.out)
                     done[key] = tried(trial, VARIANTS[name], least)

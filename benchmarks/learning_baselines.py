@@ -11,9 +11,11 @@ from __future__ import annotations
 import multiprocessing
 import subprocess
 import sys
+import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 VERSION = "2.9.2"
 PACKAGES = ("stable-baselines3", "sb3-contrib")
@@ -21,11 +23,26 @@ MASKS = {"sb3-dqn": "none", "sb3-maskable-ppo": "applicable"}
 EVALUATION_STEPS = 500
 
 
-def install(folder: Path) -> None:
+class Trained(NamedTuple):
+    """What a run came to.
+
+    Parameters
+    ----------
+    cost
+        Of the cheapest policy that completes the task; None without one.
+    seconds
+        That it learned for, evaluations included.
+    """
+
+    cost: float | None
+    seconds: float
+
+
+def install(folder: Path, packages: Sequence[str] = PACKAGES) -> None:
     """Install what is compared with into a folder, without what it shares with this interpreter."""
     where = ("--no-deps", "--upgrade", "--target", str(folder))
     command = (sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
-    for package in PACKAGES:
+    for package in packages:
         if (folder / f"{package.replace('-', '_')}-{VERSION}.dist-info").is_dir():
             continue
         wanted = f"{package}=={VERSION}"
@@ -35,10 +52,10 @@ def install(folder: Path) -> None:
             sys.exit(f"{wanted} cannot be installed into {folder}: {said}")
 
 
-def costs(
+def trained(
     task: Path, learner: str, runs: int, steps: int, jobs: int, folder: Path
-) -> list[float | None]:
-    """Train runs, and return what the cheapest policy of each costs; None of none that completes.
+) -> list[Trained]:
+    """Train runs.
 
     Parameters
     ----------
@@ -53,10 +70,10 @@ def costs(
     """
     spawn = multiprocessing.get_context("spawn")
     with spawn.Pool(jobs) as pool:
-        return pool.map(partial(_cost, task, learner, steps, folder), range(runs), chunksize=1)
+        return pool.map(partial(_trained, task, learner, steps, folder), range(runs), chunksize=1)
 
 
-def _cost(task: Path, learner: str, steps: int, folder: Path, seed: int) -> float | None:
+def _trained(task: Path, learner: str, steps: int, folder: Path, seed: int) -> Trained:
     sys.path.insert(0, str(folder))
     import gymnasium
     import torch
@@ -95,7 +112,8 @@ def _cost(task: Path, learner: str, steps: int, folder: Path, seed: int) -> floa
 
         def _on_step(self) -> bool:
             nonlocal best
-            if self.num_timesteps % EVALUATION_STEPS == 0:
+            # MaskablePPO learns from whole roll-outs, and does more steps than it is told.
+            if self.num_timesteps <= steps and self.num_timesteps % EVALUATION_STEPS == 0:
                 cost = followed(self.model)
                 best = cost if best is None or (cost is not None and cost < best) else best
             return True
@@ -112,8 +130,10 @@ def _cost(task: Path, learner: str, steps: int, folder: Path, seed: int) -> floa
             more = {"action_masks": judge.action_masks()} if more else {}
 
     kind = DQN if learner == "sb3-dqn" else MaskablePPO
-    kind("MlpPolicy", made(), seed=seed, device="cpu").learn(steps, callback=Evaluation())
-    return best
+    model = kind("MlpPolicy", made(), seed=seed, device="cpu")
+    begun_s = time.perf_counter()
+    model.learn(steps, callback=Evaluation())
+    return Trained(best, time.perf_counter() - begun_s)
 
 
 def allowing_any(info: dict[str, Any]) -> Any:

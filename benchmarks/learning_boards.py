@@ -2,9 +2,9 @@
 
 Boards have 8 to 20 parts, 1 to 4 tools and 0.1 to 0.5 of all pairs ordered; what can be picked but
 not placed yet is a dead end. Every run has the defaults and the applicable mask. Deviations are
-from the proved optimum, or else from the best cost known. Others are compared with by
-`learning_baselines`, where skills have one outcome. Every board that is done is a line of `--out`,
-and not done again. Called by ``python benchmarks/learning.py --boards``.
+from the cheapest order that `auto` finds in `SEARCH_S` seconds, proved or not. Others are compared
+with by `learning_baselines`, where skills have one outcome. Every board that is done is a line of
+`--out`, and not done again. Called by ``python benchmarks/learning.py --boards``.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def show(options: argparse.Namespace, baselines: Path) -> None:
                 runs = options.baseline_runs
                 if learner not in learning_baselines.MASKS:
                     runs = options.runs
-                elif "grasps" in name:
+                elif not load_problem(str(task)).task.deterministic:
                     continue
                 key = (name, learner, runs, options.board_steps)
                 if key not in done:
@@ -123,6 +123,8 @@ def least_cost(name: str, task: Path, done: dict[Any, Any], out: Path | None) ->
         found = solve(
             load_problem(str(task)).task, "auto", Setup(), stop=Stop(time_limit_s=SEARCH_S)
         )
+        if found.cost is None:
+            sys.exit(f"{name}: no order is known after {SEARCH_S} s")
         done[key] = {"cost": found.cost, "status": found.status.value}
         keep(out, key, done[key])
     return float(done[key]["cost"])
@@ -139,15 +141,18 @@ def measured(
     """Train runs of a learner, and return what they came to."""
     steps = options.board_steps
     if learner in learning_baselines.MASKS:
-        begun_s = time.perf_counter()
-        costs = learning_baselines.costs(task, learner, runs, steps, options.jobs, baselines)
-        seconds, first = time.perf_counter() - begun_s, [None] * runs
+        trained_runs = learning_baselines.trained(
+            task, learner, runs, steps, options.jobs, baselines
+        )
+        costs = [one.cost for one in trained_runs]
+        seconds = sum(one.seconds for one in trained_runs) / options.jobs
+        first = [None] * runs
     else:
         document = trained(task, learner, runs, options)
         costs = [one["cost"] for one in document["runs"]]
         seconds, first = document["wall_s"], [one["completed_step"] for one in document["runs"]]
     return {
-        "deviations": [None if one is None else max(0.0, one / least - 1.0) for one in costs],
+        "deviations": [None if one is None else one / least - 1.0 for one in costs],
         "first": first,
         "random": random_share(task),
         "seconds": seconds,
@@ -190,8 +195,10 @@ def line(name: str, learner: str, row: dict[str, Any]) -> str:
     middle = interval.interquartile_mean(deviations)
     parts = [f"{'-':>8}", f"{'-':>18}", f"{'-':>8}", f"{'-':>8}"]
     if middle is not None:
-        low, high = (0.0 if end is None else 100 * end for end in (middle.low, middle.high))
-        parts = [f"{100 * middle.value:7.2f}%", f"{f'{low:.2f} to {high:.2f}%':>18}"]
+        between = "-"
+        if middle.low is not None and middle.high is not None:
+            between = f"{100 * middle.low:.2f} to {100 * middle.high:.2f}%"
+        parts = [f"{100 * middle.value:7.2f}%", f"{between:>18}"]
         parts += [f"{100 * figure(deviations):7.2f}%" for figure in (statistics.median, max)]
     begun = f"{statistics.median(first):7,.0f}" if first else f"{'-':>7}"
     return (
@@ -217,7 +224,7 @@ def summary(learner: str, rows: list[dict[str, Any]]) -> None:
     )
     if middle is not None:
         print(
-            f"    above the cheapest: interquartile mean {percent(middle.value)} "
+            f"    above the cheapest, over all runs: interquartile mean {percent(middle.value)} "
             f"(95 %: {percent(middle.low)} to {percent(middle.high)}), median "
             f"{percent(statistics.median(deviations))}, greatest {percent(max(deviations))}"
         )

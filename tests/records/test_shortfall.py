@@ -107,6 +107,17 @@ def test_a_learner_that_does_not_plan_is_told_of_one_that_does(board: Task) -> N
         assert "search-optimal" in found.advice
 
 
+@pytest.mark.parametrize(
+    ("observation", "words"), [("layout", "observation=markov"), ("markov", "planning=true")]
+)
+def test_a_learner_that_could_plan_is_told_how(board: Task, observation: str, words: str) -> None:
+    options = {"mask": "applicable", "planning": False, "observation": observation}
+    one = episode(board, 20, "infeasible", *PCB, *FIRST)
+    found = shortfall_of(board, "dqn", options, STEPS, {0: [one]})
+    assert found is not None
+    assert found.advice.startswith(f"-O dqn.{words}, with which episodes are planned; or ")
+
+
 def test_of_no_run_and_under_chance_nothing_is_said(board: Task) -> None:
     failing = load_problem(CONFIGS / "inverter_grasps.yaml").task
     one = episode(board, 20, "infeasible", *FIRST)

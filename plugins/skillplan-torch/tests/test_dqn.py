@@ -19,6 +19,7 @@ from skillplan.pipeline.run import make_model, solve
 from skillplan.records.result import Status
 from skillplan.solvers.learning.learner import Snapshot
 from skillplan.solvers.learning.network_policy import NetworkPolicy
+from skillplan.sweep.option_space import Choice, read_space
 from skillplan.task.state import Facts
 from skillplan.task.task import Literal
 from skillplan.testing import SolverSuite, lid_task
@@ -634,6 +635,13 @@ class TestGoingOn:
 
 class TestOptions:
     @pytest.mark.parametrize(
+        ("name", "values"),
+        [("exploration", ("epsilon", "count")), ("planning", (False, True))],
+    )
+    def test_a_study_takes_all_values_of_an_option_that_may_be_null(self, name, values):
+        assert read_space("dqn", [(name, "*")]).dimensions == (Choice(name, values),)
+
+    @pytest.mark.parametrize(
         ("option", "wrong"),
         [
             ("exploration", "curiosity"),
@@ -688,6 +696,11 @@ class TestOptions:
         derived = learner.derived([load_problem(CONFIGS / f"{config}.yaml").task])
         names = ("steps", "planning", "exploration", "updates")
         assert dict(zip(names, expected, strict=True)) == derived
+
+    def test_plans_that_are_asked_for_where_there_are_none_change_nothing_else(self):
+        learner = DqnSolver(DqnSolver.Options(mask="none", planning=True))
+        derived = learner.derived([load_problem(CONFIGS / "inverter_grasps.yaml").task])
+        assert derived["exploration"] == "count"
 
     def test_what_is_given_is_kept(self):
         given = {"steps": 100, "planning": False, "exploration": "count", "updates": 2.0}

@@ -43,10 +43,11 @@ class PlainMemory:
         else:
             if len(self.kept) == self.capacity:
                 self.kept.pop(0)
-            one = {"key": key, "seen": 0}
+            one = {"key": key, "seen": 0, "reward": 0.0}
             self.kept.append(one)
         one["seen"] += 1
-        one["reward"] = reward
+        # On average.
+        one["reward"] = ((one["seen"] - 1) * one["reward"] + reward) / one["seen"]
 
     def tried(self, one):
         return sum(other["seen"] for other in self.kept if other["key"][:2] == one["key"][:2])
@@ -56,15 +57,17 @@ def remembered(memory, run):
     """Return all that a run remembers, in no order."""
     names = ("observation", "action", "next_observation", "end", "reward", "seen")
     return sorted(
-        repr(tuple(float(getattr(memory, name)[run, slot]) for name in names))
+        tuple(float(getattr(memory, name)[run, slot]) for name in names)
         for slot in range(memory.size(run))
     )
 
 
 def expected(plain):
-    return sorted(
-        repr(tuple(map(float, (*one["key"], one["reward"], one["seen"])))) for one in plain.kept
+    """Return the same of a plain memory."""
+    kept = sorted(
+        (*map(float, one["key"]), one["reward"], float(one["seen"])) for one in plain.kept
     )
+    return [(*key, pytest.approx(reward), seen) for *key, reward, seen in kept]
 
 
 def rebuilt(memory, runs, capacity):

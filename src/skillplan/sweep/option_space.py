@@ -134,9 +134,11 @@ def _all_of(name: str, field: FieldInfo) -> Dimension:
         If these have no ends.
     """
     types = kinds(field.annotation)
-    if get_origin(field.annotation) is Literal:
-        return Choice(name, tuple(get_args(field.annotation)))
-    if types == {bool}:
+    for form in (field.annotation, *get_args(field.annotation)):
+        # Also of an option that may be null.
+        if get_origin(form) is Literal:
+            return Choice(name, tuple(get_args(form)))
+    if types - {type(None)} == {bool}:
         return Choice(name, (False, True))
     low = next((one.ge for one in field.metadata if hasattr(one, "ge")), None)
     high = next((one.le for one in field.metadata if hasattr(one, "le")), None)

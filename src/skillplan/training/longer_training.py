@@ -53,7 +53,7 @@ def refuse_longer(folder: Path, manifest: RunManifest, steps: int, *, said: bool
     steps
         How many environment steps it is to have instead, more than now.
     said
-        Whether somebody said how many; otherwise they are the learner's default.
+        Whether somebody said how many; otherwise they are derived from the task.
 
     Raises
     ------

@@ -68,7 +68,7 @@ class TrainingPlan:
     start
         Networks that the runs begin with; None for drawn ones.
     steps_said
-        Whether somebody said how many steps; otherwise they are the learner's default.
+        Whether somebody said how many steps; otherwise they are derived from the task.
     derived
         Which of `options` were chosen by what is learned on, and what else was.
     groups
@@ -187,7 +187,7 @@ def plan_training(
         checkpoint_steps=checkpoint_steps,
         warm=warm,
         steps_said=steps is not None or values.get("steps") is not None,
-        derived={**derived, **learner.scales(task)},
+        derived={**derived, **learner.scales(layouts[0])},
     )
     made = plan.setup.back_ends(layouts[0], problem.spare_back_ends)
     refusal = plan.learner().refuses(make_model(layouts[0], plan.setup, back_ends=made))

@@ -17,7 +17,7 @@ class NetworkLearner(Learner):
     Attributes
     ----------
     steps_factor
-        How many times as many steps as `dqn` it usually takes.
+        How many times the usual number of steps it takes.
     """
 
     Options = NetworkOptions
@@ -33,7 +33,7 @@ class NetworkLearner(Learner):
         """Return values, chosen by what is learned on, of the options that are null."""
         return self.where_null(
             steps=usual_steps(tasks, self.steps_factor),
-            planning=is_certain(tasks) and self.options.observation != "layout",
+            planning=can_plan(self.options, tasks),
         )
 
     def where_null(self, **values: Any) -> dict[str, Any]:
@@ -41,6 +41,11 @@ class NetworkLearner(Learner):
         return {
             name: value for name, value in values.items() if getattr(self.options, name) is None
         }
+
+
+def can_plan(options: NetworkOptions, tasks: Sequence[Task]) -> bool:
+    """Whether episodes can be planned: what was met can be met again, and is observed as bits."""
+    return is_certain(tasks) and options.observation != "layout"
 
 
 def is_certain(tasks: Sequence[Task]) -> bool:

@@ -76,8 +76,9 @@ class NetworkOptions(LearnerOptions):
     )
     planning: bool | None = Field(
         default=None,
-        description="plan episodes with what was observed of the task, until nothing better is in "
-        "sight: of one deterministic task whose costs are not observed, where null plans [-]",
+        description="plan episodes with what was observed, until nothing better is in sight. null: "
+        "for one deterministic task, unless observation is layout; nothing is planned elsewhere "
+        "[-]",
     )
     plan_width: int = Field(
         default=32,

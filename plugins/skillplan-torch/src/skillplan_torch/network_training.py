@@ -15,6 +15,7 @@ from skillplan.solvers.learning.learner import Learned, Snapshot, Training
 from skillplan.solvers.learning.network_policy import NetworkPolicy
 from skillplan_torch.best_policies import BestPolicies
 from skillplan_torch.episode_record import EpisodeRecord
+from skillplan_torch.network_learner import can_plan, is_certain
 from skillplan_torch.network_options import NetworkOptions
 from skillplan_torch.reward_scaling import RewardScaling
 
@@ -25,7 +26,7 @@ class NetworkTraining(Training):
     Parameters
     ----------
     options
-        Of the solver.
+        Of the solver, with what is derived filled in.
     env
         The environments.
     seeds
@@ -48,10 +49,10 @@ class NetworkTraining(Training):
             task, options.objective, counts_last=options.count_last_cost
         )
         # Under chance, or with several boards, one episode does not show what a policy costs.
-        self._one_episode_suffices = len(env.models) == 1 and task.deterministic
-        self._plans = bool(options.planning) and self._one_episode_suffices
-        # Of costs among the observations no plan is made: it reads bits.
-        self._plans &= options.observation != "layout"
+        tasks = [model.task for model in env.models]
+        self._one_episode_suffices = is_certain(tasks)
+        assert options.planning is not None
+        self._plans = options.planning and can_plan(options, tasks)
         self._best = BestPolicies(len(seeds), keeps=self._one_episode_suffices)
         self._generators = [np.random.default_rng([seed, 1]) for seed in seeds]
         self._episodes = [EpisodeRecord() for _ in seeds]

@@ -71,7 +71,7 @@ class Amount:
     runs
         How many runs, >= 1.
     steps
-        Environment steps of each; None for the learner's default.
+        Environment steps of each; None for the learner's option, or else what is derived.
     family
         How many layouts are learned on, or a family of boards at random; None for the task's own.
     checkpoint_steps
@@ -97,8 +97,8 @@ class Amount:
             "--steps",
             least=1,
             most=1_000_000_000,
-            text="Environment steps of every run; goes before the learner's option steps, which "
-            "is the default.",
+            text="Environment steps of every run; goes before the learner's option steps. Without "
+            "either, the number is derived from the task.",
             rich_help_panel=TRAINING,
         ),
     ] = None

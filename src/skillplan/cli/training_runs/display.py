@@ -111,7 +111,7 @@ class TrainingDisplay:
 
 
 def derived_words(plan: TrainingPlan) -> str:
-    """Return what was chosen by the task where nobody chose: options, and what else there is."""
+    """Return the values that were derived from the task, in one line."""
     values = ", ".join(f"{name} {_word(value)}" for name, value in plan.derived.items())
     return f"derived from the task: {values}"
 

@@ -178,6 +178,10 @@ def _advice(cause: Cause, solver: str, options: Mapping[str, Any], steps: int) -
         return f"-O {solver}.mask=applicable: no choice of what cannot begin at all."
     exact = "search-optimal, which needs no learning"
     if not options.get("planning", solver == _PLANNING):
+        if solver == _PLANNING:
+            costs_seen = options.get("observation") == "layout"
+            plans = "observation=markov" if costs_seen else "planning=true"
+            return f"-O {solver}.{plans}, with which episodes are planned; or {more}; or {exact}."
         return (
             f"--solver {_PLANNING}, which plans its episodes with what it has learned; or "
             f"{more}; or {exact}."

@@ -276,7 +276,8 @@ class Learner(Solver):
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Train one run and return its policy in the states that it reaches."""
         options = self.options
-        steps = options.steps or int(self.derived([model.task])["steps"])
+        steps = options.steps or self.derived([model.task]).get("steps")
+        steps = int(steps or usual_steps([model.task]))
         env = SkillVectorEnv(
             model,
             1,

@@ -24,7 +24,7 @@ def usual_steps(tasks: Sequence[Task], factor: float = 1.0) -> int:
     tasks
         What is learned on: one task, or the layouts of a family; at least one.
     factor
-        How many times as many as `dqn` a learner takes, > 0.
+        How many times as many as usual a learner takes, > 0.
     """
     certain = len(tasks) == 1 and tasks[0].deterministic
     a_pair = _STEPS_A_PAIR if certain else _STEPS_A_PAIR_BY_CHANCE

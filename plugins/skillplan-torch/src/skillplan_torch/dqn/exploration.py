@@ -38,8 +38,7 @@ class Exploration:
     step_limit
         Most skills of an episode.
     plans
-        Whether episodes can be planned: what was met can be met again by the same actions, and
-        observations are bits.
+        Whether episodes are planned.
 
     Attributes
     ----------
@@ -160,8 +159,10 @@ class Exploration:
         ndarray or None
             Shape (runs, n, actions).
         """
+        if self._options.exploration != "count":
+            return None
         most = self._schedules.bonus(steps)
-        if self._options.exploration != "count" or not most:
+        if not most:
             return None
         visits = of_runs(self._counts.visits, indices)
         bonus: NDArray[np.float64] = most * _FADING.take(np.minimum(visits, len(_FADING) - 1))

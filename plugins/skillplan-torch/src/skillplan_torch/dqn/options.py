@@ -16,22 +16,20 @@ class DqnOptions(NetworkOptions):
     # Exploration
     exploration: Literal["epsilon", "count"] | None = Field(
         default=None,
-        description="where nothing is planned: actions at random with probability epsilon, or "
-        "those tried seldom count for better; null for count without a mask where nothing is "
-        "planned, else for epsilon [-]",
+        description="how actions are tried beside plans: epsilon, at random with that "
+        "probability; count, those tried seldom count for better. null: count without a mask where "
+        "nothing is planned, else epsilon [-]",
     )
     epsilon: float = Field(
         default=0.3, ge=0.0, le=1.0, description="probability of an action at random, at first [-]"
     )
-    epsilon_end: float = Field(
-        default=0.01, ge=0.0, le=1.0, description="that probability in the end [-]"
-    )
+    epsilon_end: float = Field(default=0.01, ge=0.0, le=1.0, description="epsilon in the end [-]")
     explore_until: float = Field(
         default=0.6,
         gt=0.0,
         le=1.0,
-        description="share of the steps by which it has fallen to that, evenly, and by which count "
-        "has come to its end [-]",
+        description="share of the steps after which epsilon is epsilon_end, and the bonus of count "
+        "is gone [-]",
     )
     branching: float = Field(
         default=0.9,
@@ -55,14 +53,14 @@ class DqnOptions(NetworkOptions):
         default=1.0,
         ge=0.0,
         le=1e6,
-        description="weight of the loss by which its actions then stand out by a margin; only of "
-        "one deterministic task is there such an episode [-]",
+        description="weight of the loss by which actions of the cheapest episode then stand out by "
+        "a margin; only of one deterministic task is there such an episode [-]",
     )
     imitation_margin: float = Field(
         default=0.2,
         ge=0.0,
         le=1e6,
-        description="by which their values do; values are about -1 to 4 [-]",
+        description="by how much values of imitated actions stand out; they are about -1 to 4 [-]",
     )
     # Updates
     batch: int = Field(

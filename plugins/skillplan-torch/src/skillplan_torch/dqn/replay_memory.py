@@ -44,7 +44,8 @@ class ReplayMemory:
     observation, action, next_observation
         Indices, shape (runs, size); of observations those of `ObservationCounts`.
     reward
-        What the learner makes of the reward.
+        What the learner makes of the reward, on average: where an observation leaves out what costs
+        depend on, it is not always the same.
     end
         How the episode ended with it; 0 where it went on.
     seen, tried
@@ -99,8 +100,9 @@ class ReplayMemory:
             self.observation[run, slot], self.action[run, slot] = observation, action
             self.next_observation[run, slot], self.end[run, slot] = next_observation, end
             self.share[run, slot], self.seen[run, slot] = np.nan, 0
-        self.reward[run, slot] = reward
+            self.reward[run, slot] = 0.0
         self.seen[run, slot] += 1
+        self.reward[run, slot] += (reward - self.reward[run, slot]) / self.seen[run, slot]
         self._count(run, (observation, action))
 
     def draw(

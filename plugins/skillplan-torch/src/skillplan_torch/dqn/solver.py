@@ -10,7 +10,7 @@ from skillplan.solvers.learning.learner import Training
 from skillplan.task.task import Task
 from skillplan_torch.dqn.options import DqnOptions
 from skillplan_torch.dqn.training import DqnTraining, reward_scale
-from skillplan_torch.network_learner import NetworkLearner
+from skillplan_torch.network_learner import NetworkLearner, can_plan
 
 
 class DqnSolver(NetworkLearner):
@@ -24,8 +24,9 @@ class DqnSolver(NetworkLearner):
     def derived(self, tasks: Sequence[Task]) -> dict[str, Any]:
         """Return values, chosen by what is learned on, of the options that are null."""
         found = super().derived(tasks)
+        plans = self.options.planning is not False and can_plan(self.options, tasks)
         # Without a mask most actions at random end the episode.
-        blind = self.options.mask == "none" and not found.get("planning", self.options.planning)
+        blind = self.options.mask == "none" and not plans
         deterministic = all(task.deterministic for task in tasks)
         return found | self.where_null(
             exploration="count" if blind else "epsilon", updates=0.5 if deterministic else 1.0

@@ -46,7 +46,7 @@ class DqnTraining(NetworkTraining):
     Parameters
     ----------
     options
-        Of the solver, none of them null.
+        Of the solver, with what is derived filled in.
     env
         An environment for every run.
     seeds
@@ -77,7 +77,8 @@ class DqnTraining(NetworkTraining):
             plans=self._plans,
         )
         self._pools = len(env.models) == 1 and not env.models[0].task.deterministic
-        self._updates = float(options.updates or 0.0)
+        assert options.updates is not None
+        self._updates = options.updates
         # The least that the reward of a step is taken for.
         self._least = -options.step_floor * self._scaling.typical
         self._update = QUpdate(
