@@ -50,6 +50,13 @@ def test_options_are_listed_with_range_default_and_unit(cli: Any) -> None:
     assert 0.01 == document["options"]["properties"]["tolerance_m"]["maximum"]
 
 
+def test_an_option_that_may_be_null_says_so_as_a_file_does(cli: Any) -> None:
+    """Not as Python writes it; and with the bounds of its values."""
+    rows = cli("plugins", "solver", "sarsa").out.splitlines()
+    (row,) = [line for line in rows if line.startswith("epsilon_end ")]
+    assert ["number", "null", ">="] == row.split()[1:4]
+
+
 def test_a_plugin_without_options_says_so(cli: Any) -> None:
     """Not an empty table without a word."""
     assert "exhaustive has no options\n" in cli("plugins", "solver", "exhaustive").out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -43,7 +44,7 @@ def _option_table(name: str, options: type[BaseModel]) -> Table:
         (
             key,
             _type(field),
-            str(field.get("default", "required")),
+            _default(field),
             _range(field),
             str(field.get("description", "")),
         )
@@ -54,6 +55,12 @@ def _option_table(name: str, options: type[BaseModel]) -> Table:
     return Table(title, [Column(heading) for heading in headings], rows)
 
 
+def _default(field: Mapping[str, Any]) -> str:
+    """Return the default of an option, as a file and ``-O`` have it."""
+    default = field.get("default", "required")
+    return default if isinstance(default, str) else json.dumps(default)
+
+
 def _type(field: Mapping[str, Any]) -> str:
     """Return the type of an option; of an optional one that of its value."""
     kinds = [kind.get("type") for kind in field.get("anyOf", ())]
@@ -62,9 +69,11 @@ def _type(field: Mapping[str, Any]) -> str:
 
 def _range(field: Mapping[str, Any]) -> str:
     """Return the bounds of an option, or its words."""
-    if "enum" in field or "const" in field:
-        return " or ".join(str(word) for word in field.get("enum", [field.get("const")]))
-    for kind in (field, *field.get("anyOf", ())):
+    kinds = (field, *field.get("anyOf", ()))
+    for kind in kinds:
+        if "enum" in kind or "const" in kind:
+            return " or ".join(str(word) for word in kind.get("enum", [kind.get("const")]))
+    for kind in kinds:
         bounds = [f"{sign}{kind[bound]}" for bound, sign in _BOUNDS.items() if bound in kind]
         if bounds:
             return ", ".join(bounds)
