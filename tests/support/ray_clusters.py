@@ -44,27 +44,32 @@ def processes_of(node: Any) -> list[int]:
     return found
 
 
-def actors() -> set[int]:
-    """Return the processes of actors on this machine."""
-    found = set()
-    for path in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
-            if path.read_bytes().startswith(b"ray::ListeningActor"):
-                found.add(int(path.parent.name))
-        except OSError:
-            continue
-    return found
+def actors(cluster: Any) -> set[int]:
+    """Return the processes of actors of a cluster; other clusters of this machine do not count."""
+    return {
+        process
+        for node in cluster.list_all_nodes()
+        for process in processes_of(node)
+        if _is_actor(process)
+    }
 
 
-def new_actors(before: set[int]) -> set[int]:
-    """Return the actors that were not there before, as soon as there are any."""
+def first_actors(cluster: Any) -> set[int]:
+    """Return the actors of a cluster as soon as there are any."""
     end_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < end_s:
-        found = actors() - before
+        found = actors(cluster)
         if found:
             return found
         time.sleep(0.1)
     raise AssertionError("there are no actors")
+
+
+def _is_actor(process: int) -> bool:
+    try:
+        return Path(f"/proc/{process}/cmdline").read_bytes().startswith(b"ray::ListeningActor")
+    except OSError:
+        return False
 
 
 def places(cluster: Any) -> dict[str, list[str]]:

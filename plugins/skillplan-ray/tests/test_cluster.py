@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from ray_clusters import PATIENCE_S, actors, new_actors, processes_of
+from ray_clusters import PATIENCE_S, actors, first_actors, processes_of
 from skillplan.checks.feasibility import Feasibility
 from skillplan.errors import SkillplanError
 from skillplan.model.skill_model import SkillModel
@@ -144,7 +144,7 @@ def test_a_node_whose_network_falls_silent_costs_its_check_only(impatient_cluste
     silenced: list[int] = []
 
     def poll() -> None:
-        if not silenced and len(actors()) == 4:
+        if not silenced and len(actors(cluster)) == 4:
             silenced.extend(processes_of(cluster.second))
             for process in silenced:
                 os.kill(process, signal.SIGSTOP)
@@ -197,9 +197,8 @@ def started(words: list[str], cluster: Any) -> subprocess.Popen[str]:
 def test_a_search_loses_actors_and_proves_the_same(cluster: Any, tmp_path: Path) -> None:
     """One by SIGKILL; stdout is one document all the same."""
     pytest.importorskip("pybullet")
-    before = actors()
     process = started(SEARCH, cluster)
-    os.kill(min(new_actors(before)), signal.SIGKILL)
+    os.kill(min(first_actors(cluster)), signal.SIGKILL)
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
     assert json.loads(out)["cost"] == OPTIMUM_M
@@ -219,19 +218,18 @@ def test_ctrl_c_ends_all_actors_at_once(
 ) -> None:
     """Within two seconds none is left, and the command says what it has."""
     pytest.importorskip(plugin)
-    before = actors()
     out = ["--out", str(tmp_path / "out")]
     process = started([*words, *out], cluster)
-    new_actors(before)
+    first_actors(cluster)
     time.sleep(wait_s)
     assert process.poll() is None
     process.send_signal(signal.SIGINT)
     begun_s = time.monotonic()
-    while actors() - before and time.monotonic() < begun_s + PATIENCE_S:
+    while actors(cluster) and time.monotonic() < begun_s + PATIENCE_S:
         time.sleep(0.05)
     took_s = time.monotonic() - begun_s
     said, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
     assert json.loads(said)["schema"] == schema
     assert took_s <= ENDED_S
-    assert set() == actors() - before
+    assert set() == actors(cluster)

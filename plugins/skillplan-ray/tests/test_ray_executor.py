@@ -2,14 +2,92 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
 
-from skillplan.testing import ExecutorSuite
+import expensive_back_ends
+from expensive_back_ends import ExpensiveEngine, checks_in
+from skillplan.checks.feasibility import Feasibility
+from skillplan.model.skill_model import SkillModel
+from skillplan.pipeline.setup import Setup
+from skillplan.task.verdict import Verdict
+from skillplan.testing import ExecutorSuite, lid_task, reachable_states
+from skillplan.workers.executor_choice import ExecutorChoice
+from skillplan_ray import executor as executors
+from skillplan_ray.executor import RayExecutor
+
+OPTIONS: dict[str, Any] = {"cpus": 0}
 
 
 @pytest.mark.slow(reason="starts a Ray cluster and an actor a test; local ones in every run")
 class TestRayExecutor(ExecutorSuite):
     executor = "ray"
-    options: ClassVar[dict[str, Any]] = {"cpus": 0}
+    options: ClassVar[dict[str, Any]] = OPTIONS
+
+
+@pytest.mark.parametrize("connected", [False, True])
+def test_only_the_first_worker_waits_for_ray(
+    connected: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To start a cluster takes longer than to join one."""
+    monkeypatch.setattr(executors, "is_connected", lambda: connected)
+    here, there = RayExecutor(1), RayExecutor(1, address="head:6379")
+    if connected:
+        assert here.start_up_s == there.start_up_s == 0.0
+    else:
+        assert here.start_up_s > there.start_up_s > 0.0
+
+
+FATAL = "pick(fuse)"
+
+
+@pytest.fixture(scope="module")
+def ray() -> Iterator[Setup]:
+    """The choice of Ray, whose actors can import the back ends of tests."""
+    import ray
+
+    ray.shutdown()
+    folders = [str(Path(expensive_back_ends.__file__).parent), os.environ.get("PYTHONPATH", "")]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", os.pathsep.join(filter(None, folders)))
+        yield Setup(executor=ExecutorChoice("ray", "", OPTIONS))
+    ray.shutdown()
+
+
+def checked(setup: Setup, options: dict[str, Any]) -> dict[str, Verdict]:
+    """Return what an engine says of the first question on each skill."""
+    task = lid_task()
+    states = reachable_states(SkillModel(Feasibility(task)), 60)
+    asked = list({k.name: (k, s) for s in states for k in task.skills if k.applicable(s)}.values())
+    engine = ExpensiveEngine(task, ExpensiveEngine.Options(**options))
+    checks = Feasibility(task, [engine], jobs=2, make_executor=setup.make_executor)
+    verdicts = checks.verdicts(asked)
+    checks.close()
+    return {skill.name: verdict for (skill, _), verdict in zip(asked, verdicts, strict=True)}
+
+
+@pytest.mark.slow(reason="a Ray cluster, two actors lost; a local process killed in every run")
+@pytest.mark.parametrize("once", [True, False])
+def test_a_check_whose_actor_is_killed_is_made_once_more_and_then_unknown(
+    once: bool, ray: Setup, tmp_path: Path
+) -> None:
+    """SIGKILL in the middle of it: once costs one more execution, and no other check anything."""
+    log = {"log": str(tmp_path)}
+    found = checked(ray, {**log, "fail_on": FATAL, "how": "kill", "once": once})
+    made = [one for one in checks_in(tmp_path) if one[1] == FATAL]
+    assert len(made) == 2
+    # In different actors.
+    assert len({process for *_, process in made}) == 2
+    assert len(checks_in(tmp_path)) == len(found) + 1
+    expected = checked(Setup(), {})
+    if not once:
+        lost = found.pop(FATAL)
+        assert lost.status == "unknown"
+        assert lost.reason.startswith("the process that checked it was ended by the loss of its ")
+        assert lost.reason.endswith(", twice")
+        del expected[FATAL]
+    assert found == expected

@@ -159,12 +159,18 @@ class Stop:
             memory_limit_bytes=self._memory_limit_bytes,
         )
 
+    @property
+    def left_s(self) -> float | None:
+        """How long the search may still take [s], None for no limit."""
+        if not math.isfinite(self._deadline_s):
+            return None
+        return max(1e-3, self._deadline_s - time.monotonic())
+
     def left(self) -> dict[str, Any]:
         """Return what is left of the limits, as another stop takes them."""
-        now_s = time.monotonic()
-        limited, stalls = math.isfinite(self._deadline_s), math.isfinite(self._stall_s)
+        stalls = math.isfinite(self._stall_s)
         return {
-            "time_limit_s": max(1e-3, self._deadline_s - now_s) if limited else None,
+            "time_limit_s": self.left_s,
             "gap": self._gap,
             "stall_s": self._stall_s if stalls else None,
             "memory_limit_bytes": self._memory_limit_bytes,

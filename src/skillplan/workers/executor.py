@@ -175,6 +175,11 @@ class Executor(ABC):
         """Why none can be started from here, in words; empty where they can."""
         return ""
 
+    @property
+    def start_up_s(self) -> float:
+        """About so long whoever starts the next worker has to wait [s], beside what that makes."""
+        return 0.0
+
     @abstractmethod
     def start(self, prepare: Prepare, content: bytes, what: str) -> Worker:
         """Start a worker, which makes itself ready on its own.

@@ -353,6 +353,21 @@ class TestLosses:
             "lost_processes": ["one was not started: memory limit"],
         }
 
+    @pytest.mark.parametrize(("left_s", "started"), [(15.0, False), (25.0, True), (None, True)])
+    def test_where_time_is_short_no_process_is_started_that_takes_long_to_start(
+        self, small_turns, left_s, started
+    ):
+        """To wait for it would take longer than the search may."""
+
+        class SlowToStart(AnyMoment):
+            start_up_s = 10.0
+
+        helpers = Helpers(1, 0, SlowToStart(1, 0, 0), left_s=lambda: left_s)
+        helpers.begin(ordering("ESC12"))
+        assert helpers.started == 1 + started
+        lost = [] if started else ["none was started: that takes 10 s; time limit"]
+        assert helpers.lost == lost
+
     @pytest.mark.slow(reason="half a second for a process; none is started in every run")
     def test_where_memory_gets_short_processes_are_given_up(self):
         """Before this one is."""

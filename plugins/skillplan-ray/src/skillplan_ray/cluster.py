@@ -159,9 +159,8 @@ def connected(address: str, object_store_mib: int) -> Cluster:
     SkillplanError
         If there is none to be had, or one to another cluster.
     """
-    if _connected and not _connected[0].alive:
+    if not is_connected():
         _connected.clear()
-    if not _connected:
         _connected.append(Cluster(address, object_store_mib))
     if _connected[0].address != address:
         there = _connected[0].address or "of its own"
@@ -170,6 +169,11 @@ def connected(address: str, object_store_mib: int) -> Cluster:
             f"{address or 'one of its own'!r} besides."
         )
     return _connected[0]
+
+
+def is_connected() -> bool:
+    """Whether this process is connected to a cluster."""
+    return bool(_connected) and _connected[0].alive
 
 
 def first_line(error: BaseException) -> str:
@@ -192,8 +196,8 @@ def _listening(ray: Any) -> type[Actor]:
 def _no_cluster(address: str, error: Exception) -> str:
     where = f"No Ray cluster can be used at {address!r}" if address else "Ray could not be started"
     return (
-        f"{where}: {first_line(error)} Where a cluster asks for a token, RAY_AUTH_TOKEN or "
-        "~/.ray/auth_token must hold the one of its head."
+        f"{where}: {first_line(error)} Where a cluster asks for a token, RAY_AUTH_MODE=token must "
+        "be set, and RAY_AUTH_TOKEN or ~/.ray/auth_token hold the one of its head."
     )
 
 

@@ -16,8 +16,11 @@ from pydantic import BaseModel, Field
 from skillplan.task import back_end
 from skillplan.workers.executor import POLL_S, Executor, Prepare, Worker
 from skillplan.workers.inside import is_worker
-from skillplan_ray.cluster import Cluster, connected
+from skillplan_ray.cluster import Cluster, connected, is_connected
 from skillplan_ray.worker import RayWorker
+
+# So long a cluster takes to start here, and one that has been started to join [s].
+_START_S, _JOIN_S = 10.0, 2.0
 
 
 class RayExecutor(Executor):
@@ -69,6 +72,13 @@ class RayExecutor(Executor):
     def refusal(self) -> str:
         """Why none can be started from here, in words; empty where they can."""
         return "a process for jobs may not start others" if is_worker() else ""
+
+    @property
+    def start_up_s(self) -> float:
+        """About so long the next worker has its starter wait: for Ray, once [s]."""
+        if is_connected():
+            return 0.0
+        return _JOIN_S if self.address else _START_S
 
     def start(self, prepare: Prepare, content: bytes, what: str) -> RayWorker:
         """Start an actor; parameters and errors are those of `Executor.start`."""

@@ -27,6 +27,8 @@ _EVERY_S = 0.02
 _PROCESS_BYTES = 400 * 1024**2
 # With less memory left, processes are ended [bytes].
 _KEPT_BYTES = 64 * 1024**2
+# Where less time is left than so many times what starting takes, none is started.
+_WORTH = 2
 # Difference of the seeds of two processes.
 _SEEDS = 1_000_003
 
@@ -63,6 +65,8 @@ class Helpers:
         Where they run; processes of this machine by default.
     memory_bytes
         Returns how much memory may still be taken, or None for no limit.
+    left_s
+        Returns how long the search may still take [s], or None for no limit.
 
     Attributes
     ----------
@@ -80,6 +84,7 @@ class Helpers:
         seed: int = 0,
         executor: Executor | None = None,
         memory_bytes: Callable[[], int | None] = lambda: None,
+        left_s: Callable[[], float | None] = lambda: None,
     ) -> None:
         self.count = count
         self.started = 1
@@ -87,6 +92,7 @@ class Helpers:
         self._executor = LocalProcesses(count) if executor is None else executor
         self._seed = seed
         self._memory_bytes = memory_bytes
+        self._left_s = left_s
         self._begun = False
         self._all: list[Helper] = []
         self._due_s = 0.0
@@ -119,6 +125,10 @@ class Helpers:
         self._begun = True
         if self._executor.refusal:
             self.lost.append(f"none was started: {self._executor.refusal}")
+            return
+        left_s, start_up_s = self._left_s(), self._executor.start_up_s
+        if left_s is not None and left_s < _WORTH * start_up_s:
+            self.lost.append(f"none was started: that takes {start_up_s:g} s; time limit")
             return
         for number in range(1, self.count + 1):
             left = self.left_bytes

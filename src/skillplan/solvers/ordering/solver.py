@@ -137,7 +137,9 @@ class SequencingSolver(JobOrderSolver):
             from skillplan.solvers.ordering.helper_processes import Helpers
 
             executor = None if self.make_executor is None else self.make_executor(self.jobs - 1)
-            helpers = Helpers(self.jobs - 1, seed, executor, self._memory_bytes)
+            helpers = Helpers(
+                self.jobs - 1, seed, executor, self._memory_bytes, lambda: self.stop.left_s
+            )
         search = OrderingSearch(
             orders.instance,
             self.methods or METHODS,
