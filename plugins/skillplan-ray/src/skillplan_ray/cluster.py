@@ -59,7 +59,7 @@ class Cluster:
             words["object_store_memory"] = object_store_mib * 1024**2
             words["include_dashboard"] = False
         try:
-            with _handlers_kept(), _stdout_kept():
+            with signals_held(), _stdout_kept():
                 self.ray.init(log_to_driver=False, logging_level=logging.ERROR, **words)
         except Exception as error:
             raise SkillplanError(_no_cluster(address, error)) from error
@@ -209,17 +209,25 @@ def _mixed(places: list[str]) -> str:
 
 
 @contextmanager
-def _handlers_kept() -> Iterator[None]:
-    """Keep who hears SIGINT and SIGTERM: Ray puts a handler of its own in their place."""
+def signals_held() -> Iterator[None]:
+    """Hold SIGINT and SIGTERM back, and pass them on afterwards to who hears them.
+
+    A start that is broken off leaves processes of Ray that nobody ends, and Ray puts a handler of
+    its own in the place of ours.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {one: signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM)}
+    held: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = {one: signal.signal(one, lambda number, _: held.append(number)) for one in numbers}
     try:
         yield
     finally:
         for one, handler in before.items():
             signal.signal(one, handler)
+        for number in held:
+            signal.raise_signal(number)
 
 
 @contextmanager
