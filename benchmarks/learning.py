@@ -1,12 +1,14 @@
-"""Deep Q-learning: steps a second against Stable-Baselines3's, on the paper's board without mask.
+"""Deep Q-learning: steps a second against Stable-Baselines3's, on the paper's board.
 
-Both observe the paper's bits and get the rewards of Table II, with one thread a process. Settings
-take turns; each is timed once it is warm, and compared with Stable-Baselines3's defaults in as many
-processes of the same round. Its runs learn one after another in a process, `dqn`'s in groups of
-five side by side, as `skillplan train` has them. Budget of the project: 3 times its steps a second.
+Both get the rewards of Table II, with one thread a process. `dqn` has its defaults, which are the
+observation `markov` and the applicable mask, and as a row of its own the paper's observation
+without a mask; Stable-Baselines3's knows no mask. Settings take turns; each is timed once it is
+warm, and compared with Stable-Baselines3's defaults in as many processes of the same round, and
+with its setting of as many updates a step. Its runs learn one after another in a process, `dqn`'s
+in groups of five side by side, as `skillplan train` has them. Budgets of the project: twice its
+steps a second with the defaults of both, and 3 times at equal updates.
 
-A transition learned from is one of a batch of an update: 32 of them and two layers of 64 units
-there by default, 64 and one layer of 256 units here.
+A transition learned from is one of a batch of an update.
 
 Stable-Baselines3, and sb3-contrib for ``--boards``, are no part of the project: they are installed
 apart, into a folder of their own, and share torch and Gymnasium with this interpreter.
@@ -24,9 +26,9 @@ import os
 import statistics
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Barrier
 from pathlib import Path
@@ -39,8 +41,12 @@ import learning_boards
 
 BASELINE = "stable-baselines3"
 BOARD = Path(__file__).parents[1] / "configs" / "inverter_board.yaml"
-PRESENTATION = {"observation": "paper", "mask": "none"}
-BUDGET = 3.0
+OBSERVATION = {"observation": "markov"}
+BLIND = {"observation": "markov", "mask": "none"}
+PAPER = {"observation": "paper", "mask": "none"}
+BUDGET, EQUAL_BUDGET = 2.0, 3.0
+# Updates a step that differ by less are the same.
+ALIKE = 0.02
 GROUP = 5
 LEAST_STEPS = 1_000
 STRIDE_STEPS = 100
@@ -65,12 +71,15 @@ class Setting:
         How many, all of which get as many groups.
     options
         Of Stable-Baselines3's DQN beside its defaults; None for `dqn` with its own.
+    presentation
+        What is observed, and what may be chosen.
     """
 
     name: str
     groups: tuple[int, ...]
     processes: int
     options: dict[str, int] | None = None
+    presentation: Mapping[str, str] = field(default_factory=lambda: BLIND)
 
     @property
     def is_baseline(self) -> bool:
@@ -115,9 +124,10 @@ SETTINGS = (
     Setting("Stable-Baselines3, defaults", (1, 1), 2, {}),
     Setting("Stable-Baselines3, train_freq 2", (1,), 1, {"train_freq": 2, "gradient_steps": 1}),
     Setting("Stable-Baselines3, train_freq 1", (1,), 1, {"train_freq": 1, "gradient_steps": 1}),
-    Setting("dqn, a run alone", (1,), 1),
-    Setting("dqn, groups of five", (GROUP, GROUP), 1),
-    Setting("dqn, groups of five", (GROUP, GROUP), 2),
+    Setting("dqn, a run alone", (1,), 1, None, OBSERVATION),
+    Setting("dqn, groups of five", (GROUP, GROUP), 1, None, OBSERVATION),
+    Setting("dqn, groups of five", (GROUP, GROUP), 2, None, OBSERVATION),
+    Setting("dqn, paper's bits, no mask", (GROUP, GROUP), 1, None, PAPER),
 )
 
 
@@ -260,8 +270,8 @@ def train_dqn(setting: Setting, runs: int, steps: int, seed: int) -> Share:
     from skillplan.pipeline.run import make_model, make_solver
     from skillplan.pipeline.setup import load_problem
 
-    env = SkillVectorEnv(make_model(load_problem(BOARD).task), runs, **PRESENTATION)
-    learner = make_solver("dqn", PRESENTATION)
+    env = SkillVectorEnv(make_model(load_problem(BOARD).task), runs, **setting.presentation)
+    learner = make_solver("dqn", setting.presentation)
     clock = Clock()
     training = learner.begin(env, range(seed, seed + runs), steps)
     while training.steps < steps:
@@ -272,20 +282,21 @@ def train_dqn(setting: Setting, runs: int, steps: int, seed: int) -> Share:
     often = learner.derived([one.task for one in env.models]).get("updates", options.updates)
     updates = often * max(0, steps - options.warm_up) / steps
     policies = [training.learned(run).policy for run in range(runs)]
-    return Share(
-        wall_s,
-        cpu_s,
-        updates,
-        updates * options.batch,
-        sum(completes(lambda seen, p=policy: int(p.greedy(seen[None])[0])) for policy in policies),
+    completing = sum(
+        completes(
+            lambda seen, allowed, of=policy: int(of.greedy(seen[None], allowed[None])[0]),
+            setting.presentation,
+        )
+        for policy in policies
     )
+    return Share(wall_s, cpu_s, updates, updates * options.batch, completing)
 
 
 def train_baseline(setting: Setting, runs: int, steps: int, seed: int) -> Share:
     """Train runs of Stable-Baselines3 one after another."""
     from stable_baselines3 import DQN
 
-    env = board()
+    env = board(setting.presentation)
     wall_s, cpu_s, updates, completing = 0.0, 0.0, 0, 0
     for run in range(runs):
         clock = Clock()
@@ -295,25 +306,27 @@ def train_baseline(setting: Setting, runs: int, steps: int, seed: int) -> Share:
         wall_s, cpu_s = wall_s + took_s[0], cpu_s + took_s[1]
         updates += learner._n_updates
         completing += completes(
-            lambda seen, of=learner: int(of.predict(seen, deterministic=True)[0])
+            lambda seen, allowed, of=learner: int(of.predict(seen, deterministic=True)[0]),
+            setting.presentation,
         )
     per_step = updates / (runs * steps)
     return Share(wall_s, cpu_s, per_step, per_step * learner.batch_size, completing)
 
 
-def board() -> Any:
+def board(presentation: Mapping[str, str]) -> Any:
     """Return the paper's board as a single environment."""
     import gymnasium
 
-    return gymnasium.make("skillplan.env:skillplan/Task-v0", task=BOARD, **PRESENTATION)
+    return gymnasium.make("skillplan.env:skillplan/Task-v0", task=BOARD, **presentation)
 
 
-def completes(choose: Callable[[Any], int]) -> bool:
-    """Return whether a policy completes the board."""
-    env = board()
-    seen, _ = env.reset(seed=0)
+def completes(choose: Callable[[Any, Any], int], presentation: Mapping[str, str]) -> bool:
+    """Return whether a policy completes the board, told what it observes and what is allowed."""
+    env = board(presentation)
+    seen, info = env.reset(seed=0)
     while True:
-        seen, _, terminated, truncated, info = env.step(choose(seen))
+        allowed = info["action_mask"].astype(bool)
+        seen, _, terminated, truncated, info = env.step(choose(seen, allowed))
         if terminated or truncated:
             return bool(terminated and info["verdict"] == "feasible")
 
@@ -322,8 +335,8 @@ def table(rounds: list[list[list[Share]]], steps: int) -> None:
     """Print what every setting came to: rates and ratios are medians of the rounds."""
     print(
         f"{f'runs of {steps:,} steps':31} {'runs':>4} {'processes':>9} {'steps/s':>8} "
-        f"{'a process':>9} {'ratio':>6} {'lowest':>6} {'by CPU time':>11} {'updates':>7} "
-        f"{'learned from':>12} {'complete':>9}"
+        f"{'a process':>9} {'ratio':>6} {'lowest':>6} {'by CPU time':>11} {'alike':>6} "
+        f"{'updates':>7} {'learned from':>12} {'complete':>9}"
     )
     for at, setting in enumerate(SETTINGS):
         base_at = next(
@@ -346,17 +359,27 @@ def table(rounds: list[list[list[Share]]], steps: int) -> None:
             strict=True,
         )
         runs, share = sum(setting.groups), rounds[0][at][0]
+        alike = [
+            own / rates(other, turns[i], steps)[0] * other.processes / setting.processes
+            for turns in rounds
+            for own in (rates(setting, turns[at], steps)[0],)
+            for i, other in enumerate(SETTINGS)
+            if other.options and abs(turns[i][0].updates - share.updates) < ALIKE
+        ]
+        equal = f"{statistics.median(alike):6.2f}" if alike else f"{'-':>6}"
         completing = sum(share.completing for turns in rounds for share in turns[at])
         print(
             f"{setting.name:31} {runs:4} {setting.processes:9} "
             f"{rate:8,.0f} {rate / setting.processes:9,.0f} "
             f"{statistics.median(ratios):6.2f} {min(ratios):6.2f} "
-            f"{statistics.median(by_cpu):11.2f} {share.updates:7.2f} {share.learned_from:12.1f} "
+            f"{statistics.median(by_cpu):11.2f} {equal} {share.updates:7.2f} "
+            f"{share.learned_from:12.1f} "
             f"{f'{completing} of {runs * len(rounds)}':>9}"
         )
     print(
         f"Updates and transitions learned from are those of a step; ratios are to {BASELINE}'s "
-        f"defaults\nin as many processes; the budget is {BUDGET:.0f}."
+        f"defaults\nin as many processes, with a budget of {BUDGET:.0f}; alike, a process, to its "
+        f"setting of as many updates, {EQUAL_BUDGET:.0f}."
     )
 
 

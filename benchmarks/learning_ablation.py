@@ -52,7 +52,7 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "batches of 32": {"batch": 32},
     "batches of 128": {"batch": 128},
     "a target that follows faster": {"target_rate": 0.1},
-    "a memory of 1,000": {"capacity": 1_000},
+    "a memory of a thousand": {"capacity": 1_000},
     "no warm-up": {"warm_up": 1},
     "two layers": {"layers": 2},
     "64 units": {"width": 64},

@@ -41,21 +41,31 @@ class BatchedAdam:
         loss.backward()  # type: ignore[no-untyped-call]
         self.follow(rate)
 
-    @torch.no_grad()
     def follow(self, rate: float) -> None:
         """Follow the gradients that there are."""
+        # Moments of weights that no longer matter fade to figures that processors are slow at.
+        torch.set_flush_denormal(True)
+        try:
+            self._follow(rate)
+        finally:
+            # Others in this thread are to find arithmetic as it was.
+            torch.set_flush_denormal(False)
+
+    @torch.no_grad()
+    def _follow(self, rate: float) -> None:
         self._steps += 1
         step = rate / (1.0 - _MEAN_DECAY**self._steps)
         correction = math.sqrt(1.0 - _SQUARE_DECAY**self._steps)
-        for parameter, mean, square in zip(
-            self._parameters, self._means, self._squares, strict=True
-        ):
-            gradient = parameter.grad
-            assert gradient is not None
-            mean.lerp_(gradient, 1.0 - _MEAN_DECAY)
-            square.mul_(_SQUARE_DECAY).addcmul_(gradient, gradient, value=1.0 - _SQUARE_DECAY)
-            scale = square.sqrt().div_(correction).add_(self._epsilon)
-            parameter.addcdiv_(mean, scale, value=-step)
+        gradients = [one.grad for one in self._parameters if one.grad is not None]
+        assert len(gradients) == len(self._parameters)
+        # All parameters at once: calls cost more than arithmetic.
+        torch._foreach_lerp_(self._means, gradients, 1.0 - _MEAN_DECAY)
+        torch._foreach_mul_(self._squares, _SQUARE_DECAY)
+        torch._foreach_addcmul_(self._squares, gradients, gradients, 1.0 - _SQUARE_DECAY)
+        scales = torch._foreach_sqrt(self._squares)
+        torch._foreach_div_(scales, correction)
+        torch._foreach_add_(scales, self._epsilon)
+        torch._foreach_addcdiv_(self._parameters, self._means, scales, -step)
 
     def arrays(self, name: str) -> dict[str, NDArray[Any]]:
         """Return copies of its moments, to be read by `read`."""

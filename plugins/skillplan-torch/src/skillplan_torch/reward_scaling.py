@@ -65,11 +65,9 @@ class RewardScaling:
         last = self.per_cost * costs
         completing = rewards - self.complete + last * self.counts_last
         late = rewards - self.out_of_time + last
-        return np.select(
-            [ends == GOES_ON, ends == COMPLETE, ends == OUT_OF_TIME],
-            [rewards, completing, late],
-            0.0,
-        )
+        over = np.where(ends == OUT_OF_TIME, late, 0.0)
+        over = np.where(ends == COMPLETE, completing, over)
+        return np.where(ends == GOES_ON, rewards, over)
 
 
 def _losses(task: Task, rewards: RewardFunction) -> Iterator[float]:

@@ -75,13 +75,14 @@ class QUpdate:
         taken = torch.from_numpy(of_runs(memory.action, slots))[..., None]
         values = self._networks.values(now).gather(2, taken)[..., 0]
         losses = torch.nn.functional.huber_loss(values, wanted, reduction="none") * shares
-        loss = losses.mean(1).sum()
+        each = losses.mean(1)
+        loss = each.sum()
         weight = self._options.imitation * self._schedules.imitation(steps)
         if weight:
             loss = loss + weight * self._margins()
         self._networks.follow(loss, self._schedules.learning_rate(steps))
         with torch.no_grad():
-            means = [losses.mean(1).numpy(), values.mean(1).numpy()]
+            means = [each.numpy(), values.mean(1).numpy()]
         return np.stack(means).astype(np.float64)
 
     def _margins(self) -> torch.Tensor:

@@ -74,6 +74,7 @@ class Conditions:
         self._failures, self._lacking = [none] * actions, [none] * actions
         # Of every literal, those that it implies.
         self._implied = np.zeros((_WORD * words, words), dtype=np.uint64)
+        self._implying = np.zeros(0, dtype=np.int64)
         self._known: Compiled | None = None
 
     def imply(self, implied: Words) -> None:
@@ -83,6 +84,7 @@ class Conditions:
         """
         if (implied != self._implied).any():
             self._implied = implied.copy()
+            self._implying = np.flatnonzero(implied.any(axis=1))
             self._known = None
             for action in range(len(self._held)):
                 self._explain(action)
@@ -90,11 +92,12 @@ class Conditions:
     def _relevant(self, actions: NDArray[np.int64] | slice = slice(None)) -> Words:
         """Return the literals that actions may ask for, but for what others of them imply."""
         held = self._held[actions]
-        found = held.copy()
-        rows = np.flatnonzero(self._implied.any(axis=1))
+        if not len(self._implying):
+            return held.copy()
+        rows = self._implying
         has = held[:, rows // _WORD] >> (rows % _WORD).astype(np.uint64) & np.uint64(1)
-        for at, row in enumerate(rows.tolist()):
-            found[has[:, at] != 0] &= ~self._implied[row]
+        said = np.where(has[:, :, None] != 0, self._implied[rows], np.uint64(0))
+        found: Words = held & ~np.bitwise_or.reduce(said, axis=1)
         return found
 
     def succeed(self, actions: NDArray[np.int64], literals: Words) -> None:
@@ -191,6 +194,7 @@ class Conditions:
         self._held = fitting(arrays, f"{name}.held", (actions, words)).copy()
         shape = self._implied.shape
         self._implied = fitting(arrays, f"{name}.implied", shape).copy()
+        self._implying = np.flatnonzero(self._implied.any(axis=1))
         counts = fitting(arrays, f"{name}.counts", (actions,)).tolist()
         rows = fitting(arrays, f"{name}.failures", (sum(counts), words))
         ends = np.cumsum([0, *counts]).tolist()
