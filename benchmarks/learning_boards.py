@@ -152,7 +152,7 @@ def measured(
         costs = [one["cost"] for one in document["runs"]]
         seconds, first = document["wall_s"], [one["completed_step"] for one in document["runs"]]
     return {
-        "deviations": [None if one is None else one / least - 1.0 for one in costs],
+        "deviations": [None if one is None else round(one / least - 1.0, 9) + 0.0 for one in costs],
         "first": first,
         "random": random_share(task),
         "seconds": seconds,
