@@ -230,7 +230,8 @@ def command(
     ) as folder:
         if folder.extended:
             tell(folder.extended)
-        tell(derived_words(plan))
+        if not resume:
+            tell(derived_words(plan))
         trainer = Trainer(folder.plan, folder, jobs=workers.jobs, time_limit_s=time_limit_s)
         with displaying(folder.plan, trainer.interrupt) as display:
             trainer.on_report, trainer.on_optimum = display.report, display.proved
