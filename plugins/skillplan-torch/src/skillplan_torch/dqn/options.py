@@ -43,18 +43,13 @@ class DqnOptions(NetworkOptions):
     capacity: int = Field(
         default=100_000, ge=1, le=100_000_000, description="most transitions remembered [-]"
     )
-    imitate_from: float = Field(
-        default=0.65,
-        ge=0.0,
-        le=1.0,
-        description="share of the steps after which the cheapest episode is imitated [-]",
-    )
     imitation: float = Field(
         default=1.0,
         ge=0.0,
         le=1e6,
-        description="weight of the loss by which actions of the cheapest episode then stand out by "
-        "a margin; only of one deterministic task is there such an episode [-]",
+        description="weight of the loss by which actions of the cheapest episode stand out by a "
+        "margin, from 0.65 of the steps on; only of one deterministic task is there such an "
+        "episode [-]",
     )
     imitation_margin: float = Field(
         default=0.2,

@@ -6,8 +6,8 @@ from skillplan_torch.dqn.options import DqnOptions
 
 # Episodes leave the policy until this share of the steps.
 _BRANCHING_UNTIL = 0.88
-# Over this share of the steps imitation sets in.
-_IMITATION_RAMP = 0.05
+# After this share of the steps imitation sets in, over that one.
+_IMITATION_FROM, _IMITATION_RAMP = 0.65, 0.05
 
 
 class Schedules:
@@ -26,8 +26,7 @@ class Schedules:
 
     def imitation(self, steps: int) -> float:
         """Return 0 at first, then more, and 1 in the end."""
-        first = self._options.imitate_from
-        return min(1.0, max(0.0, (steps / self._total - first) / _IMITATION_RAMP))
+        return min(1.0, max(0.0, (steps / self._total - _IMITATION_FROM) / _IMITATION_RAMP))
 
     def epsilon(self, steps: int) -> float:
         """Return the probability of an action at random."""
