@@ -47,7 +47,6 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "counts": {"exploration": "count"},
     "fewer random actions": {"epsilon": 0.1},
     "exploring to the end": {"explore_until": 1.0},
-    "a tenth of the margin": {"imitation_margin": 0.02},
     "batches of 32": {"batch": 32},
     "batches of 128": {"batch": 128},
     "a target that follows faster": {"target_rate": 0.1},

@@ -51,12 +51,6 @@ class DqnOptions(NetworkOptions):
         "margin, from 0.65 of the steps on; only of one deterministic task is there such an "
         "episode [-]",
     )
-    imitation_margin: float = Field(
-        default=0.2,
-        ge=0.0,
-        le=1e6,
-        description="by how much values of imitated actions stand out; they are about -1 to 4 [-]",
-    )
     # Updates
     batch: int = Field(
         default=64,

@@ -23,6 +23,9 @@ from skillplan_torch.dqn.replay_memory import ReplayMemory
 from skillplan_torch.dqn.schedules import Schedules
 from skillplan_torch.observation_counts import ObservationCounts, of_runs
 
+# By how much values of imitated actions stand out; they are about -1 to 4.
+_MARGIN = 0.2
+
 
 class QUpdate:
     """Learns from batches of what is remembered.
@@ -95,7 +98,7 @@ class QUpdate:
         values = self._networks.values(torch.from_numpy(steps.observations))
         own = values.gather(2, torch.from_numpy(steps.actions))
         others = values.masked_fill(torch.from_numpy(~rivals), -torch.inf)
-        short = torch.relu(others.amax(2) + self._options.imitation_margin - own[..., 0])
+        short = torch.relu(others.amax(2) + _MARGIN - own[..., 0])
         return (short * torch.from_numpy(steps.shares)).sum()
 
     def _targets(self, slots: NDArray[np.int64], steps: int) -> NDArray[np.float64]:
