@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 
@@ -19,3 +20,30 @@ def fitting(arrays: Mapping[str, NDArray[Any]], name: str, shape: tuple[int, ...
     if name not in arrays or arrays[name].shape != shape:
         raise ValueError(f"The snapshot's {name} is missing or of another shape.")
     return arrays[name]
+
+
+def copies(name: str, own: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Return copies of somebody's arrays, to be read by `take_over`.
+
+    Parameters
+    ----------
+    name
+        What their names in the snapshot begin with.
+    own
+        The arrays, by the rest of their names.
+    """
+    return {f"{name}.{key}": array.copy() for key, array in own.items()}
+
+
+def take_over(
+    name: str, own: Mapping[str, NDArray[Any]], arrays: Mapping[str, NDArray[Any]]
+) -> None:
+    """Write into somebody's arrays what `copies` returned of them.
+
+    Raises
+    ------
+    ValueError
+        If one is missing or of another shape.
+    """
+    for key, array in own.items():
+        np.copyto(array, fitting(arrays, f"{name}.{key}", array.shape))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from skillplan_torch.planned.beam_kernel import Rules
 from skillplan_torch.planned.conditions import Conditions, Words
-from skillplan_torch.snapshot_arrays import fitting
+from skillplan_torch.snapshot_arrays import copies, fitting, take_over
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -275,7 +275,7 @@ class TaskModel:
         """Return all that is known, to be read by `read`."""
         goal = np.zeros((0, 2 * self.words), np.uint64)
         return {
-            **{f"{name}.{key}": array.copy() for key, array in self._own().items()},
+            **copies(name, self._own()),
             f"{name}.goal": goal if self._goal is None else self._goal[None].copy(),
             **self.allowed.arrays(f"{name}.allowed"),
             **self.feasible.arrays(f"{name}.feasible"),
@@ -289,8 +289,7 @@ class TaskModel:
         ValueError
             If it is of another shape.
         """
-        for key, array in self._own().items():
-            np.copyto(array, fitting(arrays, f"{name}.{key}", array.shape))
+        take_over(name, self._own(), arrays)
         many = len(arrays.get(f"{name}.goal", ()))
         goal = fitting(arrays, f"{name}.goal", (many, 2 * self.words))
         self._goal = goal[0].copy() if many else None

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skillplan.env.transition_table import GOES_ON
-from skillplan_torch.snapshot_arrays import fitting
+from skillplan_torch.snapshot_arrays import copies, take_over
 
 
 class RolloutBuffer:
@@ -124,7 +124,7 @@ class RolloutBuffer:
 
     def arrays(self, name: str) -> dict[str, NDArray[Any]]:
         """Return copies of all steps, to be read by `read`; `filled` is not among them."""
-        return {f"{name}.{key}": array.copy() for key, array in self._own().items()}
+        return copies(name, self._own())
 
     def read(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Take over what `arrays` returned.
@@ -134,8 +134,7 @@ class RolloutBuffer:
         ValueError
             If it is of another shape.
         """
-        for key, array in self._own().items():
-            np.copyto(array, fitting(arrays, f"{name}.{key}", array.shape))
+        take_over(name, self._own(), arrays)
 
     def _own(self) -> dict[str, NDArray[Any]]:
         """Return the arrays by their names in a snapshot."""
