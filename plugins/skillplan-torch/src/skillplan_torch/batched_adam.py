@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from skillplan_torch.snapshot_arrays import fitting
+from skillplan_torch.snapshot_arrays import copies, fitting, take_over
 
 _MEAN_DECAY, _SQUARE_DECAY = 0.9, 0.999
 
@@ -69,11 +69,8 @@ class BatchedAdam:
 
     def arrays(self, name: str) -> dict[str, NDArray[Any]]:
         """Return copies of its moments, to be read by `read`."""
-        found: dict[str, NDArray[Any]] = {f"{name}.steps": np.array(self._steps, dtype=np.int64)}
-        for i, (mean, square) in enumerate(zip(self._means, self._squares, strict=True)):
-            found[f"{name}.{i}.mean"] = mean.numpy().copy()
-            found[f"{name}.{i}.square"] = square.numpy().copy()
-        return found
+        steps = np.array(self._steps, dtype=np.int64)
+        return {f"{name}.steps": steps, **copies(name, self._own())}
 
     def read(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Take over what `arrays` returned.
@@ -84,6 +81,11 @@ class BatchedAdam:
             If it is of another shape.
         """
         self._steps = int(fitting(arrays, f"{name}.steps", ()))
+        take_over(name, self._own(), arrays)
+
+    def _own(self) -> dict[str, NDArray[Any]]:
+        """Return its moments, which are not copied, by their names in a snapshot."""
+        found: dict[str, NDArray[Any]] = {}
         for i, (mean, square) in enumerate(zip(self._means, self._squares, strict=True)):
-            np.copyto(mean.numpy(), fitting(arrays, f"{name}.{i}.mean", tuple(mean.shape)))
-            np.copyto(square.numpy(), fitting(arrays, f"{name}.{i}.square", tuple(square.shape)))
+            found[f"{i}.mean"], found[f"{i}.square"] = mean.numpy(), square.numpy()
+        return found

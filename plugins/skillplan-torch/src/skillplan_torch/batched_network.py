@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 
 from skillplan.solvers.learning.network_policy import NetworkPolicy
-from skillplan_torch.snapshot_arrays import fitting
+from skillplan_torch.snapshot_arrays import copies, take_over
 
 Vector = NDArray[np.float32]
 
@@ -139,7 +139,7 @@ class BatchedNetwork:
 
     def arrays(self, name: str) -> dict[str, NDArray[Any]]:
         """Return copies of all parameters, to be read by `read`."""
-        return {f"{name}.{i}": array.copy() for i, array in enumerate(self._arrays)}
+        return copies(name, self._own())
 
     def read(self, name: str, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Take over what `arrays` returned.
@@ -149,5 +149,8 @@ class BatchedNetwork:
         ValueError
             If it is of another shape.
         """
-        for i, mine in enumerate(self._arrays):
-            np.copyto(mine, fitting(arrays, f"{name}.{i}", mine.shape))
+        take_over(name, self._own(), arrays)
+
+    def _own(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays by their names in a snapshot."""
+        return {str(i): array for i, array in enumerate(self._arrays)}
