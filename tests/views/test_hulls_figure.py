@@ -57,6 +57,21 @@ def test_bodies_are_named_and_what_moves_is_not(figure: Figure) -> None:
     assert "the hand" not in texts
 
 
+def test_the_bodies_of_a_verdict_and_no_others_are_named() -> None:
+    """The load that would tip is named, too, though it moves."""
+    scene = HullScene(
+        [
+            tetrahedron("lid", HullRole.MOVING),
+            tetrahedron("box", HullRole.MET, 0.05),
+            tetrahedron("post", HullRole.STANDING, 0.2),
+        ],
+        reason="lid would tip off box",
+        subjects=frozenset({"lid", "box"}),
+    )
+    (axes,) = hulls_figure(scene, HEADING).axes
+    assert [text.get_text() for text in axes.texts] == ["lid", "box"]
+
+
 def test_names_stand_before_all_hulls_and_not_across_each_other() -> None:
     """Also of what stands in the same place, and however many hulls there are."""
     scene = HullScene(

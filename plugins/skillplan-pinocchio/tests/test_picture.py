@@ -49,6 +49,16 @@ def test_what_is_run_into_is_marked_where_it_is_touched(shown):
     assert (touch <= corners.max(axis=0) + 1e-6).all()
 
 
+def test_the_scene_has_the_reason_of_the_verdict_and_its_bodies(shown):
+    """Also where nothing is run into."""
+    scene = shown("place(transformer)", "held(transformer)", "placed(pcb)", "placed(brace)")
+    assert scene.reason == "transformer runs into brace on the approach"
+    assert scene.subjects == {"transformer", "brace"}
+    alone = shown("place(transformer)", "held(transformer)")
+    assert alone.reason == "transformer has nothing beneath it"
+    assert alone.subjects == {"transformer"}
+
+
 def test_a_body_is_only_where_the_state_has_it(shown):
     """Of its places one, by the fact that holds."""
     scene = shown("pick(pcb)", "at_start(pcb)", "at_start(clock)")

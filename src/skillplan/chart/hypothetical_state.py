@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
@@ -60,10 +60,35 @@ class HypotheticalStates:
         """Return the component that a fact is about, or None."""
         return self._owner.get(fact)
 
+    def component(self, skill: Skill) -> str | None:
+        """Return the component that a skill moves or fastens, or None."""
+        operations = self.task.operations
+        return next((name for name in skill.parameters.values() if name in operations), None)
+
     def components(self, verdict: Verdict) -> set[str]:
         """Return the components that the facts of a verdict are about."""
         facts = [*(verdict.present or ()), *(verdict.absent or ())]
         return {self._owner[fact] for fact in facts if fact in self._owner}
+
+    def reason(self, verdict: Verdict, component: str | None, in_place: Set[str]) -> str:
+        """Return a verdict's stage and reason, with the other components in place if they matter.
+
+        Parameters
+        ----------
+        verdict
+            Of a skill of `component`.
+        component
+            The component that the skill moves or fastens; None for none.
+        in_place
+            The components that are in place in the state of the verdict.
+        """
+        text = f"{verdict.stage}: {verdict.reason}"
+        if not (self.components(verdict) - {component}) or not in_place - {component}:
+            return text
+        others = self.task.operations.keys() - {component}
+        if in_place >= others:
+            return f"{text} (with everything else in place)"
+        return f"{text} (with {' and '.join(sorted(in_place - {component}))} in place)"
 
     def _own_facts(self) -> dict[str, str]:
         """Return the component of every fact named after one; not where the arm stands."""
@@ -101,3 +126,9 @@ class HypotheticalStates:
             state = self._bring(state, name, skills, depth + 1)
         skills.append(maker)
         return maker.prediction.apply(state)
+
+
+def state_with_all_else(task: Task, skill: Skill) -> State:
+    """Return a state before a skill in which every component but its own is at its goal."""
+    hypothetical = HypotheticalStates(task)
+    return hypothetical.before(skill, task.operations.keys() - {hypothetical.component(skill)})

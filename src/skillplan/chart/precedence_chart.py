@@ -110,6 +110,10 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
         for relation in query.found:
             found.setdefault((relation.before, relation.after), relation)
     derived = closure(found)
+    order = ClosedRelation(derived)
+    stuck = [query for query in queries if query.skill.name in impossible]
+    reasons = run_queries(feasibility, [_last_reason(query, order) for query in stuck])
+    impossible |= {q.skill.name: why for q, why in zip(stuck, reasons, strict=True) if why}
     left = [
         query
         for query in queries
@@ -117,7 +121,6 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
         and (query.component, query.component) not in derived
     ]
     conditional: dict[str, tuple[str, ...]] = {}
-    order = ClosedRelation(derived)
     steps = [query.beyond(order) for query in left]
     for query, more in zip(left, run_queries(feasibility, steps), strict=True):
         if more is None:
@@ -141,6 +144,19 @@ def derive_chart(feasibility: Feasibility) -> DerivedChart:
         tuple(choice for choice in choices if choice is not None),
         tuple(relation for query in queries for relation in query.found),
     )
+
+
+def _last_reason(query: PrecedenceQuery, order: ClosedRelation) -> CheckSteps[str]:
+    """Return the reason with everything else in place that need not come after the component.
+
+    A skill that is never feasible fails in every state, mostly because something else is missing.
+    The reason that the user has to repair remains when nothing is missing.
+    """
+    done = frozenset(query.order) - {query.component} - order.after(query.component)
+    verdict = yield from query.check(done)
+    if verdict.is_feasible:
+        return ""
+    return query.hypothetical.reason(verdict, query.component, done)
 
 
 def _derive(query: PrecedenceQuery) -> CheckSteps[str]:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from skillplan.collision.hulls import HullDetector, HullRole, HullScene
+from skillplan.collision.hulls import HullDetector, HullScene
 from skillplan.errors import BackEndError, OptionError
 from skillplan.files.output_path import output_path
 from skillplan.physics.engine import Engine
@@ -136,9 +136,7 @@ def _picture(drawer: Any, skill: Skill, state: State) -> Image:
     from skillplan.views.figures.hulls_figure import figure_image, hulls_figure
 
     scene: HullScene = drawer.hulls(skill, state)
-    words = f"{drawer.name}: {skill.name}"
-    details = ", ".join(sorted({one.name for one in scene.hulls if one.role is HullRole.MET}))
-    heading = Heading(words, f"runs into {details}" if details else "runs into nothing")
+    heading = Heading(f"{drawer.name}: {skill.name}", scene.reason or "feasible")
     return figure_image(hulls_figure(scene, heading))
 
 

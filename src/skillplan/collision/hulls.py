@@ -29,7 +29,8 @@ class Hull:
     name
         Of the body, or of the part of the arm.
     role
-        Whether it is swept by something that moves, stands there, or is run into.
+        Whether it is swept by something that moves, stands there, or stands there and is named by
+        the verdict.
     vertices
         Its corners [m].
     triangles
@@ -62,10 +63,16 @@ class HullScene:
         All that is compared, in no order.
     touches
         Where something runs into something [m]; empty where the motion is free.
+    reason
+        Reason of an infeasible verdict; empty if the motion is feasible.
+    subjects
+        Names of the bodies in that reason, moving ones included.
     """
 
     hulls: Sequence[Hull]
     touches: Sequence[Point] = ()
+    reason: str = ""
+    subjects: frozenset[str] = frozenset()
 
 
 @runtime_checkable

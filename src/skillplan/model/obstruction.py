@@ -26,17 +26,30 @@ _MOST_NAMED = 2
 
 @dataclass
 class _Tries:
-    """The verdicts on one skill wherever its precondition held."""
+    """The verdicts on one skill wherever its precondition held.
+
+    Attributes
+    ----------
+    last
+        The verdict in the state with the most components in place: there it is least likely that
+        the skill fails only because something else is missing.
+    in_place
+        The components in place in that state.
+    """
 
     states: int = 0
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
     first: dict[tuple[str, str], Verdict] = field(default_factory=dict)
+    last: Verdict = field(default_factory=Verdict.feasible)
+    in_place: frozenset[str] = frozenset()
 
-    def note(self, verdict: Verdict) -> None:
+    def note(self, verdict: Verdict, in_place: frozenset[str]) -> None:
         self.states += 1
         key = (verdict.stage, verdict.reason)
         self.counts[key] += 1
         self.first.setdefault(key, verdict)
+        if self.states == 1 or len(in_place) > len(self.in_place):
+            self.last, self.in_place = verdict, in_place
 
     @property
     def verdict(self) -> Verdict:
@@ -100,15 +113,17 @@ def obstruction(model: SkillModel, most_states: int = 20_000) -> str | None:
 
 def _reach(model: SkillModel, most_states: int) -> _Reached | None:
     """Return the states that can be reached, or None where there are too many."""
+    goals = model.task.operations
     seen = {model.initial}
     queue = [model.initial]
     tries: dict[str, _Tries] = {}
     succeeded: set[str] = set()
     for state in queue:
+        in_place = frozenset(name for name, goal in goals.items() if goal in state)
         for skill in model.applicable(state):
             verdict = model.verdict(state, skill)
             if not verdict.is_feasible:
-                tries.setdefault(skill.name, _Tries()).note(verdict)
+                tries.setdefault(skill.name, _Tries()).note(verdict, in_place)
                 continue
             succeeded.add(skill.name)
             for _, following in model.transition(state, skill).outcomes:
@@ -126,18 +141,12 @@ def _matters(model: SkillModel, skill: Skill, seen: set[State]) -> bool:
     return any(all(fact not in state for state in seen) for fact in gained)
 
 
-def _component(hypothetical: HypotheticalStates, skill: Skill) -> str | None:
-    """Return the component that a skill moves or fastens, or None."""
-    operations = hypothetical.task.operations
-    return next((one for one in skill.parameters.values() if one in operations), None)
-
-
 def _needs(
     model: SkillModel, hypothetical: HypotheticalStates, reached: _Reached
 ) -> Iterator[Relation]:
     """Yield what skills that can be tried nowhere forbid of other components' starts."""
     for skill in model.task.skills:
-        component = _component(hypothetical, skill)
+        component = hypothetical.component(skill)
         if component is None or skill.name in reached.tries or skill.name in reached.succeeded:
             continue
         for fact in skill.precondition.forbids:
@@ -156,7 +165,7 @@ def _relations(
 
     Only a verdict that blames a single other component says so.
     """
-    component = _component(hypothetical, skill)
+    component = hypothetical.component(skill)
     others = hypothetical.components(verdict) - {component}
     if component is None or len(others) != 1:
         return
@@ -172,14 +181,14 @@ def _sentences(
     hypothetical: HypotheticalStates, blocked: list[Skill], tries: dict[str, _Tries]
 ) -> list[str]:
     """Return a sentence for each skill that does not fail for another's sake, two at most."""
-    failing = {_component(hypothetical, skill) for skill in blocked}
+    failing = {hypothetical.component(skill) for skill in blocked}
     roots = []
     for skill in blocked:
-        own = {_component(hypothetical, skill)}
-        if not (hypothetical.components(tries[skill.name].verdict) - own) & failing:
+        own = {hypothetical.component(skill)}
+        if not (hypothetical.components(tries[skill.name].last) - own) & failing:
             roots.append(skill)
     named = (roots or blocked)[:_MOST_NAMED]
-    lines = [_sentence(skill, tries[skill.name]) for skill in named]
+    lines = [_sentence(hypothetical, skill, tries[skill.name]) for skill in named]
     more = len(blocked) - len(named)
     if more:
         lines.append(
@@ -188,10 +197,8 @@ def _sentences(
     return lines
 
 
-def _sentence(skill: Skill, tries: _Tries) -> str:
-    verdict = tries.verdict
-    count = tries.counts[verdict.stage, verdict.reason]
+def _sentence(hypothetical: HypotheticalStates, skill: Skill, tries: _Tries) -> str:
     where = "the only state" if tries.states == 1 else f"all {tries.states} states"
-    often = "" if count == tries.states else f" (in {count} of them)"
-    said = f"{verdict.stage}: {verdict.reason}{often}"
-    return f"{skill.name} fails in {where} in which it can be tried: {said}"
+    component = hypothetical.component(skill)
+    reason = hypothetical.reason(tries.last, component, tries.in_place)
+    return f"{skill.name} fails in {where} in which it can be tried: {reason}"

@@ -98,8 +98,13 @@ class Explanation:
         }
 
 
-def explain(model: SkillModel, skill: Skill, before: Sequence[Skill]) -> Explanation:
-    """Return the verdicts on `skill` in the state that a sequence leads to.
+def explain(model: SkillModel, skill: Skill, state: State) -> Explanation:
+    """Return the verdicts on `skill` in a state."""
+    return Explanation(model.task, skill, state, tuple(model.feasibility.stages(skill, state)))
+
+
+def state_after(model: SkillModel, before: Sequence[Skill]) -> State:
+    """Return the state that a sequence leads to.
 
     Raises
     ------
@@ -113,5 +118,4 @@ def explain(model: SkillModel, skill: Skill, before: Sequence[Skill]) -> Explana
             f"--after fails at step {fault.step + 1} ({fault.skill}): "
             f"{fault.stage}: {fault.reason}."
         )
-    stages = tuple(model.feasibility.stages(skill, walked.state))
-    return Explanation(model.task, skill, walked.state, stages)
+    return walked.state

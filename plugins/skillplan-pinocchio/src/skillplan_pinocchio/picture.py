@@ -59,7 +59,16 @@ def hull_scene(paths: ArmPaths, skill: Skill, state: State, verdict: Verdict) ->
         if there and obstacle.body != TABLE and obstacle.body not in moved:
             role = HullRole.MET if obstacle.body in met else HullRole.STANDING
             hulls += [_hull(obstacle.body, role, piece) for piece in obstacle.pieces]
-    return HullScene(hulls, list(_touches(verdict)))
+    reason = "" if verdict.is_feasible else verdict.reason
+    return HullScene(hulls, list(_touches(verdict)), reason, frozenset(_subjects(verdict)))
+
+
+def _subjects(verdict: Verdict) -> Iterator[str]:
+    """Yield the names of the bodies in the reason of a verdict."""
+    evidence = verdict.evidence
+    yield from (str(evidence[key]) for key in ("moving", "body") if key in evidence)
+    for key in ("bodies", "links"):
+        yield from evidence.get(key, ())
 
 
 def _travelling(paths: ArmPaths, skill: Skill, state: State) -> Iterator[Hull]:

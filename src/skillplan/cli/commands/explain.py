@@ -64,6 +64,15 @@ def command(
             rich_help_panel=TASK,
         ),
     ] = None,
+    last: Annotated[
+        bool,
+        typer.Option(
+            "--last",
+            help="Explain SKILL after everything else: every other part and screw is at its goal. "
+            "No sequence need lead there.",
+            rich_help_panel=TASK,
+        ),
+    ] = False,
     picture: Annotated[
         str | None,
         typer.Option(
@@ -93,14 +102,17 @@ def command(
     whole product, or from what is in place after --after or --from, and what is in its way in the
     others.
     """
+    from skillplan.chart.hypothetical_state import state_with_all_else
     from skillplan.cli.freedom import asked_part, tell_freedom
     from skillplan.cli.output import emit
     from skillplan.cli.showing import draw, drawing_paths, illustrator
     from skillplan.errors import exit_code
     from skillplan.pipeline.run import make_model
-    from skillplan.records.explanation import explain
+    from skillplan.records.explanation import explain, state_after
     from skillplan.views.tables.explanation import explanation_tables
 
+    if last and (after is not None or result is not None):
+        raise OptionError("Give --last alone: --after and --from name another state.")
     if result is None:
         if step is not None:
             raise OptionError("--step counts the steps of a result: name it by --from RESULT.")
@@ -122,7 +134,8 @@ def command(
     cache = caching.cache()
     model = make_model(loaded, setup, cache, back_ends=made)
     drawer = illustrator(model.feasibility.back_ends, paths) if paths else None
-    explanation = explain(model, chosen, before)
+    state = state_with_all_else(loaded, chosen) if last else state_after(model, before)
+    explanation = explain(model, chosen, state)
     if drawer is not None:
         taken = model.feasibility.taken(chosen, explanation.state)
         explanation = explanation.drawn(draw(drawer, taken, explanation.state, paths))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 
 import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D, proj3d
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -28,7 +29,7 @@ _ELEVATION_DEG, _AZIMUTH_DEG = 26.0, -62.0
 _LOOKS = {
     HullRole.MOVING: (BLUE, 0.16, "swept by hand, load and arm"),
     HullRole.STANDING: (GREY, 0.45, "stands there"),
-    HullRole.MET: (RED, 0.75, "is run into"),
+    HullRole.MET: (RED, 0.75, "named by the verdict"),
 }
 # Faces that look away from the light are darker by this share.
 _SHADE = 0.45
@@ -37,6 +38,8 @@ _MARGIN_M = 0.02
 # What stands no farther from the motion is shown too [m].
 _BESIDE_M = 0.1
 _MOST_TICKS = 6
+# A name stands above the corners that are at most so far below the highest [m].
+_TOP_M = 0.005
 # In front of all hulls, which matplotlib numbers by their depth.
 _IN_FRONT = 10_000
 # Of a name, the width of a letter and the distance of two lines, as shares of the size of type.
@@ -45,7 +48,10 @@ _LETTER, _LINE = 0.6, 1.15
 
 @in_house_style
 def hulls_figure(scene: HullScene, heading: Heading) -> Figure:
-    """Draw the hulls of a swept motion and of what stands about, met bodies in another colour.
+    """Draw the hulls of a swept motion and of the bodies that stand near it.
+
+    The bodies of an infeasible verdict, and only these, carry their names; without one, all
+    standing bodies do.
 
     Parameters
     ----------
@@ -84,7 +90,7 @@ def hulls_figure(scene: HullScene, heading: Heading) -> Figure:
             zorder=_IN_FRONT,
         )
     _lay_out(axes, shown)
-    _write_names(axes, shown)
+    _write_names(axes, shown, scene.subjects)
     used = [role for role in HullRole if any(hull.role is role for hull in shown)]
     figure.legend(
         [Patch(facecolor=_LOOKS[role][0], alpha=max(0.4, _LOOKS[role][1])) for role in used],
@@ -132,22 +138,23 @@ def _facing(faces: NDArray[np.float64], middle: NDArray[np.float64]) -> NDArray[
     return np.asarray(outward * (normals @ light) / lengths)
 
 
-def _named(hulls: Sequence[Hull]) -> Iterator[tuple[str, Point]]:
-    """Yield what stands there, each once, and where its name goes: above its highest corner."""
+def _named(hulls: Sequence[Hull], subjects: Set[str]) -> Iterator[tuple[str, Point]]:
+    """Yield each body to be named, and the place of its name: above its highest corner."""
     bodies: dict[str, list[Point]] = {}
     for hull in hulls:
-        if hull.role is not HullRole.MOVING:
+        if hull.name in subjects or (not subjects and hull.role is not HullRole.MOVING):
             bodies.setdefault(hull.name, []).extend(hull.vertices)
     for name, corners in bodies.items():
-        middle = np.mean(corners, axis=0)
-        yield name, (float(middle[0]), float(middle[1]), max(corner[2] for corner in corners))
+        places = np.array(corners)
+        top = places[places[:, 2] > places[:, 2].max() - _TOP_M].mean(axis=0)
+        yield name, (float(top[0]), float(top[1]), float(places[:, 2].max()))
 
 
-def _write_names(axes: Axes3D, hulls: Sequence[Hull]) -> None:
+def _write_names(axes: Axes3D, hulls: Sequence[Hull], subjects: Set[str]) -> None:
     """Write the names of bodies above them and before everything, none across another."""
     points = 72 / axes.get_figure().dpi
     written: list[tuple[float, float, float]] = []
-    for body, above in _named(hulls):
+    for body, above in _named(hulls, subjects):
         x, y, _ = proj3d.proj_transform(*above, axes.get_proj())
         across, up = (points * float(at) for at in axes.transData.transform((x, y)))
         half, lifted = _LETTER * SMALL_PT * len(body) / 2, up
@@ -165,6 +172,7 @@ def _write_names(axes: Axes3D, hulls: Sequence[Hull]) -> None:
             va="bottom",
             zorder=_IN_FRONT,
             annotation_clip=False,
+            path_effects=[withStroke(linewidth=2.5, foreground="#ffffff")],
         )
 
 
