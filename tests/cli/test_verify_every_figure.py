@@ -123,6 +123,7 @@ def document_of(folder: Path, name: str = "result.json") -> Any:
         ("physics",),
         ("collision",),
         ("reason",),
+        ("proved_by", 1),
         ("steps", 3, "goal", 1),
         ("steps", 14, "duration_s"),
     ],
@@ -249,6 +250,33 @@ def test_a_changed_cell_beside_the_result_is_noticed(run: Path, chain: Path) -> 
 def test_every_cell_beside_the_result_is_checked(run: Path) -> None:
     """One at a time."""
     assert [] == tampered_cells(run / "plan.csv", run, None)
+
+
+@pytest.mark.parametrize("folder", ["run", "chain"])
+def test_a_result_of_an_older_version_without_the_later_keys_is_valid(
+    folder: str, request: pytest.FixtureRequest
+) -> None:
+    place: Path = request.getfixturevalue(folder)
+    document = document_of(place)
+    for row in (document, *document.get("sequences", ()), *document.get("stages", ())):
+        for key in ("proved_by", "simulation", "not_checked"):
+            del row[key]
+    (place / "result.json").write_text(json.dumps(document), "utf-8")
+    assert accepted(place)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("not_checked", ["the weather"]),
+        ("proved_by", []),
+        ("simulation", {"engine": "mujoco", "complete": True}),
+    ],
+)
+def test_a_claim_about_the_checks_that_was_made_up_fails(run: Path, key: str, value: Any) -> None:
+    document = {**document_of(run), key: value}
+    (run / "result.json").write_text(json.dumps(document), "utf-8")
+    assert not accepted(run)
 
 
 def test_what_is_listed_as_unchecked_passes(run: Path) -> None:

@@ -276,6 +276,42 @@ class TestConstruction:
         solve(two_roads_task(), "exact", setup)
         assert told == [1]
 
+    def test_a_result_lists_each_sentence_about_what_is_not_checked_once(self):
+        """A back end that names nothing adds nothing."""
+
+        class Partial(Detector):
+            """Leaves the cables unchecked."""
+
+            name = "partial"
+
+            def not_checked(self):
+                return ("cables: the task does not describe them",)
+
+            def check(self, skill, state):
+                return Verdict.feasible()
+
+        class Alike(Partial):
+            name = "alike"
+
+        back_ends = (Partial, Alike, lambda task: fake_back_end(task, name="full"))
+        setup = FakeSetup(make=lambda task: [make(task) for make in back_ends])
+        result = solve(two_roads_task(), "exact", setup)
+        assert result.not_checked == ("cables: the task does not describe them",)
+        assert result.document()["not_checked"] == [*result.not_checked]
+
+    def test_what_fails_to_say_what_it_leaves_unchecked_is_blamed(self):
+        class Mute(Detector):
+            name = "mute"
+
+            def not_checked(self):
+                raise ValueError("lost")
+
+            def check(self, skill, state):
+                return Verdict.feasible()
+
+        with pytest.raises(BackEndError, match=r"mute.*lost"):
+            solve(two_roads_task(), "exact", FakeSetup(make=lambda task: [Mute(task)]))
+
     def test_each_solver_of_a_comparison_has_its_own(self, made, setup):
         """What a back end remembers for one must not spare the next its work."""
         solve_all(two_roads_task(), ["exact", "exhaustive"], setup)

@@ -12,7 +12,7 @@ import pytest
 from skillplan.cli.output import as_json, exit_code
 from skillplan.model.replay import Step
 from skillplan.records.origin import Origin
-from skillplan.records.result import Result, Status, tolerance
+from skillplan.records.result import Result, SimulationOutcome, Status, tolerance
 from skillplan.task.task import Task
 from skillplan.views.tables.results import comparison_table, plan_table
 from skillplan.views.text.wording import number, percent
@@ -123,6 +123,44 @@ def test_a_bound_goes_with_the_method_that_proved_it(optimal: Result, unsolved: 
     for bound in (None, -math.inf):
         empty = replace(unsolved, lower_bound=bound, bound_method="counting")
         assert "" == empty.document()["bound_method"]
+
+
+@pytest.mark.parametrize(
+    ("status", "names"),
+    [
+        (Status.OPTIMAL, ["kinematic", "swept", "precedence"]),
+        (Status.INFEASIBLE, ["kinematic", "swept", "precedence"]),
+        (Status.UNSOLVED, []),
+        (Status.REFUSED, []),
+    ],
+)
+def test_a_claim_names_the_back_ends_that_it_was_checked_under(
+    optimal: Result, unsolved: Result, status: Status, names: list[str]
+) -> None:
+    row = optimal if status is Status.OPTIMAL else unsolved
+    row = replace(row, status=status, collision="swept,precedence")
+    assert names == row.document()["proved_by"]
+    assert row.document()["simulation"] is None
+
+
+def test_a_simulation_of_the_plan_stands_in_the_document(optimal: Result) -> None:
+    failed = SimulationOutcome("mujoco", False, 9, "place(gear)", "it rests 6 mm off")
+    assert {
+        "engine": "mujoco",
+        "complete": False,
+        "failed_step": 9,
+        "skill": "place(gear)",
+        "reason": "it rests 6 mm off",
+    } == replace(optimal, simulation=failed).document()["simulation"]
+
+
+def test_the_table_names_what_was_checked_and_what_was_not(
+    optimal: Result, board_task: Task
+) -> None:
+    row = replace(optimal, collision="swept", not_checked=("torque limit of joint_3: unknown",))
+    notes = plan_table(row, board_task).notes
+    assert "proved by  kinematic, swept" in notes
+    assert "not checked  torque limit of joint_3: unknown" in notes
 
 
 def test_the_document_says_where_the_task_is_from(optimal: Result) -> None:

@@ -137,6 +137,23 @@ def introduce(back_ends: Sequence[BackEnd]) -> IntroducedBackEnds:
     return IntroducedBackEnds(back_ends)
 
 
+def list_not_checked(back_ends: Sequence[BackEnd]) -> tuple[str, ...]:
+    """Return the sentences of all back ends about what they leave unchecked, each once.
+
+    Raises
+    ------
+    BackEndError
+        If one raises.
+    """
+    sentences: dict[str, None] = {}
+    for back_end in back_ends:
+        try:
+            sentences.update(dict.fromkeys(map(str, back_end.not_checked())))
+        except BaseException as error:
+            _blame(error, back_end)
+    return tuple(sentences)
+
+
 def check(back_end: BackEnd, skill: Skill, state: State) -> Checked:
     """Query a back end about a skill that is applicable in a state.
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
+from itertools import chain
 
+from skillplan.checks.single_check import list_not_checked
 from skillplan.checks.verdict_cache import AskingCache, VerdictCache
 from skillplan.domains.load import Problem
 from skillplan.errors import ChainBroken, OptionError, SearchStopped
@@ -109,6 +111,7 @@ def certify(
         tuple(check.asked.values()),
         unchecked,
         cache is not None,
+        tuple(dict.fromkeys(chain.from_iterable(r.not_checked for r in check.replayed.values()))),
     )
 
 
@@ -223,7 +226,8 @@ class _Check:
                 expected = self._expected(task, model)
         except SearchStopped:
             return False
-        self.replayed[task.name] = Replayed(task, stored, walked, expected)
+        not_checked = list_not_checked(model.feasibility.back_ends)
+        self.replayed[task.name] = Replayed(task, stored, walked, expected, not_checked)
         return True
 
     def _task_claims(self, stored: StoredResult | StoredPart, task: Task) -> Iterator[Claim]:

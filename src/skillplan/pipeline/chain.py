@@ -193,8 +193,8 @@ class Chain:
     def _part(self, task: Task) -> ChainPart:
         self.stop.renew()
         if task.preset is not None and task.stage not in self.searched:
-            draft = make_draft(task, "rule", self.setup, self.seed)
             back_ends = self._back_ends(task)
+            draft = make_draft(task, "rule", self.setup, self.seed, back_ends)
             made = Attempt(draft, Solution(Plan(task.preset)), back_ends=back_ends)
             return self._judged(task, made)
         key = (task.goal, task.facts.names, task.skills, task.reward, task.step_limit)

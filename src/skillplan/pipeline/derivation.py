@@ -48,12 +48,15 @@ class Replayed:
         The plan, replayed; None without one.
     expected
         Under chance, what the policy that was stored beside is worth; None without one.
+    not_checked
+        Sentences of the back ends about what they leave unchecked of the task.
     """
 
     task: Task
     stored: StoredClaims
     walked: Replay | None
     expected: PolicyValue | None = None
+    not_checked: tuple[str, ...] = ()
 
     @property
     def sound(self) -> bool:
@@ -116,6 +119,7 @@ def derived_result(replayed: Replayed, setup: Setup, solver: str, origin: Origin
         wall_s=stored.stats.wall_s,
         trace=stored.trace,
         origin=origin,
+        not_checked=replayed.not_checked,
     )
 
 

@@ -25,6 +25,7 @@ from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
 
 _MOST_SHOWN = 5
+_LATER_KEYS = ("proved_by", "simulation", "not_checked")
 _MOST_BYTES = 64 * 1024 * 1024
 
 SavedTables = Callable[[Result | ChainResult, Task], Mapping[str, str]]
@@ -102,6 +103,7 @@ class RecordCheck:
         should.pop("schema")
         if origin is None and "origin" not in document:
             should.pop("origin")
+        _drop_later_keys(should, document)
         amiss = list(differences(document, should))
         words = "; ".join(amiss[:_MOST_SHOWN])
         words += f"; and {len(amiss) - _MOST_SHOWN} more" if len(amiss) > _MOST_SHOWN else ""
@@ -152,6 +154,16 @@ class RecordCheck:
         outcome = Outcome.FAILS if fault else Outcome.HOLDS
         words = fault or "take the way of the plan; all choices can be executed"
         yield Claim(POLICIES, outcome, words, ARITHMETIC)
+
+
+def _drop_later_keys(should: dict[str, Any], document: Mapping[str, Any]) -> None:
+    """Remove keys that results of older versions lack, also from the parts of a chain."""
+    for key in _LATER_KEYS:
+        if key not in document:
+            should.pop(key, None)
+    for parts in ("sequences", "stages"):
+        for part, claimed in zip(should.get(parts, ()), document.get(parts, ()), strict=False):
+            _drop_later_keys(part, claimed)
 
 
 def _line_fault(found: list[str], should: list[str]) -> str:

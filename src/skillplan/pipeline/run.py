@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from skillplan.checks.feasibility import CheckCount, Feasibility
+from skillplan.checks.single_check import list_not_checked
 from skillplan.checks.verdict_cache import DiskVerdictCache, VerdictCache
 from skillplan.files.cache_folder import cache_folder
 from skillplan.judge.referee import judge
@@ -210,7 +211,7 @@ def attempt(
     model = make_model(
         task, setup, cache, stop.overdue, jobs=jobs, on_check=stop.checked, back_ends=back_ends
     )
-    draft = make_draft(task, solver.name, setup, seed)
+    draft = make_draft(task, solver.name, setup, seed, model.feasibility.back_ends)
     terms = Terms(cache, seed, stop, jobs, audit, start, may_leave)
     return attempted(solver, model, draft, terms)
 
@@ -226,8 +227,10 @@ def _prepared(solver: str | Solver, task: Task, setup: Setup, stop: Stop, jobs: 
     return solver
 
 
-def make_draft(task: Task, solver: str, setup: Setup, seed: int) -> Draft:
-    """Return a draft that says who solves what, and nothing of how it went."""
+def make_draft(
+    task: Task, solver: str, setup: Setup, seed: int, back_ends: Sequence[BackEnd] = ()
+) -> Draft:
+    """Return a draft that names the task, the solver and what `back_ends` leave unchecked."""
     return Draft(
         task=task.name,
         kind=task.kind,
@@ -238,6 +241,7 @@ def make_draft(task: Task, solver: str, setup: Setup, seed: int) -> Draft:
         collision=",".join(choice.name for choice in setup.collision_choices(task)),
         cost_unit=task.metric.unit,
         timed_by=setup.timed_by(task),
+        not_checked=list_not_checked(back_ends),
     )
 
 

@@ -91,6 +91,8 @@ class Certificate:
         Key of the result to why what stands there cannot be checked.
     warm
         Whether verdicts kept on disk were used.
+    not_checked
+        Sentences of the back ends about what they leave unchecked of the task.
     """
 
     file: str
@@ -101,6 +103,7 @@ class Certificate:
     asked: Sequence[Asked] = ()
     unchecked: Mapping[str, str] = field(default_factory=dict)
     warm: bool = False
+    not_checked: tuple[str, ...] = ()
 
     @property
     def valid(self) -> bool:
@@ -130,4 +133,5 @@ class Certificate:
             "not_checked": [
                 {"key": key, "reason": reason} for key, reason in self.unchecked.items()
             ],
+            "back_ends_not_checked": list(self.not_checked),
         }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field
+from itertools import chain
 from typing import Any
 
 from skillplan.domains.domain import Account
@@ -178,6 +179,18 @@ class ChainResult:
         return "; ".join(parts)
 
     @property
+    def proved_by(self) -> tuple[str, ...]:
+        """Back ends under which every part was checked; empty if a part makes no claim."""
+        names = [part.result.proved_by for part in self.parts]
+        return tuple(dict.fromkeys(chain.from_iterable(names))) if all(names) else ()
+
+    @property
+    def not_checked(self) -> tuple[str, ...]:
+        """Sentences about what the back ends leave unchecked of any part, each once."""
+        sentences = chain.from_iterable(part.result.not_checked for part in self.parts)
+        return tuple(dict.fromkeys(sentences))
+
+    @property
     def cost(self) -> float | None:
         """The main parts' costs in all; None while the chain is not complete."""
         if not self.complete:
@@ -282,6 +295,9 @@ class ChainResult:
             "collision": self.parts[-1].result.collision,
             "status": self.status.value,
             "reason": self.reason,
+            "proved_by": list(self.proved_by),
+            "simulation": None,
+            "not_checked": list(self.not_checked),
             "cost": self.cost,
             "cost_unit": self.cost_unit,
             "lower_bound": bound,

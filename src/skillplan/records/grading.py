@@ -77,6 +77,8 @@ class Draft:
         Whether the user ended the search.
     trace
         Figures of the search.
+    not_checked
+        Sentences of the back ends about what they leave unchecked of the task.
     """
 
     task: str
@@ -96,6 +98,7 @@ class Draft:
     wall_s: float = 0.0
     interrupted: bool = False
     trace: Mapping[str, Any] = field(default_factory=dict)
+    not_checked: tuple[str, ...] = ()
 
     def graded(self, grade: Grade) -> Result:
         """Return the result: the draft with what the referee grants.

@@ -36,6 +36,41 @@ class Status(StrEnum):
 
 
 @dataclass(frozen=True)
+class SimulationOutcome:
+    """Outcome of one simulation of a whole plan.
+
+    Parameters
+    ----------
+    engine
+        The physics engine.
+    complete
+        Whether every skill succeeded and the goal was reached.
+    failed_step
+        Number of the first failed skill, from 1; None without one.
+    skill
+        Its name.
+    reason
+        Why the simulation failed or ended early; empty if it is complete.
+    """
+
+    engine: str
+    complete: bool
+    failed_step: int | None = None
+    skill: str | None = None
+    reason: str = ""
+
+    def document(self) -> dict[str, Any]:
+        """Return the outcome as JSON values."""
+        return {
+            "engine": self.engine,
+            "complete": self.complete,
+            "failed_step": self.failed_step,
+            "skill": self.skill,
+            "reason": self.reason,
+        }
+
+
+@dataclass(frozen=True)
 class Result:
     """One solver on one task, after the replay.
 
@@ -71,6 +106,10 @@ class Result:
         The task file and how it was read; None where the task is from no file.
     back_end_failed
         Whether it has failed by a back end, and by no fault of the solver's.
+    not_checked
+        Sentences of the back ends about what they leave unchecked of the task.
+    simulation
+        Outcome of a simulation of the whole plan; None if it was not simulated.
 
     Raises
     ------
@@ -106,6 +145,8 @@ class Result:
     policy: Mapping[State, Skill] | None = field(default=None, repr=False, compare=False)
     origin: Origin | None = None
     back_end_failed: bool = False
+    not_checked: tuple[str, ...] = ()
+    simulation: SimulationOutcome | None = None
 
     def __post_init__(self) -> None:
         has_plan = self.status in (Status.OPTIMAL, Status.SOLVED)
@@ -134,6 +175,18 @@ class Result:
         """Number of skills of the plan; None without one."""
         return len(self.steps) if self.cost is not None else None
 
+    @property
+    def proved_by(self) -> tuple[str, ...]:
+        """Names of the back ends under which the status was checked, physics first.
+
+        The referee has replayed the plan under all of them. An ``optimal`` plan is the best, and
+        an ``infeasible`` task has no plan, among the plans that all of them allow. Empty if the
+        status makes no such claim.
+        """
+        if self.status not in (Status.OPTIMAL, Status.SOLVED, Status.INFEASIBLE):
+            return ()
+        return tuple(filter(None, (self.physics, *self.collision.split(","))))
+
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.result/1``."""
         bound = self.lower_bound
@@ -148,6 +201,9 @@ class Result:
             "collision": self.collision,
             "status": self.status.value,
             "reason": self.reason,
+            "proved_by": list(self.proved_by),
+            "simulation": None if self.simulation is None else self.simulation.document(),
+            "not_checked": list(self.not_checked),
             "cost": self.cost,
             "cost_unit": self.cost_unit,
             "lower_bound": bound,

@@ -71,6 +71,14 @@ class BackEnd(ABC):
         """
         return {}
 
+    def not_checked(self) -> tuple[str, ...]:
+        """Return sentences that name what this back end leaves unchecked of its task.
+
+        For example "torque limit of joint_3: not in the robot description". Results print them.
+        Called after `beside`.
+        """
+        return ()
+
     def beside(self, others: Sequence[BackEnd]) -> None:
         """Learn which back ends are queried besides; called once, before the first check."""
         return

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from skillplan.records.certificate import Asked, Certificate, Claim, Outcome
+from skillplan.views.tables.results import not_checked_notes
 from skillplan.views.text.table import Column, Table
 
 # How claims were checked, by the label that stands in front; every other method is a proof.
@@ -22,6 +23,7 @@ def certificate_table(certificate: Certificate) -> Table:
         + (", with verdicts kept on disk" if certificate.warm else ""),
         *(f"unchecked  {key}: {why}" for key, why in certificate.unchecked.items()),
     ]
+    notes += not_checked_notes(certificate.not_checked)
     return _table(certificate, certificate.claims, [*notes, _verdict(certificate, everything)])
 
 
@@ -36,6 +38,7 @@ def certificate_summary(certificate: Certificate) -> Table:
         for label in dict.fromkeys((*_LABELS.values(), _PROOF))
         if label in groups
     ]
+    notes += not_checked_notes(certificate.not_checked)
     return _table(certificate, amiss, [*notes, _verdict(certificate, _MOST_NAMED)])
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.result import Result, Status
 from skillplan.views.tables.listing import listing_table
-from skillplan.views.tables.results import PROOF, one_line
+from skillplan.views.tables.results import PROOF, not_checked_notes, one_line, proved_by_notes
 from skillplan.views.text.table import Column, Table
 from skillplan.views.text.wording import number, percent
 
@@ -28,7 +28,7 @@ def chain_tables(result: ChainResult) -> list[Table]:
     )
     rows = [_row(part) for part in result.parts]
     unit = result.cost_unit
-    notes = [f"status     {PROOF[result.status]}{_because(result)}"]
+    notes = [f"status     {PROOF[result.status]}{_because(result)}", *proved_by_notes(result)]
     if result.cost is not None:
         main = result.main[0].task
         notes += [
@@ -41,6 +41,7 @@ def chain_tables(result: ChainResult) -> list[Table]:
             notes.append(f"stored     {reused} tasks answered by a policy learned before")
     if result.replans:
         notes.append(f"replanned  {result.replans} times, with heads closer together")
+    notes += not_checked_notes(result.not_checked)
     notes.append(f"effort     {result.wall_s:.2f} s")
     title = f"{result.name}: {result.solver}, physics {result.parts[-1].result.physics}, collision "
     title += result.parts[-1].result.collision or "none"

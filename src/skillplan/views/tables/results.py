@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from skillplan.model.replay import Step
+from skillplan.records.chain_result import ChainResult
 from skillplan.records.result import Result, Status
 from skillplan.task.motion import Point
 from skillplan.task.task import Metric, Task
@@ -28,6 +29,7 @@ def plan_table(result: Result, task: Task) -> Table:
     title = f"{result.task}: {result.solver}, physics {result.physics}, collision "
     title += result.collision or "none"
     notes = status_notes(result.status, result.reason)
+    notes += proved_by_notes(result)
     bound = _bound_note(result, task)
     if result.cost is not None:
         actions = ",".join(str(step.action) for step in result.steps)
@@ -46,6 +48,7 @@ def plan_table(result: Result, task: Task) -> Table:
         f"{key:<10} {result.trace[key]}" for key in ("choice", "start") if key in result.trace
     ]
     notes += _trace_notes(result, task.metric.decimals)
+    notes += not_checked_notes(result.not_checked)
     nodes = "-" if result.expanded is None else result.expanded
     timed = task.metric.is_duration and result.timed_by
     asked = f"{result.trajectories} trajectories, " if timed else ""
@@ -192,6 +195,17 @@ def status_notes(status: Status, reason: str) -> list[str]:
         f"reason     {first}",
         *(f"           {line}" for line in others),
     ]
+
+
+def proved_by_notes(result: Result | ChainResult) -> list[str]:
+    """Return the back ends under which the status was checked."""
+    label = "checked by" if result.status is Status.SOLVED else "proved by"
+    return [f"{label:<9}  {', '.join(result.proved_by)}"] if result.proved_by else []
+
+
+def not_checked_notes(sentences: Sequence[str]) -> list[str]:
+    """Return a note for each sentence about what the back ends leave unchecked."""
+    return [f"not checked  {sentence}" for sentence in sentences]
 
 
 def one_line(reason: str) -> str:
