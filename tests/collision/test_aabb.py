@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from situations import assembly, config_content
+from situations import assembly, config_content, fetching_board
 from skillplan.collision.aabb import AabbDetector
 from skillplan.pipeline.run import make_model, solve
 from skillplan.pipeline.setup import Setup
@@ -181,6 +181,16 @@ def test_a_part_in_a_feeder_is_no_obstacle():
         del content["parts"][part]["start_m"]
     facts = ("at_start(top)", "at_start(base)", "hand_free")
     assert verdict_of(content, "pick(top)", *facts).is_feasible
+
+
+def test_a_screw_stands_free_on_what_bears_its_feeder():
+    """Neither its head nor the tool above is in the tray."""
+    facts = ("placed(plate)", "at_start(tray)", "hand_free")
+    content = fetching_board(0.02, beneath_m=0.02, envelope_m=[0.03, 0.03, 0.1])
+    assert verdict_of(content, "fasten(screw)", *facts, tool="screwdriver").is_feasible
+    content["feeders"]["magazine"]["height_m"] = 0.01
+    verdict = verdict_of(content, "fasten(screw)", *facts, tool="screwdriver")
+    assert verdict.reason == "screwdriver runs into tray on the approach"
 
 
 def test_a_turned_part_takes_its_turned_room():

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from situations import assembly
+from situations import assembly, fetching_board
 from skillplan.physics.linear_motions import LinearMotion, linear_motions
 from skillplan.task.grasp import AXES, Grasp, GraspKind
 from skillplan.task.motion import Motion, Route, Visit
@@ -133,3 +133,15 @@ def test_above_a_target_nothing_of_the_load_is_below_the_safe_height(rpy_rad: Po
     body = assembly(BAR).scene.body("bar")
     lifted = pose.moved(plus(motion.above, motion.tip, -1.0))
     assert -body.reach_m(lifted, DOWN) >= 0.2 - 1e-9
+
+
+@given(height_m=st.floats(0, 0.1), head_mm=st.floats(0.5, 20))
+def test_a_bit_fetches_a_screw_by_its_head_that_stands_on_the_feeder(
+    height_m: float, head_mm: float
+) -> None:
+    """As parts stand on theirs: otherwise the head would be in whatever bears the feeder."""
+    task = assembly(fetching_board(height_m, head_mm=(6.0, head_mm)))
+    state = task.facts.of("placed(plate)", "hand_free", "tool(screwdriver)", "at(home)")
+    fetching, _ = linear_motions(task, task.skill("fasten(screw)"), state)
+    assert fetching.tip == pytest.approx((0.45, 0.25, height_m + head_mm / 1000))
+    assert fetching.leaves_with == "screw"

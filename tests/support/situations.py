@@ -121,6 +121,62 @@ def assembly(content, sha256=""):
     return ground(AssemblyConfig.model_validate(content), sha256)
 
 
+def fetching_board(
+    height_m=0.0, *, beneath_m=None, wall_m=None, head_mm=(6.0, 2.0), envelope_m=None
+):
+    """Return the content of a plate with a screw from a feeder at [0.45, 0.25].
+
+    Parameters
+    ----------
+    height_m
+        Height of the feeder [m].
+    beneath_m
+        Height of a tray under the feeder [m]; None for no tray.
+    wall_m
+        Distance of a low wall from the middle of the feeder along x [m]; None for no wall.
+    head_mm
+        Diameter and height of the screw's head [mm].
+    envelope_m
+        Envelope of the screwdriver [m]; None for none.
+    """
+    block = {"tool": "gripper", "mass_kg": 0.2}
+
+    def fixture(x_m, size_m):
+        return {**block, "size_m": size_m, "start_m": [x_m, 0.25], "goal_m": [x_m, 0.25]}
+
+    fixtures = {}
+    if beneath_m is not None:
+        fixtures["tray"] = fixture(0.45, [0.06, 0.06, beneath_m])
+    if wall_m is not None:
+        fixtures["wall"] = fixture(0.45 + wall_m + 0.005, [0.01, 0.06, 0.004])
+    plate = {**block, "size_m": [0.1, 0.06, 0.01], "start_m": [0.4, -0.2], "goal_m": [0.5, 0.0]}
+    driver = {"type": "screwdriver", "holder_m": [0.6, 0.25]}
+    diameter_mm, head_height_mm = head_mm
+    return {
+        "kind": "assembly",
+        "name": "fetching",
+        "robot": {"home_m": [0.3, 0.0]},
+        "tools": {
+            "gripper": {"type": "gripper", "holder_m": [0.6, -0.25]},
+            "screwdriver": driver | ({"envelope_m": envelope_m} if envelope_m else {}),
+        },
+        "initial_tool": "gripper",
+        "feeders": {"magazine": {"position_m": [0.45, 0.25], "height_m": height_m}},
+        "parts": {"plate": plate, **fixtures},
+        "screws": {
+            "screw": {
+                "tool": "screwdriver",
+                "hole_m": [0.52, 0.0],
+                "through": "plate",
+                "feeder": "magazine",
+                "head_diameter_m": diameter_mm / 1000,
+                "head_height_m": head_height_mm / 1000,
+            }
+        },
+        "goal": ["placed(plate)", "fastened(screw)"],
+    }
+
+
 def config_content(name):
     """Return the content of a file in configs/, to be changed freely."""
     return copy.deepcopy(_parsed(name))

@@ -69,7 +69,7 @@ def sweeps_of(
         into, out = _stretches(scene, visit)
         load = _load(scene, visit, tool, carries)
         yield from _comes(scene, visit, load, robot.safe_height_m, here, into)
-        if visit.event is Event.GRASP:
+        if visit.event in (Event.GRASP, Event.FETCH):
             carries = visit.subject
         elif visit.event in (Event.RELEASE, Event.DRIVE):
             carries = None
@@ -136,7 +136,7 @@ def _moving(
 def _about_tool(scene: Scene, visit: Visit, load: _Load, envelope: Box, moved: Point) -> WorldBox:
     """Return the box about the tool at a visit, displaced by a vector [m]."""
     body = load.body
-    if body is None and visit.event in (Event.GRASP, Event.RELEASE):
+    if body is None and visit.event in (Event.GRASP, Event.RELEASE, Event.FETCH):
         body = scene.body(visit.subject)
     points = hand_direction(scene, visit)
     if same_direction(points, DOWN):

@@ -368,9 +368,9 @@ def _tip(task: Task, visit: Visit, grasp: Grasp | None) -> Point:
     """Return where the tip is while what it handles is where it belongs [m]."""
     if grasp is not None:
         return visit.pose.apply(grasp.tip)
-    if visit.event is not Event.DRIVE:
+    if visit.event not in (Event.FETCH, Event.DRIVE):
         return visit.position
-    # The screw is at the bit, its head on what it fastens once it is driven.
+    # The screw is at the bit: its head stands on its feeder, and on what it fastens once driven.
     return plus(visit.position, visit.along, -task.scene.body(visit.subject).height_m)
 
 

@@ -135,8 +135,7 @@ class HandSweeps:
         self, label: str, motion: LinearMotion, begin: Point, by: Point, *, after: bool
     ) -> Iterator[Sweep]:
         """Yield the sweeps of load and hand while the tip goes straight from a point."""
-        # What is fetched appears at the bit, and was in its feeder before.
-        taken = motion.leaves_with if motion.visit.event is Event.GRASP else None
+        taken = motion.leaves_with if motion.visit.event in (Event.GRASP, Event.FETCH) else None
         carried = taken if after else motion.carries
         yield from self._load(label, motion, carried, begin, by)
         yield from self._hands(label, motion, begin, by, after=after)

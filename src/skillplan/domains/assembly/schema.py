@@ -47,7 +47,9 @@ class FeederConfig(Strict):
     """A feeder that hands out parts or screws one at a time, always at the same place."""
 
     position_m: Planar = Field(description="where it hands out, x y [m]")
-    height_m: Height = Field(0.0, description="its height [m]")
+    height_m: Height = Field(
+        0.0, description="height of what bears a part, or the head of a screw, in it [m]"
+    )
 
 
 class ChartLine(Strict):

@@ -25,6 +25,8 @@ from skillplan_pinocchio.simulation.simulator import JAW_SPEED_M_PER_S, Arm, Wor
 _DOCK_GAP_M = 0.002
 # And so far above what a suction cup lifts: its lip [m].
 _CUP_GAP_M = 0.0015
+# And a bit so far above where a screw stands in its feeder, as the head jumps to the magnet [m].
+_FETCH_GAP_M = 0.001
 _GRIP_S = 0.35
 _LET_GO_S = 0.35
 _SUCTION_S = 0.05
@@ -165,6 +167,8 @@ class SkillRunner(ControlledRobot):
             return FEEL_FROM_M
         if event in (Event.LOAD, Event.OFFLOAD):
             return _DOCK_GAP_M
+        if event is Event.FETCH:
+            return _FETCH_GAP_M
         return self._gap_m(motion) if event in (Event.GRASP, Event.RELEASE) else 0.0
 
     def _stops_along(self, motion: LinearMotion) -> Point:

@@ -94,7 +94,7 @@ class Sweeps:
         found = [box_at(box, upright) for box in self._hand(motion)]
         if motion.points_down:
             found.append(world_box(wrist_box(hand_of(self.robot, motion.tool)), motion.tip))
-        if event in (Event.GRASP, Event.RELEASE):
+        if event in (Event.GRASP, Event.RELEASE, Event.FETCH):
             # Down to its goal, also where it is let go from above.
             found += world_boxes(self.task.scene.body(visit.subject), visit.pose)
         elif event is Event.DRIVE:

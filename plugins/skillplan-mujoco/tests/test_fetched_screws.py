@@ -1,0 +1,75 @@
+"""A screw on its feeder touches nothing, and once it is fetched it runs into what is near."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import pytest
+
+from situations import assembly, fetching_board
+from skillplan.pipeline.run import make_model
+from skillplan.pipeline.setup import Setup
+from skillplan.task.verdict import Verdict
+
+BACK_ENDS = {
+    "aabb": Setup(collision=("aabb",)),
+    "swept": Setup(collision=("swept",)),
+    "pybullet": Setup("pybullet", ("contact-pairs",)),
+    "mujoco": Setup("mujoco", ("contact-pairs",)),
+}
+
+
+@pytest.fixture(params=BACK_ENDS)
+def setup(request: pytest.FixtureRequest) -> Setup:
+    """Each of the back ends that know geometry."""
+    if request.param == "pybullet" and sys.version_info >= (3, 12):
+        pytest.importorskip("pybullet", reason="pybullet has no wheels for this Python")
+    return BACK_ENDS[request.param]
+
+
+def verdict_of(content: dict[str, Any], setup: Setup) -> Verdict:
+    """Return the verdict on driving the screw into the plate, all fixtures in place."""
+    task = assembly(content)
+    fixtures = [f"at_start({name})" for name in content["parts"] if name != "plate"]
+    facts = ("placed(plate)", "hand_free", "tool(screwdriver)", "at(home)", *fixtures)
+    return make_model(task, setup).verdict(task.facts.of(*facts), task.skill("fasten(screw)"))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        pytest.param(fetching_board(), id="on the table"),
+        pytest.param(fetching_board(head_mm=(10.0, 12.0)), id="a tall head on the table"),
+        pytest.param(fetching_board(0.02, beneath_m=0.02), id="on a tray"),
+        pytest.param(fetching_board(wall_m=0.008), id="beside a low wall"),
+    ],
+)
+def test_a_screw_does_not_collide_with_what_bears_its_feeder(
+    content: dict[str, Any], setup: Setup
+) -> None:
+    verdict = verdict_of(content, setup)
+    assert verdict.is_feasible, verdict.reason
+
+
+@pytest.mark.parametrize(
+    ("content", "obstacle"),
+    [
+        pytest.param(
+            fetching_board(wall_m=0.008, head_mm=(20.0, 2.0), envelope_m=[0.006, 0.006, 0.1]),
+            "wall",
+            id="a wide head beside a wall",
+        ),
+        pytest.param(
+            fetching_board(0.01, beneath_m=0.02, envelope_m=[0.006, 0.006, 0.1]),
+            "tray",
+            id="inside a tray",
+        ),
+    ],
+)
+def test_what_a_screw_runs_into_at_its_feeder_is_named(
+    content: dict[str, Any], obstacle: str, setup: Setup
+) -> None:
+    verdict = verdict_of(content, setup)
+    assert verdict.is_infeasible
+    assert obstacle in verdict.reason.split(), verdict.reason
