@@ -84,10 +84,15 @@ def checked_claims(
     if stored.skills or stored.cost is not None:
         yield from _plan_claims(stored, walked, model, expected)
     yield from calculated_claims(stored)
+    # Under chance the cost of a plan without its policy follows from the values of all states.
+    unpriced = bool(walked and walked.complete and not model.task.deterministic and not expected)
     try:
-        yield from _proof_claims(stored, model, stop)
+        yield from _proof_claims(stored, model, stop, unpriced=unpriced)
     except SearchStopped:
-        yield Claim(_proved_name(stored), Outcome.NOT_CHECKED, stopped_words(stop), "second proof")
+        least = LeastCost("second proof", why_not=stopped_words(stop))
+        yield _unproved(stored, least)
+        if unpriced:
+            yield _cost_without_policy(stored, least)
 
 
 def stopped_words(stop: Stop) -> str:
@@ -158,17 +163,15 @@ def _plan_claims(
     yield _steps_claim(stored, walked)
     if walked.violations or stored.cost is None:
         return
-    if not task.deterministic and expected is not None:
+    if not task.deterministic:
+        if expected is None:
+            return
         same = expected.cost is not None and abs(stored.cost - expected.cost) <= 1e-9 * max(
             1.0, expected.cost
         )
         words = expected.problem or f"the policy is expected to cost {_figure(expected.cost)}"
         bad = f"{words}, claimed {_figure(stored.cost)}"
         yield _claim("cost", same, f"{_figure(expected.cost)} {stored.cost_unit}", bad, EXPECTATION)
-        return
-    if not task.deterministic:
-        words = "is expected over all outcomes; the plan shows the nominal ones only"
-        yield Claim("cost", Outcome.NOT_CHECKED, words, REPLAY)
         return
     same = abs(stored.cost - walked.cost) <= tolerance(walked.cost)
     good = f"{_figure(walked.cost)} {stored.cost_unit}".rstrip()
@@ -201,16 +204,56 @@ def _steps_claim(stored: StoredClaims, walked: Replay) -> Claim:
     return _claim("steps", not fault, "as replayed, one by one", fault, REPLAY)
 
 
-def _proof_claims(stored: StoredClaims, model: SkillModel, stop: Stop) -> Iterator[Claim]:
-    """Yield whether what is claimed of all plans holds, as far as it can be worked out."""
+def _proof_claims(
+    stored: StoredClaims, model: SkillModel, stop: Stop, *, unpriced: bool
+) -> Iterator[Claim]:
+    """Yield the claims about all plans, checked if the least cost can be worked out.
+
+    Parameters
+    ----------
+    stored, model, stop
+        As for `checked_claims`.
+    unpriced
+        Whether the cost is an expectation whose policy is missing.
+    """
     bound = math.inf if stored.status is Status.INFEASIBLE else stored.lower_bound
-    if bound is None:
+    if bound is None and not unpriced:
         return
     least = _least_cost(stored, model, stop)
-    name = _proved_name(stored)
+    if bound is not None:
+        yield _bound_claim(stored, bound, least, model)
+    if unpriced:
+        yield _cost_without_policy(stored, least)
+
+
+def _unproved(stored: StoredClaims, least: LeastCost) -> Claim:
+    """Return the claim of a proof that was not repeated; a status that is a proof stays open."""
+    name, essential = _proved_name(stored), stored.status in _PROVED
+    return Claim(name, Outcome.NOT_CHECKED, least.why_not, least.method, open=not essential)
+
+
+def _cost_without_policy(stored: StoredClaims, least: LeastCost) -> Claim:
+    """Return the claim of an expected cost, compared with the least expected cost."""
+    claimed = stored.cost
+    assert claimed is not None
     if least.cost is None:
-        yield Claim(name, Outcome.NOT_CHECKED, least.why_not, least.method)
-        return
+        words = f"is expected over all outcomes, and the policy is missing; {least.why_not}"
+        return Claim("cost", Outcome.NOT_CHECKED, words, least.method, open=False)
+    figures = f"the least expected cost is {_figure(least.cost)}, claimed {_figure(claimed)}"
+    allowed = tolerance(min(least.cost, claimed))
+    optimal = stored.status is Status.OPTIMAL
+    if claimed < least.cost - allowed or (optimal and claimed > least.cost + allowed):
+        return Claim("cost", Outcome.FAILS, figures, least.method)
+    if optimal:
+        return Claim("cost", Outcome.HOLDS, figures, least.method)
+    words = f"is expected over all outcomes, and the policy is missing; {figures}"
+    return Claim("cost", Outcome.NOT_CHECKED, words, least.method, open=False)
+
+
+def _bound_claim(stored: StoredClaims, bound: float, least: LeastCost, model: SkillModel) -> Claim:
+    """Return the claim that no plan costs less than a bound; infinite if there is none."""
+    if least.cost is None:
+        return _unproved(stored, least)
     holds = bound <= least.cost + tolerance(min(least.cost, bound))
     good = "there is no plan"
     if not math.isinf(least.cost):
@@ -219,7 +262,7 @@ def _proof_claims(stored: StoredClaims, model: SkillModel, stop: Stop) -> Iterat
     bad = f"claimed is {claimed}; {good}"
     if least.skills:
         bad += f": {','.join(str(model.task.action(skill)) for skill in least.skills)}"
-    yield _claim(name, holds, good, bad, least.method)
+    return _claim(_proved_name(stored), holds, good, bad, least.method)
 
 
 def _proved_name(stored: StoredClaims) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from itertools import chain
@@ -10,7 +10,7 @@ from itertools import chain
 from skillplan.checks.single_check import list_not_checked
 from skillplan.checks.verdict_cache import AskingCache, VerdictCache
 from skillplan.domains.load import Problem
-from skillplan.errors import ChainBroken, OptionError, SearchStopped
+from skillplan.errors import ChainBroken, ModelTooLarge, OptionError, SearchStopped
 from skillplan.judge.claim_check import (
     ARITHMETIC,
     REPLAY,
@@ -43,6 +43,7 @@ from skillplan.records.stored.result_folder import POLICIES, file_beside
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
 
+_MOST_NAMED = 3
 MOST_REPLANS = 100
 """No solver plans the upper levels of a chain again more often, and every time costs more."""
 
@@ -96,9 +97,14 @@ def certify(
     if stored.is_chain and origin.part is not None:
         raise OptionError(f"{path}: is damaged: it is of the whole chain and of {origin.part!r}.")
     check = _Check(path, stored, problem, origin, Stop() if stop is None else stop, cache)
-    claims = list(check.chain() if stored.is_chain else check.single())
+    misfit = _shape_fault(stored, problem, origin)
+    if misfit is not None:
+        claims: list[Claim] = [Claim("parts", Outcome.FAILS, misfit, ARITHMETIC)]
+    else:
+        claims = list(check.chain() if stored.is_chain else check.single())
     record = RecordCheck(path, stored, problem, check.setup, check.model, check.stop)
-    claims += record.claims(document, check.replayed, saved_tables)
+    if misfit is None:
+        claims += record.claims(document, check.replayed, saved_tables)
     unchecked = dict(UNCHECKED)
     if not all(one.task.deterministic for one in check.replayed.values()):
         unchecked["steps"] = UNDER_CHANCE
@@ -113,6 +119,18 @@ def certify(
         cache is not None,
         tuple(dict.fromkeys(chain.from_iterable(r.not_checked for r in check.replayed.values()))),
     )
+
+
+def _shape_fault(stored: StoredResult, problem: Problem, origin: Origin) -> str | None:
+    """Return in words why a result cannot be of this file: single or chain, or without parts."""
+    whole = problem.is_chain and origin.part is None
+    if stored.is_chain and not problem.is_chain:
+        return f"it has the parts of a chain, and {problem.name} is a single task"
+    if stored.is_chain and not stored.stages and not stored.sequences:
+        return f"it holds none of the {len(problem.tasks)} tasks of {problem.name}"
+    if whole and not stored.is_chain and len(problem.tasks) > 1:
+        return f"it holds none of the {len(problem.tasks)} tasks of {problem.name}, nor names one"
+    return None
 
 
 class _Check:
@@ -160,22 +178,33 @@ class _Check:
         All plans are replayed before anything is proved, which may take the time that there is.
         """
         grounded: list[tuple[StoredPart, Task]] = []
-        amiss = self._replay_chain(grounded)
+        ending = self._replay_chain(grounded)
         for part, task in grounded:
             for claim in self._task_claims(part, task):
                 yield replace(claim, claim=f"{part.name}: {claim.claim}")
-        if amiss is not None:
-            yield amiss
-        elif all(one.sound for one in self.replayed.values()):
+        if ending is not None:
+            yield ending
+        whole = ending is not None and ending.outcome is Outcome.HOLDS
+        if whole and all(one.sound for one in self.replayed.values()):
             yield from self._sum_claims(self.stored.sequences or [])
 
     def _replay_chain(self, grounded: list[tuple[StoredPart, Task]]) -> Claim | None:
-        """Replay part after part, as far as that goes; return why it does not go to the end."""
+        """Replay part after part.
+
+        Returns
+        -------
+        Claim or None
+            The claim that no part is missing or extra; None if a plan does not hold, so that
+            the parts after it cannot be grounded.
+        """
         stored, problem = self.stored, self.problem
         parts = [*stored.stages, *(stored.sequences or ())]
         tasks = problem.follow({}, stored.replans) if stored.replans else problem.tasks
         plans: dict[str, tuple[str, ...]] = {}
         for index, part in enumerate(parts):
+            if index > len(plans):
+                words = f"it follows {parts[index - 1].name}, which has no plan"
+                return Claim(part.name, Outcome.FAILS, words, "grounding")
             if index and part.stage != parts[index - 1].stage:
                 if self.stop.overdue():
                     return self._given_up(part.name)
@@ -197,7 +226,28 @@ class _Check:
                 return None
             if one.walked is not None:
                 plans[part.name] = tuple(step.skill for step in one.walked.steps)
-        return None
+        return self._parts_claim(parts, plans)
+
+    def _parts_claim(
+        self, parts: Sequence[StoredPart], plans: Mapping[str, Sequence[str]]
+    ) -> Claim:
+        """Return the claim that the parts are those of the chain, as far as it can be solved."""
+        last = parts[-1].name
+        if last not in plans:
+            words = f"{len(parts)}; the chain ends with {last}, which has no plan"
+            return Claim("parts", Outcome.HOLDS, words, "grounding")
+        try:
+            tasks = self.problem.follow(plans, self.stored.replans)
+        except ChainBroken as error:
+            words = f"{len(parts)}; the chain ends with {last}: {error}"
+            return Claim("parts", Outcome.HOLDS, words, "grounding")
+        missing = [task.name for task in tasks[len(parts) :]]
+        if not missing or self.stored.status is Status.UNSOLVED:
+            words = f"{len(parts)} of {len(tasks)} tasks"
+            return Claim("parts", Outcome.HOLDS, words, "grounding")
+        more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
+        words = f"after {last}, {', '.join(missing[:_MOST_NAMED])}{more} missing"
+        return Claim("parts", Outcome.FAILS, words, "grounding")
 
     def _given_up(self, claim: str) -> Claim:
         words = "interrupted" if self.stop.interrupted else stopped_words(self.stop)
@@ -247,8 +297,8 @@ class _Check:
             return evaluate_policy(
                 model, read_policy(str(path), task, within=str(path.parent)).policy.get
             )
-        except OptionError:
-            # Said where the file itself is checked.
+        except (OptionError, ModelTooLarge):
+            # A faulty file is reported with the claim on the file itself.
             return None
 
     def _sum_claims(self, main: list[StoredPart]) -> Iterator[Claim]:
@@ -267,9 +317,15 @@ class _Check:
             return
         added = sum(bounds)
         whole = len(bounds) == len(main) and not stored.stages
+        plans = {name: one.stored.skills for name, one in self.replayed.items() if one.walked}
+        account = self.problem.account(plans, stored.replans).lower_bound
         if whole and stored.lower_bound <= added + tolerance(added):
             words = f"those of the parts add up to {added:.10g}"
             yield Claim("lower bound", Outcome.HOLDS, words, ARITHMETIC)
+        elif account is not None and stored.lower_bound <= account + tolerance(account):
+            words = f"no plans of the stages together cost less than {account:.10g}"
+            yield Claim("lower bound", Outcome.HOLDS, words, "account of the whole job")
         else:
             words = "is about all plans of the stages together; only the parts are proved again"
-            yield Claim("lower bound", Outcome.NOT_CHECKED, words, ARITHMETIC)
+            open_ = stored.status is not Status.OPTIMAL
+            yield Claim("lower bound", Outcome.NOT_CHECKED, words, ARITHMETIC, open=open_)

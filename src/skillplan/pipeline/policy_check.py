@@ -53,6 +53,13 @@ def policies_fault(
     own = {key: value for key, value in document.items() if key not in ("schema", "policies")}
     for words in differences(own, dict(header)):
         return words
+    holders = [entry.get("task", "") for entry in document["policies"]]
+    for name in holders:
+        if holders.count(name) > 1:
+            return f"holds {holders.count(name)} policies of {name!r}"
+    for name, one in replayed.items():
+        if one.walked is not None and not one.task.deterministic and name not in holders:
+            return f"holds no policy of {name!r}"
     for entry in document["policies"]:
         one = replayed.get(entry.get("task", ""))
         if one is None:

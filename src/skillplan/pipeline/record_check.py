@@ -20,12 +20,13 @@ from skillplan.records.origin import Origin
 from skillplan.records.result import Result
 from skillplan.records.stored.policy_file import read_policies
 from skillplan.records.stored.result_file import StoredResult
-from skillplan.records.stored.result_folder import POLICIES, file_beside
+from skillplan.records.stored.result_folder import POLICIES, RESULT, file_beside, result_path
 from skillplan.solvers.stop import Stop
 from skillplan.task.task import Task
 
 _MOST_SHOWN = 5
-_LATER_KEYS = ("proved_by", "simulation", "not_checked")
+_LATER_KEYS = ("proved_by", "simulation", "not_checked", "policy")
+MISSING = "is missing beside the result"
 _MOST_BYTES = 64 * 1024 * 1024
 
 SavedTables = Callable[[Result | ChainResult, Task], Mapping[str, str]]
@@ -85,13 +86,13 @@ class RecordCheck:
             Returns what the tables beside it should hold.
         """
         if self._stop.interrupted:
-            yield Claim("record", Outcome.NOT_CHECKED, "interrupted", ARITHMETIC)
+            yield Claim("record", Outcome.NOT_CHECKED, "interrupted", ARITHMETIC, open=False)
             return
         expected = len([*self._stored.stages, *(self._stored.sequences or ())]) or 1
         parts = list(replayed.values())
         if len(parts) < expected or not all(one.sound for one in parts):
             words = "follows from the plans, and those do not hold"
-            yield Claim("record", Outcome.NOT_CHECKED, words, ARITHMETIC)
+            yield Claim("record", Outcome.NOT_CHECKED, words, ARITHMETIC, open=False)
             return
         origin = None if self._stored.origin is None else self._stored.origin.origin()
         try:
@@ -121,6 +122,8 @@ class RecordCheck:
         for name, text in tables.items():
             path = file_beside(self._path, name)
             if path is None:
+                if result_path(self._path).name == RESULT:
+                    yield Claim(name, Outcome.NOT_CHECKED, MISSING, ARITHMETIC)
                 continue
             try:
                 found = read_bytes(path, _MOST_BYTES, within=path.parent).decode("utf-8")
@@ -132,9 +135,19 @@ class RecordCheck:
             outcome = Outcome.FAILS if fault else Outcome.HOLDS
             yield Claim(name, outcome, fault or "as the result says", ARITHMETIC)
 
+    def _missing_policies(self, replayed: Mapping[str, Replayed]) -> Iterator[Claim]:
+        """Yield the claim of policies that are missing; essential if outcomes are uncertain."""
+        planned = [one for one in replayed.values() if one.walked is not None]
+        if not all(one.task.deterministic for one in planned):
+            words = f"{MISSING}: the plan shows nominal outcomes, the policy decides on the others"
+            yield Claim(POLICIES, Outcome.NOT_CHECKED, words, ARITHMETIC, open=False)
+        elif self._stored.policy:
+            yield Claim(POLICIES, Outcome.NOT_CHECKED, MISSING, ARITHMETIC)
+
     def _policy_claims(self, replayed: Mapping[str, Replayed]) -> Iterator[Claim]:
         path = file_beside(self._path, POLICIES)
         if path is None:
+            yield from self._missing_policies(replayed)
             return
         header = {"sha256": self._problem.sha256, "solver": self._stored.solver}
         try:

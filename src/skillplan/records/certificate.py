@@ -18,6 +18,18 @@ class Outcome(StrEnum):
     NOT_CHECKED = "not checked"
 
 
+class Verdict(StrEnum):
+    """The conclusion of a verification.
+
+    ``valid``: every essential claim was checked and holds. ``refuted``: a claim fails. ``not
+    confirmed``: no claim fails, but an essential one was not checked.
+    """
+
+    VALID = "valid"
+    REFUTED = "refuted"
+    NOT_CONFIRMED = "not confirmed"
+
+
 @dataclass(frozen=True, slots=True)
 class Claim:
     """One claim of a result, checked.
@@ -33,7 +45,7 @@ class Claim:
     method
         How it was checked.
     open
-        Whether the result may be valid though this was not checked.
+        Whether the result may be confirmed although this claim was not checked.
     """
 
     claim: str
@@ -107,17 +119,29 @@ class Certificate:
 
     @property
     def valid(self) -> bool:
-        """Whether no claim fails, and every plan could be replayed; others may be open."""
-        return not self.failing
+        """Whether no claim fails and every essential claim was checked."""
+        return self.verdict is Verdict.VALID
 
     @property
-    def failing(self) -> list[Claim]:
-        """The claims that make the result invalid."""
+    def verdict(self) -> Verdict:
+        """The conclusion from all claims."""
+        if self.refuted:
+            return Verdict.REFUTED
+        return Verdict.NOT_CONFIRMED if self.unconfirmed else Verdict.VALID
+
+    @property
+    def refuted(self) -> list[Claim]:
+        """The claims that fail."""
+        return [claim for claim in self.claims if claim.outcome is Outcome.FAILS]
+
+    @property
+    def unconfirmed(self) -> list[Claim]:
+        """Essential claims that no method has checked."""
+        held = {claim.claim for claim in self.claims if claim.outcome is Outcome.HOLDS}
         return [
             claim
             for claim in self.claims
-            if claim.outcome is Outcome.FAILS
-            or (claim.outcome is Outcome.NOT_CHECKED and not claim.open)
+            if claim.outcome is Outcome.NOT_CHECKED and not claim.open and claim.claim not in held
         ]
 
     def document(self) -> dict[str, Any]:
@@ -127,6 +151,7 @@ class Certificate:
             "file": self.file,
             "task": {"name": self.name, "kind": self.kind, "sha256": self.sha256},
             "claims": [claim.document() for claim in self.claims],
+            "verdict": self.verdict.value,
             "valid": self.valid,
             "warm": self.warm,
             "asked": [one.document() for one in self.asked],

@@ -68,10 +68,13 @@ def _held(claims: Sequence[Claim]) -> str:
 
 
 def _verdict(certificate: Certificate, most: int) -> str:
-    """Return what it all comes to; of claims that do not hold the names, or how many they are."""
-    failing = [one.claim for one in certificate.failing]
-    if failing:
-        return f"verdict    NOT VALID: {_named(failing, most)}"
+    """Return the conclusion with the names of the claims that do not hold, or their number."""
+    refuted = [one.claim for one in certificate.refuted]
+    if refuted:
+        return f"verdict    NOT VALID: {_named(refuted, most)}"
+    unconfirmed = [one.claim for one in certificate.unconfirmed]
+    if unconfirmed:
+        return f"verdict    NOT CONFIRMED: not checked: {_named(unconfirmed, most)}"
     open_ = [one.claim for one in certificate.claims if one.outcome is Outcome.NOT_CHECKED]
     rest = f", but for what was not checked: {_named(open_, most)}" if open_ else ""
     return f"verdict    valid{rest}"
