@@ -92,6 +92,7 @@ RESULT = record(
         wall_s=NUMBER,
     ),
     trace={"type": "object"},
+    policy=FLAG,
 )
 VERIFICATION = record(
     schema=one_of("skillplan.verification/1"),
@@ -105,6 +106,8 @@ VERIFICATION = record(
             method=TEXT,
         )
     ),
+    origin=ORIGIN,
+    verdict=one_of("valid", "refuted", "not confirmed"),
     valid=FLAG,
 )
 EVALUATION = record(

@@ -14,6 +14,7 @@ import pytest
 
 from skillplan.errors import SkillplanError
 from skillplan.pipeline.certification import certify
+from skillplan.records.certificate import Verdict
 from skillplan.solvers.stop import Stop
 from skillplan.views.tables.saved import csv_files
 
@@ -73,7 +74,7 @@ def accepted(folder: Path) -> bool:
         found = certify(str(folder), stop=Stop(time_limit_s=1e-3), saved_tables=csv_files)
     except SkillplanError:
         return False
-    return found.valid
+    return found.verdict is not Verdict.REFUTED
 
 
 def unnoticed(folder: Path, name: str, paths: Iterator[Path_] | list[Path_]) -> set[str]:

@@ -13,6 +13,7 @@ from collections import Counter
 from typing import Any
 
 MAX_DEPTH = 64
+_MOST_DIGITS = 300
 
 _STRING = re.compile(rb'"(?:[^"\\]++|\\.)*+"?', re.DOTALL)
 # All brackets as one kind; everything else is dropped.
@@ -69,10 +70,20 @@ def _finite(text: str) -> float:
     return value
 
 
+def _representable(text: str) -> int:
+    """Return an integer that can be converted to a float, as comparisons do."""
+    if len(text) > _MOST_DIGITS:
+        raise ValueError(f"the number {text[:40]} is too large")
+    return int(text)
+
+
 def _refuse_constant(text: str) -> Any:
     raise ValueError(f"a number must be finite, not {text}")
 
 
 _DECODER = json.JSONDecoder(
-    object_pairs_hook=_object, parse_float=_finite, parse_constant=_refuse_constant
+    object_pairs_hook=_object,
+    parse_float=_finite,
+    parse_int=_representable,
+    parse_constant=_refuse_constant,
 )

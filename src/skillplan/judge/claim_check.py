@@ -10,10 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from skillplan.errors import ModelTooLarge, NotASequencing, OptionError, SearchStopped
+from skillplan.errors import (
+    ModelTooLarge,
+    NotASequencing,
+    NotMultiAgent,
+    OptionError,
+    SearchStopped,
+)
 from skillplan.judge.second_proof import (
+    ALONE,
     ORDERS,
     LeastCost,
+    cost_of_agents_alone,
     least_cost_of_orders,
     least_cost_of_states,
 )
@@ -219,6 +227,12 @@ def _proof_claims(
     bound = math.inf if stored.status is Status.INFEASIBLE else stored.lower_bound
     if bound is None and not unpriced:
         return
+    alone = _cost_alone(model) if bound is not None else None
+    if bound is not None and alone is not None and bound <= alone + tolerance(min(alone, bound)):
+        words = f"no plan costs less than {_figure(alone)}"
+        words = "there is no plan" if math.isinf(alone) else words
+        yield Claim(_proved_name(stored), Outcome.HOLDS, words, ALONE)
+        return
     least = _least_cost(stored, model, stop)
     if bound is not None:
         yield _bound_claim(stored, bound, least, model)
@@ -290,6 +304,18 @@ def _least_cost(stored: StoredClaims, model: SkillModel, stop: Stop) -> LeastCos
         return other
     why = f"{found.why_not}; {other.method}: {other.why_not}"
     return LeastCost(found.method, why_not=why)
+
+
+def _cost_alone(model: SkillModel) -> float | None:
+    """Return a lower bound for several agents, each alone; None if the task is none of these."""
+    from skillplan.model.multi_agent import MultiAgentProblem
+
+    if not any(skill.agents for skill in model.task.skills):
+        return None
+    try:
+        return cost_of_agents_alone(MultiAgentProblem.from_model(model))
+    except NotMultiAgent:
+        return None
 
 
 def _by_states(model: SkillModel, stop: Stop) -> LeastCost:

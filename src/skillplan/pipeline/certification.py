@@ -118,6 +118,7 @@ def certify(
         unchecked,
         cache is not None,
         tuple(dict.fromkeys(chain.from_iterable(r.not_checked for r in check.replayed.values()))),
+        origin,
     )
 
 

@@ -197,7 +197,7 @@ class Chain:
             draft = make_draft(task, "rule", self.setup, self.seed, back_ends)
             made = Attempt(draft, Solution(Plan(task.preset)), back_ends=back_ends)
             return self._judged(task, made)
-        key = (task.goal, task.facts.names, task.skills, task.reward, task.step_limit)
+        key = policy_key(task)
         stored = self.policies.get(key)
         if stored is not None and _answers(stored.solution, task):
             # What was claimed for the other start does not hold for this one.
@@ -261,6 +261,11 @@ class Chain:
             proved = best.status is Status.OPTIMAL
             self.optima[key] = (best.cost, best.bound_method) if proved else (None, "")
         return self.optima[key]
+
+
+def policy_key(task: Task) -> tuple[object, ...]:
+    """Return the properties of a task on which a policy depends, without its start."""
+    return (task.goal, task.facts.names, task.skills, task.reward, task.step_limit)
 
 
 def _answers(solution: Solution, task: Task) -> bool:

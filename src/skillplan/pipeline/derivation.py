@@ -11,7 +11,7 @@ from skillplan.domains.load import Problem
 from skillplan.errors import ChainBroken, OptionError, PluginError
 from skillplan.model.policy_value import PolicyValue
 from skillplan.model.replay import Replay
-from skillplan.pipeline.chain import Chain
+from skillplan.pipeline.chain import Chain, policy_key
 from skillplan.pipeline.setup import Setup
 from skillplan.records.chain_result import ChainPart, ChainResult
 from skillplan.records.origin import Origin
@@ -152,6 +152,7 @@ def derived_chain(
     """
     solvers = _solvers(problem, stored, setup)
     parts = []
+    kept_policies = set()
     for one in replayed:
         claims = one.stored
         assert isinstance(claims, StoredPart)
@@ -159,7 +160,11 @@ def derived_chain(
         claims = claims.model_copy(update={"seed": stored.seed})
         result = derived_result(replace(one, stored=claims), setup, solver, None)
         optimum = _optimum(claims, result)
-        parts.append(ChainPart(one.task, result, optimum, claims.reused_policy))
+        key = policy_key(one.task)
+        # A policy can only be reused after an earlier task with the same goal and skills.
+        reused = claims.reused_policy and key in kept_policies
+        kept_policies.add(key)
+        parts.append(ChainPart(one.task, result, optimum, reused))
     plans = {one.task.name: tuple(one.stored.skills) for one in replayed if one.walked is not None}
     tasks = problem.follow({}, stored.replans) if stored.replans else problem.tasks
     broken = ""

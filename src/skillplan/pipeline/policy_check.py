@@ -57,9 +57,12 @@ def policies_fault(
     for name in holders:
         if holders.count(name) > 1:
             return f"holds {holders.count(name)} policies of {name!r}"
-    for name, one in replayed.items():
-        if one.walked is not None and not one.task.deterministic and name not in holders:
+    for name, part in replayed.items():
+        needed = part.stored.policy or (part.walked is not None and not part.task.deterministic)
+        if needed and name not in holders:
             return f"holds no policy of {name!r}"
+        if part.stored.policy is False and name in holders:
+            return f"holds a policy of {name!r}, and the result names none"
     for entry in document["policies"]:
         one = replayed.get(entry.get("task", ""))
         if one is None:

@@ -104,7 +104,7 @@ class RecordCheck:
         should.pop("schema")
         if origin is None and "origin" not in document:
             should.pop("origin")
-        _drop_later_keys(should, document)
+        _fit_to_version(should, document)
         amiss = list(differences(document, should))
         words = "; ".join(amiss[:_MOST_SHOWN])
         words += f"; and {len(amiss) - _MOST_SHOWN} more" if len(amiss) > _MOST_SHOWN else ""
@@ -169,14 +169,18 @@ class RecordCheck:
         yield Claim(POLICIES, outcome, words, ARITHMETIC)
 
 
-def _drop_later_keys(should: dict[str, Any], document: Mapping[str, Any]) -> None:
-    """Remove keys that results of older versions lack, also from the parts of a chain."""
+def _fit_to_version(should: dict[str, Any], document: Mapping[str, Any]) -> None:
+    """Remove keys that results of older versions lack, also from the parts of a chain.
+
+    If there is a policy is compared with policies.json, not with the plan.
+    """
+    should["policy"] = document.get("policy")
     for key in _LATER_KEYS:
         if key not in document:
             should.pop(key, None)
     for parts in ("sequences", "stages"):
-        for part, claimed in zip(should.get(parts, ()), document.get(parts, ()), strict=False):
-            _drop_later_keys(part, claimed)
+        for part, claimed in zip(should.get(parts, ()), document.get(parts) or (), strict=False):
+            _fit_to_version(part, claimed)
 
 
 def _line_fault(found: list[str], should: list[str]) -> str:

@@ -8,6 +8,7 @@ from enum import StrEnum
 from typing import Any
 
 from skillplan.records import schemas
+from skillplan.records.origin import Origin
 
 
 class Outcome(StrEnum):
@@ -105,6 +106,8 @@ class Certificate:
         Whether verdicts kept on disk were used.
     not_checked
         Sentences of the back ends about what they leave unchecked of the task.
+    origin
+        The task file and the options that it was read with.
     """
 
     file: str
@@ -116,6 +119,7 @@ class Certificate:
     unchecked: Mapping[str, str] = field(default_factory=dict)
     warm: bool = False
     not_checked: tuple[str, ...] = ()
+    origin: Origin | None = None
 
     @property
     def valid(self) -> bool:
@@ -151,6 +155,7 @@ class Certificate:
             "file": self.file,
             "task": {"name": self.name, "kind": self.kind, "sha256": self.sha256},
             "claims": [claim.document() for claim in self.claims],
+            "origin": None if self.origin is None else self.origin.document(),
             "verdict": self.verdict.value,
             "valid": self.valid,
             "warm": self.warm,

@@ -62,6 +62,11 @@ class ChainPart:
             last[0] if len(last) == 1 else None,
         )
 
+    @property
+    def keeps_policy(self) -> bool:
+        """Whether the part gave a policy of its own, which is saved beside the result."""
+        return self.result.policy is not None and not self.reused
+
     def document(self) -> dict[str, Any]:
         """Return the part as JSON values: those of a result, and where it leads."""
         start, goal = self.ends
@@ -74,6 +79,7 @@ class ChainPart:
             "optimum": self.optimum,
             "reused_policy": self.reused,
             **self.result.document(),
+            "policy": self.keeps_policy,
         }
 
 
@@ -320,6 +326,7 @@ class ChainResult:
                 "wall_s": self.wall_s,
             },
             "trace": {},
+            "policy": any(part.keeps_policy for part in self.parts),
             "replans": self.replans,
             "sequences": [part.document() for part in main],
             "stages": [part.document() for part in self.parts if part.task.stage != self.stage],

@@ -37,6 +37,20 @@ class Origin:
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     screening: bool = False
 
+    def given(self) -> list[str]:
+        """Return the options that changed how the file was read, as on a command line."""
+        return [
+            *(f"--set {key}={value}" for key, value in self.changes.items()),
+            *([] if self.part is None else [f"--part {self.part}"]),
+            *([] if self.physics is None else [f"--physics {self.physics}"]),
+            *([f"--collision {','.join(self.collision)}"] if self.collision else []),
+            *(
+                f"-O {plugin}.{key}={value}"
+                for plugin, values in self.options.items()
+                for key, value in values.items()
+            ),
+        ]
+
     def document(self) -> dict[str, Any]:
         """Return the origin as JSON values."""
         return {

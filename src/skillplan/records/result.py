@@ -224,6 +224,7 @@ class Result:
                 "wall_s": self.wall_s,
             },
             "trace": dict(self.trace),
+            "policy": self.policy is not None,
         }
 
 

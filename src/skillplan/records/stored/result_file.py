@@ -101,6 +101,7 @@ class StoredClaims(_Stored):
     reason: str = ""
     stats: StoredStats = StoredStats()
     trace: dict[str, Any] = Field(default_factory=dict)
+    policy: bool | None = None
 
 
 class StoredPart(StoredClaims):

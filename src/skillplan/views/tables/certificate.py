@@ -19,6 +19,7 @@ def certificate_table(certificate: Certificate) -> Table:
     everything = len(certificate.claims)
     asked = [_asked(one) for one in certificate.asked]
     notes = [
+        *_task_notes(certificate),
         f"asked      {'; '.join(asked) or 'no back end'}"
         + (", with verdicts kept on disk" if certificate.warm else ""),
         *(f"unchecked  {key}: {why}" for key, why in certificate.unchecked.items()),
@@ -34,12 +35,23 @@ def certificate_summary(certificate: Certificate) -> Table:
     for one in certificate.claims:
         groups.setdefault(_LABELS.get(one.method, _PROOF), []).append(one)
     notes = [
-        f"{label:<10} {_held(groups[label])}"
-        for label in dict.fromkeys((*_LABELS.values(), _PROOF))
-        if label in groups
+        *_task_notes(certificate),
+        *(
+            f"{label:<10} {_held(groups[label])}"
+            for label in dict.fromkeys((*_LABELS.values(), _PROOF))
+            if label in groups
+        ),
     ]
     notes += not_checked_notes(certificate.not_checked)
     return _table(certificate, amiss, [*notes, _verdict(certificate, _MOST_NAMED)])
+
+
+def _task_notes(certificate: Certificate) -> list[str]:
+    """Return the options that made another task of the file; no note without them."""
+    origin = certificate.origin
+    if origin is None or not origin.given():
+        return []
+    return [f"task       {origin.file} with {' '.join(origin.given())}"]
 
 
 def _asked(one: Asked) -> str:
