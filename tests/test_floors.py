@@ -49,7 +49,6 @@ OPENS = {
     "judge/fast_downward.py": "a folder of its own for a planner",
     "skillplan_ray/fingerprint.py": "the process file system, and the sources of packages",
     "skillplan_cad/reading/occt.py": "the null device, for what OCCT prints",
-    "skillplan_cad/reading/mesh_folder.py": "a mesh in memory",
     "skillplan_cad/writing/accepted.py": "a task to be checked, in a folder of its own",
     "skillplan_ros2/bag.py": "a bag of its own, in a folder of its own",
 }

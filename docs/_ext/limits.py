@@ -42,6 +42,25 @@ ROWS: list[tuple[str, str, list[str]]] = [
         ],
     ),
     (
+        "CAD (STEP, folder of meshes)",
+        "{bytes} a file, {bytes} a folder, {} parts, names of {} characters",
+        [
+            "skillplan_cad.reading.step_file:MOST_BYTES",
+            "skillplan_cad.reading.mesh_folder:MOST_BYTES_TOGETHER",
+            "skillplan_cad.reading.raw_part:MOST_PARTS",
+            "skillplan_cad.reading.glb:MOST_PATH",
+        ],
+    ),
+    (
+        "product in CAD",
+        "{} m long, {} times `--tolerance`; {} m thick at least",
+        [
+            "skillplan_cad.reading.product_reader:MOST_EXTENT_M",
+            "skillplan_cad.importing.findings:MOST_TOLERANCES",
+            "skillplan_cad.reading.product_reader:LEAST_THICKNESS_M",
+        ],
+    ),
+    (
         "plan (CSV, JSON, PDDL, behaviour tree)",
         "{bytes}, {} skills, {} elements, {} levels",
         [
@@ -141,9 +160,10 @@ def text(words: str, places: list[str]) -> str:
 
 
 def constant(place: str) -> Any:
-    """Return a constant by its place, as ``files.yaml:MAX_BYTES``."""
+    """Return a constant by its place, as ``files.yaml:MAX_BYTES``; plugins go by their module."""
     module, _, path = place.partition(":")
-    found: Any = importlib.import_module(f"skillplan.{module}")
+    prefix = "" if module.startswith("skillplan_") else "skillplan."
+    found: Any = importlib.import_module(f"{prefix}{module}")
     for name in path.split("."):
         found = getattr(found, name)
     return found

@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 import gzip
+import json
+import math
+import os
 import random
+import struct
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import numpy as np
 import pytest
 import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from cad_products import file
 from skillplan.cli.app import run
 from skillplan.errors import OptionError
 from skillplan.plugins import installed
+from skillplan_cad.blocking.ray_mesh import RayMesh
 from skillplan_cad.importing import import_cad
+from skillplan_cad.product import Part
+from skillplan_cad.reading.glb import parts_of
 from skillplan_cad.reading.product_reader import ReadOptions, read_product
 
 END = b"\nENDSEC;\nEND-ISO-10303-21;\n"
@@ -73,6 +85,23 @@ def refused(capsys, tmp_path, *words):
         (
             b"ISO-10303-21;\nDATA;\n#1=A(#2);" + END,
             "is damaged: it refers to 1 entity that it lacks",
+        ),
+        (
+            b"ISO-10303-21;\nDATA;\n#" + b"9" * 5000 + b"=A();" + END,
+            "numbers an entity #99999999999999999999..., of 5000 digits; OCCT reads up to",
+        ),
+        (
+            b"ISO-10303-21;\nDATA;\n#1=A(#4294967297);" + END,
+            "numbers an entity #4294967297, of 10 digits; OCCT reads up to #2147483647",
+        ),
+        (
+            # Once this took time by the square of its length: a quarter of an hour.
+            b"ISO-10303-21;\nDATA;\n#1=A(#2);" + b"/* " * 350_000 + END,
+            "is damaged: it refers to 1 entity that it lacks, such as #2",
+        ),
+        (
+            b"ISO-10303-21;\nDATA;\n#1=(LENGTH_UNIT()SI_UNIT(.EXA.,.METRE.));" + END,
+            "states lengths in .EXA.METRE; save it in mm, cm, m or inch",
         ),
     ],
 )
@@ -135,6 +164,209 @@ def test_an_empty_mesh_is_refused_with_its_file_and_what_to_do(capsys, tmp_path)
     (source / "one.stl").write_bytes(b"")
     said = refused(capsys, tmp_path, str(source), "--unit", "mm")
     assert "one.stl: is empty. Save it anew, or take it out of the folder" in said
+
+
+def block(path, low_mm, size_mm=10.0):
+    """Write a block as OBJ, which holds any number in full."""
+    mesh = cube()
+    corners = (mesh.vertices / 10 + 0.5) * size_mm + low_mm
+    lines = ["v {!r} {!r} {!r}".format(*map(float, corner)) for corner in corners]
+    lines += ["f {} {} {}".format(*(face + 1)) for face in mesh.faces]
+    path.write_text("\n".join(lines))
+
+
+@pytest.mark.parametrize(
+    ("low_mm", "size_mm", "words"),
+    [
+        (1e12, 1e3, "is 1e+09 m long, where 10,000 m are the most; odd reaches farthest"),
+        (1e30, 1e30, "is 2e+27 m long, where 10,000 m are the most; odd reaches farthest"),
+        (1e308, 1e300, "is 1e+305 m long, where 10,000 m are the most; odd reaches farthest"),
+        (-1e308, 1e-30, "is 1e+305 m long, where 10,000 m are the most; odd reaches farthest"),
+        (math.nan, 1.0, "odd.obj: holds coordinates that are no finite numbers"),
+        (math.inf, 1.0, "odd.obj: holds coordinates that are no finite numbers"),
+        (1e6, 10.0, "more than 1,000,000 times the tolerance of 0.1 mm, which is too fine"),
+        (20.0, 1e-4, "odd is 3.33e-08 m thick, where 1e-06 m are the least"),
+        (0.0, 1e-30, "odd is 3.33e-34 m thick, where 1e-06 m are the least"),
+    ],
+)
+def test_a_part_out_of_all_proportion_is_refused_by_its_name(
+    capsys, tmp_path, low_mm, size_mm, words
+):
+    source = tmp_path / "parts"
+    source.mkdir()
+    block(source / "one.obj", 0.0)
+    block(source / "two.obj", 10.0)
+    block(source / "odd.obj", low_mm, size_mm)
+    assert words in refused(capsys, tmp_path, str(source), "--unit", "mm")
+
+
+def test_a_foil_in_a_large_product_is_imported(tmp_path):
+    """Its replay makes no more steps than the tolerance needs."""
+    source = tmp_path / "parts"
+    source.mkdir()
+    plate = trimesh.creation.box((2000, 2000, 10))
+    plate.export(source / "plate.stl")
+    foil = trimesh.creation.box((2000, 2000, 0.01))
+    foil.apply_translation((0, 0, 5.005))
+    foil.export(source / "foil.stl")
+    words = ["import-cad", str(source), "--unit", "mm", "--out", str(tmp_path / "out")]
+    assert run(words) == 0
+
+
+def test_a_name_that_is_not_utf_8_is_refused(capsys, tmp_path):
+    source = tmp_path / "parts"
+    source.mkdir()
+    block(source / "one.obj", 0.0)
+    block(source / os.fsdecode(b"\xff\xfe.obj"), 10.0)
+    assert "its name is not UTF-8" in refused(capsys, tmp_path, str(source), "--unit", "mm")
+    odd = tmp_path / os.fsdecode(b"\xff.step")
+    odd.write_bytes(file("dovetail").read_bytes())
+    assert "its name is not UTF-8" in refused(capsys, tmp_path, str(odd))
+
+
+@pytest.mark.parametrize("target", ["../outside.obj", "/dev/zero", "loop.obj"])
+def test_a_link_that_leads_out_of_a_folder_or_nowhere_is_refused(capsys, tmp_path, target):
+    source = tmp_path / "parts"
+    source.mkdir()
+    block(tmp_path / "outside.obj", 20.0)
+    block(source / "one.obj", 0.0)
+    block(source / "two.obj", 10.0)
+    (source / "loop.obj").symlink_to(target)
+    said = refused(capsys, tmp_path, str(source), "--unit", "mm")
+    assert "loop.obj: cannot be read: " in said
+    assert target == "loop.obj" or "a link leads out of the folder. Copy the file there" in said
+
+
+def test_a_link_within_a_folder_is_followed(tmp_path):
+    """As those of a task are; the folder may be a link itself."""
+    source = tmp_path / "parts"
+    (source / "kept").mkdir(parents=True)
+    block(source / "one.obj", 0.0)
+    block(source / "kept" / "two.obj", 10.0)
+    (source / "two.obj").symlink_to("kept/two.obj")
+    (tmp_path / "link").symlink_to("parts")
+    read = read_product(tmp_path / "link", ReadOptions("mm"))
+    assert [part.name for part in read] == ["one", "two"]
+
+
+def test_a_folder_that_was_imported_under_another_name_has_its_own(capsys, tmp_path):
+    """Stages are kept by what they depend on, names included."""
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        for number in range(2):
+            block(tmp_path / name / f"{number}.obj", 10.0 * number)
+        words = [str(tmp_path / name), "--unit", "mm", "--out", str(tmp_path / f"{name}_out")]
+        assert run(["import-cad", *words]) == 0
+        assert f"{name}: 2 parts" in capsys.readouterr().out
+
+
+def test_a_texture_that_is_missing_prints_nothing(capfd, tmp_path):
+    """The library for meshes logs a traceback of its own."""
+    source = tmp_path / "parts"
+    source.mkdir()
+    block(source / "one.obj", 0.0)
+    (source / "two.ply").write_text(
+        "ply\nformat ascii 1.0\ncomment TextureFile /etc/passwd\nelement vertex 3\n"
+        "property float x\nproperty float y\nproperty float z\nelement face 1\n"
+        "property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    )
+    said = refused(capfd, tmp_path, str(source), "--unit", "mm")
+    assert "not watertight: two (3 open edges" in said
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("NAN", "has coordinates that are no finite numbers: point #24 has 'NAN'"),
+        ("1.E300", "has coordinates that are no finite numbers: point #24 has '1.E300'"),
+        ("1.E12", "is 1e+09 m long, where 10,000 m are the most; post_1 reaches farthest"),
+    ],
+)
+@pytest.mark.slow(reason="starts OCCT; what it makes of such numbers is refused in every run")
+def test_a_coordinate_that_no_product_has_is_refused_by_its_point(capsys, tmp_path, change, words):
+    text = gzip.decompress(file("eight").read_bytes()).decode()
+    assert "(20.,40.,12.)" in text
+    path = tmp_path / "odd.step"
+    path.write_text(text.replace("(20.,40.,12.)", f"({change},40.,12.)"))
+    assert words in refused(capsys, tmp_path, str(path))
+
+
+def glb(nodes, numbers=()):
+    """Return a binary glTF with a tree of nodes, and a triangle of such coordinates."""
+    corners = struct.pack("<9f", *(numbers or range(9)))
+    document = {
+        "scenes": [{"nodes": [0]}],
+        "nodes": nodes,
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3}],
+        "bufferViews": [{}],
+    }
+    content = json.dumps(document).replace("NaN", "nan").encode()
+    chunks = struct.pack("<I4s", len(content), b"JSON") + content
+    chunks += struct.pack("<I4s", len(corners), b"BIN\0") + corners
+    return b"glTF" + b"\0" * 8 + chunks
+
+
+def test_what_occt_makes_of_nests_bombs_and_odd_numbers_is_refused():
+    """Parts of a tree are read from its root on, however deep it is."""
+    nest = [{"name": "a", "children": [number + 1]} for number in range(3000)]
+    _, parts = parts_of(glb([*nest, {"mesh": 0, "name": "b"}]))
+    assert [(part.name, len(part.path)) for part in parts] == [("b", 3000)]
+    nest = [{"name": "a" * 9, "children": [number + 1]} for number in range(3000)]
+    with pytest.raises(ValueError, match=r"1000 assemblies deep, .* more than 10,000 characters"):
+        parts_of(glb([*nest, {"mesh": 0}]))
+    # Each level holds the next one twice: 2 to the power of 30 parts.
+    laughs = [{"children": [number + 1, number + 1]} for number in range(30)]
+    with pytest.raises(ValueError, match="holds more than 2,000 parts"):
+        parts_of(glb([*laughs, {"mesh": 0}]))
+    for document in (
+        glb([{"mesh": 0, "translation": [math.nan, 0, 0]}]),
+        glb([{"mesh": 0}], [math.inf] * 9),
+    ):
+        with pytest.raises(ValueError, match="no finite numbers"):
+            parts_of(document)
+
+
+def test_more_parts_than_a_process_has_keys_for_devices_are_traced():
+    """Embree's devices are few: one serves all parts."""
+    corners = np.array([[0, 0, 0], [0, 0, 1], [0, 1, 0], [1, 0, 0]], dtype=float) * 1e-3
+    triangles = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
+    part = Part("a", (), corners, triangles, (), 1e-9, 7850.0, (0.0, 0.0, 0.0), 0)
+    meshes = [RayMesh(part, np.zeros(3)) for _ in range(1100)]
+    hits = [mesh.first_hits([[0.1, 0.1, -9.0]], [[0.0, 0.0, 1.0]])[0] for mesh in meshes]
+    assert hits == [2] * len(meshes)
+
+
+MESHES = {
+    suffix: trimesh.creation.box((10, 10, 10)).export(file_type=suffix)
+    for suffix in ("stl", "obj", "ply")
+}
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    suffix=st.sampled_from(sorted(MESHES)),
+    at=st.lists(st.tuples(st.floats(0, 1), st.binary(max_size=8)), max_size=6),
+    end=st.floats(0, 1),
+)
+def test_any_mesh_is_read_or_refused_in_words(suffix, at, end):
+    """Bytes are put in anywhere, or the end is missing."""
+    content = MESHES[suffix]
+    content = bytearray(content.encode() if isinstance(content, str) else content)
+    for share, piece in at:
+        start = int(share * len(content))
+        content[start : start + len(piece)] = piece
+    with TemporaryDirectory() as folder:
+        path = Path(folder, f"odd.{suffix}")
+        path.write_bytes(content[: int(len(content) * min(1.0, 0.5 + end))])
+        block(Path(folder, "whole.obj"), 20.0)
+        refusal, parts = "", ()
+        try:
+            parts = read_product(Path(folder), ReadOptions("mm")).parts
+        except OptionError as error:
+            refusal = str(error)
+    assert refusal.startswith(folder) or len(parts) == 2
+    assert all(np.isfinite(part.vertices_m).all() for part in parts)
 
 
 def damaged(content: bytes, seed: int) -> bytes:

@@ -7,6 +7,7 @@ it names the triangle that is hit, and where is worked out in double precision.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,18 @@ class Heights:
     high_slope: Floats
 
 
+@cache
+def _embree_device() -> Any:
+    """Return the Embree device of this process, which all scenes share.
+
+    Each device takes a key of thread-local storage, and a process has 1,024 of these. Embree may
+    use one device from several threads.
+    """
+    from embreex.rtcore import EmbreeDevice
+
+    return EmbreeDevice()
+
+
 class RayMesh:
     """One part as rays see it.
 
@@ -67,7 +80,7 @@ class RayMesh:
         length = np.linalg.norm(across, axis=1)
         self.normals = across / np.where(length > 0, length, 1.0)[:, None]
         self._corner = corners[:, 0]
-        self._scene = EmbreeScene()
+        self._scene = EmbreeScene(_embree_device())
         self._mesh = TriangleMesh(
             self._scene,
             np.ascontiguousarray(self.points_mm, dtype=np.float32),

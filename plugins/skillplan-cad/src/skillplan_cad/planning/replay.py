@@ -7,6 +7,7 @@ meant for meshes of another tessellation than the plan was made with.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -20,7 +21,7 @@ from skillplan_cad.product import Part, Product, Vector
 from skillplan_cad.relation import Relation
 
 Array = NDArray[np.float64]
-_LEAST_SAMPLES = 24
+_LEAST_SAMPLES, _MOST_SAMPLES = 24, 2_000
 _TURN_RAD = np.pi / 60
 _SAMPLE_SHARE = 0.1  # of the least extent of what moves
 
@@ -102,13 +103,15 @@ def replay(
         step = plan.steps[number]
         known: set[tuple[str, str]] = set()
         standing = [name for name in together[number] if name in sound]
-        for matrix, offset in _placements(step, [bounds[name] for name in step.parts], bounds):
+        boxes_mm = np.array([bounds[name] for name in standing]).reshape(-1, 2, 3) * 1e3
+        moving = [bounds[name] for name in step.parts]
+        for matrix, offset in _placements(step, moving, bounds, tolerance_m):
             samples += 1
             for part in step.parts:
                 if part not in sound:
                     continue
                 moved = sound[part].transform(np.column_stack([matrix, offset]))
-                for by in standing:
+                for by in _near(moved, standing, boxes_mm):
                     if (part, by) in known or _screwed(relation, part, by):
                         continue
                     fault = _shared(number, part, by, moved, sound[by], offset, allowed)
@@ -147,12 +150,13 @@ def _screwed(relation: Relation, part: str, by: str) -> bool:
 
 
 def _placements(
-    step: Step, moving: Sequence[Array], bounds: Mapping[str, Array]
+    step: Step, moving: Sequence[Array], bounds: Mapping[str, Array], tolerance_m: float
 ) -> Iterator[tuple[Array, Array]]:
     """Yield rotations and offsets [mm] on the way out, the place itself left out."""
     low = np.min([box[0] for box in moving], axis=0)
     high = np.max([box[1] for box in moving], axis=0)
-    pace = _SAMPLE_SHARE * float((high - low).min())
+    # Films thinner than the tolerance are allowed, so that finer steps could show no fault.
+    pace = max(_SAMPLE_SHARE * float((high - low).min()), tolerance_m)
     if not step.path:
         everything = np.stack(list(bounds.values()))
         away = -np.asarray(step.along)
@@ -161,7 +165,7 @@ def _placements(
         )
         share = np.abs(away)
         length = float((span[share > 1e-6] / share[share > 1e-6]).min())
-        number = max(_LEAST_SAMPLES, int(np.ceil(length / pace)))
+        number = min(max(_LEAST_SAMPLES, math.ceil(length / pace)), _MOST_SAMPLES)
         for k in range(1, number + 1):
             yield np.eye(3), away * length * k / number * 1e3
         return
@@ -169,7 +173,7 @@ def _placements(
     for move in step.path:
         by = np.asarray(move.offset_m)
         steps = max(float(np.linalg.norm(by)) / pace, abs(move.angle_rad) / _TURN_RAD)
-        number = max(2, int(np.ceil(steps)))
+        number = min(max(2, math.ceil(steps)), _MOST_SAMPLES)
         begun = matrix, offset
         for k in range(1, number + 1):
             share_done = k / number
@@ -179,6 +183,13 @@ def _placements(
             matrix = begun[0] @ turn
             offset = begun[0] @ shift + begun[1] + share_done * by
             yield matrix, offset * 1e3
+
+
+def _near(moved: manifold3d.Manifold, standing: Sequence[str], boxes_mm: Array) -> Iterator[str]:
+    """Yield the standing parts whose boxes, shape (parts, 2, 3), overlap that of a solid."""
+    box = np.asarray(moved.bounding_box())
+    near = (box[:3] < boxes_mm[:, 1]).all(axis=1) & (boxes_mm[:, 0] < box[3:]).all(axis=1)
+    return (standing[number] for number in np.flatnonzero(near).tolist())
 
 
 def _shared(
@@ -191,9 +202,6 @@ def _shared(
     allowed_m: float,
 ) -> Fault | None:
     """Return the fault, where two solids share more than a film."""
-    mine, theirs = np.asarray(moved.bounding_box()), np.asarray(other.bounding_box())
-    if (mine[:3] >= theirs[3:]).any() or (theirs[:3] >= mine[3:]).any():
-        return None
     both = moved ^ other
     if both.is_empty():
         return None

@@ -5,14 +5,19 @@ from __future__ import annotations
 import json
 import re
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skillplan_cad.product import Face, FaceKind, Vector
-from skillplan_cad.reading.raw_part import RawPart
+from skillplan_cad.reading.raw_part import MOST_PARTS, RawPart
+
+# Characters of a part's name and those of the assemblies above it.
+MOST_PATH = 10_000
+NOT_FINITE = "has coordinates that are no finite numbers"
 
 _HEADER_BYTES, _CHUNK_HEAD_BYTES = 12, 8
 _TYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
@@ -29,22 +34,25 @@ def parts_of(content: bytes) -> tuple[str, list[RawPart]]:
     Raises
     ------
     ValueError
-        If the content is no binary glTF.
+        If the content is no binary glTF, has a number that is not finite, more than `MOST_PARTS`
+        parts, or a path longer than `MOST_PATH`. The message is a clause without subject.
     """
     document, data = _chunks(content)
     roots = document["scenes"][document.get("scene", 0)].get("nodes", [])
-    found: list[RawPart] = []
-    taken: set[str] = set()
-    for root in roots:
-        name = _numbered(document, root, taken)
-        found += _parts_under(document, data, root, np.eye(4), (), name)
+    parts: list[RawPart] = []
+    for node in _placed_meshes(document, roots):
+        part = _part(document, data, node)
+        if part is not None:
+            parts.append(part)
+        if len(parts) > MOST_PARTS:
+            raise ValueError(f"holds more than {MOST_PARTS:,} parts")
     names = [document["nodes"][root].get("name", "") for root in roots]
-    return (names[0] if len(names) == 1 else ""), found
+    return (names[0] if len(names) == 1 else ""), parts
 
 
 def _chunks(content: bytes) -> tuple[dict[str, Any], bytes]:
     if content[:4] != b"glTF":
-        raise ValueError("no binary glTF")
+        raise ValueError("is read by OCCT as something that is no product")
     chunks: dict[bytes, bytes] = {}
     at = _HEADER_BYTES
     while at + _CHUNK_HEAD_BYTES <= len(content):
@@ -52,29 +60,48 @@ def _chunks(content: bytes) -> tuple[dict[str, Any], bytes]:
         at += _CHUNK_HEAD_BYTES
         chunks.setdefault(kind, content[at : at + size])
         at += size
-    document = json.loads(chunks[b"JSON"])
+    try:
+        document = json.loads(chunks[b"JSON"])
+    except ValueError:
+        # JSON has no word for them, and OCCT writes them all the same.
+        raise ValueError(NOT_FINITE) from None
     return document, chunks.get(b"BIN\0", b"")
 
 
-def _parts_under(
-    document: Mapping[str, Any],
-    data: bytes,
-    number: int,
-    above: NDArray[np.float64],
-    path: tuple[str, ...],
-    name: str,
-) -> Iterator[RawPart]:
-    node = document["nodes"][number]
-    pose = above @ _pose(node)
-    if "mesh" in node:
-        part = _part(document, data, node["mesh"], pose, name, path)
-        if part is not None:
-            yield part
-    taken: set[str] = set()
-    for child in node.get("children", ()):
-        yield from _parts_under(
-            document, data, child, pose, (*path, name), _numbered(document, child, taken)
-        )
+@dataclass(frozen=True, slots=True, eq=False)
+class _PlacedMesh:
+    """A node of the tree with a mesh: its number, pose in the product's frame, name and path."""
+
+    mesh: int
+    pose: NDArray[np.float64]
+    name: str
+    path: tuple[str, ...]
+
+
+def _placed_meshes(document: Mapping[str, Any], roots: Sequence[int]) -> Iterator[_PlacedMesh]:
+    """Yield the meshes of a tree from its roots on, in order."""
+    nodes, taken = document["nodes"], set[str]()
+    named = [(root, _numbered(document, root, taken)) for root in roots]
+    todo: list[tuple[int, NDArray[np.float64], tuple[str, ...], str, int]] = [
+        (root, np.eye(4), (), name, len(name)) for root, name in reversed(named)
+    ]
+    while todo:
+        number, above, path, name, length = todo.pop()
+        if length > MOST_PATH:
+            raise ValueError(
+                f"has a part {len(path)} assemblies deep, whose names have more than "
+                f"{MOST_PATH:,} characters"
+            )
+        node = nodes[number]
+        pose = above @ _pose(node)
+        if "mesh" in node:
+            yield _PlacedMesh(node["mesh"], pose, name, path)
+        taken = set()
+        below = (*path, name)
+        children = [(one, _numbered(document, one, taken)) for one in node.get("children", ())]
+        todo += [
+            (child, pose, below, own, length + 1 + len(own)) for child, own in reversed(children)
+        ]
 
 
 def _numbered(document: Mapping[str, Any], number_of: int, taken: set[str]) -> str:
@@ -116,17 +143,11 @@ def _pose(node: Mapping[str, Any]) -> NDArray[np.float64]:
     return pose
 
 
-def _part(
-    document: Mapping[str, Any],
-    data: bytes,
-    mesh: int,
-    pose: NDArray[np.float64],
-    name: str,
-    path: tuple[str, ...],
-) -> RawPart | None:
+def _part(document: Mapping[str, Any], data: bytes, node: _PlacedMesh) -> RawPart | None:
+    pose, mesh = node.pose, document["meshes"][node.mesh]
     vertices, triangles, faces = [], [], []
     so_far, triangles_so_far = 0, 0
-    for primitive in document["meshes"][mesh]["primitives"]:
+    for primitive in mesh["primitives"]:
         if primitive.get("mode", 4) != 4:
             continue
         points = _array(document, data, primitive["attributes"]["POSITION"]).astype(np.float64)
@@ -144,9 +165,13 @@ def _part(
         triangles_so_far += len(corners)
     if not triangles_so_far:
         return None
-    placed = np.concatenate(vertices) @ pose[:3, :3].T + pose[:3, 3]
-    design = str(document["meshes"][mesh].get("name", ""))
-    return RawPart(name or design, path, placed, np.concatenate(triangles), tuple(faces), design)
+    with np.errstate(all="ignore"):
+        placed = np.concatenate(vertices) @ pose[:3, :3].T + pose[:3, 3]
+    if not np.isfinite(placed).all():
+        raise ValueError(NOT_FINITE)
+    design, name = str(mesh.get("name", "")), node.name
+    corners = np.concatenate(triangles)
+    return RawPart(name or design, node.path, placed, corners, tuple(faces), design)
 
 
 def _faces(

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from skillplan.domains.assembly.meshes.mesh_files import parsed
+from skillplan.domains.assembly.meshes.polyhedron import MeshFileError
 from skillplan.errors import OptionError, name_hint
-from skillplan.files.regular_file import RefusedFile, read_bytes
+from skillplan.files.regular_file import RefusedFile, read_bytes, real_path_within
 from skillplan_cad.product import Points, Triangles
-from skillplan_cad.reading.raw_part import RawPart, RawProduct
+from skillplan_cad.reading.raw_part import MOST_PARTS, RawPart, RawProduct
 
 SUFFIXES = (".stl", ".obj", ".ply")
 UNITS_M = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0.0254, "foot": 0.3048}
 MOST_BYTES = 128 * 1024 * 1024
+MOST_BYTES_TOGETHER = 512 * 1024 * 1024
 _REMEDY = "Save it anew, or take it out of the folder"
 
 
@@ -34,7 +35,7 @@ def read_folder(folder: Path, unit: str | None) -> RawProduct:
     OptionError
         If the unit is missing or unknown, or a file cannot be read.
     """
-    files = sorted(one for one in folder.iterdir() if one.suffix.lower() in SUFFIXES)
+    files = mesh_files(folder)
     if not files:
         raise OptionError(f"{folder}: holds no meshes: no {', '.join(SUFFIXES)} files lie in it.")
     if unit is None:
@@ -42,8 +43,49 @@ def read_folder(folder: Path, unit: str | None) -> RawProduct:
             f"{folder}: meshes have no unit. State it: --unit mm, or {', '.join(UNITS_M)}."
         )
     scale = unit_m(unit)
-    parts = tuple(RawPart(one.stem, (), *_mesh(one, scale)) for one in files)
-    return RawProduct(folder.resolve().name, parts, unit, 0.0)
+    parts, left = [], MOST_BYTES_TOGETHER
+    for path in files:
+        content = _content(folder, path)
+        left -= len(content)
+        if left < 0:
+            raise OptionError(
+                f"{folder}: its meshes have more than {MOST_BYTES_TOGETHER:,} bytes together. "
+                "Save them with fewer triangles, or import sub-assemblies one by one."
+            )
+        parts.append(RawPart(path.stem, (), *_mesh(path, content, scale)))
+    return RawProduct(folder.resolve().name, tuple(parts), unit, 0.0)
+
+
+def mesh_files(folder: Path) -> list[Path]:
+    """Return the meshes of a folder, by name.
+
+    Raises
+    ------
+    OptionError
+        If there are more than `MOST_PARTS`, a name is not UTF-8, or the folder cannot be listed.
+    """
+    try:
+        files = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
+    except OSError as error:
+        raise OptionError(f"{folder}: cannot be listed: {error.strerror or error}.") from None
+    if len(files) > MOST_PARTS:
+        raise OptionError(
+            f"{folder}: holds {len(files):,} meshes, where {MOST_PARTS:,} are the most. Import "
+            "sub-assemblies one by one."
+        )
+    for path in files:
+        if not is_utf8(path.name):
+            raise OptionError(f"{path}: its name is not UTF-8, and parts take theirs from it.")
+    return files
+
+
+def is_utf8(name: str) -> bool:
+    """Return whether a file's name is text: other bytes are surrogates in it."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def unit_m(unit: str) -> float:
@@ -54,29 +96,28 @@ def unit_m(unit: str) -> float:
     return scale
 
 
-def _mesh(path: Path, scale: float) -> tuple[Points, Triangles]:
-    import trimesh
-
+def _content(folder: Path, path: Path) -> bytes:
     try:
-        content = read_bytes(path, MOST_BYTES)
+        content = read_bytes(real_path_within(path, folder), MOST_BYTES, within=folder)
     except RefusedFile as refused:
-        remedy = ". Save it with fewer triangles" if refused.why == "large" else ""
+        remedies = {"large": ". Save it with fewer triangles", "outside": ". Copy the file there"}
+        remedy = remedies.get(refused.why, "")
         raise OptionError(f"{path}: cannot be read: {refused.strerror}{remedy}.") from None
     except OSError as error:
         raise OptionError(f"{path}: cannot be read: {error.strerror or error}.") from None
     if not content.strip():
         raise OptionError(f"{path}: is empty. {_REMEDY}.")
+    return content
+
+
+def _mesh(path: Path, content: bytes, scale: float) -> tuple[Points, Triangles]:
     try:
-        mesh: Any = trimesh.load(
-            BytesIO(content), file_type=path.suffix[1:].lower(), force="mesh", process=False
-        )
-        vertices = np.asarray(mesh.vertices, dtype=np.float64) * scale
-        triangles = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
-    except Exception as error:
+        with np.errstate(over="ignore"):
+            corners, triangles = parsed(content, path.suffix.lower())
+            vertices = corners * scale
+    except MeshFileError:
         kind = path.suffix[1:].upper()
-        raise OptionError(
-            f"{path}: cannot be read as {kind}: {error or 'damaged'}. {_REMEDY}."
-        ) from None
+        raise OptionError(f"{path}: cannot be read as {kind}. {_REMEDY}.") from None
     if not len(triangles):
         raise OptionError(f"{path}: holds no triangles. {_REMEDY}.")
     if not np.isfinite(vertices).all():

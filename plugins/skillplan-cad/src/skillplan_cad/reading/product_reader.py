@@ -7,19 +7,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from skillplan.errors import OptionError
 from skillplan.files.regular_file import is_folder, is_regular
 from skillplan_cad.product import Part, Product
 from skillplan_cad.reading.mending import Mended, centre_m, mended, split, volumes_m3
 from skillplan_cad.reading.mesh_folder import SUFFIXES as MESHES
-from skillplan_cad.reading.mesh_folder import UNITS_M, read_folder
-from skillplan_cad.reading.raw_part import RawPart, RawProduct
+from skillplan_cad.reading.mesh_folder import UNITS_M, is_utf8, read_folder
+from skillplan_cad.reading.raw_part import RawPart, RawProduct, area_vectors_m2
 from skillplan_cad.reading.shapes import shapes_of
 from skillplan_cad.reading.step_file import SUFFIXES as STEP
 from skillplan_cad.reading.step_file import is_step, read_step
 from skillplan_cad.reading.surface_fit import fitted_faces, recognised
 
 STEEL_KG_M3 = 7850.0
+# Rays are traced in single precision, which resolves a 16-millionth of a length.
+MOST_EXTENT_M = 10_000.0
+# A part that is thinner cannot be resolved by the least tolerance.
+LEAST_THICKNESS_M = 1e-6
 # Open parts that a message names at most.
 _NAMED = 6
 
@@ -55,8 +61,10 @@ def read_product(path: Path, options: ReadOptions) -> Product:
         If it cannot be read, a part is not watertight, or there are not two parts.
     """
     raw = _raw(path, options)
+    _refuse_far(path, raw)
     found = [mended(part) for part in raw.parts]
     _refuse_open(path, found)
+    _refuse_thin(path, [one.part for one in found])
     notes = [*raw.notes, *(note for one in found for note in one.notes)]
     parts: list[RawPart] = []
     bodies: list[int] = []
@@ -82,6 +90,8 @@ def read_product(path: Path, options: ReadOptions) -> Product:
 
 
 def _raw(path: Path, options: ReadOptions) -> RawProduct:
+    if not is_utf8(path.resolve().name):
+        raise OptionError(f"{path}: its name is not UTF-8, and the product takes its name from it.")
     if is_folder(path):
         return read_folder(path, options.unit)
     if not is_regular(path):
@@ -97,6 +107,42 @@ def _raw(path: Path, options: ReadOptions) -> RawProduct:
     raise OptionError(
         f"{path}: is neither STEP ({', '.join(STEP)}) nor a folder of meshes ({', '.join(MESHES)})."
     )
+
+
+def _refuse_far(path: Path, raw: RawProduct) -> None:
+    """Refuse a product so long that its parts cannot be resolved."""
+    filled = [part for part in raw.parts if len(part.vertices_m)]
+    if not filled:
+        return
+    low = np.min([part.vertices_m.min(axis=0) for part in filled], axis=0)
+    high = np.max([part.vertices_m.max(axis=0) for part in filled], axis=0)
+    with np.errstate(over="ignore"):
+        extent_m = float((high - low).max())
+    if extent_m <= MOST_EXTENT_M:
+        return
+    middle = np.median([part.vertices_m[0] for part in filled], axis=0)
+    with np.errstate(over="ignore"):
+        reach = [float(np.abs(part.vertices_m - middle).max()) for part in filled]
+    farthest = filled[int(np.argmax(reach))]
+    raise OptionError(
+        f"{path}: is {extent_m:.3g} m long, where {MOST_EXTENT_M:,.0f} m are the most; "
+        f"{_full_name(farthest)} reaches farthest. Correct that part, or its unit ({raw.unit})."
+    )
+
+
+def _refuse_thin(path: Path, parts: Sequence[RawPart]) -> None:
+    """Refuse a part that has no thickness, as the ratio of its volume and surface says."""
+    for part in parts:
+        volume = float(volumes_m3(part.vertices_m, part.triangles).sum())
+        surface = float(
+            np.linalg.norm(area_vectors_m2(part.vertices_m, part.triangles), axis=1).sum()
+        )
+        if not volume > LEAST_THICKNESS_M / 2 * surface > 0:
+            thickness_m = 2 * volume / surface if surface > 0 else 0.0
+            raise OptionError(
+                f"{path}: {_full_name(part)} is {thickness_m:.3g} m thick, where "
+                f"{LEAST_THICKNESS_M:g} m are the least. Correct it, or leave it out."
+            )
 
 
 def _refuse_open(path: Path, found: Sequence[Mended]) -> None:

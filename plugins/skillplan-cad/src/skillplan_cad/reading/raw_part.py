@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from skillplan_cad.product import Face, Points, Triangles
 
+# Of one product: every pair of parts is tested.
+MOST_PARTS = 2_000
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RawPart:

@@ -8,13 +8,19 @@ from pathlib import Path
 
 from skillplan.errors import OptionError
 from skillplan.files.regular_file import RefusedFile, read_bytes
-from skillplan_cad.reading.glb import parts_of
+from skillplan_cad.reading.glb import NOT_FINITE, parts_of
 from skillplan_cad.reading.occt import tessellated
 from skillplan_cad.reading.raw_part import RawProduct
 
 SUFFIXES = (".step", ".stp", ".step.gz", ".stp.gz", ".stpz")
 MOST_BYTES = 128 * 1024 * 1024
 _BEGINS, _ENDS = b"ISO-10303-21;", b"END-ISO-10303-21;"
+# Texts and comments; one that does not end goes on to the end of the file. Takes linear time.
+_TEXT = re.compile(rb"'[^']*(?:'|\Z)|/\*.*?(?:\*/|\Z)", re.DOTALL)
+# OCCT keeps the number of an entity in 32 bits, and mistakes a larger one for another.
+_MOST_NUMBER = 2**31 - 1
+_POINT = re.compile(rb"#(\d+)\s*=\s*CARTESIAN_POINT\s*\(\s*'[^']*'\s*,\s*\(([^()]{0,200})\)")
+_PREFIXES = {b".MILLI.": "mm", b".CENTI.": "cm", b".DECI.": "dm", b"$": "m", b".MICRO.": "um"}
 _ASSEMBLE = "Save it from CAD as STEP (AP203, AP214 or AP242)"
 
 
@@ -40,8 +46,12 @@ def read_step(path: Path, chord_m: float) -> RawProduct:
         crashes on it.
     """
     content = _content(path)
-    unit = _unit(content)
-    name, parts = parts_of(tessellated(path, content, chord_m))
+    unit = _unit(path, content)
+    made = tessellated(path, content, chord_m)
+    try:
+        name, parts = parts_of(made)
+    except ValueError as error:
+        raise OptionError(f"{path}: {error}{_remedy(str(error), content)}.") from None
     if not parts:
         raise OptionError(
             f"{path}: holds no solids or surfaces, as a drawing or mere curves do. Save the solids."
@@ -73,21 +83,49 @@ def _content(path: Path) -> bytes:
         raise OptionError(
             f"{path}: is cut off: {_ENDS.decode()!r} is missing at its end. Save or copy it anew."
         )
-    lost = _lost(content)
+    _refuse_references(path, content)
+    return content
+
+
+def _refuse_references(path: Path, content: bytes) -> None:
+    """Refuse entities that are missing, as OCCT leaves out what needs them, or too far on."""
+    bare = _TEXT.sub(b"", content)
+    named = {digits.lstrip(b"0") for digits in re.findall(rb"#(\d+)", bare)}
+    largest = max(named, key=lambda digits: (len(digits), digits), default=b"")
+    if len(largest) > 10 or int(largest or b"0") > _MOST_NUMBER:
+        digits = largest.decode()
+        raise OptionError(
+            f"{path}: numbers an entity #{digits[:20]}{'...' if digits[20:] else ''}, of "
+            f"{len(digits)} digits; OCCT reads up to #{_MOST_NUMBER}. {_ASSEMBLE}, numbered anew."
+        )
+    defined = {digits.lstrip(b"0") for digits in re.findall(rb"#(\d+)\s*=", bare)}
+    lost = named - defined
     if lost:
         entities = "entity" if len(lost) == 1 else "entities"
         raise OptionError(
             f"{path}: is damaged: it refers to {len(lost)} {entities} that it lacks, such as "
-            f"#{min(lost)}; parts would be missing. Save or copy it anew."
+            f"#{min(map(int, lost))}; parts would be missing. Save or copy it anew."
         )
-    return content
 
 
-def _lost(content: bytes) -> set[int]:
-    """Return the entities that are referred to and not there: OCCT leaves out what needs them."""
-    bare = re.sub(rb"'[^']*'|/\*.*?\*/", b"", content, flags=re.DOTALL)
-    defined = {int(one) for one in re.findall(rb"#(\d+)\s*=", bare)}
-    return {int(one) for one in re.findall(rb"#(\d+)", bare)} - defined
+def _remedy(words: str, content: bytes) -> str:
+    """Return the end of a message about the product that OCCT made of a file."""
+    if words != NOT_FINITE:
+        return ". Save sub-assemblies one by one"
+    for point in _POINT.finditer(content):
+        for coordinate in point[2].split(b","):
+            if not _is_length(coordinate):
+                text = coordinate.strip()[:40].decode("ascii", "replace")
+                return f": point #{point[1].decode()} has {text!r}. Correct it in CAD"
+    return f". {_ASSEMBLE}"
+
+
+def _is_length(text: bytes) -> bool:
+    """Return whether a text is a number that can be a coordinate."""
+    try:
+        return abs(float(text)) < 1e30
+    except ValueError:
+        return False
 
 
 def _unpacked(path: Path, content: bytes) -> bytes:
@@ -103,10 +141,21 @@ def _unpacked(path: Path, content: bytes) -> bytes:
     return whole
 
 
-def _unit(content: bytes) -> str:
-    """Return the unit of lengths that the file states; OCCT converts by it."""
+def _unit(path: Path, content: bytes) -> str:
+    """Return the unit of lengths that the file states; OCCT converts by it.
+
+    Raises
+    ------
+    OptionError
+        If it is one that no product is drawn in.
+    """
     if re.search(rb"CONVERSION_BASED_UNIT\s*\(\s*'INCH'", content, re.IGNORECASE):
         return "inch"
-    found = re.search(rb"SI_UNIT\s*\(\s*(\$|\.[A-Z]+\.)\s*,\s*\.METRE\.\s*\)", content)
-    prefixes = {b".MILLI.": "mm", b".CENTI.": "cm", b"$": "m", b".MICRO.": "um"}
-    return prefixes.get(found[1], "mm") if found else "mm"
+    stated = re.search(rb"SI_UNIT\s*\(\s*(\$|\.[A-Z]{1,9}\.)\s*,\s*\.METRE\.\s*\)", content)
+    if stated is None:
+        return "mm"
+    if stated[1] not in _PREFIXES:
+        raise OptionError(
+            f"{path}: states lengths in {stated[1].decode()}METRE; save it in mm, cm, m or inch."
+        )
+    return _PREFIXES[stated[1]]

@@ -33,7 +33,8 @@ def refused(document: Mapping[str, Any], files: Mapping[str, str]) -> dict[str, 
             path.parent.mkdir(exist_ok=True)
             path.write_text(content, "utf-8")
         for issue in _issues(document, folder):
-            about = str(issue.path[1]) if issue.path[:1] in (("parts",), ("screws",)) else ""
+            of_part = len(issue.path) > 1 and issue.path[0] in ("parts", "screws")
+            about = str(issue.path[1]) if of_part else ""
             found.setdefault(about, issue.message)
     return found
 
