@@ -106,3 +106,15 @@ def test_bash_gets_its_script(cli: Any, monkeypatch: pytest.MonkeyPatch) -> None
     """Which shell it is, Typer finds out; named in the environment it need not."""
     monkeypatch.setenv("_SKILLPLAN_COMPLETE", "source_zsh")
     assert "#compdef skillplan" in cli().out
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+@pytest.mark.parametrize("option", ["--show-completion", "--install-completion"])
+def test_a_shell_is_set_up_with_exit_code_0(
+    cli: Any, option: str, shell: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "")
+    outcome = cli(option, shell)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "skillplan" in outcome.out or list(tmp_path.rglob("*skillplan*"))

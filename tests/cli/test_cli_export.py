@@ -39,7 +39,6 @@ def test_of_what_may_fail_by_chance_the_cost_is_that_of_no_failure(
     [
         (["--to", "cvs", "--out", "f.csv"], "Unknown exporter 'cvs'. Did you mean 'csv'?", 2),
         (["--to", "groot", "--out", "f.csv"], "Unknown exporter 'groot'.", 2),
-        (["--to", "csv", "--out", "f.txt"], "end it in .csv", 2),
         (["--to", "csv", "--out", "no/f.csv"], "there is no folder no", 2),
         (["--to", "csv", "--out", "there.csv", "--sequence", PLAN], "is there already", 2),
         (["--to", "pddl", "--out", "there.csv"], "is a file. Name a new folder", 2),
@@ -97,3 +96,22 @@ class TestVerifyWithFastDownward:
         monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
         told = cli("verify", str(solved_board), "--with", "fast-downward")
         assert (2, True) == (told.code, "pip install 'skillplan[planner]'" in told.err)
+
+
+@pytest.mark.parametrize("to", ["csv", "btcpp", "st"])
+@pytest.mark.parametrize("name", ["plan", "plan.of.mine", "plan.txt"])
+def test_a_file_may_have_any_name(cli: Any, board: str, tmp_path: Path, to: str, name: str) -> None:
+    path = tmp_path / name
+    outcome = cli("export", board, "--to", to, "--sequence", PLAN, "--out", str(path))
+    assert outcome.code == 0
+    assert path.stat().st_size
+
+
+def test_a_file_may_hold_the_list_that_sequence_takes(cli: Any, board: str, tmp_path: Path) -> None:
+    """Numbers or names, over one line or several."""
+    names = "pick(pcb), place(pcb),\npick(switch_1)\nplace(switch_1)\n"
+    for text, steps in ((PLAN, 15), (PLAN.replace(",", "\n"), 15), (names, 4)):
+        (tmp_path / "list").write_text(text)
+        found = cli("evaluate", board, "--sequence", f"@{tmp_path / 'list'}", "--format", "json")
+        assert found.document["feasible"], text
+        assert found.document["complete"] == (steps == 15)

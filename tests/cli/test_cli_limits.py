@@ -210,14 +210,28 @@ class TestStart:
         for word in ("is of another task", "motor-drive", "inverter-board"):
             assert word in outcome.err
 
-    def test_that_of_the_task_before_a_change_is_refused(
-        self, cli: Any, motor: str, earlier: Path
+    def test_that_of_the_task_before_a_change_is_replayed(
+        self, cli: Any, board: str, tmp_path: Path
     ) -> None:
-        """Its plan may mean something else now."""
-        words = ("--start", str(earlier), "--set", "robot.travel_speed_m_per_s=0.1")
-        outcome = cli("search-optimal", motor, *EXACT, *words)
-        assert 2 == outcome.code
-        assert "has changed since" in outcome.err
+        """Moving a part by 1 mm keeps the plan; a plan that no longer holds is not used."""
+        cli("search-optimal", board, "--out", str(tmp_path / "before"))
+        words = ("--start", str(tmp_path / "before"), "--format", "json")
+        for change, start in (
+            ("parts.clock.start_m=[0.557, -0.134]", "from a plan of 1.8"),
+            ("chart=[{before: clock, after: [switch_1]}]", "the plan given is not used, it fails"),
+        ):
+            outcome = cli("search-optimal", board, *words, "--set", change)
+            assert (0, "optimal") == (outcome.code, outcome.document["status"])
+            assert outcome.document["trace"]["start"].startswith(start)
+
+    @pytest.mark.parametrize("form", ["{plan}", "@{file}"])
+    def test_a_sequence_is_a_start(self, cli: Any, board: str, tmp_path: Path, form: str) -> None:
+        """As --sequence takes it."""
+        plan, file = "0,1,4,5,2,3,8,9,10,11,6,7,13,14,15", tmp_path / "plan.txt"
+        file.write_text(plan)
+        words = ("--start", form.format(plan=plan, file=file), "--format", "json")
+        outcome = cli("search-optimal", board, *words)
+        assert outcome.document["trace"]["start"] == "from a plan of 1.88012 m"
 
     def test_that_without_a_plan_is_refused(self, cli: Any, no_way: str, tmp_path: Path) -> None:
         """There is nothing to start from."""

@@ -197,7 +197,7 @@ def test_a_bench_figure_of_an_assembly_is_refused(
 
 @pytest.mark.parametrize(
     ("figure", "message"),
-    [("gantt", "has several"), ("rewards", "no rewards"), ("policy", "no task of the file leads")],
+    [("gantt", "has several"), ("policy", "no task of the file leads")],
 )
 def test_a_figure_of_one_base_does_not_fit_a_fleet(
     cli: Any, walk: str, meet: str, figure: str, message: str
@@ -300,3 +300,13 @@ def test_a_missing_matplotlib_is_told(cli: Any, walk: str, monkeypatch: pytest.M
     outcome = cli("plot", walk, "gantt")
     assert 2 == outcome.code
     assert "pip install matplotlib" in outcome.err
+
+
+def test_rewards_of_a_task_without_rewards_are_minus_its_costs(
+    cli: Any, walk: str, tmp_path: Path
+) -> None:
+    """Any task has this picture; it says that the file has no rewards."""
+    assert 0 == cli("init", "assembly", "--out", "mine.yaml").code
+    assert 0 == cli("plot", "mine.yaml", "rewards", "--collision", "aabb", "--out", "r.svg").code
+    drawn = Path("r.svg").read_text("utf-8")
+    assert "reward = -cost, as the file has no rewards" in drawn

@@ -21,7 +21,7 @@ def test_a_plan_is_shown_in_plain_numbers(cli) -> None:
     assert "   2        3   visit(4)       75" == lines[4]
     assert "cost       2125  (lower bound 2125, gap 0.00 %)" in lines
     assert f"sequence   {OPTIMUM}" in lines
-    assert "makespan   8 skills" in lines
+    assert "plan       8 skills" in lines
 
 
 def test_the_document_has_the_same_keys_as_ever(cli) -> None:

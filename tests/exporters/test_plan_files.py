@@ -86,7 +86,7 @@ def test_a_tree_of_somebody_else_is_followed_into_its_subtrees(
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", r":1: is in no known format. Give a CSV table"),
+        (b"", r":1: is in no known format. Give action numbers"),
         (b"step,what\n1,pick\n", r":1: is in no known format"),
         (b"skill\npick(pcb)\npick(cpb)\n", r":3: Unknown skill 'pick\(cpb\)'. Did you mean"),
         (b"a,skill\n1\n", r":2: has 1 cells, and the plan stands in cell 2"),

@@ -367,7 +367,7 @@ def test_a_verdict_that_depends_on_where_the_arm_comes_from_is_refused():
             return Verdict.infeasible("too near", here, task.facts.none)
         return Verdict.feasible(task.facts.none, here)
 
-    assert "pick(pcb) depends on more than an order: at(home)" in refusal(task, rule)
+    assert "pick(pcb) depends on where the arm comes from: at(home)" in refusal(task, rule)
 
 
 def test_one_of_two_supports_is_no_precedence_and_refused():
@@ -383,7 +383,7 @@ def test_one_of_two_supports_is_no_precedence_and_refused():
             return Verdict.feasible(task.facts.of(there[0]), task.facts.none)
         return Verdict.infeasible("nothing beneath", task.facts.none, task.facts.of(*supports))
 
-    assert "place(brace) depends on more than an order" in refusal(task, rule)
+    assert "place(brace) depends on more than the order of parts" in refusal(task, rule)
 
 
 @settings(max_examples=examples(150))

@@ -233,3 +233,15 @@ def test_the_built_ins_check_their_options(kind, name, option, value):
     """Unknown ones and values out of range."""
     with pytest.raises(OptionError, match=option):
         registry.make_options(kind, name, registry.load(kind, name), {option: value})
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "distribution"),
+    [("exporter", "ros", "skillplan-ros2"), ("collision", "swept", "skillplan-pinocchio")],
+)
+def test_a_plugin_of_this_project_that_is_missing_is_named_with_its_distribution(
+    monkeypatch: pytest.MonkeyPatch, kind: str, name: str, distribution: str
+) -> None:
+    monkeypatch.setattr(registry, "_providers", lambda _: {})
+    with pytest.raises(PluginError, match=f"is not installed: pip install {distribution}, or in"):
+        registry.load(kind, name)

@@ -276,6 +276,6 @@ def test_plans_that_make_no_sense_are_refused(walk: Task) -> None:
 def test_a_sampler_that_is_not_installed_is_named_with_what_installs_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(registry, "names", lambda kind: [])
-    with pytest.raises(PluginError, match=r"pip install 'skillplan\[optuna\]'"):
+    monkeypatch.setattr(registry, "_providers", lambda kind: {})
+    with pytest.raises(PluginError, match="pip install skillplan-optuna"):
         make_sampler("optuna", {})

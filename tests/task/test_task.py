@@ -94,6 +94,14 @@ def test_a_bad_sequence_says_which_entry(text, message):
         make_task(FACTS, SKILLS).parse_sequence(text)
 
 
+def test_a_task_prints_as_one_short_line():
+    """Also one of many skills: a notebook shows what print gives."""
+    skills = [make_skill(FACTS, f"pick({number})", add=("a",)) for number in range(500)]
+    text = repr(make_task(FACTS, skills))
+    assert "500 skills" in text
+    assert len(text) < 120
+
+
 def test_an_observation_is_its_literals_in_order():
     """Without any it is all facts."""
     task = make_task(FACTS, SKILLS)

@@ -60,6 +60,14 @@ class HypotheticalStates:
         """Return the component that a fact is about, or None."""
         return self._owner.get(fact)
 
+    def dependence(self, fact: str) -> str:
+        """Return the kind of thing that a fact states, for "depends on ..."."""
+        if fact in self.stands:
+            return "where the arm comes from"
+        if fact in self._owner:
+            return "which other parts are in place"
+        return "the tool or the hand"
+
     def component(self, skill: Skill) -> str | None:
         """Return the component that a skill moves or fastens, or None."""
         operations = self.task.operations

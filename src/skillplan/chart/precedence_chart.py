@@ -7,7 +7,7 @@ want of a, or a's operation fails because b is an obstacle.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from skillplan.chart.alternatives import Alternatives, alternatives
 from skillplan.chart.conflict import conflict_lines
@@ -25,6 +25,7 @@ from skillplan.quick_dataclass import dataclass
 from skillplan.task.task import Task
 
 _MOST_LINES = 3
+_MOST_NAMED = 3
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,33 @@ class DerivedChart:
         derived = [(r.before, r.after) for r in self.relations]
         return shortest_cycle([*derived, *(self.hand_made or ())])
 
+    def beyond_order(self, task: Task) -> tuple[str, ...]:
+        """Return one sentence for each kind of dependence that no order of components expresses.
+
+        Skills whose dependence is a choice between orders are left out: `alternatives` has them.
+
+        Parameters
+        ----------
+        task
+            The task that the chart was derived for.
+        """
+        skills: dict[str, list[str]] = {}
+        facts: dict[str, dict[str, None]] = {}
+        chosen = {choice.skill for choice in self.alternatives}
+        hypothetical = HypotheticalStates(task)
+        for skill, literals in self.conditional.items():
+            for literal in () if skill in chosen else literals:
+                fact = literal.removeprefix("not ")
+                kind = hypothetical.dependence(fact)
+                if skill not in skills.setdefault(kind, []):
+                    skills[kind].append(skill)
+                facts.setdefault(kind, {}).setdefault(fact)
+        return tuple(
+            f"{_listed(names)} depend{'s' * (len(names) == 1)} on {kind} ({_listed(facts[kind])}), "
+            "which no order of parts expresses; searches check it in every state"
+            for kind, names in skills.items()
+        )
+
     def obstacle(self, task: Task) -> str | None:
         """Return why no order can exist, in at most three lines, or None where one may.
 
@@ -88,6 +116,12 @@ class DerivedChart:
         lines = conflict_lines(task, self.relations)
         never = [f"{skill} is never feasible: {why}" for skill, why in self.impossible.items()]
         return "\n".join((lines or never)[:_MOST_LINES]) or None
+
+
+def _listed(names: Collection[str]) -> str:
+    """Return some names, and the number of the others."""
+    shown, more = [*names][:_MOST_NAMED], len(names) - _MOST_NAMED
+    return ", ".join(shown) + (f" and {more} more" if more > 0 else "")
 
 
 def derive_chart(feasibility: Feasibility) -> DerivedChart:

@@ -156,6 +156,12 @@ def _app() -> Any:
     return group
 
 
+def _sets_up_completion(words: Sequence[str]) -> bool:
+    """Whether the shell's completion is printed or installed, before any command is looked up."""
+    first = words[0].partition("=")[0] if words else ""
+    return first in ("--install-completion", "--show-completion")
+
+
 app = _app()
 
 
@@ -187,8 +193,9 @@ def _run(words: list[str]) -> int:
     except SkillplanError as error:
         return report_error(error, words)
     except SystemExit as ended:
-        # Typer ends so once it has completed a word for a shell; a plugin ends nothing.
-        if not os.environ.get(COMPLETION):
+        # Typer ends so once it has completed a word for a shell, or printed or installed the
+        # script for it; a plugin ends nothing.
+        if not os.environ.get(COMPLETION) and not _sets_up_completion(words):
             report_bug(ended, words)
             return exit_code(ended)
         return ended.code if isinstance(ended.code, int) else 0

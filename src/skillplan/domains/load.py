@@ -67,6 +67,10 @@ class Problem:
     document: Document = field(repr=False)
     spare_back_ends: list[BackEnd] = field(default_factory=list, compare=False, repr=False)
 
+    def __repr__(self) -> str:
+        tasks = "\n  ".join(map(repr, self.tasks))
+        return f"<Problem {self.name!r} of {self.source}:\n  {tasks}>"
+
     @property
     def task(self) -> Task:
         """The only task.

@@ -14,7 +14,7 @@ from typing import ClassVar
 from pydantic import Field
 
 from skillplan.exporters.exporter import Exporter
-from skillplan.exporters.handover import Handover, PlannedSkill
+from skillplan.exporters.handover import Handover, PlannedSkill, decimal_text
 from skillplan.exporters.identifiers import Identifiers, quoted
 from skillplan.task import back_end
 
@@ -147,8 +147,8 @@ def _ports(one: PlannedSkill) -> dict[str, str]:
         ";".join(condition.forbids),
         ";".join(outcome.add),
         ";".join(ended),
-        repr(one.step.cost),
-        repr(one.step.duration_s),
+        decimal_text(one.step.cost),
+        decimal_text(one.step.duration_s),
     )
     return dict(zip(PORTS, map(said, values), strict=True))
 

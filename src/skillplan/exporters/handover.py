@@ -103,3 +103,8 @@ def _place(task: Task, skill: Skill, state: State) -> str:
         return argument(fact) or fact
     names = [place.name for place in task.places_in(state)]
     return names[0] if len(names) == 1 else ""
+
+
+def decimal_text(value: float) -> str:
+    """Return a number with 12 significant digits, the noise of binary fractions rounded away."""
+    return f"{value + 0.0:.12g}"

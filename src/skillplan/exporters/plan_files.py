@@ -1,4 +1,4 @@
-"""Plans read back from files of other tools: tables, JSON, plans of PDDL planners, behaviour trees.
+"""Plans read back from files: lists, tables, JSON, plans of PDDL planners, behaviour trees.
 
 Which it is, the content says. Nothing is executed, no entity of XML is expanded, and what is too
 large is refused before it is read.
@@ -24,8 +24,8 @@ from skillplan.xml_tree import Element, XmlError, parse_xml
 MAX_BYTES: Final = 16 * 1024 * 1024
 MOST_SKILLS: Final = 100_000
 FORMATS = (
-    "a CSV table with a column skill or action, JSON of skillplan, a plan of a PDDL planner, or a "
-    "behaviour tree in XML"
+    "action numbers or skill names separated by commas, a CSV table with a column skill or action, "
+    "JSON of skillplan, a plan of a PDDL planner, or a behaviour tree in XML"
 )
 # Of what these nodes hold only some may be executed.
 _CHOICES = ("Fallback", "Parallel", "Switch", "IfThenElse", "WhileDoElse", "ReactiveFallback")
@@ -71,7 +71,7 @@ def read_plan(path: str, task: Task, skill_of: Callable[[str], str | None]) -> t
         elif start in (b"(", b";"):
             entries = _of_planner(path, text, skill_of)
         else:
-            entries = _of_table(path, text)
+            entries = _of_list(text) if _begins_with_skill(text, task) else _of_table(path, text)
     for line, name in entries:
         if len(skills) == MOST_SKILLS:
             raise OptionError(f"{path}:{line}: has more than {MOST_SKILLS:,} skills.")
@@ -82,6 +82,25 @@ def read_plan(path: str, task: Task, skill_of: Callable[[str], str | None]) -> t
     if not skills:
         raise OptionError(f"{path}:1: holds no plan. Give {FORMATS}.")
     return tuple(skills)
+
+
+def _begins_with_skill(text: str, task: Task) -> bool:
+    """Whether the first word of a text is a skill, and not the heading of a column."""
+    first = next(_of_list(text), None)
+    if first is None:
+        return False
+    try:
+        task.skill(first[1])
+    except OptionError:
+        return False
+    return True
+
+
+def _of_list(text: str) -> Iterator[Entry]:
+    """Yield the entries of the list that --sequence takes, over any number of lines."""
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.split(",") if "," in line else line.split()
+        yield from ((number, word.strip()) for word in words if word.strip())
 
 
 def _of_table(path: str, text: str) -> Iterator[Entry]:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import ClassVar
 
 from skillplan.exporters.exporter import Exporter
-from skillplan.exporters.handover import Handover, PlannedSkill
+from skillplan.exporters.handover import Handover, PlannedSkill, decimal_text
 
 COLUMNS = (
     "step",
@@ -67,11 +67,11 @@ def _row(one: PlannedSkill, begin_s: float, unit: str) -> Iterable[str]:
         str(step.index + 1),
         str(step.action),
         *map(_text, (*texts, one.origin, one.destination)),
-        repr(step.cost),
+        decimal_text(step.cost),
         _text(unit),
-        repr(step.duration_s),
-        repr(round(begin_s, 9)),
-        *(value if isinstance(value, str) else repr(float(value)) for value in points),
+        decimal_text(step.duration_s),
+        decimal_text(begin_s),
+        *(value if isinstance(value, str) else decimal_text(value) for value in points),
         _text(step.way or ""),
     )
 

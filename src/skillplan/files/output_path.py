@@ -34,6 +34,23 @@ def output_path(option: str, out: str, suffixes: Collection[str], what: str) -> 
     if suffix.lower() not in suffixes:
         said = f"{what} are not saved as {suffix}" if suffix else "does not say which format"
         raise OptionError(f"{option} {out}: {said}; end it in {' or '.join(suffixes)}.")
+    return output_file(option, out)
+
+
+def output_file(option: str, out: str) -> Path:
+    """Return the file that an output goes to, whatever its suffix, after the same checks.
+
+    Parameters
+    ----------
+    option, out
+        As in `output_path`.
+
+    Raises
+    ------
+    OptionError
+        If the name is of a folder, or the folder is missing or closed to writing.
+    """
+    path = Path(out)
     try:
         # A name that no file can have, such as one with a NUL, is for `is_dir` just none.
         with suppress(FileNotFoundError, NotADirectoryError):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from skillplan.chart.hypothetical_state import HypotheticalStates
 from skillplan.chart.precedence_query import CheckSteps, Undecided
 from skillplan.model.done_jobs import DoneSets
 from skillplan.model.fact_analysis import each_bit
@@ -124,8 +125,9 @@ class JobQuery:
         open_bits = verdict.present.bits & ~holds | verdict.absent.bits & ~lacks
         if open_bits & structure.situation:
             fact = structure.task.facts.names_of(open_bits & structure.situation)[0]
-            wanted = fact if fact in verdict.present else f"not {fact}"
-            raise structure.no(f"{skill.name} depends on more than an order: {wanted}")
+            literal = fact if fact in verdict.present else f"not {fact}"
+            kind = HypotheticalStates(structure.task).dependence(fact)
+            raise structure.no(f"{skill.name} depends on {kind}: {literal}")
         return verdict
 
     def _blamed(self, verdict: Verdict) -> int:
@@ -219,7 +221,7 @@ class JobQuery:
         if not verdict.is_feasible:
             facts = ", ".join(verdict.facts)
             name = self.job.chain[position].name
-            raise self._structure.no(f"{name} depends on more than an order: {facts}")
+            raise self._structure.no(f"{name} depends on more than the order of parts: {facts}")
         for other in each_bit(self._blamed(verdict) & ~(done | never)):
             more = done | other | closed_before[other.bit_length() - 1]
             if not more & never:

@@ -62,6 +62,24 @@ _MEANT = {
 }
 
 
+# Distributions of this project, by the kind and name of what they provide.
+_DISTRIBUTIONS = {
+    ("collision", "contact-force"): "skillplan-pybullet",
+    ("collision", "contact-pairs"): "skillplan-pinocchio",
+    ("collision", "swept"): "skillplan-pinocchio",
+    ("executor", "ray"): "skillplan-ray",
+    ("exporter", "ros2"): "skillplan-ros2",
+    ("physics", "mujoco"): "skillplan-mujoco",
+    ("physics", "pybullet"): "skillplan-pybullet",
+    ("sampler", "optuna"): "skillplan-optuna",
+    ("solver", "cp-sat"): "skillplan-ortools",
+    ("solver", "dqn"): "skillplan-torch",
+    ("solver", "imitate"): "skillplan-torch",
+    ("solver", "ppo"): "skillplan-torch",
+    ("solver", "relational"): "skillplan-torch",
+}
+
+
 class InstalledDomains(Mapping[str, Domain]):
     """The installed domains by kind, sorted; one is imported when it is looked up.
 
@@ -96,6 +114,12 @@ def load(kind: str, name: str) -> type[Any]:
     found = _providers(kind).get(name)
     if not found:
         meant = _MEANT.get(kind, {}).get(name.casefold(), name)
+        distribution = _DISTRIBUTIONS.get((kind, meant))
+        if distribution is not None:
+            raise PluginError(
+                f"The {kind} {meant!r} is not installed: pip install {distribution}, or in a "
+                f"checkout pip install -c constraints.txt -e plugins/{distribution}."
+            )
         raise PluginError(f"Unknown {kind} {name!r}. {name_hint(meant, names(kind))}")
     if len(found) > 1:
         owners = " and ".join(_owner(entry) for entry in found)

@@ -9,7 +9,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-from skillplan.errors import OptionError, PluginError
+from skillplan.errors import OptionError
 from skillplan.pipeline import registry
 from skillplan.records.sweep.record import SweepRecord, record_of
 from skillplan.records.sweep.result import SweepResult
@@ -21,8 +21,6 @@ from skillplan.sweep.study_workers import Order, do_all
 
 # A setting is worse than any of which more runs arrive: its share of failures counts so much.
 _FAILED = 1e9
-# Distributions that provide a sampler, to be named where they are not installed.
-_KNOWN = {"optuna": ("skillplan[optuna]", "plugins/skillplan-optuna")}
 
 
 def make_sampler(name: str, options: Mapping[str, Any]) -> Sampler:
@@ -35,12 +33,6 @@ def make_sampler(name: str, options: Mapping[str, Any]) -> Sampler:
     PluginError
         If it is unknown, broken or not installed.
     """
-    if name in _KNOWN and name not in registry.names("sampler"):
-        extra, folder = _KNOWN[name]
-        raise PluginError(
-            f"The sampler {name!r} is a plugin that is not installed: pip install '{extra}', or in "
-            f"a checkout pip install -c constraints.txt -e {folder}."
-        )
     plugin = registry.load("sampler", name)
     sampler: Sampler = plugin(registry.make_options("sampler", name, plugin, options))
     return sampler

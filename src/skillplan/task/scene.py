@@ -286,6 +286,10 @@ class Scene:
     stations: Mapping[str, Point] = field(default_factory=dict)
     frames: Mapping[str, Pose] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        bodies = ", ".join(body.name for body in self.bodies)
+        return f"<Scene of {', '.join(robot.name for robot in self.robots)}: {bodies}>"
+
     def __post_init__(self) -> None:
         for kind, items in (("bodies", self.bodies), ("robots", self.robots)):
             names = [item.name for item in items]

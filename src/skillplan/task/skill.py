@@ -158,6 +158,9 @@ class Skill:
     _conditions: dict[int, Condition] = field(init=False, repr=False, compare=False)
     _selectors: int = field(init=False, repr=False, compare=False)
 
+    def __repr__(self) -> str:
+        return f"<Skill {self.name}>"
+
     def __post_init__(self) -> None:
         if not self.name:
             raise ValueError("Skill name must not be empty.")

@@ -195,6 +195,13 @@ class Task:
                 raise ValueError(f"Task {self.name!r}: preset names unknown skill {name!r}.")
         object.__setattr__(self, "_index", index)
 
+    def __repr__(self) -> str:
+        goals = len([*self.goal.requires, *self.goal.forbids])
+        return (
+            f"<Task {self.name!r}, kind {self.kind!r}: {len(self.skills)} skills, "
+            f"{len(self.facts)} facts, {goals} in the goal>"
+        )
+
     def replace(self, **changes: Any) -> Task:
         """Return a variant with some fields changed."""
         changes = {"sha256": "", **changes}

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skillplan.solvers.learning.learner import Learner
+from skillplan.model.skill_model import SkillModel
+from skillplan.solvers.learning.learner import MODEL_BASED, Learner
 from skillplan.solvers.learning.training_length import usual_steps
 from skillplan.task.task import Task
 from skillplan_torch.network_options import NetworkOptions
@@ -35,6 +36,12 @@ class NetworkLearner(Learner):
             steps=usual_steps(tasks, self.steps_factor),
             planning=can_plan(self.options, tasks),
         )
+
+    def figures(self, model: SkillModel) -> dict[str, Any]:
+        """Return the learner's full name: whether it plans its episodes is part of the result."""
+        tasks = [model.task]
+        plans = self.options.planning is not False and can_plan(self.options, tasks)
+        return {"learner": f"{self.name}{MODEL_BASED}"} if plans else {}
 
     def where_null(self, **values: Any) -> dict[str, Any]:
         """Return those of the values whose option is null."""

@@ -76,7 +76,8 @@ class NetworkOptions(LearnerOptions):
     )
     planning: bool | None = Field(
         default=None,
-        description="plan episodes with what was observed, until nothing better is in sight. null: "
+        description="model-based planning: plan episodes by search in a model learned from the own "
+        "steps, until nothing better is in sight. null: "
         "for one deterministic task, unless observation is layout; nothing is planned elsewhere "
         "[-]",
     )

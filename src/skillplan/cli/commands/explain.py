@@ -40,7 +40,7 @@ def command(
         typer.Option(
             "--after",
             metavar="0,1,...",
-            help="The sequence that leads to the state; default: the initial state.",
+            help="Sequence that leads to the state, or @FILE with one; default: the initial state.",
             rich_help_panel=TASK,
         ),
     ] = None,
@@ -107,6 +107,7 @@ def command(
     from skillplan.cli.output import emit
     from skillplan.cli.showing import draw, drawing_paths, illustrator
     from skillplan.errors import exit_code
+    from skillplan.pipeline.exchange.plan_input import given_plan
     from skillplan.pipeline.run import make_model
     from skillplan.records.explanation import explain, state_after
     from skillplan.views.tables.explanation import explanation_tables
@@ -117,7 +118,7 @@ def command(
         if step is not None:
             raise OptionError("--step counts the steps of a result: name it by --from RESULT.")
         loaded, setup, made = reading.set_up(task, back_ends)
-        before = loaded.parse_sequence(after) if after is not None else ()
+        before = () if after is None else given_plan(after, loaded, setup)
     else:
         if after is not None:
             raise OptionError("Give either --after or --from: both say what was done before.")

@@ -88,15 +88,14 @@ def command(
     from skillplan.cli.waiting import showing_checks
     from skillplan.cli.writing import tell, write_out
     from skillplan.errors import exit_code
-    from skillplan.files.output_path import output_folder, output_path
+    from skillplan.files.output_path import output_file, output_folder
     from skillplan.model.replay import replay
     from skillplan.pipeline.exchange.export import exported, handed_over, make_exporter, notes_of
     from skillplan.pipeline.run import make_model
 
     loaded, setup, skills, family = _read(task, sequence, to, back_ends, reading, checking)
     exporter = make_exporter(to, setup.options.get(to, {}))
-    one = exporter.suffix
-    path = output_path("--out", out, [one], f"{to} files") if one else output_folder("--out", out)
+    path = output_file("--out", out) if exporter.suffix else output_folder("--out", out)
     with showing_checks("exporting") as on_check:
         model = make_model(loaded, setup, checking.cache(), jobs=checking.jobs, on_check=on_check)
         with closing(model.feasibility):

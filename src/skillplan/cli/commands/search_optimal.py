@@ -33,9 +33,10 @@ def command(
         str | None,
         typer.Option(
             "--start",
-            metavar="RESULT",
-            help="Start from the plan of an earlier result of the same task: a result.json, or "
-            "the folder that --out named. What is found is never worse.",
+            metavar="RESULT|0,1,...",
+            help="Start from a known plan: a result.json, the folder that --out named, a sequence, "
+            "or @FILE. It is replayed on TASK as it is now, which may have changed; if it holds, "
+            "the plan found costs no more.",
             rich_help_panel=SOLVER,
         ),
     ] = None,
@@ -92,9 +93,9 @@ def command(
     )
     plan = None
     if start is not None:
-        from skillplan.records.stored.result_file import start_plan
+        from skillplan.pipeline.exchange.plan_input import given_start
 
-        plan = start_plan(start, problem, part)
+        plan = given_start(start, problem, part, setup)
     with nullcontext() if out is None else _held(out) as folder:
         with limits.stoppable(solver, gap) as stop:
             result = solve_problem(

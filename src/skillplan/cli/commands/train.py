@@ -143,7 +143,13 @@ def command(
     *,
     reading: PartReading,
     amount: Amount,
-    solver: Annotated[str, solver_option("Which learner is trained.")] = "dqn",
+    solver: Annotated[
+        str,
+        solver_option(
+            "Learner to train; dqn and ppo plan their episodes by search in a learned model "
+            "(model-based planning), unless -O dqn.planning=false."
+        ),
+    ] = "dqn",
     seed: Seed = 0,
     workers: Workers,
     back_ends: BackEnds,

@@ -103,35 +103,57 @@ def _apart_m(one: WorldBox, other: WorldBox) -> float:
 
 
 def _out_of_reach(config: AssemblyConfig) -> Iterator[Issue]:
+    """Yield places out of the arm's reach, at their own height or at the safe height above."""
     robot = config.robot
+    safe_m, reach_m = robot.safe_height_m, robot.reaches_m
     base = (robot.base_m[0], robot.base_m[1], robot.base_m[2])
+    places = [*_places(config)]
+    above: list[tuple[tuple[str | int, ...], str, float]] = []
+    for path, (x_m, y_m, z_m), lift_m in places:
+        apart_m = math.dist(base, (x_m, y_m, z_m + lift_m))
+        lifted_m = math.dist(base, (x_m, y_m, max(safe_m, z_m) + lift_m))
+        if apart_m > reach_m:
+            yield Issue(f"out of reach: {_too_far(apart_m, reach_m)}.", path)
+        elif lifted_m > reach_m:
+            across_m = math.hypot(x_m - base[0], y_m - base[1])
+            highest_m = base[2] + math.sqrt(reach_m**2 - across_m**2) - lift_m
+            above.append((path, _too_far(lifted_m, reach_m), highest_m))
+    if 2 * len(above) > len(places):
+        (path, words, _), highest_m = above[0], min(limit_m for *_, limit_m in above)
+        where = ".".join(map(str, path))
+        remedy = f" At {math.floor(highest_m * 1e3) / 1e3:g} m or less all are within reach."
+        yield Issue(
+            f"{safe_m:g} m is too high: {len(above)} of {len(places)} places are out of reach "
+            f"there, such as {where}, {words}.{remedy if highest_m > 0 else ''}",
+            ("robot", "safe_height_m"),
+        )
+        return
+    for path, words, _ in above:
+        yield Issue(f"out of reach at robot.safe_height_m, {safe_m:g} m: {words}.", path)
 
-    def check(target: Point, lift_m: float, *path: str | int) -> Iterator[Issue]:
-        for z_m in (target[2], max(robot.safe_height_m, target[2])):
-            distance_m = math.dist(base, (target[0], target[1], z_m + lift_m))
-            if distance_m > robot.reaches_m:
-                yield Issue(
-                    f"out of reach: {distance_m:.3f} m from the base, where "
-                    f"{robot.reaches_m:.3f} m is the most.",
-                    path,
-                )
-                return
 
-    home = (robot.home_m[0], robot.home_m[1], robot.safe_height_m)
-    yield from check(home, 0.0, "robot", "home_m")
+def _too_far(apart_m: float, reach_m: float) -> str:
+    return f"{apart_m:.3f} m from the base, where {reach_m:.3f} m is the most"
+
+
+def _places(config: AssemblyConfig) -> Iterator[tuple[tuple[str | int, ...], Point, float]]:
+    """Yield each place that the arm goes to: its key, the point, and the height of the load [m]."""
+    robot = config.robot
+    # The arm is at home at the safe height only.
+    yield ("robot", "home_m"), (robot.home_m[0], robot.home_m[1], robot.base_m[2]), 0.0
     if robot.look_m is not None:
-        yield from check(look_of(config), 0.0, "robot", "look_m")
+        yield ("robot", "look_m"), look_of(config), 0.0
     for tool in config.tools:
-        yield from check(holder_of(config, tool), 0.0, "tools", tool, "holder_m")
+        yield ("tools", tool, "holder_m"), holder_of(config, tool), 0.0
     for feeder in config.feeders:
-        yield from check(feeder_of(config, feeder), 0.0, "feeders", feeder, "position_m")
+        yield ("feeders", feeder, "position_m"), feeder_of(config, feeder), 0.0
     for name, part in config.parts.items():
         if part.feeder is None:
             key = "start_m" if part.start_m is not None else "start_on"
-            yield from check(*_lifted(start_solid(config, name), part), "parts", name, key)
-        yield from check(*_lifted(goal_solid(config, name), part), "parts", name, "goal_m")
+            yield ("parts", name, key), *_lifted(start_solid(config, name), part)
+        yield ("parts", name, "goal_m"), *_lifted(goal_solid(config, name), part)
     for name, screw in config.screws.items():
-        yield from check(hole_of(config, screw), 0.0, "screws", name, "hole_m")
+        yield ("screws", name, "hole_m"), hole_of(config, screw), 0.0
 
 
 def _lifted(solid: Solid, part: PartConfig) -> tuple[Point, float]:

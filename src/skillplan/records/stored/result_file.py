@@ -195,7 +195,9 @@ def other_task(stored: StoredResult, problem: Problem, *, quoted: bool = True) -
 
 
 def start_plan(path: str, problem: Problem, part: str | None) -> Plan:
-    """Return the plan of a stored result, for a search of the same task to start from.
+    """Return the plan of a stored result, for a search of the same or a changed task.
+
+    A search replays the plan on the task as it is before it uses it.
 
     Parameters
     ----------
@@ -209,7 +211,8 @@ def start_plan(path: str, problem: Problem, part: str | None) -> Plan:
     Raises
     ------
     OptionError
-        If the result cannot be used: it is of another task or of a chain, or holds no plan.
+        If the result cannot be used: it is of a chain, holds no plan, or names a skill that the
+        task does not have.
     """
     if problem.is_chain and part is None:
         raise OptionError(
@@ -218,9 +221,12 @@ def start_plan(path: str, problem: Problem, part: str | None) -> Plan:
         )
     stored = read_result(path)
     difference = other_task(stored, problem)
-    if difference is not None:
-        raise OptionError(f"--start {path}: is of another task: {difference}.")
-    name = problem.part(part).name
+    task = problem.part(part)
+    name, known = task.name, {skill.name for skill in task.skills}
+    unknown = [skill for skill in stored.skills if skill not in known]
+    if difference is not None and (unknown or stored.task.kind != problem.kind):
+        lacks = f", which has no skill {unknown[0]!r}" if unknown else ""
+        raise OptionError(f"--start {path}: is of another task: {difference}{lacks}.")
     if stored.is_chain or (problem.is_chain and stored.task.name != name):
         whole = "the whole chain" if stored.is_chain else repr(stored.task.name)
         raise OptionError(f"--start {path}: is of {whole}, not of {name!r}.")

@@ -14,6 +14,7 @@ from skillplan.records.training.outcome import RunOutcome, RunStatus, Tally, dev
 from skillplan.records.training.published_runs import PublishedRun, published_runs
 from skillplan.records.training.run_folder import WarmStartRecord
 from skillplan.records.training.shortfall import Shortfall
+from skillplan.solvers.learning.learner import MODEL_BASED
 from skillplan.task.task import Task
 
 # A deviation below half of the last digit is printed as 0.00 %.
@@ -114,6 +115,11 @@ class TrainingResult:
     family: bool = False
     warm_start: WarmStartRecord | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def learner(self) -> str:
+        """The learner, and that it plans its episodes by search in a learned model, if it does."""
+        return f"{self.solver}{MODEL_BASED if self.options.get('planning') else ''}"
 
     @property
     def success(self) -> Tally:

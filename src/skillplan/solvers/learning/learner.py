@@ -23,6 +23,8 @@ from skillplan.solvers.solution import Plan, Solution
 from skillplan.solvers.solver import Solver
 from skillplan.task.task import Task
 
+MODEL_BASED = " with model-based planning"
+"""Follows the name of a learner whose episodes are planned by search in a learned model."""
 STRIDE_STEPS = 100
 """After so many environment steps a run notes what it has, and may be stopped."""
 
@@ -273,6 +275,10 @@ class Learner(Solver):
         training.restore(snapshot)
         return training
 
+    def figures(self, model: SkillModel) -> dict[str, Any]:
+        """Return further figures of a solution by this learner; none by default."""
+        return {}
+
     def solve(self, model: SkillModel, *, seed: int = 0) -> Solution:
         """Train one run and return its policy in the states that it reaches."""
         options = self.options
@@ -303,6 +309,7 @@ class Learner(Solver):
             "episodes_done": episodes,
             "completed": completed,
             "best_cost_seen": best,
+            **self.figures(model),
         }
         if training.failed:
             return Solution(trace={**trace, "reason": training.failed[0]})

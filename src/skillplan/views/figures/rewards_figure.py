@@ -204,20 +204,14 @@ def _write_above(axes: Axes, x: float, text: str, align: Literal["center", "righ
 
 
 def runs(request: FigureRequest) -> Sequence[Run]:
-    """Return what has to be solved first: everything.
-
-    Raises
-    ------
-    OptionError
-        If the last task has no rewards.
-    """
-    if request.problem.tasks[-1].reward is None:
-        raise request.unfit("its tasks have no rewards")
+    """Return the run to solve first: all tasks of the file."""
     return [request.chain_run()]
 
 
 def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
-    """Draw the steps of a solved file.
+    """Draw the steps of a solved file; without rewards, minus the cost of each step.
+
+    Learners use the same stand-in for rewards.
 
     Raises
     ------
@@ -228,8 +222,14 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     results: list[Result] = (
         [part.result for part in answer.main] if isinstance(answer, ChainResult) else [answer]
     )
+    rewarded = request.problem.tasks[-1].reward is not None
     steps = [
-        RewardStep(result.task, step.skill, step.place or "", step.reward or 0.0)
+        RewardStep(
+            result.task,
+            step.skill,
+            step.place or "",
+            (step.reward or 0.0) if rewarded else -step.cost,
+        )
         for result in results
         for step in result.steps
     ]
@@ -242,6 +242,8 @@ def draw(request: FigureRequest, outcomes: Sequence[Outcome]) -> Figure:
     if len(results) > 1:
         title += f" for {len(results)} goals"
     details = request.details(outcomes[0].run)
+    if not rewarded:
+        details += ",  reward = -cost, as the file has no rewards"
     if idle:
         details += f",  {_count(idle, 'sequence')} without a step left out"
     return rewards_figure(steps, actions, Heading(title, details))

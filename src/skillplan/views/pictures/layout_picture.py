@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 
 from skillplan.task.pose import Pose
 from skillplan.task.scene import Robot
@@ -109,7 +110,7 @@ class _Layout:
             for name, pose in poses.items():
                 points += [p for one in outlines(self.scene.body(name), pose) for p in one]
         points += [(x, y) for x, y, _ in self.scene.stations.values()]
-        points += [end for step in self.steps for end in (step.start, step.goal)]
+        points += [stop for step in self.steps for stop in step.stops]
         if not points:
             points = [(x, y) for x, y, _ in self.robot.places.values()]
         low, high = _bounds(points)
@@ -182,14 +183,14 @@ class _Layout:
     def _path(self) -> Iterator[Item]:
         look = Look(stroke="ink", width_px=1.1)
         for step in self.steps:
-            ends = self._pixels(step.start), self._pixels(step.goal)
-            yield from arrow(*ends, look, short_px=NUMBER_PX + 1)
+            for begin, end in pairwise(map(self._pixels, step.stops)):
+                yield from arrow(begin, end, look, short_px=NUMBER_PX + 1)
 
     def _numbers(self) -> Iterator[Item]:
         """Yield the numbers of the steps that end at each place."""
         ends: dict[Point, list[int]] = {}
         for step in self.steps:
-            x, y = self._pixels(step.goal)
+            x, y = self._pixels(step.stops[-1])
             ends.setdefault((round(x, 1), round(y, 1)), []).append(step.number)
         rows = number_rows(ends, (self.width_px, self.height_px - _LEGEND_PX))
         for row in rows:
@@ -203,8 +204,8 @@ class _Layout:
     def _names(self) -> Iterator[Item]:
         """Yield names of parts beside where they start, and of stations."""
         for step in self.steps:
-            self.placer.avoid_disc(self._inches(step.goal), (NUMBER_PX + 3) / PIXELS_PER_IN)
-            self.placer.avoid_line([self._inches(step.start), self._inches(step.goal)])
+            self.placer.avoid_disc(self._inches(step.stops[-1]), (NUMBER_PX + 3) / PIXELS_PER_IN)
+            self.placer.avoid_line([*map(self._inches, step.stops)])
         names: dict[str, Sequence[float]] = {
             name: pose.position for name, pose in self.starts.items()
         }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 from skillplan.task.motion import Event
 from skillplan.task.state import State
@@ -19,13 +20,13 @@ class PathStep:
     ----------
     number
         From 1.
-    start, goal
-        Where it begins and ends, in the plane [m].
+    stops
+        Where it begins, every place it visits, such as a feeder, and where it ends, in the plane
+        [m].
     """
 
     number: int
-    start: Point
-    goal: Point
+    stops: tuple[Point, ...]
 
 
 def path_steps(task: Task, skills: Sequence[str]) -> list[PathStep]:
@@ -37,7 +38,9 @@ def path_steps(task: Task, skills: Sequence[str]) -> list[PathStep]:
         if skill.motion is not None:
             robot = task.scene.robot(skill.motion.robot)
             (_, begin), (_, end) = robot.place(state), robot.place(after)
-            steps.append(PathStep(number, begin[:2], end[:2]))
+            visits = [visit.position for visit in skill.motion.visits(state)]
+            stops = [point[:2] for point in (begin, *visits, end)]
+            steps.append(PathStep(number, tuple(point for point, _ in groupby(stops))))
         state = after
     return steps
 

@@ -142,7 +142,7 @@ def precedence_graph(
         tuple(edges),
         () if chart is None else _choices(chart),
         "; ".join(filter(None, (named, hand))),
-        () if chart is None else tuple(_notes(chart)),
+        () if chart is None else tuple(_notes(chart, task)),
         len((derived | drawn) - kept),
     )
 
@@ -162,7 +162,7 @@ def _places(task: Task, pair: tuple[str, str]) -> tuple[int, int]:
     return order.index(pair[0]), order.index(pair[1])
 
 
-def _notes(chart: DerivedChart) -> list[str]:
+def _notes(chart: DerivedChart, task: Task) -> list[str]:
     notes = [f"{skill} is never feasible: {why}" for skill, why in chart.impossible.items()]
     if chart.cycle:
         notes.append(f"no order exists: {' before '.join(chart.cycle)}")
@@ -170,11 +170,7 @@ def _notes(chart: DerivedChart) -> list[str]:
         notes.append(f"derived and hand-made disagree: {' before '.join(chart.contradiction)}")
     if chart.undecided:
         notes.append(f"undecided: {', '.join(chart.undecided)}")
-    spoken = {one.skill for one in chart.alternatives}
-    for skill, facts in chart.conditional.items():
-        if skill not in spoken:
-            notes.append(f"{skill} depends on more than an order: {', '.join(facts)}")
-    return notes
+    return [*notes, *chart.beyond_order(task)]
 
 
 def _quoted(text: str) -> str:

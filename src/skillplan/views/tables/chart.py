@@ -44,12 +44,7 @@ def chart_table(chart: DerivedChart, task: Task, back_ends: Sequence[str]) -> Ta
     if hidden:
         notes.append(f"{hidden} more derived pairs follow from these; --format json has all.")
     notes += [f"{skill} is never feasible: {why}" for skill, why in chart.impossible.items()]
-    chosen = {one.skill for one in chart.alternatives}
-    notes += [
-        f"{skill} depends on more than an order: {', '.join(facts)}"
-        for skill, facts in chart.conditional.items()
-        if skill not in chosen
-    ]
+    notes += chart.beyond_order(task)
     notes += _choices(chart)
     notes += [f"{skill} could not be worked out" for skill in chart.undecided]
     if chart.cycle:

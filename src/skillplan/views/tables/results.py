@@ -38,14 +38,16 @@ def plan_table(result: Result, task: Task) -> Table:
             f"{task.cost_text(result.lower_bound)}, gap {percent(result.gap)})",
             *bound,
             f"sequence   {actions}",
-            f"makespan   {result.makespan} skills"
+            f"plan       {result.makespan} skills"
             + (f", {number(result.makespan_s, 1)} s" if result.makespan_s else ""),
             *times_note(result, task.metric),
         ]
     else:
         notes += bound
     notes += [
-        f"{key:<10} {result.trace[key]}" for key in ("choice", "start") if key in result.trace
+        f"{key:<10} {result.trace[key]}"
+        for key in ("choice", "learner", "start")
+        if key in result.trace
     ]
     notes += _trace_notes(result, task.metric.decimals)
     notes += not_checked_notes(result.not_checked)
@@ -133,7 +135,7 @@ def comparison_table(results: Sequence[Result], title: str, decimals: int = 5) -
         Column("status"),
         Column(f"cost [{unit}]" if unit else "cost", right=True),
         Column("gap", right=True),
-        Column("makespan", right=True),
+        Column("skills", right=True),
         Column("makespan [s]", right=True, below=True),
         Column("checks", right=True),
         *([Column("trajectories", right=True, below=True)] if timed else []),

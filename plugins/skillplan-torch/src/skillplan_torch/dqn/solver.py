@@ -14,7 +14,7 @@ from skillplan_torch.network_learner import NetworkLearner, can_plan
 
 
 class DqnSolver(NetworkLearner):
-    """Learn the value of every action; keep the best policy that an episode has evaluated."""
+    """Learn action values, with model-based planning; keep the best evaluated policy."""
 
     name = "dqn"
 

@@ -12,7 +12,7 @@ from skillplan_torch.ppo.training import PpoTraining
 
 
 class PpoSolver(NetworkLearner):
-    """Learn the probability of every action; keep the best policy that was evaluated."""
+    """Learn action probabilities, with model-based planning; keep the best evaluated policy."""
 
     name = "ppo"
 

@@ -35,7 +35,7 @@ def training_tables(result: TrainingResult) -> list[Table]:
         columns += [Column("paper [m]", right=True), Column("paper dev.", right=True)]
     rows = [_row(result, index, one) for index, one in enumerate(result.outcomes)]
     runs = count(len(result.outcomes), "run")
-    title = f"{result.task.name}: {runs} of {result.solver}, {result.steps:,} steps each"
+    title = f"{result.task.name}: {runs} of {result.learner}, {result.steps:,} steps each"
     for key in ("observation", "mask"):
         if key in result.options:
             title += f", {key} {result.options[key]}"

@@ -49,7 +49,7 @@ def _row(result: TrainingResult) -> list[str]:
     return [
         result.run_dir,
         result.task.name,
-        result.solver,
+        result.learner,
         _seeds([one.seed for one in result.outcomes]),
         str(len(result.outcomes)),
         f"{result.steps:,}",
