@@ -121,7 +121,7 @@ def test_a_comparison_shows_checks_beside_seconds(cli: Any, board: str) -> None:
         "status",
         "cost [m]",
         "gap",
-        "makespan",
+        "skills",
         "makespan [s]",
         "checks",
         "iterations",
