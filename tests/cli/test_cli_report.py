@@ -155,4 +155,5 @@ def test_several_inputs_are_chapters(
     assert 0 == outcome.code
     text = page.read_text("utf-8")
     assert "Solvers compared" in text
+    assert "nothing was verified for this page" in text
     assert "<script>" not in text

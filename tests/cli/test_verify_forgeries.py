@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import json
 import re
@@ -15,6 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from skillplan.errors import SkillplanError
+from skillplan.judge.second_proof import LeastCost
 from skillplan.pipeline.certification import certify
 from skillplan.records.certificate import Verdict
 from skillplan.views.tables.saved import csv_files
@@ -314,6 +316,54 @@ def test_options_that_made_another_task_of_the_file_are_shown(cli: Any, tmp_path
     text = re.sub(r"\s+", " ", cli("verify", str(folder)).out)
     shown = "--set goal=[placed(pcb)] --collision aabb -O aabb.tolerance_m=0.001"
     assert f"task {BOARD} with {shown}" in text
+
+
+@pytest.mark.parametrize("genuine", ["solved_board"], indirect=True)
+class TestViewsOfAForgedResult:
+    @pytest.fixture
+    def forged(self, genuine: Path) -> Path:
+        """A plan said to cost less than it does, with an auditor."""
+        claims = {"cost": 0.1, "lower_bound": 0.1, "bound_method": "audited by TUEV"}
+        forge(genuine, lambda d: d.update(claims))
+        return genuine
+
+    @pytest.mark.parametrize(
+        "words",
+        [("report", "{}", "--no-simulation", "--out", "page.html"), ("plot", "{}", "layout")],
+        ids=["report", "plot"],
+    )
+    def test_what_is_refuted_is_not_shown(
+        self, cli: Any, forged: Path, tmp_path: Path, words: tuple[str, ...]
+    ) -> None:
+        with contextlib.chdir(tmp_path):
+            outcome = cli(*(word.format(forged) for word in words))
+        assert (2, "") == (outcome.code, outcome.out)
+        assert "is refuted: cost: the plan costs 1.867086014, claimed 0.1" in outcome.err
+        assert {"forged"} == {path.name for path in tmp_path.iterdir()}
+
+    def test_what_cannot_be_verified_is_marked_on_the_page(
+        self, cli: Any, genuine: Path, tmp_path: Path
+    ) -> None:
+        forge(genuine, lambda d: d.update(bound_method="audited by TUEV"))
+        page = tmp_path / "page.html"
+        assert 0 == cli("report", str(genuine), "--no-simulation", "--out", str(page)).code
+        text = page.read_text("utf-8")
+        assert "Verified for this page." in text
+        assert "audited by TUEV, says the result" in text
+
+    def test_a_proof_that_was_not_repeated_is_a_claim_of_the_result(
+        self, cli: Any, genuine: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """As for a board that is too large for the time limit."""
+        given_up = LeastCost("a method", why_not="too large")
+        monkeypatch.setattr("skillplan.judge.claim_check._least_cost", lambda *_: given_up)
+        page = tmp_path / "page.html"
+        assert 0 == cli("report", str(genuine), "--no-simulation", "--out", str(page)).code
+        text = page.read_text("utf-8")
+        assert "The result claims: A valid plan, proved to be the best." in text
+        assert "Not verified: optimal (too large)." in text
+        drawn = cli("plot", str(genuine), "layout", "--out", str(tmp_path / "layout.png"))
+        assert (0, True) == (drawn.code, "not verified: optimal (too large)" in drawn.err)
 
 
 HOSTILE: list[Any] = [

@@ -9,7 +9,7 @@ from typing import Any
 
 from skillplan.cli.counting import counting
 from skillplan.cli.options.shared import BackEnds, PartReading
-from skillplan.cli.result_input import load
+from skillplan.cli.result_input import load, verify_before_showing
 from skillplan.cli.waiting import stoppable
 from skillplan.cli.writing import tell
 from skillplan.domains.load import Problem
@@ -26,6 +26,7 @@ from skillplan.pipeline.setup import Setup
 from skillplan.pipeline.solve_problem import solve_problem
 from skillplan.plugins.installed import distribution_versions
 from skillplan.records import schemas
+from skillplan.records.certificate import Certificate
 from skillplan.records.stored.result_folder import is_result, result_path, run_folder
 from skillplan.task.skill import Skill
 from skillplan.task.task import Task
@@ -114,6 +115,7 @@ class Reporter:
 
     def _of_result(self, path: str, name: str) -> Chapter:
         loaded = load(path, self.reading, self.back_ends)
+        certificate = verify_before_showing(path, self.time_limit_s)
         document = read_document(result_path(path), schemas.RESULT, _REMEDY)
         ways: tuple[str | None, ...] = ()
         if not loaded.stored.is_chain:
@@ -124,7 +126,9 @@ class Reporter:
             fitting = [step.model_dump(exclude_none=True) for step in loaded.stored.steps]
             steps = zip(document["steps"], fitting, strict=True)
             document = {**document, "steps": [{**given, **own} for given, own in steps]}
-        return self._chapter(loaded.problem, loaded.origin.part, loaded.setup, document, ways, name)
+        return self._chapter(
+            loaded.problem, loaded.origin.part, loaded.setup, document, ways, name, certificate
+        )
 
     def _chapter(
         self,
@@ -134,6 +138,7 @@ class Reporter:
         document: Mapping[str, Any],
         ways: tuple[str | None, ...],
         name: str,
+        certificate: Certificate | None = None,
     ) -> Chapter:
         description = str(getattr(problem.config, "description", "") or "")
         if problem.is_chain and part is None:
@@ -141,7 +146,12 @@ class Reporter:
 
             given: ChainInput = bench_input(problem, document, name, self.playback is None)
             self.playback = self.playback or given.playback
-            given = replace(given, description=description, plugins=distribution_versions())
+            given = replace(
+                given,
+                description=description,
+                plugins=distribution_versions(),
+                certificate=certificate,
+            )
             return chain_chapter(given, name)
         task = problem.part(part)
         performed = self._perform(task, setup, document, ways)
@@ -171,6 +181,7 @@ class Reporter:
             made,
             missing,
             performed.skills if isinstance(performed, PlannedMotion) else (),
+            certificate=certificate,
         )
         return plan_chapter(given_plan, name)
 

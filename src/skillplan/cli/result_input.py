@@ -12,7 +12,10 @@ from skillplan.cli.options.values import parse_options, split_names
 
 if TYPE_CHECKING:  # --help pays for no imports
     from skillplan.pipeline.restoration import LoadedResult
+    from skillplan.records.certificate import Certificate
 
+# A page or picture does not wait longer for a verification [s]; `verify` has a limit of its own.
+_VERIFICATION_S = 10.0
 RESULT_HELP = "a result.json of search-optimal, or the folder that --out named"
 ResultFile = Annotated[
     str,
@@ -77,3 +80,35 @@ def load(
     solvers = () if solver is None else (solver,)
     chosen.setup(loaded.problem.tasks[-1], solvers, executor=executor)
     return replace(loaded, setup=replace(loaded.setup, executor=place))
+
+
+def verify_before_showing(path: str, time_limit_s: float | None) -> Certificate:
+    """Verify a result whose claims are about to be shown, with verdicts kept on disk.
+
+    Parameters
+    ----------
+    path
+        Of the result.
+    time_limit_s
+        Time limit of the command [s]; None for none. The verification takes 10 s at most.
+
+    Raises
+    ------
+    OptionError
+        If a claim fails: then none is shown.
+    """
+    from skillplan.cli.waiting import stoppable
+    from skillplan.errors import OptionError
+    from skillplan.pipeline.certification import certify
+    from skillplan.pipeline.run import warm_cache
+
+    limit_s = min(_VERIFICATION_S, time_limit_s or _VERIFICATION_S)
+    with stoppable(limit_s, label="verifying") as stop:
+        certificate = certify(path, stop=stop, cache=warm_cache())
+    if certificate.refuted:
+        claim = certificate.refuted[0]
+        raise OptionError(
+            f"{path}: is not shown, as it is refuted: {claim.claim}: {claim.detail}. "
+            f"`skillplan verify {path}` checks all claims."
+        )
+    return certificate

@@ -10,6 +10,8 @@ from typing import Any
 from skillplan.records import schemas
 from skillplan.records.origin import Origin
 
+_MOST_SHOWN = 3
+
 
 class Outcome(StrEnum):
     """What became of checking a claim."""
@@ -147,6 +149,13 @@ class Certificate:
             for claim in self.claims
             if claim.outcome is Outcome.NOT_CHECKED and not claim.open and claim.claim not in held
         ]
+
+    def unconfirmed_words(self) -> str:
+        """Return the first essential claims that were not checked, each with the reason."""
+        claims = self.unconfirmed
+        words = [f"{claim.claim} ({claim.detail})" for claim in claims[:_MOST_SHOWN]]
+        more = len(claims) - len(words)
+        return "; ".join([*words, *([f"{more} more claims"] if more else [])])
 
     def document(self) -> dict[str, Any]:
         """Return the JSON document ``skillplan.verification/1``."""

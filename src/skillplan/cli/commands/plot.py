@@ -17,7 +17,7 @@ from skillplan.cli.options.panels import OUTPUT, SOLVER
 from skillplan.cli.options.shared import BackEnds, PartReading
 from skillplan.cli.options.single import Seed, solver_option
 from skillplan.cli.options.values import count_option, one_of, parse_options, split_names
-from skillplan.cli.result_input import RESULT_HELP, load
+from skillplan.cli.result_input import RESULT_HELP, load, verify_before_showing
 from skillplan.cli.writing import tell, write_out
 from skillplan.errors import OptionError, name_hint
 from skillplan.views.figures.catalogue import RUN_FIGURES, TASK_FIGURES, figure_module
@@ -145,7 +145,8 @@ def command(
 
     Prints the files that are written. RESULT is drawn as it is stored where its plan is all that
     the figure shows; what is to be seen of the search, or with another solver, is solved again
-    with the task, the back ends and the options of the result. The curves of several RUNs stand
+    with the task, the back ends and the options of the result. A RESULT is verified first, for
+    10 s at most, and one that is refuted is not drawn. The curves of several RUNs stand
     in one figure.
     """
     from skillplan.records.stored.result_folder import is_result, run_folder
@@ -218,6 +219,10 @@ def _plot_result(
     solver = wanted.solver or stored.solver
     seed = wanted.seed if given(ctx, "seed") else stored.seed
     kept = None if again else loaded
+    if kept is not None:
+        certificate = verify_before_showing(path, wanted.time_limit_s)
+        if not certificate.valid:
+            tell(f"skillplan: note: {path}: not verified: {certificate.unconfirmed_words()}.")
     # Of a result of one task the part is known, of that of a chain the figure chooses.
     part = reading.part or (None if stored.is_chain else origin.part)
     return _plot(

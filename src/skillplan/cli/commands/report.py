@@ -51,10 +51,12 @@ def command(
 ) -> int:
     """Write one HTML page on plans, comparisons and trainings, with a playback in 3-D.
 
-    A TASK is solved first. The page holds what was asked and found, the plan and its times, why
-    parts come before others, and what was refused; it needs no network, and without JavaScript
-    only the playback is missing. The first plan is played: that of an arm as an engine executes
-    it or, where none is installed, along its planned paths; that of a bench as its times say.
+    A TASK is solved first. A RESULT is verified first, for 10 s at most: one that is refuted is not
+    shown, and the page says what was not verified. The page holds what was asked and found, the
+    plan and its times, why parts come before others, and what was refused; it needs no network, and
+    without JavaScript only the playback is missing. The first plan is played: that of an arm as an
+    engine executes it or, where none is installed, along its planned paths; that of a bench as its
+    times say.
     """
     from pathlib import Path
 

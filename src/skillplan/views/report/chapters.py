@@ -8,6 +8,7 @@ from typing import Any
 
 from skillplan.domains.domain import Listing
 from skillplan.physics.performance import Performance, PerformedSkill
+from skillplan.records.certificate import Certificate
 from skillplan.task.task import Task
 from skillplan.views.pictures.exploded_picture import exploded_picture
 from skillplan.views.pictures.plan_bars import PlanBar
@@ -61,6 +62,8 @@ class PlanInput:
         When each skill begins and ends in a playback of what was not performed.
     extra
         Further sections.
+    certificate
+        The verification of a stored result; None of one that was solved for the page.
     """
 
     document: Mapping[str, Any]
@@ -74,6 +77,7 @@ class PlanInput:
     missing: str = ""
     played: Sequence[PerformedSkill] = ()
     extra: Sequence[Section] = field(default_factory=tuple)
+    certificate: Certificate | None = None
 
 
 def plan_chapter(given: PlanInput, name: str) -> Chapter:
@@ -109,10 +113,10 @@ def plan_chapter(given: PlanInput, name: str) -> Chapter:
     if measured is not None:
         sections.append(measured_section(measured, given.engine))
     sections += given.extra
-    sections.append(summary_section(document, given.description, given.plugins))
+    sections.append(summary_section(document, given.description, given.plugins, given.certificate))
     took_s = measured.simulated_s if measured is not None and measured.failed is None else None
     played_s = max((one.end_s for one in given.played), default=None)
-    return Chapter(name, task.name, lead(document, took_s, played_s), sections)
+    return Chapter(name, task.name, lead(document, took_s, played_s, given.certificate), sections)
 
 
 def _still(given: PlanInput, name: str) -> Markup | None:
@@ -141,7 +145,7 @@ class ChainInput:
         Figures as markup.
     bars
         The time line; empty where there is none.
-    playback, missing
+    playback, missing, certificate
         As of `PlanInput`.
     """
 
@@ -154,6 +158,7 @@ class ChainInput:
     bars: Sequence[PlanBar] = ()
     playback: Mapping[str, Any] | None = None
     missing: str = ""
+    certificate: Certificate | None = None
 
 
 def chain_chapter(given: ChainInput, name: str) -> Chapter:
@@ -188,9 +193,9 @@ def chain_chapter(given: ChainInput, name: str) -> Chapter:
         made += _remarks(listing.notes)
         sections.append(Section(f"listing-{index + 1}", listing.title, join(made)))
     sections.append(refused_section(given.refused))
-    sections.append(summary_section(document, given.description, given.plugins))
+    sections.append(summary_section(document, given.description, given.plugins, given.certificate))
     title = str(document.get("task", {}).get("name"))
-    return Chapter(name, title, lead(document), sections)
+    return Chapter(name, title, lead(document, certificate=given.certificate), sections)
 
 
 def _remarks(notes: Sequence[str]) -> list[Markup]:

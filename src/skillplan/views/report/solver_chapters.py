@@ -48,6 +48,7 @@ def comparison_chapter(document: Mapping[str, Any], name: str) -> Chapter:
     names = {str(_mapping(row.get("task")).get("name")) for row in rows}
     title = f"Solvers compared: {', '.join(sorted(names)) or 'no task'}"
     words = "Each solver began with a cold cache." if not document.get("warm") else "Warm cache."
+    words += " The figures are those of the file; nothing was verified for this page."
     made = table(f"{len(lines)} solvers side by side", columns, lines, "   nnnnn")
     timed = [
         PlanBar(
@@ -148,7 +149,8 @@ def training_chapter(
         if document is None
         else (
             f"{len(lines)} runs; optimum {number(document.get('optimum'))} "
-            f"{document.get('cost_unit') or ''}; success of the policies {share(rate)}."
+            f"{document.get('cost_unit') or ''}; success of the policies {share(rate)}. "
+            "The figures are those of the folder; nothing was verified for this page."
         )
     )
     return Chapter(name, heading, tag("p", {"class": "lead"}, words), sections)
