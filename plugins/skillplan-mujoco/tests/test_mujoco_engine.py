@@ -175,12 +175,3 @@ def test_a_whole_plan_ends_at_the_same_bits_whatever_was_done_before(task):
     used.check(*on_the_optimum(task)[-1])
     used.perform(plan[:3])
     assert used.perform(plan).arrivals == MujocoEngine(task).perform(plan).arrivals
-
-
-@pytest.mark.slow(reason="15 executions; single skills of every kind are left in every run")
-def test_every_skill_of_the_optimum_is_feasible(engine, task):
-    """And touches nothing that it should not."""
-    for query in on_the_optimum(task):
-        verdict = engine.check(*query)
-        assert verdict.is_feasible, (query[0].name, verdict.reason)
-        assert not contacts(engine, query).is_infeasible, query[0].name

@@ -7,10 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from board_situations import BOARD, OPTIMAL
 from situations import assembly
 from skillplan.checks.single_check import introduce
-from skillplan.pipeline.setup import load_problem
 from skillplan.robots.hand import Hand
 from skillplan.robots.panda import PANDA_HAND
 from skillplan.robots.ur5e import UR5E
@@ -84,15 +82,3 @@ def test_a_ur5e_screws_a_lid_on(control) -> None:
         ("pick(lid)", "place(lid)", "load(screwdriver)", "fasten(screw)"),
         control=control,
     )
-
-
-@pytest.mark.slow(reason="15 skills; one skill in every run")
-def test_a_ur5e_builds_the_inverter_board() -> None:
-    task = by_ur5e(load_problem(BOARD).task)
-    found = performed(task, [task.skills[action].name for action in OPTIMAL])
-    forces = [
-        one.verdict.evidence["sensed"]["fastening_force_n"]
-        for one in found.skills
-        if one.skill.startswith("fasten")
-    ]
-    assert min(forces) >= 3.0

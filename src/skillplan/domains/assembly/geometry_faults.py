@@ -21,6 +21,7 @@ from skillplan.domains.assembly.layout import (
     start_pose,
     start_solid,
 )
+from skillplan.domains.assembly.mesh_origins import origin_hint
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.resting import resting_issues
 from skillplan.domains.assembly.schema import AssemblyConfig
@@ -71,7 +72,7 @@ def geometry_issues(config: AssemblyConfig) -> Iterator[Issue]:
             message = f"the hole does not lie over the top of {screw.through!r}. Move it"
             if "axis" not in screw.model_fields_set:
                 message += ", or give 'axis' if the screw does not go straight down"
-            message += "."
+            message += f".{origin_hint(config, (screw.through,))}"
             yield Issue(message, ("screws", name, "hole_m"))
 
 

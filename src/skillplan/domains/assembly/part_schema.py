@@ -81,7 +81,7 @@ class MeshConfig(Strict):
     centre_m: Spatial | None = Field(
         None,
         description="centre of the smallest box about it, from the centre of the part's bottom "
-        "[m]; left out: it stands there",
+        "[m]; left out: it stands there, and check prints the value that keeps the file's origin",
     )
 
     # Not hashed by name, as what the file holds is.
@@ -94,6 +94,8 @@ class MeshConfig(Strict):
 
     # What the file holds, in the part's frame.
     _corners: tuple[Point, ...] = PrivateAttr(())
+    _middle_m: Point = PrivateAttr((0.0, 0.0, 0.0))
+    _size_m: Point = PrivateAttr((0.0, 0.0, 0.0))
     _faces: tuple[tuple[int, int, int], ...] = PrivateAttr(())
     _sha256: str = PrivateAttr("")
     _convex: bool = PrivateAttr(True)
@@ -122,6 +124,7 @@ class MeshConfig(Strict):
         centre = made.centre_m or [0.0, 0.0, read.size[2] / 2]
         where = (centre[0], centre[1], centre[2])
         made._corners = read.about(where)
+        made._middle_m, made._size_m = read.middle, read.size
         made._pieces = tuple(Mesh(piece.about(where), piece.faces) for piece in own)
         made._faces, made._convex = read.faces, read.convex
         made._sha256 = f"{read.sha256}{about}"
@@ -131,6 +134,16 @@ class MeshConfig(Strict):
     def corners(self) -> tuple[Point, ...]:
         """Its corners in the part's frame [m]."""
         return self._corners
+
+    @property
+    def middle_m(self) -> Point:
+        """Centre of the smallest box about it in the file's frame [m]."""
+        return self._middle_m
+
+    @property
+    def size_m(self) -> Point:
+        """Extents of that box [m]."""
+        return self._size_m
 
     @property
     def faces(self) -> tuple[tuple[int, int, int], ...]:

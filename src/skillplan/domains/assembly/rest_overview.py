@@ -1,10 +1,11 @@
-"""What ``check`` shows of an assembly: what every part rests on, and with which area."""
+"""Lines of ``check`` on the parts of an assembly: supports, moved meshes, convex pieces."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from skillplan.domains.assembly.concave_parts import piece_lines
+from skillplan.domains.assembly.mesh_origins import origin_lines
 from skillplan.domains.assembly.resting import Rest, rests_at_goal, rests_at_start
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.domain import Overview
@@ -18,9 +19,11 @@ def rest_overview(config: AssemblyConfig) -> Overview:
         before = f"in {part.feeder}" if part.feeder is not None else f"on {_words(start)}"
         lines.append(f"rests      {name} on {_words(goal)}; at the start {before}")
         entries.append({"part": name, "start": _document(start), "goal": _document(goal)})
+    origins, meshes = origin_lines(config)
     more, pieces = piece_lines(config)
-    document = {"rests": entries, **({"pieces": pieces} if pieces else {})}
-    return Overview(document, (*lines, *more))
+    found = {"meshes": meshes, "pieces": pieces}
+    document = {"rests": entries, **{key: values for key, values in found.items() if values}}
+    return Overview(document, (*lines, *origins, *more))
 
 
 def _words(rests: list[Rest]) -> str:

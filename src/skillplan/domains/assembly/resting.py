@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import combinations
 
 from skillplan.collision.boxes import WorldBox
 from skillplan.collision.solids.centre import centre_of, stands
 from skillplan.collision.solids.solid import TOUCH_M, Solid
 from skillplan.domains.assembly.layout import goal_solid, start_solid, table
+from skillplan.domains.assembly.mesh_origins import origin_hint
 from skillplan.domains.assembly.part_schema import PartConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
@@ -83,7 +85,9 @@ def resting_issues(config: AssemblyConfig) -> Iterator[Issue]:
             yield issue
         for name in layout.solids:
             if name not in amiss:
-                yield from _loose(config.parts[name], name, layout)
+                hint = origin_hint(config, (name, *layout.named.get(name, ())))
+                for issue in _loose(config.parts[name], name, layout):
+                    yield replace(issue, message=f"{issue.message}{hint}")
 
 
 def _starts(config: AssemblyConfig) -> _Layout:
@@ -130,6 +134,7 @@ def _overlaps(config: AssemblyConfig, layout: _Layout) -> Iterator[tuple[Issue, 
         if depth_m > TOUCH_M:
             way_m = layout.solids[other].way_out_m(layout.solids[one])
             message = f"{other!r} and {one!r} overlap by {_mm(way_m)} {layout.when}. Move one."
+            message += origin_hint(config, (other, one))
             given = layout.place(config.parts[other]) is not None
             key = f"{layout.key}_m" if given else f"{layout.key}_on"
             yield Issue(message, ("parts", other, key)), {one, other}

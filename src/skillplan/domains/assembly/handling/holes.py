@@ -9,6 +9,7 @@ from skillplan.collision.solids.solid import TOUCH_M, Solid
 from skillplan.domains.assembly.handling.schema import unit_of
 from skillplan.domains.assembly.handling.surface import surface_m
 from skillplan.domains.assembly.layout import goal_pose, hole_of, shapes_of
+from skillplan.domains.assembly.mesh_origins import origin_hint
 from skillplan.domains.assembly.part_schema import ScrewConfig
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.errors import Issue
@@ -85,6 +86,6 @@ def hole_issues(config: AssemblyConfig) -> Iterator[Issue]:
         if not _rests_askew(config, screw, pose):
             message = (
                 f"the hole does not lie on a surface of {screw.through!r} that its axis goes into. "
-                "Move it."
+                f"Move it.{origin_hint(config, (screw.through,))}"
             )
             yield Issue(message, ("screws", name, "hole_m"))

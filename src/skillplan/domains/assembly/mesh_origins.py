@@ -1,0 +1,102 @@
+"""Meshes that are moved from where their files have them, and how to keep their origins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from skillplan.domains.assembly.part_schema import MeshConfig, PartConfig
+from skillplan.domains.assembly.schema import AssemblyConfig
+from skillplan.files.schema_errors import shown
+from skillplan.quick_dataclass import dataclass
+from skillplan.task.motion import Point
+
+# A shift below this is rounding of the file [m].
+_SHIFT_M = 1e-5
+_DECIMALS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class MovedMesh:
+    """A mesh without ``centre_m`` whose origin is not that of its part.
+
+    Parameters
+    ----------
+    part
+        Name of the part.
+    index
+        Number of the mesh in the part, from 0.
+    mesh
+        The mesh.
+    moved_m
+        Shift from the file's frame to the part's [m].
+    keeping_m
+        ``centre_m`` that keeps the origin [m]; None if only the height differs, because the origin
+        of a part is at its bottom.
+    """
+
+    part: str
+    index: int
+    mesh: MeshConfig
+    moved_m: Point
+    keeping_m: Point | None
+
+    @property
+    def words(self) -> str:
+        """One sentence without a full stop."""
+        moved = " ".join(f"{value * 1e3:.4g}" for value in self.moved_m)
+        begin = f"{shown(self.mesh.file)} is moved by {moved} mm"
+        if self.keeping_m is None:
+            return f"{begin}, as heights count from the part's bottom"
+        keeping = ", ".join(f"{value:.6g}" for value in self.keeping_m)
+        return f"{begin}, so that its box is centred; give centre_m: [{keeping}] to keep its origin"
+
+
+def moved_meshes(config: AssemblyConfig, parts: Iterable[str]) -> Iterator[MovedMesh]:
+    """Yield the moved meshes of some parts."""
+    for name in parts:
+        yield from _moved(name, config.parts[name])
+
+
+def _moved(name: str, part: PartConfig) -> Iterator[MovedMesh]:
+    meshes = part.meshes or []
+    # Several meshes of a part keep their heights relative to the lowest.
+    lowest_m = min((mesh.middle_m[2] - mesh.size_m[2] / 2 for mesh in meshes), default=0.0)
+    for index, mesh in enumerate(meshes):
+        if mesh.centre_m is not None:
+            continue
+        x_m, y_m, z_m = mesh.middle_m
+        keeping: Point = (x_m, y_m, z_m - lowest_m)
+        moved: Point = (-x_m, -y_m, mesh.size_m[2] / 2 - z_m)
+        is_aside = max(abs(x_m), abs(y_m), abs(keeping[2] - mesh.size_m[2] / 2)) > _SHIFT_M
+        if is_aside or abs(moved[2]) > _SHIFT_M:
+            kept = _rounded(keeping) if is_aside else None
+            yield MovedMesh(name, index, mesh, _rounded(moved), kept)
+
+
+def origin_hint(config: AssemblyConfig, parts: Iterable[str]) -> str:
+    """Return sentences on moved meshes, to be appended to a fault of their parts' places."""
+    moved = moved_meshes(config, parts)
+    words = dict.fromkeys(mesh.words for mesh in moved if mesh.keeping_m is not None)
+    return "".join(f" {sentence}." for sentence in words)
+
+
+def origin_lines(config: AssemblyConfig) -> tuple[list[str], list[dict[str, Any]]]:
+    """Return all moved meshes of an assembly, in words and as JSON values."""
+    moved = list(moved_meshes(config, config.parts))
+    lines = [f"mesh       {mesh.words} ({mesh.part})" for mesh in moved]
+    entries = [
+        {
+            "part": mesh.part,
+            "mesh": mesh.index,
+            "moved_mm": [round(value * 1e3, 3) for value in mesh.moved_m],
+            "centre_m": None if mesh.keeping_m is None else list(mesh.keeping_m),
+        }
+        for mesh in moved
+    ]
+    return lines, entries
+
+
+def _rounded(point: Point) -> Point:
+    x, y, z = (round(value, _DECIMALS) + 0.0 for value in point)
+    return (x, y, z)
