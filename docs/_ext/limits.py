@@ -33,12 +33,15 @@ ROWS: list[tuple[str, str, list[str]]] = [
     ),
     (
         "arm (URDF)",
-        "{bytes}, {} elements, {} levels, {} links",
+        "{bytes}, {} elements, {} levels, {} links, {} shapes with {bytes} of meshes, {} m",
         [
             "domains.assembly.arms.urdf_file:MAX_BYTES",
             "xml_tree:MAX_ELEMENTS",
             "xml_tree:MAX_DEPTH",
             "robots.urdf:_MOST_LINKS",
+            "robots.urdf:_MOST_SHAPES",
+            "domains.assembly.arms.urdf_file:MAX_MESH_BYTES",
+            "robots.urdf_elements:MOST_LENGTH_M",
         ],
     ),
     (

@@ -3,6 +3,8 @@
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from skillplan.robots.arm_description import ArmDescription
 from skillplan.robots.link_shapes import Capsule, Hull, Rod
@@ -12,7 +14,7 @@ from skillplan.robots.ur5e import UR5E
 from skillplan.robots.urdf import read_urdf
 from skillplan.robots.urdf_elements import UrdfError
 from skillplan.xml_tree import MAX_DEPTH, MAX_ELEMENTS
-from urdf_text import joint, link, urdf, urdf_of
+from urdf_text import CAPSULE, joint, link, urdf, urdf_of
 
 
 def no_mesh(name, scale):
@@ -123,6 +125,15 @@ def test_shapes_are_boxes_balls_cylinders_and_meshes():
         (urdf({2: joint(2).replace("0 1 0", "0 1")}), "xyz='0 1' are not three numbers"),
         (urdf({2: joint(2).replace('"2.0"', '"fast"')}), "needs a number as 'velocity'"),
         (urdf({2: joint(2).replace('"2.0"', '"nan"')}), "needs a number as 'velocity'"),
+        (urdf({2: joint(2).replace('"2.0"', '"1_0"')}), "'velocity', and has '1_0'"),
+        (urdf({2: joint(2).replace('"2.0"', '"\u0662"')}), "'velocity', and has '\u0662'"),
+        (urdf({2: joint(2).replace('"2.0"', '"0x10"')}), "'velocity', and has '0x10'"),
+        (urdf({2: joint(2).replace('"2.0"', '"infinity"')}), "'velocity', and has 'infinity'"),
+        (urdf({2: joint(2).replace('"2.0"', '"1e-300"')}), "turns at 1e-300 rad/s; 1e-06 is the"),
+        (urdf({2: joint(2, limits='lower="-1e308" upper="1e308"')}), "-1e+308 as 'lower', where"),
+        (urdf({2: joint(2).replace("0 0 0.16", "0 0 1e308")}), "1e+308 as 'xyz', where 100 is"),
+        (urdf().replace('value="1.0"', 'value="1e308"'), "<mass> has 1e+308 as 'value'"),
+        (urdf(collisions={1: CAPSULE * 401}), "407 collision shapes, where 400 are the most"),
         (urdf().replace('value="1.0"', 'value="-1"'), "no mass and inertia that a body has"),
         (urdf().replace('value="1.0"', 'value="0"'), "has no mass"),
         (urdf().replace('ixx="0.01"', 'ixx="9"'), "No body has the inertia"),
@@ -141,6 +152,38 @@ def test_what_is_no_arm_is_refused_with_its_line(text, words):
     found = fault(text)
     assert words in str(found)
     assert found.key == "model"
+
+
+@pytest.mark.parametrize("text", ["2", " 2 ", "+2.", ".2e1", "2E0", "20e-1"])
+def test_numbers_are_written_as_xml_writes_them(text):
+    arm = read(urdf({2: joint(2).replace('"2.0"', f'"{text}"')}))
+    assert arm.joints[1].speed_rad_per_s == 2.0
+
+
+PIECES = [
+    b"<", b">", b'"', b"/", b"\0", b"\xff", b"nan", b"1e400", b"-", b"1e308", b"0", b"9" * 5000,
+    b"<collision>", b"</link>", b"&amp;", b"&#x202e;", "\u0663".encode(), b'type="fixed"',
+]  # fmt: skip
+
+
+@given(
+    st.lists(
+        st.tuples(st.floats(0, 1), st.integers(0, 9), st.sampled_from(PIECES) | st.binary()),
+        max_size=4,
+    )
+)
+def test_any_file_is_an_arm_or_is_refused_in_words(changes):
+    """Bytes are left out and others put in anywhere; numbers stay within what can be computed."""
+    content = urdf().encode()
+    for share, gone, piece in changes:
+        start = int(share * len(content))
+        content = content[:start] + piece + content[start + gone :]
+    arm, refusal = None, ""
+    try:
+        arm = read_urdf(content, "flange", None, no_mesh)
+    except (UrdfError, ValueError) as error:
+        refusal = str(error)
+    assert refusal or math.isfinite(sum(arm.low_rad) + sum(arm.high_rad) + arm.works_within_m)
 
 
 def test_a_joint_that_moves_beside_the_arm_is_refused():

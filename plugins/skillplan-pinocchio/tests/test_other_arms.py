@@ -64,10 +64,10 @@ def test_swept_proves_the_inverter_board_by_a_ur5e():
     assert panda.makespan_s < ur5e.makespan_s < 2 * panda.makespan_s
 
 
-def test_swept_plans_for_an_arm_from_a_urdf(tmp_path: Path):
-    """One part from here to there, with a hand of its own shape and the arm turned."""
-    (tmp_path / "arm.urdf").write_text(urdf(collisions={0: "", 6: CAPSULE}), "utf-8")
-    task = tmp_path / "task.yaml"
+def box_task(folder: Path, collisions: dict[int, str]) -> Path:
+    """Write a task of one box for an arm with such shapes of its links."""
+    (folder / "arm.urdf").write_text(urdf(collisions=collisions), "utf-8")
+    task = folder / "task.yaml"
     task.write_text(
         """kind: assembly
 name: box
@@ -82,9 +82,30 @@ step_limit: 2
 """,
         "utf-8",
     )
-    found = solve(load_problem(task).task, "exact", SWEPT)
+    return task
+
+
+@pytest.mark.parametrize(
+    ("collisions", "links"),
+    [
+        ({0: "", 6: CAPSULE}, "the base"),
+        (dict.fromkeys(range(7), ""), "the base, " + ", ".join(f"link {n}" for n in range(1, 7))),
+    ],
+    ids=["some", "none"],
+)
+def test_swept_plans_for_an_arm_from_a_urdf(tmp_path: Path, collisions, links):
+    """One part from here to there, the arm turned; links without shapes are not checked."""
+    found = solve(load_problem(box_task(tmp_path, collisions)).task, "exact", SWEPT)
     assert found.status == "optimal"
     assert [step.skill for step in found.steps] == ["pick(box)", "place(box)"]
+    assert any(
+        sentence.startswith(f"contacts of {links} of six: its description has no collision shape")
+        for sentence in found.not_checked
+    )
+
+
+def test_arms_that_ship_have_shapes_for_all_links():
+    assert [arm.unchecked_contacts() for arm, _ in ARMS.values()] == [()] * len(ARMS)
 
 
 @pytest.mark.parametrize("model", sorted(ARMS))

@@ -244,6 +244,23 @@ class ArmDescription:
         )
 
     @property
+    def without_shape(self) -> tuple[int, ...]:
+        """Numbers of the links that have no shape; 0 is the base."""
+        if not self.shapes:
+            return tuple(range(len(self.joints) + 1))
+        return tuple(number for number, shapes in enumerate(self.shapes) if not shapes)
+
+    def unchecked_contacts(self) -> tuple[str, ...]:
+        """Return a sentence on the links whose contacts cannot be checked; none if all can."""
+        links = ["the base" if not number else f"link {number}" for number in self.without_shape]
+        if not links:
+            return ()
+        return (
+            f"contacts of {', '.join(links)} of {self.name}: its description has no collision "
+            "shape for them",
+        )
+
+    @property
     def low_rad(self) -> tuple[float, ...]:
         """Lower limits of the joints [rad]."""
         return tuple(joint.low_rad for joint in self.joints)

@@ -29,6 +29,10 @@ ReadMesh = Callable[[str, Triple], tuple[Triple, ...]]
 _SPEEDING_UP_S = 0.25
 _JOINTS = (6, 7)
 _MOST_LINKS = 200
+# Of the whole arm: each pair of links is tested for contact.
+_MOST_SHAPES = 400
+# A joint that is slower takes months for a turn.
+_LEAST_SPEED_RAD_PER_S = 1e-6
 _FULL_TURN = 2 * math.pi
 _MOVING = ("revolute", "continuous")
 
@@ -75,6 +79,12 @@ class _Tree:
         self.above: dict[str, Element] = {}
         if len(self.links) > _MOST_LINKS:
             raise UrdfError(f"it has more than {_MOST_LINKS} links; keep the arm alone")
+        shapes = sum(1 for link in self.links.values() for _ in link.all("collision"))
+        if shapes > _MOST_SHAPES:
+            raise UrdfError(
+                f"its links have {shapes:,} collision shapes, where {_MOST_SHAPES} are the most; "
+                "give fewer and simpler ones"
+            )
         for name, joint in self.joints.items():
             self._check_joint(name, joint)
 
@@ -220,6 +230,9 @@ def _joint(joint: Element, placement: Transform, link: LinkInertia) -> Joint:
     else:
         low, high = number(limit, "lower", 0.0), number(limit, "upper", 0.0)
     speed = number(limit, "velocity")
+    if 0 < speed < _LEAST_SPEED_RAD_PER_S:
+        words = f"joint {name!r} turns at {speed:g} rad/s; {_LEAST_SPEED_RAD_PER_S:g} is the least"
+        raise UrdfError(words, line=limit.line)
     axis = joint.first("axis")
     direction = (1.0, 0.0, 0.0) if axis is None else numbers(axis, "xyz", (1.0, 0.0, 0.0))
     length = math.hypot(*direction)
@@ -233,7 +246,7 @@ def _joint(joint: Element, placement: Transform, link: LinkInertia) -> Joint:
             high,
             speed,
             speed / _SPEEDING_UP_S,
-            number(limit, "effort"),
+            number(limit, "effort", most=math.inf),
             link,
             (direction[0] / length, direction[1] / length, direction[2] / length),
         )

@@ -8,7 +8,13 @@ from itertools import product
 from skillplan.robots.arm_description import Triple
 from skillplan.robots.link_shapes import Capsule, Hull, LinkShape, Rod
 from skillplan.robots.rigid import Rigid
-from skillplan.robots.urdf_elements import UrdfError, number, numbers, pose_of
+from skillplan.robots.urdf_elements import (
+    MOST_LENGTH_M,
+    UrdfError,
+    number,
+    numbers,
+    pose_of,
+)
 from skillplan.xml_tree import Element
 
 _ONE: Triple = (1.0, 1.0, 1.0)
@@ -51,7 +57,7 @@ def _shape(
     shape: Element, frame: Rigid, read_mesh: Callable[[str, Triple], tuple[Triple, ...]]
 ) -> LinkShape:
     if shape.tag == "box":
-        sides = numbers(shape, "size", (0.0, 0.0, 0.0))
+        sides = numbers(shape, "size", (0.0, 0.0, 0.0), MOST_LENGTH_M)
         if min(sides) <= 0:
             raise ValueError(f"a box has the size {sides}")
         corners = [
@@ -60,11 +66,11 @@ def _shape(
         ]
         return Hull(tuple(corners))
     if shape.tag == "sphere":
-        return Capsule(frame.origin, frame.origin, number(shape, "radius"))
+        return Capsule(frame.origin, frame.origin, number(shape, "radius", most=MOST_LENGTH_M))
     if shape.tag == "cylinder":
-        half_m = number(shape, "length") / 2
+        half_m = number(shape, "length", most=MOST_LENGTH_M) / 2
         ends = frame.apply((0.0, 0.0, -half_m)), frame.apply((0.0, 0.0, half_m))
-        return Rod(*ends, number(shape, "radius"))
+        return Rod(*ends, number(shape, "radius", most=MOST_LENGTH_M))
     if shape.tag == "mesh":
         name = shape.attributes.get("filename", "")
         corners = [frame.apply(one) for one in read_mesh(name, numbers(shape, "scale", _ONE))]

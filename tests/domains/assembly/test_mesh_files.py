@@ -12,9 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from example_count import examples
-from skillplan.domains.assembly.meshes.mesh_files import MAX_BYTES, SUFFIXES, read_mesh
+from skillplan.domains.assembly.arms import urdf_file
+from skillplan.domains.assembly.arms.urdf_file import ArmFileError, read_arm
+from skillplan.domains.assembly.meshes import mesh_files
+from skillplan.domains.assembly.meshes.mesh_files import MAX_BYTES, SUFFIXES, parsed, read_mesh
 from skillplan.domains.assembly.meshes.polyhedron import MAX_CORNERS, MeshFileError
 from skillplan.task.shape import Mesh
+from urdf_text import urdf
 
 # Corners and faces of a wedge: 2 long, 1 wide, 1 high where it is highest.
 WEDGE = [(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (0, 0, 1), (0, 1, 1)]
@@ -259,3 +263,42 @@ def test_no_file_is_too_odd(tmp_path_factory, suffix, content, cut):
             read = read_mesh(folder, f"odd{suffix}", 0.01)
             Mesh(read.about((0.0, 0.0, 0.0)), read.faces)
         assert said.getvalue() == ""
+
+
+MESH = '<collision><geometry><mesh filename="m.stl" scale="{0} {0} {0}"/></geometry></collision>'
+
+
+def arm_of(folder, *scales):
+    """Return the arm of a URDF whose links have wedges of such scales."""
+    (folder / "m.stl").write_bytes(as_stl(WEDGE, WEDGE_FACES))
+    shapes = "".join(MESH.format(scale) for scale in scales)
+    (folder / "arm.urdf").write_text(urdf(collisions={3: shapes}), "utf-8")
+    return read_arm(folder, "arm.urdf", "flange", None)[0]
+
+
+def test_a_mesh_that_an_arm_names_often_is_read_once_a_scale(tmp_path, monkeypatch):
+    reads = []
+
+    def count_reads(content, suffix):
+        reads.append(suffix)
+        return parsed(content, suffix)
+
+    monkeypatch.setattr(mesh_files, "parsed", count_reads)
+    arm = arm_of(tmp_path, *[0.1] * 100, 0.2)
+    assert len(arm.shapes[3]) == 101
+    assert arm.shapes[3][0] == arm.shapes[3][99] != arm.shapes[3][100]
+    assert len(reads) == 2
+
+
+def test_meshes_of_an_arm_that_are_too_large_together_are_refused(tmp_path, monkeypatch):
+    size = len(as_stl(WEDGE, WEDGE_FACES))
+    monkeypatch.setattr(urdf_file, "MAX_MESH_BYTES", 3 * size)
+    assert len(arm_of(tmp_path, 0.1, 0.2, 0.3).shapes[3]) == 3
+    with pytest.raises(ArmFileError, match=r"Its meshes have more than \d+ MiB together"):
+        arm_of(tmp_path, 0.1, 0.2, 0.3, 0.4)
+
+
+@pytest.mark.parametrize("scale", ["1e6", "-1e6", "0", "1e-300"])
+def test_a_mesh_of_an_arm_at_no_sensible_scale_is_refused(tmp_path, scale):
+    with pytest.raises(ArmFileError, match=r"Mesh 'm\.stl': it is"):
+        arm_of(tmp_path, scale)

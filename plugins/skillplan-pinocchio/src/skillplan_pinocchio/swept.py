@@ -128,6 +128,10 @@ class SweptDetector(Detector):
         """Return which parts are too wide for the jaws, by the fact that they are placed."""
         return {} if self.refuses() is not None else jaw_faults(self.task)
 
+    def not_checked(self) -> tuple[str, ...]:
+        """Return which links have no shape to check; see :meth:`BackEnd.not_checked`."""
+        return () if self.refuses() is not None else self._robot.model.unchecked_contacts()
+
     def check(self, skill: Skill, state: State) -> Verdict:
         """Return the verdict on the motion of `skill`; see :meth:`BackEnd.check`."""
         facts = self.task.facts

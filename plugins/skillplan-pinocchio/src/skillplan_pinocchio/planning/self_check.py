@@ -129,7 +129,8 @@ class SelfCheck:
         By spheres that each lies within. From any node until midway to the next no point moves
         farther, seen from any link, than the joints turn times its reach.
         """
-        if not ends:
+        # An arm whose description has no shapes has no links that anything could touch.
+        if not ends or not self._solids:
             return []
         near = _Nearness(self._links.bodies, self._chain_m, path)
         balls = [end.balls for end in ends]

@@ -134,6 +134,12 @@ class SimulatingEngine(Engine):
         """Return the parts that the hand cannot hold."""
         return {} if self.refuses() is not None else jaw_faults(self.task)
 
+    def not_checked(self) -> tuple[str, ...]:
+        """Return which links have no shape to touch anything; see :meth:`BackEnd.not_checked`."""
+        if self.refuses() is not None:
+            return ()
+        return self.task.scene.robots[0].model.unchecked_contacts()
+
     def record(self, skill: Skill, state: State) -> Record:
         """Return the execution of a skill, shared by all back ends that are queried about it."""
         key = (skill.name, state.bits)

@@ -16,6 +16,9 @@ from skillplan.robots.urdf_elements import UrdfError
 MAX_BYTES: Final = 4 * 1024 * 1024
 """Greatest size of a URDF."""
 
+MAX_MESH_BYTES: Final = 64 * 1024 * 1024
+"""Greatest size of all meshes that it names, each counted once a scale."""
+
 _PACKAGE = "package://"
 
 
@@ -88,6 +91,8 @@ class _Meshes:
         self.folder = folder
         self.beside = beside
         self.digest = digest
+        self._hulls: dict[tuple[str, Triple], tuple[Triple, ...]] = {}
+        self._left = MAX_MESH_BYTES
 
     def corners(self, name: str, scale: Triple) -> tuple[Triple, ...]:
         """Return the corners of the convex hull of a mesh [m]."""
@@ -98,12 +103,21 @@ class _Meshes:
         refusal = MeshFileError("It names no file.")
         for candidate in _candidates(name):
             within = posixpath.normpath(posixpath.join(self.beside, candidate))
+            if (within, scale) in self._hulls:
+                return self._hulls[within, scale]
             try:
-                corners, sha256 = read_hull(self.folder, within, scale)
+                corners, content = read_hull(self.folder, within, scale)
             except MeshFileError as error:
                 refusal = error
                 continue
-            self.digest.update(sha256.encode())
+            self._left -= len(content)
+            if self._left < 0:
+                raise UrdfError(
+                    f"its meshes have more than {MAX_MESH_BYTES // 1024**2} MiB together; save "
+                    "them with fewer triangles"
+                )
+            self.digest.update(hashlib.sha256(content).hexdigest().encode())
+            self._hulls[within, scale] = corners
             return corners
         words = str(refusal)
         raise UrdfError(f"mesh {name[:200]!r}: {words[:1].lower()}{words[1:].rstrip('.')}")

@@ -56,8 +56,8 @@ def read_mesh(folder: Path, name: str, scale: float) -> Polyhedron:
     return _polyhedron(content, suffix, scale)
 
 
-def read_hull(folder: Path, name: str, scale: Point) -> tuple[tuple[Point, ...], str]:
-    """Return corners about a surface [m], convex or not, and the hash of its file.
+def read_hull(folder: Path, name: str, scale: Point) -> tuple[tuple[Point, ...], bytes]:
+    """Return corners about a surface [m], convex or not, and the content of its file.
 
     Of many corners, those are left out that are not the farthest in any of `_DIRECTIONS` evenly
     spread directions.
@@ -80,14 +80,19 @@ def read_hull(folder: Path, name: str, scale: Point) -> tuple[tuple[Point, ...],
     corners, faces = parsed(content, suffix)
     if not len(faces) or not np.isfinite(corners).all():
         raise MeshFileError("It holds no surface; save it as triangles.")
-    with np.errstate(over="ignore"):
-        used = np.unique(np.round(corners[np.unique(faces)] * np.array(scale), DECIMALS), axis=0)
-    _check_size(used.max(axis=0) - used.min(axis=0), 1.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        used = corners[np.unique(faces)] * np.array(scale)
+        size = used.max(axis=0) - used.min(axis=0)
+    _check_size(size, 1.0)
+    if np.abs(used).max() > _MOST_EXTENT_M:
+        far = f"It lies {np.abs(used).max():g} m from its origin, where {_MOST_EXTENT_M:g} m"
+        raise MeshFileError(f"{far} are the most; move it there.")
+    used = np.unique(np.round(used, DECIMALS), axis=0)
     if len(used) > _DIRECTIONS:
         middle = used.mean(axis=0)
         used = used[np.unique(np.argmax((used - middle) @ _even_directions().T, axis=0))]
     found = tuple((float(x), float(y), float(z)) for x, y, z in used)
-    return found, hashlib.sha256(content).hexdigest()
+    return found, content
 
 
 def _even_directions() -> Floats:
@@ -121,10 +126,10 @@ def _polyhedron(content: bytes, suffix: str, scale: float) -> Polyhedron:
         raise MeshFileError("It holds no faces; save the surface as triangles or polygons.")
     if not np.isfinite(raw_corners).all():
         raise MeshFileError("A coordinate is not finite; save the surface again.")
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         corners = raw_corners * scale
-    used = corners[np.unique(raw_faces)]
-    size = used.max(axis=0) - used.min(axis=0)
+        used = corners[np.unique(raw_faces)]
+        size = used.max(axis=0) - used.min(axis=0)
     _check_size(size, scale)
     middle = (used.max(axis=0) + used.min(axis=0)) / 2
     return polyhedron_of(corners - middle, raw_faces, hashlib.sha256(content).hexdigest(), middle)
@@ -153,7 +158,7 @@ def parsed(content: bytes, suffix: str) -> tuple[Floats, Indices]:
 
 def _check_size(size: Floats, scale: float) -> None:
     longest_m = float(size.max())
-    if longest_m > _MOST_EXTENT_M:
+    if not longest_m <= _MOST_EXTENT_M:
         hint = ""
         if longest_m * 1e-3 <= _MOST_EXTENT_M:
             hint = f" Is the file in millimetres? Then give scale: {scale * 1e-3:g}."
