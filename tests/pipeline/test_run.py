@@ -45,12 +45,12 @@ def test_a_path_becomes_a_judged_result():
 
 
 def test_the_makespan_is_durations_and_travel(board_task):
-    """12 picks and places of 3 s, one load of 10 s, two screws of 8 s, and the way at 0.25 m/s.
+    """12 picks and places of 3 s, two screws of 8 s, and the path at 0.25 m/s.
 
-    The swap runs by both holders, which are at one place here.
+    The swap puts back one tool in 5 s and attaches the other in 10 s, at one place here.
     """
     result = solve(board_task)
-    assert result.makespan_s == pytest.approx(12 * 3 + 10 + 2 * 8 + result.cost / 0.25)
+    assert result.makespan_s == pytest.approx(12 * 3 + 5 + 10 + 2 * 8 + result.cost / 0.25)
 
 
 def test_the_task_file_chooses_the_back_ends():

@@ -17,8 +17,8 @@ FACTS = Facts(("at(home)", "at(bin)", "tool(a)", "tool(b)", "other"), (("at(home
 PLACES = {FACTS.bit("at(home)"): (0.0, 0.0, 0.5), FACTS.bit("at(bin)"): (3.0, 4.0, 0.1)}
 
 
-def visit(x_m, y_m, z_m=0.0):
-    return Visit(Pose((x_m, y_m, z_m)), Event.GRASP, "part")
+def visit(x_m, y_m, z_m=0.0, dwell_s=0.0):
+    return Visit(Pose((x_m, y_m, z_m)), Event.GRASP, "part", dwell_s=dwell_s)
 
 
 def motion(*routes):
@@ -39,8 +39,8 @@ def test_a_cost_is_finite_and_not_negative(value):
         ConstantCost(value)
     with pytest.raises(ValueError, match="per_m must be finite and >= 0"):
         DistanceCost(PLACES, STRAIGHT, per_m=value)
-    with pytest.raises(ValueError, match="fixed must be finite and >= 0"):
-        DistanceCost(PLACES, STRAIGHT, fixed=value)
+    with pytest.raises(ValueError, match="dwell_s must be >= 0"):
+        visit(3.0, 0.0, dwell_s=value)
     with pytest.raises(ValueError, match="behind_m must be finite and >= 0"):
         DistanceCost(PLACES, STRAIGHT, behind_m={FACTS.bit("at(bin)"): value})
 
@@ -85,11 +85,18 @@ def test_travel_runs_through_all_visits_of_the_route_that_fits():
     assert cost.at(FACTS.of("at(home)", "tool(b)")) == 1.0
 
 
-def test_a_time_is_a_scaled_distance_and_a_fixed_part():
-    """At 0.25 m/s, 3 m take 12 s, to which the work at the place is added."""
-    cost = DistanceCost(PLACES, STRAIGHT, per_m=1 / 0.25, fixed=8.0)
-    assert cost.at(FACTS.of("at(home)")) == 8.0 + 12.0
-    assert cost.least(FACTS.bit("at(home)"), 0) == 20.0
+def test_a_time_is_a_scaled_distance_and_the_dwells_of_the_route_that_fits():
+    """At 0.25 m/s, 3 m take 12 s; the hand acts for 8 s at one target and 5 s at another."""
+    routes = (
+        (("tool(a)",), (visit(3.0, 0.0, dwell_s=8.0), visit(3.0, 4.0, dwell_s=5.0))),
+        (("tool(b)",), (visit(0.0, 1.0, dwell_s=0.5),)),
+    )
+    cost = DistanceCost(PLACES, motion(*routes), per_m=1 / 0.25, dwells=True)
+    assert cost.at(FACTS.of("at(home)", "tool(a)")) == 12.0 + 16.0 + 8.0 + 5.0
+    assert cost.at(FACTS.of("at(home)", "tool(b)")) == 4.0 + 0.5
+    assert cost.least(FACTS.bit("at(home)"), FACTS.bit("tool(b)")) == 41.0
+    assert cost.least(FACTS.bit("at(home)"), 0) == 4.5
+    assert DistanceCost(PLACES, motion(*routes)).at(FACTS.of("at(home)", "tool(a)")) == 7.0
 
 
 def test_a_state_that_does_not_say_where_the_arm_stands_has_no_cost():

@@ -450,15 +450,6 @@ class TestTimes:
             taken_s[place] = detector.duration_s(task.skill("pick(base)"), state)
         assert taken_s["base.start"] < taken_s["home"] < taken_s["top.start"]
 
-    def test_dwelling_is_added(self):
-        """Each option by what it says."""
-        task = assembly(shelf())
-        state = task.initial
-        skill = task.skill("pick(base)")
-        plain = SweptDetector(task, SweptDetector.Options(grasp_s=0.0)).duration_s(skill, state)
-        longer = SweptDetector(task, SweptDetector.Options(grasp_s=2.5)).duration_s(skill, state)
-        assert longer - plain == pytest.approx(2.5)
-
     def test_full_speed_is_faster(self):
         """The share of the limits is an option."""
         task = assembly(shelf())

@@ -15,6 +15,9 @@ from skillplan.task.back_end import BackEnd
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 
+# Fields that change no verdict: how long the hand acts at a target.
+_IRRELEVANT = ("dwell_s",)
+
 
 def verdict_key(back_end: BackEnd, skill: Skill) -> str:
     """Return the hash of all that an answer of `back_end` about `skill` depends on.
@@ -64,6 +67,6 @@ def plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
     if hasattr(value, "__dataclass_fields__"):
-        names = value.__dataclass_fields__
-        return {name: plain(getattr(value, name)) for name in names if not name.startswith("_")}
+        names = [name for name in value.__dataclass_fields__ if not name.startswith("_")]
+        return {name: plain(getattr(value, name)) for name in names if name not in _IRRELEVANT}
     return value

@@ -55,6 +55,7 @@ def load(
     OptionError
         If the result cannot be used, or an option is wrong.
     """
+    from skillplan.cli.writing import tell
     from skillplan.pipeline.restoration import Override, load_result
     from skillplan.workers.executor_choice import ExecutorChoice
 
@@ -71,6 +72,8 @@ def load(
     )
     changed = changed_task or bool(reading.changes)
     loaded = load_result(path, override, changed_task=changed)
+    if loaded.times_note:
+        tell(f"skillplan: warning: {path}: does not count {loaded.times_note}.")
     chosen = replace(
         back_ends,
         physics=back_ends.physics or loaded.origin.physics,

@@ -26,6 +26,7 @@ from skillplan.pipeline.derivation import (
     UNDER_CHANCE,
     Replayed,
 )
+from skillplan.pipeline.former_dwells import with_former_dwells, without_removed
 from skillplan.pipeline.record_check import RecordCheck, SavedTables
 from skillplan.pipeline.result_origin import found_origin, origin_problem
 from skillplan.pipeline.run import make_model
@@ -90,10 +91,14 @@ def certify(
             f"{path}: cannot be verified: replans is {stored.replans}, and at most {MOST_REPLANS} "
             "are followed."
         )
-    origin = found_origin(path, stored, task_file)
+    origin, removed = without_removed(found_origin(path, stored, task_file))
     problem, difference = origin_problem(path, stored, origin, named=task_file is not None)
     if difference is not None:
         raise OptionError(f"{path}: cannot be verified: {difference}. Name its own by --task.")
+    notes: list[str] = []
+    if stored.dwells_from is None:
+        problem, sentence = with_former_dwells(path, problem, origin, removed)
+        notes += filter(None, [sentence])
     if stored.is_chain and origin.part is not None:
         raise OptionError(f"{path}: is damaged: it is of the whole chain and of {origin.part!r}.")
     check = _Check(path, stored, problem, origin, Stop() if stop is None else stop, cache)
@@ -117,7 +122,7 @@ def certify(
         tuple(check.asked.values()),
         unchecked,
         cache is not None,
-        tuple(dict.fromkeys(chain.from_iterable(r.not_checked for r in check.replayed.values()))),
+        tuple(dict.fromkeys(chain(notes, *(r.not_checked for r in check.replayed.values())))),
         origin,
     )
 

@@ -120,6 +120,7 @@ def derived_result(replayed: Replayed, setup: Setup, solver: str, origin: Origin
         trace=stored.trace,
         origin=origin,
         not_checked=replayed.not_checked,
+        dwells_from=task.dwells_from,
     )
 
 

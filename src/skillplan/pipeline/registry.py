@@ -164,7 +164,10 @@ def make_options(kind: str, name: str, plugin: type[Any], values: Mapping[str, A
     unknown = sorted(set(values) - set(model.model_fields))
     if unknown:
         hint = f"It has none at all; name the {kind} whose option it is."
-        if model.model_fields:
+        removed = _removed_hint(plugin, unknown[0])
+        if removed:
+            hint = removed
+        elif model.model_fields:
             hint = name_hint(unknown[0], model.model_fields)
         raise OptionError(f"The {kind} {name!r} has no option {unknown[0]!r}. {hint}")
     try:
@@ -183,13 +186,14 @@ def choice_issues(kind: str, name: str, values: Mapping[str, Any]) -> list[Issue
         hint = name_hint(name, names(kind))
         return [Issue(f"unknown {kind} back end {shown(name)}. {hint}", (name,), at_key=True)]
     try:
-        model: type[BaseModel] = load(kind, name).Options
+        plugin = load(kind, name)
     except PluginError as error:
         return [Issue(str(error), (name,), at_key=True)]
+    model: type[BaseModel] = plugin.Options
     found = []
     for key in values:
         if key not in model.model_fields:
-            hint = name_hint(key, model.model_fields)
+            hint = _removed_hint(plugin, key) or name_hint(key, model.model_fields)
             message = f"{name!r} has no option {shown(key)}. {hint}"
             found.append(Issue(message, (name, key), at_key=True))
     try:
@@ -197,6 +201,14 @@ def choice_issues(kind: str, name: str, values: Mapping[str, Any]) -> list[Issue
     except ValidationError as error:
         found += [issue.under(name) for issue in schema_issues(error, model)]
     return found
+
+
+def _removed_hint(plugin: type[Any], option: str) -> str:
+    """Return the key of a task file that replaces a removed option; empty if there is none."""
+    removed = getattr(plugin, "removed_options", {}).get(option)
+    if removed is None:
+        return ""
+    return f"Dwell times are part of the task: give {removed.key} of {removed.owners}."
 
 
 def describe(kind: str) -> list[PluginInfo]:

@@ -11,6 +11,7 @@ from skillplan.checks.verdict_cache import VerdictCache
 from skillplan.domains.load import Problem
 from skillplan.errors import ChainBroken, OptionError, name_hint
 from skillplan.model.skill_model import SkillModel
+from skillplan.pipeline.former_dwells import with_former_dwells, without_removed
 from skillplan.pipeline.result_origin import found_origin, origin_problem
 from skillplan.pipeline.run import solve
 from skillplan.pipeline.setup import Setup
@@ -92,6 +93,8 @@ class LoadedResult:
         What the file describes.
     setup
         The back ends and options.
+    times_note
+        How the times of a result of an earlier version are reproduced; empty for another.
     """
 
     path: str
@@ -99,6 +102,7 @@ class LoadedResult:
     origin: Origin
     problem: Problem
     setup: Setup
+    times_note: str = ""
 
     def planned(self) -> tuple[Task, tuple[str, ...]]:
         """Return the task that is meant and the skills of its plan.
@@ -252,12 +256,16 @@ def load_result(
     stored = read_result(path)
     if stored.status in (Status.REFUSED, Status.WRONG, Status.FAILED):
         raise OptionError(f"{path}: claims nothing, its status is {stored.status}.")
-    origin = override.over(found_origin(path, stored, override.file))
+    own, removed = without_removed(found_origin(path, stored, override.file))
+    origin = override.over(own)
     problem, difference = origin_problem(path, stored, origin, named=override.file is not None)
     if difference is not None and not changed_task:
         raise OptionError(f"{path}: is of another task: {difference}.")
+    times_note = ""
+    if stored.dwells_from is None and not override.changes:
+        problem, times_note = with_former_dwells(path, problem, own, removed)
     setup = Setup(origin.physics, origin.collision, origin.options, origin.screening)
-    return LoadedResult(path, stored, origin, problem, setup)
+    return LoadedResult(path, stored, origin, problem, setup, times_note)
 
 
 class _Stored(Solver):

@@ -41,9 +41,9 @@ def origin_problem(
     TaskError
         If the task file is wrong.
     """
-    queried = named_back_ends(origin)
+    queried, former = named_back_ends(origin), stored.dwells_from is None
     with nullcontext() if named else unquoted(path, origin.file):
-        problem = load_problem(origin.file, queried, origin.changes)
+        problem = load_problem(origin.file, queried, origin.changes, former=former)
     told = named or is_near(origin.file, result_path(path).parent)
     difference = other_task(stored, problem, quoted=told)
     if difference is None or told:
@@ -52,7 +52,7 @@ def origin_problem(
     if before != origin.changes:
         # The user changes something; what counts is whether the file is the one that was solved.
         with unquoted(path, origin.file):
-            was = load_problem(origin.file, queried, before)
+            was = load_problem(origin.file, queried, before, former=former)
         if other_task(stored, was) is None:
             return problem, difference
     raise OptionError(f"{path}: is of another task: {difference}. Name its own by --task.")

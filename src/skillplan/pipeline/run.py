@@ -242,6 +242,7 @@ def make_draft(
         cost_unit=task.metric.unit,
         timed_by=setup.timed_by(task),
         not_checked=list_not_checked(back_ends),
+        dwells_from=task.dwells_from,
     )
 
 

@@ -265,6 +265,8 @@ def load_problem(
     path: str | os.PathLike[str],
     queried: Mapping[str, Collection[str]] | None = None,
     changes: Mapping[str, str] | None = None,
+    *,
+    former: bool = False,
 ) -> Problem:
     """Load a task file of any installed kind.
 
@@ -279,6 +281,8 @@ def load_problem(
     changes
         Key path to YAML value, such as ``{"base.home": "C1"}``: what the file is read as if it
         held.
+    former
+        Whether options that were removed since are accepted, and left out: for stored results.
 
     Raises
     ------
@@ -288,7 +292,7 @@ def load_problem(
     BackEndError
         If a back end fails to start.
     """
-    checks = _BackEndChecks(queried or {})
+    checks = _BackEndChecks(queried or {}, former=former)
     problem = load_task(path, registry.InstalledDomains(), checks, changes)
     return replace(problem, spare_back_ends=checks.made)
 
@@ -300,6 +304,8 @@ class _BackEndChecks(FileChecks):
     ----------
     queried
         As in `load_problem`.
+    former
+        As in `load_problem`.
 
     Attributes
     ----------
@@ -307,8 +313,8 @@ class _BackEndChecks(FileChecks):
         The back ends that were constructed.
     """
 
-    def __init__(self, queried: Mapping[str, Collection[str]]) -> None:
-        self._queried = queried
+    def __init__(self, queried: Mapping[str, Collection[str]], *, former: bool) -> None:
+        self._queried, self._former = queried, former
         self.made: list[BackEnd] = []
 
     def content_issues(self, content: Mapping[str, Any]) -> Iterator[Issue]:
@@ -317,7 +323,9 @@ class _BackEndChecks(FileChecks):
             section = content.get(kind)
             for name, options in section.items() if isinstance(section, dict) else ():
                 if self._serves(kind, name) and (options is None or isinstance(options, dict)):
-                    for issue in registry.choice_issues(kind, name, options or {}):
+                    for issue in registry.choice_issues(
+                        kind, name, self._kept(kind, name, options or {})
+                    ):
                         yield issue.under(kind)
 
     def task_issues(self, task: Task, domain: Domain) -> Iterator[Issue]:
@@ -325,7 +333,8 @@ class _BackEndChecks(FileChecks):
         chosen = {"physics": (task.physics,) if task.physics else (), "collision": task.collision}
         for kind in BACK_END_KINDS:
             for choice in (one for one in chosen[kind] if self._serves(kind, one.name)):
-                back_end, refusal = _make_back_end(kind, choice.name, choice.options, task)
+                options = self._kept(kind, choice.name, choice.options)
+                back_end, refusal = _make_back_end(kind, choice.name, options, task)
                 if refusal is not None:
                     message = f"cannot serve this task: {refusal}"
                     yield Issue(message, (kind, choice.name), at_key=True)
@@ -338,6 +347,12 @@ class _BackEndChecks(FileChecks):
                 if willing is not None:
                     self.made.append(willing)
                     yield from _faults(kind, willing, domain)
+
+    def _kept(self, kind: str, name: str, options: Mapping[str, Any]) -> Mapping[str, Any]:
+        if not self._former or name not in registry.names(kind):
+            return options
+        removed = registry.load(kind, name).removed_options
+        return {key: value for key, value in options.items() if key not in removed}
 
     def _serves(self, kind: str, name: str) -> bool:
         """Whether a back end that the file chooses will be queried."""

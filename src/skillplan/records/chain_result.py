@@ -314,6 +314,7 @@ class ChainResult:
             "makespan": self.makespan,
             "makespan_s": self.makespan_s,
             "timed_by": self.parts[-1].result.timed_by,
+            "dwells_from": list(self.parts[-1].result.dwells_from),
             "skills": [step["skill"] for step in steps],
             "actions": [step["action"] for step in steps],
             "steps": [{**step, "index": index} for index, step in enumerate(steps)],

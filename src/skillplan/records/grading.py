@@ -79,6 +79,8 @@ class Draft:
         Figures of the search.
     not_checked
         Sentences of the back ends about what they leave unchecked of the task.
+    dwells_from
+        Key paths of the task file that its dwell times are from.
     """
 
     task: str
@@ -99,6 +101,7 @@ class Draft:
     interrupted: bool = False
     trace: Mapping[str, Any] = field(default_factory=dict)
     not_checked: tuple[str, ...] = ()
+    dwells_from: tuple[str, ...] = ()
 
     def graded(self, grade: Grade) -> Result:
         """Return the result: the draft with what the referee grants.

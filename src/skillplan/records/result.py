@@ -110,6 +110,8 @@ class Result:
         Sentences of the back ends about what they leave unchecked of the task.
     simulation
         Outcome of a simulation of the whole plan; None if it was not simulated.
+    dwells_from
+        Key paths of the task file that the dwell times are from.
 
     Raises
     ------
@@ -147,6 +149,7 @@ class Result:
     back_end_failed: bool = False
     not_checked: tuple[str, ...] = ()
     simulation: SimulationOutcome | None = None
+    dwells_from: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         has_plan = self.status in (Status.OPTIMAL, Status.SOLVED)
@@ -212,6 +215,7 @@ class Result:
             "makespan": self.makespan,
             "makespan_s": self.makespan_s,
             "timed_by": self.timed_by,
+            "dwells_from": list(self.dwells_from),
             "skills": [step.skill for step in self.steps],
             "actions": [step.action for step in self.steps],
             "steps": [step_document(step) for step in self.steps],

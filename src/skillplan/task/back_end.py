@@ -11,6 +11,8 @@ from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
+from skillplan.quick_dataclass import dataclass
+from skillplan.task.motion import Event
 from skillplan.task.skill import Skill
 from skillplan.task.state import State
 from skillplan.task.task import Task
@@ -21,6 +23,28 @@ class Options(BaseModel):
     """Options of a plugin: unknown ones are refused, values are not coerced from other types."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+
+
+@dataclass(frozen=True, slots=True)
+class RemovedDwell:
+    """An option that was a dwell time before the task had all of them.
+
+    Parameters
+    ----------
+    event
+        What the hand did in that time.
+    default_s
+        Its default [s].
+    key
+        The key of a task file that replaces it.
+    owners
+        Whose key it is, in words.
+    """
+
+    event: Event
+    default_s: float
+    key: str
+    owners: str
 
 
 class BackEnd(ABC):
@@ -43,6 +67,9 @@ class BackEnd(ABC):
         Order of magnitude of the time one check takes [s]: cheaper back ends are queried first.
     expensive
         Whether its verdicts are worth keeping on disk.
+    removed_options
+        Options of earlier versions, by name. A task file or command that gives one is refused
+        with the key that replaces it; stored results that name one are still verified.
     screens
         Whether it is queried only to rule out what expensive ones need not execute; set where it
         is put before them. How long skills take is then left to them.
@@ -53,6 +80,7 @@ class BackEnd(ABC):
     expected_s: ClassVar[float] = 1e-5
     expensive: ClassVar[bool] = False
     Options: ClassVar[type[BaseModel]] = Options
+    removed_options: ClassVar[Mapping[str, RemovedDwell]] = {}
 
     def __init__(self, task: Task, options: BaseModel | None = None) -> None:
         self.task = task

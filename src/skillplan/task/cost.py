@@ -124,7 +124,7 @@ class CaseCost:
 
 @dataclass(frozen=True)
 class DistanceCost:
-    """The planar length of a motion from where the arm stands, scaled and offset.
+    """The planar length of a motion from where the arm stands, scaled, with dwells or without.
 
     The paper's cost of an action (Moller et al., section 4.2): the 2D Cartesian distance
     from its start pose, which is the goal pose of the action before, to its goal pose.
@@ -138,8 +138,8 @@ class DistanceCost:
         The motion whose visits are run through in order.
     per_m
         Cost of one metre, >= 0: 1 for a distance, the inverse of a speed for a time.
-    fixed
-        Added once, >= 0.
+    dwells
+        Whether the dwells at the visits are added: for a time.
     behind_m
         What was travelled to a place and not counted yet [m], >= 0, by its bit: whatever is done
         next counts it, like the path that the arm took only because a grasp failed.
@@ -147,25 +147,23 @@ class DistanceCost:
     Raises
     ------
     ValueError
-        If `per_m`, `fixed` or a length is negative or not finite, or there is no place.
+        If `per_m` or a length is negative or not finite, or there is no place.
     """
 
     places: Mapping[int, Point] = field(hash=False)
     motion: Motion
     per_m: float = 1.0
-    fixed: float = 0.0
+    dwells: bool = False
     behind_m: Mapping[int, float] = field(default_factory=dict, hash=False)
     _starts: Mapping[int, tuple[float, float, float]] = field(init=False, repr=False, compare=False)
     _places_mask: int = field(init=False, repr=False, compare=False)
-    _routes: tuple[tuple[int, float, float, float], ...] = field(
+    _routes: tuple[tuple[int, float, float, float, float], ...] = field(
         init=False, repr=False, compare=False
     )
 
     def __post_init__(self) -> None:
-        for name in ("per_m", "fixed"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise ValueError(f"DistanceCost {name} must be finite and >= 0, not {value}.")
+        if not (math.isfinite(self.per_m) and self.per_m >= 0):
+            raise ValueError(f"DistanceCost per_m must be finite and >= 0, not {self.per_m}.")
         if not self.places:
             raise ValueError("DistanceCost needs at least one place.")
         for length_m in self.behind_m.values():
@@ -183,7 +181,8 @@ class DistanceCost:
         for route in self.motion.routes:
             points = [visit.position for visit in route.visits]
             beyond = sum(planar_distance(a, b) for a, b in pairwise(points))
-            routes.append((route.when.bits, points[0][0], points[0][1], beyond))
+            dwell_s = math.fsum(visit.dwell_s for visit in route.visits) if self.dwells else 0.0
+            routes.append((route.when.bits, points[0][0], points[0][1], beyond, dwell_s))
         object.__setattr__(self, "_places_mask", mask)
         object.__setattr__(self, "_routes", tuple(routes))
 
@@ -199,19 +198,19 @@ class DistanceCost:
         start = self._starts.get(bits & self._places_mask)
         if start is None:
             raise ValueError(f"The state does not say where the arm stands: {state}.")
-        for when, x_m, y_m, beyond_m in self._routes:
+        for when, x_m, y_m, beyond_m, dwell_s in self._routes:
             if bits & when == when:
                 length_m = math.hypot(x_m - start[0], y_m - start[1]) + beyond_m + start[2]
-                return self.fixed + self.per_m * length_m
+                return dwell_s + self.per_m * length_m
         raise ValueError(f"No route of {self.motion.robot!r} fits the state {state}.")
 
     def least(self, true_bits: int, false_bits: int) -> float:
         """Return the least value over the places and routes that the known facts leave open."""
         return min(
             (
-                self.fixed
+                dwell_s
                 + self.per_m * (math.hypot(x_m - start[0], y_m - start[1]) + beyond_m + start[2])
-                for when, x_m, y_m, beyond_m in self._routes
+                for when, x_m, y_m, beyond_m, dwell_s in self._routes
                 if not when & false_bits
                 for start in self._open_places(true_bits, false_bits)
             ),

@@ -44,11 +44,13 @@ class Visit:
         left, or a screw into its hole; straight down by default.
     insert_m
         Length of that stretch [m], > 0; None for a default.
+    dwell_s
+        Time that the hand stays at the target to act [s], >= 0.
 
     Raises
     ------
     ValueError
-        If `along` is not of length 1, or the length is not positive.
+        If `along` is not of length 1, the length is not positive, or the dwell is negative.
     """
 
     pose: Pose
@@ -57,12 +59,15 @@ class Visit:
     grasp: Grasp | None = None
     along: Point = DOWN
     insert_m: float | None = None
+    dwell_s: float = 0.0
 
     def __post_init__(self) -> None:
         if not is_unit(self.along):
             raise ValueError(f"Visit along must be of length 1, not {self.along}.")
         if self.insert_m is not None and not 0 < self.insert_m < math.inf:
             raise ValueError(f"Visit insert_m must be > 0, not {self.insert_m}.")
+        if not 0 <= self.dwell_s < math.inf:
+            raise ValueError(f"Visit dwell_s must be >= 0, not {self.dwell_s}.")
 
     @property
     def position(self) -> Point:

@@ -141,6 +141,9 @@ class Task:
         task is for solvers to solve.
     places
         The place that a fact says a robot stands at, for skills that walk.
+    dwells_from
+        Key paths of the task file that the dwell times of its visits are from; those of single
+        bodies and tools first. Empty for a task without dwell times.
 
     Raises
     ------
@@ -169,6 +172,7 @@ class Task:
     stage: str = ""
     preset: tuple[str, ...] | None = None
     places: Mapping[str, Place] = field(default_factory=dict)
+    dwells_from: tuple[str, ...] = ()
     _index: dict[str, int] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from functools import cached_property
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -19,6 +20,7 @@ from skillplan.collision.hulls import HullScene
 from skillplan.physics.jaws import jaw_faults, too_wide
 from skillplan.physics.planned_motion import PlannedMotion
 from skillplan.task import back_end
+from skillplan.task.back_end import RemovedDwell
 from skillplan.task.motion import Event
 from skillplan.task.scene import Robot
 from skillplan.task.skill import Skill
@@ -37,12 +39,23 @@ from skillplan_pinocchio.timing.skill_times import SkillTimes
 from skillplan_pinocchio.timing.trajectory import JointLimits
 from skillplan_pinocchio.verdict_in_state import VerdictInState
 
+_OF_TOOL = "the task or of a tool"
+_OF_PART, _OF_SCREW = (f"the task, of a tool or of a {owner}" for owner in ("part", "screw"))
+
 
 class SweptDetector(Detector):
     """A verdict on swept convex hulls of hand, load and links, on reach, and on supports."""
 
     name = "swept"
     expected_s = 0.005
+    removed_options: ClassVar[Mapping[str, RemovedDwell]] = {
+        "grasp_s": RemovedDwell(Event.GRASP, 0.5, "durations_s.pick", _OF_PART),
+        "release_s": RemovedDwell(Event.RELEASE, 0.5, "durations_s.place", _OF_PART),
+        "load_s": RemovedDwell(Event.LOAD, 2.0, "durations_s.load", _OF_TOOL),
+        "offload_s": RemovedDwell(Event.OFFLOAD, 2.0, "durations_s.offload", _OF_TOOL),
+        "fetch_s": RemovedDwell(Event.FETCH, 1.0, "durations_s.fetch", _OF_SCREW),
+        "drive_s": RemovedDwell(Event.DRIVE, 5.0, "durations_s.fasten", _OF_SCREW),
+    }
 
     class Options(back_end.Options):
         """Options of the hulls and of the arm's speed."""
@@ -97,18 +110,6 @@ class SweptDetector(Detector):
             description="postures that are checked for a way round what stands in a straight "
             "travel, before the verdict is unknown [-]",
         )
-        grasp_s: float = Field(
-            default=0.5, ge=0, le=600, description="time to take hold of a part [s]"
-        )
-        release_s: float = Field(
-            default=0.5, ge=0, le=600, description="time to let go of a part [s]"
-        )
-        load_s: float = Field(default=2.0, ge=0, le=600, description="time to take a tool [s]")
-        offload_s: float = Field(
-            default=2.0, ge=0, le=600, description="time to put a tool back [s]"
-        )
-        fetch_s: float = Field(default=1.0, ge=0, le=600, description="time to take a screw [s]")
-        drive_s: float = Field(default=5.0, ge=0, le=600, description="time to drive a screw [s]")
 
     options: Options
 
@@ -175,8 +176,7 @@ class SweptDetector(Detector):
 
     def planned_motion(self, skills: Sequence[Skill], frames_per_s: int) -> PlannedMotion:
         """Return how the arm moves in a plan; see :meth:`MotionPlans.planned_motion`."""
-        times = self._times
-        run = KinematicRun(self.task, self.paths, times.limits, times.dwells_s, frames_per_s)
+        run = KinematicRun(self.task, self.paths, self._times.limits, frames_per_s)
         return run.of(skills, self._granted_paths)
 
     def _granted_paths(self, skill: Skill, state: State, begin_rad: Vector | None) -> SkillPaths:
@@ -212,10 +212,8 @@ class SweptDetector(Detector):
 
     @cached_property
     def _times(self) -> SkillTimes:
-        options = self.options
-        dwells_s = {event: getattr(options, f"{event.value}_s") for event in Event}
-        limits = JointLimits.of(self._robot.model).scaled(options.speed_fraction)
-        return SkillTimes(limits, dwells_s)
+        fraction = self.options.speed_fraction
+        return SkillTimes(JointLimits.of(self._robot.model).scaled(fraction))
 
     @cached_property
     def _least_times(self) -> LeastTimes:

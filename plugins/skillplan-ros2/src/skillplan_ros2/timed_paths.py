@@ -106,8 +106,7 @@ class _Timing:
         try:
             for path in (one.travel.path, *one.strokes.down):
                 points.move(*self._run(path))
-            dwell_s = getattr(self.detector.options, f"{visit.event.value}_s")
-            points.act(dwell_s, f"{visit.event.value} {visit.subject}")
+            points.act(visit.dwell_s, f"{visit.event.value} {visit.subject}")
             for path in one.strokes.up:
                 points.move(*self._run(path))
         except ArithmeticError as error:

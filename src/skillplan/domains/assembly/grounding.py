@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from skillplan.domains.assembly import vocabulary
+from skillplan.domains.assembly.handling.durations import dwell_s, given_kinds
 from skillplan.domains.assembly.handling.insertion import pick_visits, place_visits
 from skillplan.domains.assembly.handling.schema import unit_of
 from skillplan.domains.assembly.layout import (
@@ -104,7 +105,17 @@ class _Grounding:
                 BackEndChoice(name, options or {}) for name, options in config.collision.items()
             ),
             sha256=sha256,
+            dwells_from=self._dwells_from(),
         )
+
+    def _dwells_from(self) -> tuple[str, ...]:
+        """Return the key paths of all dwell times that count, the task's own last."""
+        sections = {name: getattr(self.config, name) for name in ("parts", "screws", "tools")}
+        owners = ((f"{s}.{n}", owner) for s, all_ in sections.items() for n, owner in all_.items())
+        paths = [
+            f"{path}.durations_s.{kind}" for path, owner in owners for kind in given_kinds(owner)
+        ]
+        return (*paths, "durations_s")
 
     def _positions(self) -> dict[str, Point]:
         """Return where every place is, in the order of the vocabulary."""
@@ -154,7 +165,7 @@ class _Grounding:
             self.places,
             motion,
             per_m=1 / config.robot.travel_speed_m_per_s,
-            fixed=getattr(config.durations_s, draft.kind),
+            dwells=True,
             behind_m=self.behind_m,
         )
         return Skill(
@@ -218,12 +229,15 @@ class _Grounding:
         )
 
     def _fasten(self, name: str) -> SkillDraft:
-        screw = self.config.screws[name]
-        visits = [
-            Visit(hole_pose(self.config, screw), Event.DRIVE, name, along=unit_of(screw.axis))
-        ]
+        config, screw = self.config, self.config.screws[name]
+        owners = screw, config.tools[screw.tool]
+        drive_s = dwell_s("fasten", config.durations_s, *owners)
+        hole, along = hole_pose(config, screw), unit_of(screw.axis)
+        visits = [Visit(hole, Event.DRIVE, name, along=along, dwell_s=drive_s)]
         if screw.feeder is not None:
-            visits.insert(0, Visit(Pose(feeder_of(self.config, screw.feeder)), Event.FETCH, name))
+            fetch_s = dwell_s("fetch", config.durations_s, *owners)
+            feeder = Pose(feeder_of(config, screw.feeder))
+            visits.insert(0, Visit(feeder, Event.FETCH, name, dwell_s=fetch_s))
         return SkillDraft(
             kind="fasten",
             subject=name,

@@ -15,6 +15,11 @@ from pydantic import (
     model_validator,
 )
 
+from skillplan.domains.assembly.handling.durations import (
+    PartDurations,
+    ScrewDurations,
+    is_absent,
+)
 from skillplan.domains.assembly.handling.ranges import (
     Angle,
     Angles,
@@ -242,6 +247,11 @@ class PartConfig(Strict):
         "world",
         description="the frame of insert_along: the world's, or that of the part at its goal",
     )
+    durations_s: PartDurations | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="dwell times of this part [s]; left out: those of its tool, or the task's",
+    )
 
     @model_validator(mode="after")
     def _one_shape_one_start(self) -> PartConfig:
@@ -300,6 +310,11 @@ class ScrewConfig(Strict):
     head_diameter_m: Extent = Field(0.006, description="diameter of the head [m]")
     head_height_m: Extent = Field(0.002, description="height of the head [m]")
     mass_kg: Mass = Field(0.001, description="mass [kg]")
+    durations_s: ScrewDurations | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="dwell times of this screw [s]; left out: those of its tool, or the task's",
+    )
 
     @model_validator(mode="after")
     def _height_of_what_is_askew(self) -> ScrewConfig:

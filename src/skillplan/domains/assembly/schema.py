@@ -7,27 +7,17 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from skillplan.domains.assembly.arms.schema import RobotConfig, ToolConfig
+from skillplan.domains.assembly.handling.durations import DurationsConfig
 from skillplan.domains.assembly.handling.ranges import Height, Planar
 from skillplan.domains.assembly.part_schema import PartConfig, ScrewConfig
 from skillplan.domains.domain import Name, Strict
 from skillplan.files.schema_errors import Located
 
-Duration = Annotated[float, Field(ge=0, le=86_400)]
 Reward = Annotated[float, Field(ge=-1e6, le=1e6)]
 Fact = Annotated[str, Field(min_length=1, max_length=200)]
 Shift = Annotated[float, Field(ge=0, le=1)]
 ToolChange = Literal["swap", "separate"]
 CostKind = Literal["distance", "time"]
-
-
-class DurationsConfig(Strict):
-    """What each skill takes at its place, the path to it not counted."""
-
-    pick: Duration = Field(3.0, description="grasp a part [s]")
-    place: Duration = Field(3.0, description="set a part down [s]")
-    load: Duration = Field(5.0, description="attach a tool [s]")
-    offload: Duration = Field(5.0, description="return a tool [s]")
-    fasten: Duration = Field(8.0, description="drive a screw [s]")
 
 
 class ToolChangeConfig(Strict):
@@ -142,11 +132,13 @@ class AssemblyConfig(Strict):
     cost: CostKind = Field(
         "distance",
         description="what is minimised: the planar distance that the tip goes [m], or the cycle "
-        "time [s], as a back end tells it that works out trajectories, and else by "
-        "'durations_s' and 'travel_speed_m_per_s'",
+        "time [s]: 'durations_s', and travels by the trajectories of a back end, or else by "
+        "'travel_speed_m_per_s'",
     )
     durations_s: DurationsConfig = Field(
-        default_factory=DurationsConfig, description="how long each skill takes at its place [s]"
+        default_factory=DurationsConfig,
+        description="dwell times: how long the hand stays at a target to act, travel not counted "
+        "[s]; 'durations_s' of a part or screw comes first, then that of its tool",
     )
     tools: Annotated[dict[Name, ToolConfig], Field(min_length=1, max_length=32)] = Field(
         description="tools of the changer by name"

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from skillplan.domains.assembly import vocabulary
+from skillplan.domains.assembly.handling.durations import dwell_s
 from skillplan.domains.assembly.layout import holder_of
 from skillplan.domains.assembly.schema import AssemblyConfig
 from skillplan.domains.assembly.skill_draft import SkillDraft
@@ -29,11 +30,11 @@ def tool_changes(config: AssemblyConfig) -> Iterator[SkillDraft]:
 
 def _swap(config: AssemblyConfig, tool: str) -> SkillDraft:
     """Return the action that offloads whatever is attached and loads `tool`."""
-    load = Visit(Pose(holder_of(config, tool)), Event.LOAD, tool)
+    load = _visit(config, Event.LOAD, tool)
     routes: dict[str | None, list[Visit]] = {}
     for other in config.tools:
         if other != tool or config.tool_change.reload:
-            offload = Visit(Pose(holder_of(config, other)), Event.OFFLOAD, other)
+            offload = _visit(config, Event.OFFLOAD, other)
             routes[f"tool({other})"] = [offload, load]
     if vocabulary.bare_hand(config):
         routes[NO_TOOL] = [load]
@@ -60,7 +61,7 @@ def _offload(config: AssemblyConfig, tool: str) -> SkillDraft:
         add=[NO_TOOL],
         delete=[f"tool({tool})"],
         ends_at=vocabulary.holder_place(tool),
-        routes={None: [Visit(Pose(holder_of(config, tool)), Event.OFFLOAD, tool)]},
+        routes={None: [_visit(config, Event.OFFLOAD, tool)]},
         parameters={"tool": tool},
     )
 
@@ -74,6 +75,12 @@ def _load(config: AssemblyConfig, tool: str) -> SkillDraft:
         add=[f"tool({tool})", CHANGED_TOOL],
         delete=[NO_TOOL],
         ends_at=vocabulary.holder_place(tool),
-        routes={None: [Visit(Pose(holder_of(config, tool)), Event.LOAD, tool)]},
+        routes={None: [_visit(config, Event.LOAD, tool)]},
         parameters={"tool": tool},
     )
+
+
+def _visit(config: AssemblyConfig, event: Event, tool: str) -> Visit:
+    """Return the visit of a tool's holder."""
+    takes_s = dwell_s(event.value, config.durations_s, config.tools[tool])
+    return Visit(Pose(holder_of(config, tool)), event, tool, dwell_s=takes_s)

@@ -122,6 +122,8 @@ class StoredResult(StoredClaims):
         What was solved, and from which file; no origin where it was from none.
     physics, collision
         Names of the back ends that were queried, the latter with commas.
+    dwells_from
+        Key paths that the dwell times are from; None of a version before the task had all of them.
     replans
         Of a chain, how often the upper levels were planned again.
     sequences, stages
@@ -132,6 +134,7 @@ class StoredResult(StoredClaims):
     origin: StoredOrigin | None = None
     physics: str
     collision: str
+    dwells_from: list[str] | None = None
     replans: int = 0
     sequences: list[StoredPart] | None = None
     stages: list[StoredPart] = Field(default_factory=list)

@@ -24,6 +24,10 @@ PROOF = {
 }
 
 
+# So many parts, screws and tools with dwell times of their own are named.
+_MOST_OWNERS = 6
+
+
 def plan_table(result: Result, task: Task) -> Table:
     """Return the steps of a result's plan, and its figures below."""
     title = f"{result.task}: {result.solver}, physics {result.physics}, collision "
@@ -41,6 +45,7 @@ def plan_table(result: Result, task: Task) -> Table:
             f"plan       {result.makespan} skills"
             + (f", {number(result.makespan_s, 1)} s" if result.makespan_s else ""),
             *times_note(result, task.metric),
+            *dwells_note(task),
         ]
     else:
         notes += bound
@@ -84,8 +89,21 @@ def times_note(result: Result, metric: Metric) -> list[str]:
     if not metric.is_duration:
         return []
     if result.timed_by:
-        return [f"times      of the trajectories of {result.timed_by}"]
-    return ["times      the task's own figures, as no back end tells any; swept does"]
+        return [f"times      trajectories of {result.timed_by}, and the task's dwell times"]
+    return [
+        "times      the task's travel_speed_m_per_s and dwell times, as no back end plans "
+        "trajectories; swept does"
+    ]
+
+
+def dwells_note(task: Task) -> list[str]:
+    """Return the parts, screws and tools that have dwell times of their own, if any do."""
+    own = list(dict.fromkeys(path.rpartition(".durations_s")[0] for path in task.dwells_from[:-1]))
+    if not own:
+        return []
+    shown = ", ".join(own[:_MOST_OWNERS])
+    more = f" and {len(own) - _MOST_OWNERS} more" if len(own) > _MOST_OWNERS else ""
+    return [f"dwells     of {shown}{more} by their own durations_s, others by the task's"]
 
 
 def step_rows(

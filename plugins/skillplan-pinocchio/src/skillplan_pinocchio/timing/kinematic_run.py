@@ -43,8 +43,6 @@ class KinematicRun:
         Where the joints go.
     limits
         Of the joints.
-    dwells_s
-        How long the hand stays at a target [s], by what it does there.
     frames_per_s
         How many samples are taken a second, >= 1.
     """
@@ -54,13 +52,12 @@ class KinematicRun:
         task: Task,
         paths: ArmPaths,
         limits: JointLimits,
-        dwells_s: Mapping[Event, float],
         frames_per_s: int,
     ) -> None:
         self.task = task
         self.robot: Robot = task.scene.robots[0]
         self.arm = paths.planner.arm
-        self.limits, self.dwells_s = limits, dwells_s
+        self.limits = limits
         self.clearance_m = paths.settings.clearance_m
         self._frame_s = 1 / frames_per_s
         self._samples: list[Sample] = []
@@ -167,7 +164,7 @@ class KinematicRun:
     ) -> None:
         """Have the hand do what it does at a target, while the arm stands."""
         visit = one.motion.visit
-        subject, dwell_s = visit.subject, self.dwells_s[visit.event]
+        subject, dwell_s = visit.subject, visit.dwell_s
         if visit.event is Event.GRASP:
             grasp = visited_grasp(self.task.scene.body(subject), visit)
             self._dwell(dwell_s, {}, grasp.width_m if self._has_jaws(one) else self._opening_m)

@@ -151,7 +151,7 @@ class LeastTimes:
                 rest_s += self._between(here, strokes.begin)
             for path in (*strokes.down, *strokes.up):
                 rest_s += self._between(path.nodes[0], path.nodes[-1])
-            rest_s += self.times.dwells_s[one.motion.visit.event]
+            rest_s += one.motion.visit.dwell_s
             here = strokes.end
         return None if begins is None else _Course(begins, rest_s)
 

@@ -1,10 +1,7 @@
-"""How long skills take: transfer motions, linear motions down and up, and what the hand does."""
+"""How long skills take: transfer motions, linear motions down and up, and the task's dwells."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from skillplan.task.motion import Event
 from skillplan_pinocchio.arm_model import Vector
 from skillplan_pinocchio.kinematics.joint_path import JointPath
 from skillplan_pinocchio.motion_plan import ArmMotion
@@ -19,13 +16,10 @@ class SkillTimes:
     ----------
     limits
         Of the joints.
-    dwells_s
-        How long the hand stays at a target [s], by what it does there.
     """
 
-    def __init__(self, limits: JointLimits, dwells_s: Mapping[Event, float]) -> None:
+    def __init__(self, limits: JointLimits) -> None:
         self.limits = limits
-        self.dwells_s = dwells_s
         self._transfers: dict[tuple[bytes, bytes], JointPath] = {}
         self._paths_s: dict[bytes, float] = {}
 
@@ -52,7 +46,7 @@ class SkillTimes:
             if strokes.mirrored:
                 # Up as down: the same speeds, and the opposite accelerations.
                 stretches_s *= 2
-            total_s += stretches_s + self.dwells_s[one.motion.visit.event]
+            total_s += stretches_s + one.motion.visit.dwell_s
             here = strokes.end
         # A nanosecond is beyond what the limits mean, and the same on every machine.
         return round(total_s, 9)

@@ -16,6 +16,7 @@ from pydantic import (
     model_validator,
 )
 
+from skillplan.domains.assembly.handling.durations import ToolDurations, is_absent
 from skillplan.domains.assembly.handling.ranges import (
     Angles,
     Extents,
@@ -181,6 +182,11 @@ class ToolConfig(Strict):
     holder_height_m: Height = Field(0.0, description="height of the holder [m]")
     envelope_m: Extents | None = Field(
         None, description="box about the tool above its tip, x y z [m]; left out: not modelled"
+    )
+    durations_s: ToolDurations | None = Field(
+        None,
+        exclude_if=is_absent,
+        description="dwell times with this tool [s]; left out: the task's",
     )
 
     @model_validator(mode="after")

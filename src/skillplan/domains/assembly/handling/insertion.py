@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from skillplan.domains.assembly.gripping import grasps_of_part
+from skillplan.domains.assembly.handling.durations import dwell_s
 from skillplan.domains.assembly.handling.schema import unit_of
 from skillplan.domains.assembly.handling.sides import direction_name
 from skillplan.domains.assembly.layout import goal_pose, shapes_of, start_pose
@@ -59,9 +60,11 @@ def insertion_issues(config: AssemblyConfig) -> Iterator[Issue]:
 def pick_visits(config: AssemblyConfig, name: str) -> list[tuple[str, Visit]]:
     """Return how a part may be picked: one visit for every grasp, with the way in words."""
     pose = start_pose(config, name)
-    grasps = grasps_of_part(config, name)
+    part = config.parts[name]
+    takes_s = dwell_s("pick", config.durations_s, part, config.tools[part.tool])
     return [
-        (_label(None, grasp), Visit(pose, Event.GRASP, name, _chosen(grasp))) for grasp in grasps
+        (_label(None, grasp), Visit(pose, Event.GRASP, name, _chosen(grasp), dwell_s=takes_s))
+        for grasp in grasps_of_part(config, name)
     ]
 
 
@@ -69,12 +72,14 @@ def place_visits(config: AssemblyConfig, name: str) -> list[tuple[str, Visit]]:
     """Return how a part may be placed: by every grasp, in every direction, with it in words."""
     pose = goal_pose(config, name)
     directions = directions_of(config, name)
+    part = config.parts[name]
+    takes_s = dwell_s("place", config.durations_s, part, config.tools[part.tool])
     found = []
     for grasp in grasps_of_part(config, name):
         for direction in directions:
             label = _label(direction if len(directions) > 1 else None, grasp)
             length_m = insertion_m(config, name, direction)
-            visit = Visit(pose, Event.RELEASE, name, _chosen(grasp), direction, length_m)
+            visit = Visit(pose, Event.RELEASE, name, _chosen(grasp), direction, length_m, takes_s)
             found.append((label, visit))
     return found
 
