@@ -71,6 +71,8 @@ class Account:
         planned; None where nothing is proved.
     bound_given
         The same, but given the plans of the stages before.
+    not_checked
+        Sentences about what the file leaves unchecked of its plans.
     caveat
         What a user must know before executing the plans; empty where nothing is amiss.
     makespan_s
@@ -84,6 +86,29 @@ class Account:
     makespan_s: float | None = None
     bound_given: float | None = None
     caveat: str = ""
+    not_checked: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Recheck:
+    """A property of a solved file, checked again for ``verify``.
+
+    Parameters
+    ----------
+    claim
+        The property, such as ``reach``.
+    holds
+        Whether the plans have it; None if the file does not require it.
+    detail
+        The figures, or the first plan without it.
+    method
+        How it was checked.
+    """
+
+    claim: str
+    holds: bool | None
+    detail: str
+    method: str
 
 
 @dataclass(frozen=True)
@@ -222,6 +247,18 @@ class Domain(ABC):
     ) -> Account:
         """Return what is to be said of the file beyond the plans of its tasks."""
         return Account()
+
+    def recheck(
+        self, config: Any, plans: Mapping[str, Sequence[str]], refinement: int = 0
+    ) -> Iterable[Recheck]:
+        """Return properties that the file requires of its plans and the replay does not check.
+
+        Parameters
+        ----------
+        config, plans, refinement
+            As in `follow`.
+        """
+        return ()
 
     def default_solver(self, config: Any) -> str:
         """Return the solver that serves a file best where the user names none."""

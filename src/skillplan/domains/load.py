@@ -227,7 +227,7 @@ def _grounded(
     sha256 = _content_hash(config)
     tasks = domain.ground(config, sha256)
     for task in tasks:
-        lost = unreachable_facts(task)
+        lost = {} if task.infeasible else unreachable_facts(task)
         issues += [
             Issue(f"the goal {fact} is out of reach: {reason}", domain.locate(fact))
             for fact, reason in lost.items()

@@ -139,6 +139,9 @@ def _shape_fault(stored: StoredResult, problem: Problem, origin: Origin) -> str 
     return None
 
 
+_OUTCOMES = {True: Outcome.HOLDS, False: Outcome.FAILS, None: Outcome.NOT_CHECKED}
+
+
 class _Check:
     """What checking the tasks of one result shares.
 
@@ -193,6 +196,7 @@ class _Check:
         whole = ending is not None and ending.outcome is Outcome.HOLDS
         if whole and all(one.sound for one in self.replayed.values()):
             yield from self._sum_claims(self.stored.sequences or [])
+            yield from self._domain_claims()
 
     def _replay_chain(self, grounded: list[tuple[StoredPart, Task]]) -> Claim | None:
         """Replay part after part.
@@ -254,6 +258,16 @@ class _Check:
         more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
         words = f"after {last}, {', '.join(missing[:_MOST_NAMED])}{more} missing"
         return Claim("parts", Outcome.FAILS, words, "grounding")
+
+    def _domain_claims(self) -> Iterator[Claim]:
+        """Yield properties that the kind of task requires of a chain that is planned to its end."""
+        plans = {name: tuple(replayed.stored.skills) for name, replayed in self.replayed.items()}
+        if self.stored.cost is None and self.stored.status is not Status.INFEASIBLE:
+            return
+        problem = self.problem
+        for check in problem.domain.recheck(problem.config, plans, self.stored.replans):
+            outcome = _OUTCOMES[check.holds]
+            yield Claim(check.claim, outcome, check.detail, check.method)
 
     def _given_up(self, claim: str) -> Claim:
         words = "interrupted" if self.stop.interrupted else stopped_words(self.stop)

@@ -144,7 +144,8 @@ class Chain:
                     return self._result(f"{error}")
                 task = self.tasks[len(self.parts)]
             part = self._part(task)
-            if part.result.cost is None and task.stage in self.searched:
+            searched = task.stage in self.searched and not task.infeasible
+            if part.result.cost is None and searched:
                 finer = self._finer(task.stage, self.replans)
                 if finer:
                     self.tasks, self.parts, self.plans = finer, [], {}
@@ -192,11 +193,11 @@ class Chain:
 
     def _part(self, task: Task) -> ChainPart:
         self.stop.renew()
-        if task.preset is not None and task.stage not in self.searched:
+        by_rule = self.rule_solution(task)
+        if by_rule is not None:
             back_ends = self._back_ends(task)
             draft = make_draft(task, "rule", self.setup, self.seed, back_ends)
-            made = Attempt(draft, Solution(Plan(task.preset)), back_ends=back_ends)
-            return self._judged(task, made)
+            return self._judged(task, Attempt(draft, by_rule, back_ends=back_ends))
         key = policy_key(task)
         stored = self.policies.get(key)
         if stored is not None and _answers(stored.solution, task):
@@ -207,6 +208,14 @@ class Chain:
         if made.solution.policy is not None and not made.stopped and not made.touched:
             self.policies[key] = made
         return self._judged(task, made)
+
+    def rule_solution(self, task: Task) -> Solution | None:
+        """Return what the domain's own rule says of a task; None if a solver is to search it."""
+        if task.infeasible:
+            return Solution(proved=True)
+        if task.preset is None or task.stage in self.searched:
+            return None
+        return Solution(Plan(task.preset))
 
     def _attempt(self, task: Task, solver: str) -> Attempt:
         return attempt(

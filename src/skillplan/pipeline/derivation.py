@@ -199,7 +199,7 @@ def _solvers(problem: Problem, stored: StoredResult, setup: Setup) -> Any:
         return None
 
     def solver_of(task: Task) -> str:
-        by_rule = task.preset is not None and task.stage not in chain.searched
+        by_rule = chain.rule_solution(task) is not None
         return "rule" if by_rule else chain.solvers[task.stage]
 
     return solver_of

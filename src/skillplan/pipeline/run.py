@@ -284,7 +284,7 @@ def grade(task: Task, made: Attempt, setup: Setup, cache: VerdictCache, *, jobs:
         if granted.status is Status.WRONG and made.touched:
             reason = f"the solver changed the task, and on the task as it was {reason}"
         if granted.status is Status.INFEASIBLE:
-            reason = _why_infeasible(fresh, charted=not kept)
+            reason = task.infeasible or _why_infeasible(fresh, charted=not kept)
     said = made.solution.trace.get("reason")
     if granted.status is Status.UNSOLVED and isinstance(said, str):
         reason = said

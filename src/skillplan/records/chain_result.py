@@ -192,9 +192,9 @@ class ChainResult:
 
     @property
     def not_checked(self) -> tuple[str, ...]:
-        """Sentences about what the back ends leave unchecked of any part, each once."""
+        """Sentences about what back ends and file leave unchecked of any part, each once."""
         sentences = chain.from_iterable(part.result.not_checked for part in self.parts)
-        return tuple(dict.fromkeys(sentences))
+        return tuple(dict.fromkeys((*self.account.not_checked, *sentences)))
 
     @property
     def cost(self) -> float | None:

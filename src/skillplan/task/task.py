@@ -144,6 +144,9 @@ class Task:
     dwells_from
         Key paths of the task file that the dwell times of its visits are from; those of single
         bodies and tools first. Empty for a task without dwell times.
+    infeasible
+        Why no plan exists, if that is proved while the task is made; empty otherwise. Such a task
+        is not searched.
 
     Raises
     ------
@@ -173,6 +176,7 @@ class Task:
     preset: tuple[str, ...] | None = None
     places: Mapping[str, Place] = field(default_factory=dict)
     dwells_from: tuple[str, ...] = ()
+    infeasible: str = ""
     _index: dict[str, int] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

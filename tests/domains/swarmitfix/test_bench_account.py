@@ -36,9 +36,10 @@ def goals_job() -> Job:
 
 @pytest.fixture(scope="module")
 def pentagon() -> Account:
-    """A trajectory on which some ways between supports are split."""
-    chain = solve_chain(load_problem(CONFIGS / "swarmitfix_pentagonal.yaml"), "exact")
-    return chain.account
+    """A trajectory on which some paths between supports are split, as in the paper."""
+    as_in_paper = {"base.reachable": "ignored"}
+    problem = load_problem(CONFIGS / "swarmitfix_pentagonal.yaml", {}, as_in_paper)
+    return solve_chain(problem, "exact").account
 
 
 class TestFiveSteps:
@@ -136,10 +137,10 @@ class TestSupports:
 
 class TestMachine:
     def test_a_reach_beyond_the_legs_is_told_with_the_leg(self) -> None:
-        """Legs of hardly any stroke reach nothing, and the table says so."""
+        """Legs of hardly any stroke reach nothing, and the table says so if that is ignored."""
         content = {
             "trajectory": {"vertices_m": [[0.7, 0.5], [1.4, 0.9]]},
-            "base": {"side": "left"},
+            "base": {"side": "left", "reachable": "ignored"},
             "pkm": {"leg_limits_m": {"A": [0.300, 0.301]}},
         }
         made = account(job_of(**content))

@@ -175,8 +175,9 @@ class TestSide:
         assert 1 == opened.reach.side
 
     def test_the_last_support_of_an_open_trajectory_is_held_as_well(self) -> None:
-        """By whoever serves the way to it; of a closed one the first comes next."""
-        opened, closed = job(trajectory={"vertices_m": TRIANGLE}), job()
+        """As in the paper, by the base that serves the path to it."""
+        base = {"home": "C66", "reachable": "ignored"}
+        opened, closed = job(trajectory={"vertices_m": TRIANGLE}, base=base), job(base=base)
         for one in (opened, closed):
             assert len(one.goal_sets) == len(one.heads)
         before, last = opened.goal_sets[-2:]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from skillplan.domains.domain import Account, Domain, Listing, Overview
-from skillplan.domains.swarmitfix.account import account
+from skillplan.domains.domain import Account, Domain, Listing, Overview, Recheck
+from skillplan.domains.swarmitfix.account import account, recheck_reach
 from skillplan.domains.swarmitfix.base.goals import UnreachableSupport
 from skillplan.domains.swarmitfix.bench.table_errata import table_errata
 from skillplan.domains.swarmitfix.faults import issues
@@ -31,9 +31,22 @@ class SwarmitfixDomain(Domain):
         return issues(config)
 
     def warnings(self, config: Any) -> Iterable[Issue]:
-        """Return the doubt about the unit of a trajectory's file, where there is one."""
+        """Yield a doubt about the unit of a trajectory's file, and names of keys that changed."""
         doubt = None if config.trajectory is None else unit_doubt(config.trajectory)
-        return () if doubt is None else (doubt.under("trajectory"),)
+        if doubt is not None:
+            yield doubt.under("trajectory")
+        if "prefer_reachable" in config.base.model_fields_set:
+            message = (
+                f"is read as reachable: {config.base.reach_rule}. Write that, or leave it out: "
+                "then the machine must reach every support."
+            )
+            yield Issue(message, ("base", "prefer_reachable"), at_key=True)
+
+    def hints(self, config: Any) -> Iterable[Issue]:
+        """Yield why no plan exists, if a support is out of reach."""
+        infeasible = Job(config).infeasible
+        if infeasible:
+            yield Issue(f"no plan exists: {infeasible}.", ("trajectory",), at_key=True)
 
     def overview(self, config: Any) -> Overview:
         """Return the extent and the length of the trajectory, where there is one."""
@@ -63,6 +76,13 @@ class SwarmitfixDomain(Domain):
     ) -> Account:
         """Return supports, goals and the five steps."""
         return account(Job(config, plans, refinement))
+
+    def recheck(
+        self, config: Any, plans: Mapping[str, Sequence[str]], refinement: int = 0
+    ) -> Iterable[Recheck]:
+        """Yield whether the machine reaches every support of a trajectory."""
+        if config.trajectory is not None:
+            yield recheck_reach(Job(config, plans, refinement))
 
     def default_solver(self, config: Any) -> str:
         """Return ``fleet`` for several bases, else ``exact``."""

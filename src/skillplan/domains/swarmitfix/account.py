@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from skillplan.domains.domain import Account, Listing
+from skillplan.domains.domain import Account, Listing, Recheck
 from skillplan.domains.swarmitfix.base.locomotion import Phase, makespan, timeline
 from skillplan.domains.swarmitfix.base.path import BasePath, along
 from skillplan.domains.swarmitfix.fleet.account import fleet_account
@@ -15,7 +15,8 @@ from skillplan.domains.swarmitfix.heads.heads import Head, HeadKind, normal_yaw
 from skillplan.domains.swarmitfix.job import Job
 from skillplan.domains.swarmitfix.machine_settings import limits_of, mount_of
 from skillplan.domains.swarmitfix.pkm.kinematics import PkmGeometry
-from skillplan.domains.swarmitfix.pkm.reach import rule
+from skillplan.domains.swarmitfix.pkm.reach import hold_fault, rule
+from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
 from skillplan.task.verdict import Verdict
 
 
@@ -34,6 +35,10 @@ def account(job: Job) -> Account:
         return fleet_account(job, document)
     listings: list[Listing] = []
     bound = given = None
+    if config.trajectory is not None:
+        document |= _workpiece(job)
+    if job.infeasible:
+        return Account(document | {"unreachable": _unreachable(job)})
     if config.trajectory is not None:
         verdicts, heads = _leg_verdicts(job), _heads(job)
         document |= _supports(job, verdicts, heads)
@@ -57,14 +62,32 @@ def account(job: Job) -> Account:
         makespan_s=total.duration_s,
         bound_given=given,
         caveat=_caveat(document),
+        not_checked=_left_unchecked(document),
     )
 
 
-def _supports(
-    job: Job, verdicts: Sequence[Verdict], heads: Sequence[Mapping[str, Any]]
-) -> dict[str, Any]:
-    workpiece = job.workpiece
+def _unreachable(job: Job) -> dict[str, Any]:
+    """Return the first support that the machine reaches from no position."""
+    assert job.unheld is not None
+    support_m = job.heads[job.unheld].position
+    position, verdict = job.centres.nearest(support_m)
     return {
+        "support": job.unheld + 1,
+        "support_m": list(support_m),
+        "nearest": job.bench.name(position),
+        "pkm": _machine(verdict),
+    }
+
+
+def _machine(verdict: Verdict) -> dict[str, Any]:
+    return {"status": verdict.status.value, "reason": verdict.reason, **verdict.evidence}
+
+
+def _workpiece(job: Job) -> dict[str, Any]:
+    workpiece, base = job.workpiece, job.config.base
+    return {
+        "reachable": base.reach_rule,
+        **({"relax": base.relax} if base.reach_rule == "required" else {}),
         "workpiece": {
             "closed": workpiece.closed,
             "length_m": workpiece.length_m,
@@ -86,20 +109,23 @@ def _supports(
                 for segment in workpiece.segments
             ],
         },
+    }
+
+
+def _supports(
+    job: Job, verdicts: Sequence[Verdict], heads: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
+    return {
         "heads": heads,
         "goals": [
             {
                 "sequence": number,
                 "support_m": [list(goal_set.e1), list(goal_set.e2)],
                 "candidates": [job.bench.name(position) for position in goal_set.positions],
-                "how": str(goal_set.how),
-                "note": goal_set.note,
+                "how": str(goal_set.how_of(goal)),
+                "note": goal_set.note_of(goal),
                 "goal": job.bench.name(goal),
-                "pkm": {
-                    "status": verdict.status.value,
-                    "reason": verdict.reason,
-                    **verdict.evidence,
-                },
+                "pkm": _machine(verdict),
             }
             for number, (goal_set, goal, verdict) in enumerate(
                 zip(job.goal_sets, job.goals, verdicts, strict=True), start=1
@@ -111,12 +137,59 @@ def _supports(
 
 
 def _caveat(document: Mapping[str, Any]) -> str:
-    """Return how many supports the arm cannot truly hold, where there are any."""
+    """Return how many supports the machine does not reach; empty if it reaches all."""
+    beyond = document.get("supports_beyond_leg_limits", 0)
+    return _counted(beyond, len(document["goals"])) if beyond else ""
+
+
+def _left_unchecked(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return that the reach of the legs is not required, unless they reach every support."""
     beyond = document.get("supports_beyond_leg_limits", 0)
     if not beyond:
-        return ""
-    of = len(document["goals"])
-    return f"{beyond} of {of} supports are beyond the limits of the PKM's legs"
+        return ()
+    return (
+        f"reach: {beyond} of {len(document['goals'])} supports lie beyond the legs, and "
+        f"base.reachable is {document['reachable']}",
+    )
+
+
+def recheck_reach(job: Job) -> Recheck:
+    """Check a job's supports against the limits of the legs.
+
+    Lengths of legs come from inverse kinematics. Forward kinematics, which shares no formula with
+    it, must lead from them back to the head. If a support is out of reach, all positions are tried.
+    """
+    method = "inverse and forward kinematics"
+    if job.unheld is not None:
+        support_m = job.heads[job.unheld].position
+        reaching = [p for p in range(job.bench.n_positions) if not _hold_fault(job, p, support_m)]
+        names = ", ".join(job.bench.name(position) for position in reaching) or "no position"
+        return Recheck("reach", not reaching, f"{names} reaches support {job.unheld + 1}", method)
+    faults = [
+        f"support {number} from {job.bench.name(goal)}: {fault}"
+        for number, (goal_set, goal) in enumerate(zip(job.goal_sets, job.goals, strict=True), 1)
+        if (fault := _hold_fault(job, goal, goal_set.e1))
+    ]
+    count = len(job.goal_sets)
+    words = f"all {count} supports are within the limits of the PKM's legs"
+    if faults:
+        words = f"{_counted(len(faults), count)}; {faults[0]}"
+    return Recheck("reach", not faults if job.machine or not faults else None, words, method)
+
+
+def _counted(beyond: int, count: int) -> str:
+    return f"{beyond} of {count} supports are beyond the limits of the PKM's legs"
+
+
+def _hold_fault(job: Job, position: int, support_m: Point2) -> str:
+    """Return why a support cannot be held from a position; empty if it can."""
+    x_m, y_m = job.bench.centroids_m[position].tolist()
+    away_m = math.dist((x_m, y_m), support_m)
+    for key, (least_m, most_m) in job.distances_m.items():
+        if not least_m - 1e-9 <= away_m <= most_m + 1e-9:
+            return f"{away_m:.4f} m away, and {key} allows {least_m:g} to {most_m:g} m"
+    config = job.config
+    return hold_fault(PkmGeometry(), limits_of(config), mount_of(config), (x_m, y_m), support_m)
 
 
 def _heads(job: Job) -> list[dict[str, Any]]:
@@ -179,13 +252,14 @@ def _goals_listing(
                 str(number),
                 f"{x_m:.3f} {y_m:.3f}",
                 " ".join(shown),
-                str(goal_set.how),
+                str(goal_set.how_of(goal)),
                 job.bench.name(goal),
                 "within limits" if verdict.is_feasible else verdict.reason,
             )
         )
-        if goal_set.note:
-            notes.append(f"support {number}: {goal_set.note}")
+        note = goal_set.note_of(goal)
+        if note:
+            notes.append(f"support {number}: {note}")
     workpiece = job.workpiece
     kinds = ", ".join(f"{count} {kind}" for kind, count in workpiece.vertex_counts.items())
     curved = sum(segment.is_curved for segment in workpiece.segments)
@@ -207,9 +281,7 @@ def _goals_listing(
     if beyond:
         above.append(f"PKM        {beyond} of {len(rows)} supports are beyond its legs' limits")
     if notes:
-        above.append(
-            f"fallback   {len(notes)} of {len(rows)} supports have no position by Eqs 1-4:"
-        )
+        above.append(f"fallback   {len(notes)} of {len(rows)} supports {_fallback(job)}:")
     notes = [*above, *notes]
     return Listing(
         f"{job.config.name}: {len(heads)} heads, goals of the base by "
@@ -218,6 +290,15 @@ def _goals_listing(
         tuple(rows),
         tuple(notes),
     )
+
+
+def _fallback(job: Job) -> str:
+    """Return why supports fall back on other rules than Eqs 1-4."""
+    if job.machine is None:
+        return "have no position by Eqs 1-4"
+    if job.machine.relax_always:
+        return "are held from positions that Eqs 1-4 exclude"
+    return "have no position by Eqs 1-4 within reach (base.relax: always lets all drop rules)"
 
 
 def _phases(job: Job) -> tuple[Phase, ...] | None:

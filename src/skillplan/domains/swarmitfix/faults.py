@@ -94,7 +94,7 @@ def _mount(config: SwarmitfixConfig) -> Iterator[Issue]:
 
 
 def _machine(config: SwarmitfixConfig) -> Iterator[Issue]:
-    if not config.base.prefer_reachable:
+    if config.base.reach_rule == "ignored":
         return
     try:
         _ = Job(config).pkm_reach_m
@@ -148,7 +148,8 @@ def _heads(config: SwarmitfixConfig) -> Iterator[Issue]:
     if not found:
         found = [Issue(continued(str(error)), ("trajectory",)) for error in job.unreachable()]
     if not found:
-        found = list(_states(job.bench, len(job.goal_sets), ("trajectory",)))
+        goals = len(job.heads) if job.infeasible else len(job.goal_sets)
+        found = list(_states(job.bench, goals, ("trajectory",)))
     yield from found
 
 

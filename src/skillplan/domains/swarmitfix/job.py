@@ -7,23 +7,26 @@ looked at before anything is solved.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property, lru_cache
 
 from skillplan.domains.swarmitfix.base.goal_choice import Choice, GoalRule, choose
 from skillplan.domains.swarmitfix.base.goals import (
     GoalSet,
+    MachineReach,
     PathBetween,
     ReachRules,
     UnreachableSupport,
     goal_sets,
     inward_side,
+    last_goal_set,
     preferring,
     unreachable,
 )
 from skillplan.domains.swarmitfix.base.goals_task import goal_of, goals_task
 from skillplan.domains.swarmitfix.base.task import BaseGrounding
+from skillplan.domains.swarmitfix.bench.bench import Bench
 from skillplan.domains.swarmitfix.fleet.task import fleet_task
 from skillplan.domains.swarmitfix.heads.heads import (
     Head,
@@ -33,7 +36,9 @@ from skillplan.domains.swarmitfix.heads.heads import (
     vertex_heads,
 )
 from skillplan.domains.swarmitfix.heads.task import (
+    Holdable,
     fewest,
+    has_holdable_heads,
     head_task,
     heads_of,
     segment_fault,
@@ -45,10 +50,16 @@ from skillplan.domains.swarmitfix.machine_settings import (
     timings_of,
 )
 from skillplan.domains.swarmitfix.pkm.kinematics import PkmGeometry
-from skillplan.domains.swarmitfix.pkm.reach import Mount, PkmLimits, Range, horizontal_reach_m
-from skillplan.domains.swarmitfix.schema import SwarmitfixConfig
+from skillplan.domains.swarmitfix.pkm.reach import (
+    Mount,
+    PkmLimits,
+    Range,
+    ReachableCentres,
+    horizontal_reach_m,
+)
+from skillplan.domains.swarmitfix.schema import PLANNED_REACH_M, SwarmitfixConfig
 from skillplan.domains.swarmitfix.trajectory.content import elements_of
-from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
+from skillplan.domains.swarmitfix.trajectory.plane_point import Point2, shown
 from skillplan.domains.swarmitfix.trajectory.workpiece import Segment, Workpiece
 from skillplan.task.task import BackEndChoice, Task
 
@@ -131,7 +142,7 @@ class Job:
                 continue
             plan = self.plans.get(head_task_name(segment))
             if plan is None:
-                plan = fewest(segment, first, last, self.head_rules)
+                plan = fewest(segment, first, last, self.head_rules, self._holdable(segment))
             placed += heads_of(segment, first, last, self.head_rules, plan)
         if not self.workpiece.closed:
             placed.append(self.vertex_heads[-1])
@@ -146,17 +157,78 @@ class Job:
             for segment in self.workpiece.segments:
                 if segment_fault(segment, *self.ends(segment), self.head_rules) is not None:
                     return False
-        return not self.unreachable()
+        return not self.infeasible and not self.unreachable()
 
     @cached_property
     def reach(self) -> ReachRules:
         """Where a base may stand for a support."""
         base = self.config.base
+        least_m, most_m = base.reach_m or PLANNED_REACH_M
         return ReachRules(
             arm_length_m=base.arm_length_m,
             safe_distance_m=base.safe_distance_m,
-            reach_m=(base.reach_m[0], base.reach_m[1]),
+            reach_m=(least_m, most_m),
             side=self._side(),
+        )
+
+    @property
+    def centres(self) -> ReachableCentres:
+        """The positions by what the machine reaches from them."""
+        limits, mount = limits_of(self.config), mount_of(self.config)
+        return _centres(self.bench, limits, mount, tuple(self.distances_m.items()))
+
+    @property
+    def distances_m(self) -> dict[str, Range]:
+        """Distances of base and head that the file allows if it requires reach [m], by key."""
+        base = self.config.base
+        if base.reach_rule != "required":
+            return {}
+        distances_m = {"base.safe_distance_m": (base.safe_distance_m, math.inf)}
+        if base.reach_m is not None:
+            distances_m["base.reach_m"] = (base.reach_m[0], base.reach_m[1])
+        return distances_m
+
+    @property
+    def machine(self) -> MachineReach | None:
+        """The reach that every position must have; None unless the file requires it."""
+        base = self.config.base
+        if self.config.trajectory is None or base.reach_rule != "required":
+            return None
+        return MachineReach(self.centres, base.relax == "always")
+
+    def _holdable(self, segment: Segment) -> Holdable | None:
+        """Return whether a base can hold a head at a point; None if heads may lie anywhere.
+
+        They may if reach is not required, or if no row of holdable heads supports the segment.
+        """
+        if self.machine is None:
+            return None
+        reach = self.centres.reach
+        possible = has_holdable_heads(segment, *self.ends(segment), self.head_rules, reach)
+        return reach if possible else None
+
+    @cached_property
+    def unheld(self) -> int | None:
+        """The first head that must be held and cannot be, from 0; None if there is none."""
+        if self.machine is None:
+            return None
+        reach = self.centres.reach
+        return next((i for i, head in enumerate(self.heads) if not reach(head.position)), None)
+
+    @property
+    def infeasible(self) -> str:
+        """Why no plan exists: the first support out of reach; empty if there is none.
+
+        An intermediate head is out of reach only if no row of heads in reach supports its segment.
+        """
+        if self.unheld is None:
+            return ""
+        head = self.heads[self.unheld]
+        position, verdict = self.centres.nearest(head.position)
+        return (
+            f"support {self.unheld + 1} of {len(self.heads)}, at {shown(head.position)}, is beyond "
+            f"the legs from every position: {self.bench.name(position)} comes nearest, and there "
+            f"{verdict.reason}"
         )
 
     def _side(self) -> int:
@@ -170,15 +242,13 @@ class Job:
     @cached_property
     def goal_sets(self) -> tuple[GoalSet, ...]:
         """The positions that can hold each support."""
-        closed = self.workpiece.closed
-        sets = goal_sets(self.bench, self._supports, self.reach, closed, self._path)
+        closed, machine = self.workpiece.closed, self.machine
+        sets = goal_sets(self.bench, self._supports, self.reach, closed, self._path, machine)
         if not closed:
-            # The last support has no next one; whoever serves the path to it holds it, too.
-            end = sets[-1].e2
-            sets = (*sets, replace(sets[-1], index=len(self.heads) - 1, e1=end, e2=end))
-        if self.config.base.prefer_reachable:
-            least_m, most_m = self.pkm_reach_m
-            sets = tuple(preferring(self.bench, one, least_m, most_m) for one in sets)
+            last = len(self.heads) - 1
+            sets = (*sets, last_goal_set(self.bench, self.reach, sets[-1], last, machine))
+        if self.config.base.reach_rule == "preferred":
+            sets = tuple(preferring(goal_set, self.centres) for goal_set in sets)
         return sets
 
     @cached_property
@@ -193,7 +263,9 @@ class Job:
         return _reach_m(limits_of(self.config), mount_of(self.config))
 
     def unreachable(self) -> tuple[UnreachableSupport, ...]:
-        """Return every pair of supports that no position serves."""
+        """Return every pair of supports that no position serves; none if reach is required."""
+        if self.machine is not None:
+            return ()
         closed = self.workpiece.closed
         return unreachable(self.bench, self._supports, self.reach, closed, self._path)
 
@@ -259,11 +331,11 @@ class Job:
         else:
             made = [] if config.trajectory is None else self._upper_tasks(sha256)
             base = BaseGrounding(self.bench, self.timings.swing_s, config.step_limit)
-            starts = (self.home, *self.goals)
+            goals = () if self.infeasible else self.goals
             made += [
                 base.task(f"base-{number}", start, goal, sha256)
                 for number, (start, goal) in enumerate(
-                    zip(starts, self.goals, strict=False), start=1
+                    zip((self.home, *goals), goals, strict=False), start=1
                 )
             ]
         physics = [BackEndChoice(name, options or {}) for name, options in config.physics.items()]
@@ -284,20 +356,37 @@ class Job:
                 first, last = self.ends(segment)
                 name = head_task_name(segment)
                 made.append(
-                    head_task(segment, first, last, self.head_rules, name=name, sha256=sha256)
+                    head_task(
+                        segment,
+                        first,
+                        last,
+                        self.head_rules,
+                        name=name,
+                        sha256=sha256,
+                        holdable=self._holdable(segment),
+                    )
                 )
         made.append(
             goals_task(
                 self.bench,
                 self.home,
-                self.goal_sets,
+                () if self.infeasible else self.goal_sets,
                 self.timings.swing_s,
-                self.choice.goals,
+                None if self.infeasible else self.choice.goals,
                 name=GOALS,
                 sha256=sha256,
+                infeasible=self.infeasible,
             )
         )
         return made
+
+
+@lru_cache(maxsize=16)
+def _centres(
+    bench: Bench, limits: PkmLimits, mount: Mount, distances_m: tuple[tuple[str, Range], ...]
+) -> ReachableCentres:
+    """Return the positions by what they reach; the jobs of a chain share the answers."""
+    return ReachableCentres(PkmGeometry(), limits, mount, bench.centroids_m, dict(distances_m))
 
 
 @lru_cache(maxsize=64)

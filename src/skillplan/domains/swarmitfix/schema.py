@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from skillplan.domains.domain import Name, Strict
 from skillplan.domains.swarmitfix.trajectory.schema import TrajectoryConfig
@@ -14,6 +14,9 @@ Length = Annotated[float, Field(gt=0, le=1000)]
 Duration = Annotated[float, Field(ge=0, le=86_400)]
 Swing = Annotated[float, Field(gt=0, le=86_400)]
 Position = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,63}$")]
+Reachable = Literal["required", "preferred", "ignored"]
+# Range of the machine's own plans [m].
+PLANNED_REACH_M = [0.333, 0.451]
 GoalRule = Literal["whole-trajectory", "fewest-steps", "nearest-centroid"]
 # A state holds a bit for each position; larger benches are for the compiled kernels alone.
 MOST_ROBOTS = 8
@@ -95,20 +98,32 @@ class BaseConfig(Strict):
     safe_distance_m: Annotated[float, Field(ge=0, le=1000)] = Field(
         0.286, description="s_d of Eq 4, least distance of base and support [m]"
     )
-    reach_m: Annotated[list[Length], Field(min_length=2, max_length=2)] = Field(
-        [0.333, 0.451],
+    reach_m: Annotated[list[Length], Field(min_length=2, max_length=2)] | None = Field(
+        None,
         description="least and greatest horizontal distance of base and head that the arm "
-        "allows [m]",
+        "allows [m]; left out: what the legs allow, or 0.333 to 0.451 unless reachable is required",
     )
     side: Literal["inward", "outward", "left", "right"] | None = Field(
         None,
         description="side of the trajectory on which bases stand; left out: inward, or left of "
         "an open one",
     )
-    prefer_reachable: bool = Field(
-        True,
-        description="whether positions from which the legs of the PKM cannot hold the support are "
-        "left out where others remain; Eqs 1-4 do not check that",
+    reachable: Reachable = Field(
+        "required",
+        description="whether the legs of the PKM must reach every support from the position that "
+        "holds it: required; preferred, where Eqs 1-4 leave such a position; ignored, as in the "
+        "paper",
+    )
+    relax: Literal["needed", "always"] = Field(
+        "needed",
+        description="which supports may drop Eq 3 and the side if reachable is required: needed, "
+        "those without a position otherwise; always, all",
+    )
+    prefer_reachable: bool | None = Field(
+        None,
+        description="former name of reachable: true is preferred, false is ignored; left out: "
+        "reachable counts",
+        deprecated=True,
     )
     goal_choice: GoalRule = Field(
         "whole-trajectory",
@@ -116,9 +131,24 @@ class BaseConfig(Strict):
         "over the whole trajectory, greedily the next ones, or the nearest",
     )
 
+    @property
+    def reach_rule(self) -> Reachable:
+        """Whether reach is required, by either name of the key."""
+        former = self.__dict__["prefer_reachable"]
+        if former is None:
+            return self.reachable
+        return "preferred" if former else "ignored"
+
+    @model_validator(mode="after")
+    def _named_once(self) -> BaseConfig:
+        if "reachable" in self.model_fields_set and self.__dict__["prefer_reachable"] is not None:
+            message = "is the former name of reachable, which is given as well. Keep reachable."
+            raise Located(message, "prefer_reachable")
+        return self
+
     @model_validator(mode="after")
     def _reach_in_order(self) -> BaseConfig:
-        if self.reach_m[0] >= self.reach_m[1]:
+        if self.reach_m is not None and self.reach_m[0] >= self.reach_m[1]:
             least_m, most_m = self.reach_m
             message = f"must give the least reach first: {least_m:g} is not below {most_m:g}."
             raise Located(message, "reach_m")
@@ -254,6 +284,23 @@ class SwarmitfixConfig(Strict):
     expect: BenchExpectConfig | None = Field(
         None, description="figures that tests verify; left out: none"
     )
+
+    @model_serializer(mode="wrap")
+    def _content(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Return the content as older versions wrote it, wherever it means the same.
+
+        Hashes are of this content: older results of such files stay verifiable.
+        """
+        content: dict[str, Any] = handler(self)
+        base = content["base"]
+        del base["prefer_reachable"], base["reachable"], base["relax"]
+        rule = "preferred" if self.trajectory is None else self.base.reach_rule
+        if rule == "required":
+            base["reachable"], base["relax"] = rule, self.base.relax
+        else:
+            base["reach_m"] = base["reach_m"] or PLANNED_REACH_M
+            base["prefer_reachable"] = rule == "preferred"
+        return content
 
     @model_validator(mode="after")
     def _one_job(self) -> SwarmitfixConfig:

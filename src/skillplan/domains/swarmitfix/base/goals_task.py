@@ -47,6 +47,7 @@ def goals_task(
     *,
     name: str,
     sha256: str = "",
+    infeasible: str = "",
 ) -> Task:
     """Return the task of choosing a goal out of every set.
 
@@ -60,7 +61,7 @@ def goals_task(
     home
         Position at the start.
     sets
-        At least one, in the order in which they are served.
+        At least one, in the order in which they are served; none if a support cannot be served.
     swing_s
         Time of a swing [s] by its angle [deg].
     goals
@@ -69,13 +70,16 @@ def goals_task(
         The task's.
     sha256
         Hash of the task file, in hexadecimal.
+    infeasible
+        Why a support cannot be served; the task then has no skill and no plan. Empty if all can.
 
     Raises
     ------
     ValueError
-        If there is no set, or the preset is not one position of each.
+        If there is no set though all supports can be served, or the preset is not one position of
+        each.
     """
-    if not sets:
+    if not sets and not infeasible:
         raise ValueError(f"Task {name!r} needs at least one goal set.")
     if goals is not None and not (
         len(goals) == len(sets)
@@ -84,7 +88,7 @@ def goals_task(
         raise ValueError(f"Task {name!r}: the preset is not one position of every goal set.")
     positions = sorted({home, *(position for one in sets for position in one.positions)})
     stands = {position: f"base({bench.name(position)})" for position in positions}
-    served = [f"served({number})" for number in range(1, len(sets) + 1)]
+    served = [f"served({number})" for number in range(1, max(1, len(sets)) + 1)]
     facts = Facts((*stands.values(), *served), exclusive=(tuple(stands.values()),))
     states = {position: facts.of(fact) for position, fact in stands.items()}
     least = LeastSwings(bench, swing_s)
@@ -117,10 +121,11 @@ def goals_task(
         initial=states[home],
         goal=Condition(facts.of(served[-1]), facts.none),
         metric=STEPS,
-        step_limit=len(sets),
+        step_limit=len(served),
         scene=Scene((), ()),
         sha256=sha256,
         stage="goals",
+        infeasible=infeasible,
         preset=None
         if goals is None
         else tuple(serve(n, bench.name(goal)) for n, goal in enumerate(goals, start=1)),

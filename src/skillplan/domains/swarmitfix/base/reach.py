@@ -102,16 +102,57 @@ def candidates(bench: Bench, e1: Point2, e2: Point2, rules: ReachRules) -> tuple
     ValueError
         If e1 and e2 are one point.
     """
+    safe = _safe_from(bench, e1, rules) & _safe_from(bench, e2, rules)
+    return _positions(_inside(bench, e1, e2, rules) & safe)
+
+
+def _inside(bench: Bench, e1: Point2, e2: Point2, rules: ReachRules) -> NDArray[np.bool_]:
+    """Return the positions that Eq. 3 allows, shape (positions,)."""
     corners = quadrilateral(e1, e2, rules.arm_length_m, rules.side)
     points = bench.centroids_m
     sides = np.roll(corners, -1, axis=0) - corners
     from_corners = points[:, None] - corners
     triangles: NDArray[np.float64] = np.abs(_cross(sides, from_corners)).sum(axis=1) / 2
     area = abs(float(_cross(sides[0], sides[1])))
-    inside = triangles <= area * (1 + _AREA_TOLERANCE)
-    least_m = rules.safe_distance_m - _DISTANCE_TOLERANCE_M
-    safe = (distances_m(bench, e1) >= least_m) & (distances_m(bench, e2) >= least_m)
-    return _positions(inside & safe)
+    inside: NDArray[np.bool_] = triangles <= area * (1 + _AREA_TOLERANCE)
+    return inside
+
+
+def _safe_from(bench: Bench, support: Point2, rules: ReachRules) -> NDArray[np.bool_]:
+    """Return the positions that Eq. 4 allows for one support, shape (positions,)."""
+    safe: NDArray[np.bool_] = (
+        distances_m(bench, support) >= rules.safe_distance_m - _DISTANCE_TOLERANCE_M
+    )
+    return safe
+
+
+EQ3, SIDE, EQ4_NEXT = "Eq. 3", "side", "Eq. 4 of the next support"
+"""Rules that a position within the machine's reach may break."""
+
+
+def broken_rules(
+    bench: Bench, e1: Point2, e2: Point2, rules: ReachRules, *, last: bool = False
+) -> dict[str, NDArray[np.bool_]]:
+    """Return the positions that break each rule, shape (positions,) each.
+
+    Parameters
+    ----------
+    bench
+        The lattice.
+    e1, e2
+        The support that is held and the next one [m]. If `last`, the one before and the last
+        support, which is held and has no next one.
+    rules
+        Rules of the file.
+    last
+        Whether `e2` is held.
+    """
+    everywhere = np.ones(bench.n_positions, dtype=np.bool_)
+    return {
+        EQ3: everywhere if e1 == e2 else ~_inside(bench, e1, e2, rules),
+        SIDE: ~_on_side(bench, e1, e2, rules),
+        EQ4_NEXT: ~everywhere if last else ~_safe_from(bench, e2, rules),
+    }
 
 
 def within_reach(bench: Bench, e1: Point2, e2: Point2, rules: ReachRules) -> tuple[int, ...]:

@@ -7,6 +7,7 @@ heads at the vertices are given, and may overlap where a segment is short.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,6 +23,7 @@ from skillplan.domains.swarmitfix.heads.heads import (
     normal_yaw,
     same_yaw,
 )
+from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
 from skillplan.domains.swarmitfix.trajectory.workpiece import Segment
 
 MOST_HEADS = 2_000
@@ -42,12 +44,16 @@ class HeadGrid:
         The given heads at its start and its end.
     rules
         How heads may be placed.
+    holdable
+        Returns whether a base can hold a head at a point; None if that is not required. The heads
+        at the ends are given and not checked.
     """
 
     segment: Segment
     start: Head
     end: Head
     rules: HeadRules
+    holdable: Callable[[Point2], bool] | None = None
 
     @cached_property
     def cells(self) -> int:
@@ -141,7 +147,7 @@ class HeadGrid:
                 continue
             others = self.after(node)
             bare_m = self.gaps_m(node, others)
-            near = bare_m <= limit_m
+            near = (bare_m <= limit_m) & self._allowed[others]
             found[node] = dict(zip(others[near].tolist(), bare_m[near].tolist(), strict=True))
             reached |= found[node].keys()
         useful = {self.last}
@@ -150,6 +156,17 @@ class HeadGrid:
             if found[node]:
                 useful.add(node)
         return {node: ahead for node, ahead in found.items() if ahead}
+
+    @cached_property
+    def _allowed(self) -> NDArray[np.bool_]:
+        """The heads that a base can hold, and those at the ends, shape (heads,)."""
+        allowed = np.ones(self.last + 1, dtype=np.bool_)
+        if self.holdable is not None:
+            for node in range(1, self.last, len(self.headings)):
+                held = self.holdable(self.segment.point_at(self.distance_m(node)))
+                allowed[node : node + len(self.headings)] = held
+            allowed[self.last] = True
+        return allowed
 
     @cached_property
     def fault(self) -> str | None:

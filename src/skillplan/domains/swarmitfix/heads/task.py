@@ -8,12 +8,13 @@ longer than the limit; fewest heads, and fewest turns of the head, cost least.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 
 from skillplan.domains.swarmitfix.bench.step_timings import Timings
 from skillplan.domains.swarmitfix.heads.grid import HeadGrid
 from skillplan.domains.swarmitfix.heads.heads import Head, HeadRules
+from skillplan.domains.swarmitfix.trajectory.plane_point import Point2
 from skillplan.domains.swarmitfix.trajectory.workpiece import Segment
 from skillplan.task.condition import Condition
 from skillplan.task.cost import CaseCost, ConstantCost
@@ -21,6 +22,8 @@ from skillplan.task.scene import Scene
 from skillplan.task.skill import Case, Outcome, Skill
 from skillplan.task.state import Facts, State
 from skillplan.task.task import Metric, Place, Task
+
+Holdable = Callable[[Point2], bool]
 
 SUPPORTS = Metric("supports", "supports", 2)
 """Heads between the vertices, and the weight of turns."""
@@ -39,6 +42,7 @@ def head_task(
     name: str,
     sha256: str = "",
     place_s: float | None = None,
+    holdable: Holdable | None = None,
 ) -> Task:
     """Return the task of placing the heads of a segment between those at its vertices.
 
@@ -65,13 +69,15 @@ def head_task(
     place_s
         Time of moving the head from one support to the next [s], >= 0; by default that of
         retracting, approaching and supporting on the real machine.
+    holdable
+        Returns whether a base can hold a head at a point; None if that is not required.
 
     Raises
     ------
     ValueError
         If the segment cannot be supported; the message is that of `segment_fault`.
     """
-    grid = _grid(segment, first, last, rules)
+    grid = _grid(segment, first, last, rules, holdable)
     if grid.fault is not None:
         raise ValueError(grid.fault)
     if place_s is None:
@@ -139,7 +145,13 @@ def heads_of(
     return tuple(heads)
 
 
-def fewest(segment: Segment, first: Head, last: Head, rules: HeadRules) -> tuple[str, ...]:
+def fewest(
+    segment: Segment,
+    first: Head,
+    last: Head,
+    rules: HeadRules,
+    holdable: Holdable | None = None,
+) -> tuple[str, ...]:
     """Return the cheapest plan of `head_task` by dynamic programming; of equals the most even.
 
     Even is what has the least sum of squares of the stretches that lie bare.
@@ -149,7 +161,7 @@ def fewest(segment: Segment, first: Head, last: Head, rules: HeadRules) -> tuple
     ValueError
         If the segment cannot be supported; the message is that of `segment_fault`.
     """
-    grid = _grid(segment, first, last, rules)
+    grid = _grid(segment, first, last, rules, holdable)
     if grid.fault is not None:
         raise ValueError(grid.fault)
     return tuple(_skill(grid, node) for node in grid.cheapest())
@@ -160,10 +172,23 @@ def segment_fault(segment: Segment, first: Head, last: Head, rules: HeadRules) -
     return _grid(segment, first, last, rules).fault
 
 
+def has_holdable_heads(
+    segment: Segment, first: Head, last: Head, rules: HeadRules, holdable: Holdable
+) -> bool:
+    """Return whether a segment can be supported by heads that a base can hold."""
+    return bool(_grid(segment, first, last, rules, holdable).arrows)
+
+
 @lru_cache(maxsize=256)
-def _grid(segment: Segment, first: Head, last: Head, rules: HeadRules) -> HeadGrid:
+def _grid(
+    segment: Segment,
+    first: Head,
+    last: Head,
+    rules: HeadRules,
+    holdable: Holdable | None = None,
+) -> HeadGrid:
     """Return the heads to choose from, which a chain needs again and again."""
-    return HeadGrid(segment, first, last, rules)
+    return HeadGrid(segment, first, last, rules, holdable)
 
 
 def _skill(grid: HeadGrid, node: int) -> str:

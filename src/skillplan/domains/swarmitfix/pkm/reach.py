@@ -20,18 +20,31 @@ one machine's set-up are `SAFE_LIMITS`.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from skillplan.domains.swarmitfix.pkm.kinematics import LEGS, OutsideWorkspace, PkmGeometry, inverse
+from skillplan.domains.swarmitfix.pkm.kinematics import (
+    LEGS,
+    OutsideWorkspace,
+    PkmGeometry,
+    forward,
+    inverse,
+)
 from skillplan.domains.swarmitfix.pkm.pose6 import Point3, Pose6, zyz_matrix
 from skillplan.task.verdict import Verdict
 
 Range = tuple[float, float]
+Point2 = tuple[float, float]
 
 _STEP_M = 1e-3
+_TOLERANCE_M = 1e-9
+_SAME_POSE_M = 1e-6
+# The middle of the reach of the calibrated machine; only the order of trials depends on it.
+_LIKELY_M = 0.39
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +195,38 @@ def rule(
     )
 
 
+def hold_fault(
+    geometry: PkmGeometry,
+    limits: PkmLimits,
+    mount: Mount,
+    base_centre_m: Point2,
+    head_m: Point2,
+) -> str:
+    """Return why the PKM cannot hold the head at a place; empty if it can.
+
+    Other than `rule`, it solves the joints' constraints for the head's pose and compares.
+
+    Parameters
+    ----------
+    geometry, limits, mount
+        The PKM.
+    base_centre_m, head_m
+        Centres of base and head on the bench (x, y) [m].
+    """
+    pose = mount.head_pose(math.dist(base_centre_m, head_m))
+    try:
+        joints = inverse(geometry, pose)
+        excess_m, leg, length_m, limit_m = _worst(limits, joints.legs_m)
+        if excess_m > 0:
+            return f"leg {leg} is {length_m:.4f} m long, and its limit is {limit_m:.4f} m"
+        back = forward(geometry, joints)
+    except OutsideWorkspace as error:
+        return str(error)
+    if not np.allclose(back.position_m, pose.position_m, rtol=0.0, atol=_SAME_POSE_M):
+        return "the legs' lengths lead to another pose of the head"
+    return ""
+
+
 def horizontal_reach_m(geometry: PkmGeometry, limits: PkmLimits, mount: Mount) -> Range:
     """Return the least and the greatest distance from base centre to head within the limits [m].
 
@@ -201,9 +246,7 @@ def horizontal_reach_m(geometry: PkmGeometry, limits: PkmLimits, mount: Mount) -
             return False
         return _worst(limits, joints.legs_m)[0] <= 0
 
-    # No longer arm than leg A stretched, with the wrist behind it.
-    far_m = limits.leg_a_m[1] + geometry.wrist_offset_m + geometry.base_half_m
-    steps = math.ceil(max(0.0, mount.offset_m + far_m) / _STEP_M) + 2
+    steps = math.ceil(max(0.0, _farthest_m(geometry, limits, mount)) / _STEP_M) + 2
     runs: list[tuple[int, int]] = []
     for index in range(steps):
         if within(index * _STEP_M):
@@ -227,6 +270,98 @@ def horizontal_reach_m(geometry: PkmGeometry, limits: PkmLimits, mount: Mount) -
 
     least_m = edge(first * _STEP_M, (first - 1) * _STEP_M) if first else 0.0
     return least_m, edge(last * _STEP_M, (last + 1) * _STEP_M)
+
+
+class ReachableCentres:
+    """Base centres from which the PKM holds a level head at a point, by inverse kinematics.
+
+    Parameters
+    ----------
+    geometry, limits, mount
+        The PKM.
+    centres_m
+        Base centres on the bench, shape (n, 2) [m].
+    distances_m
+        Ranges of the horizontal distance of base and head that are allowed in addition to the
+        legs' limits [m], by the key of the task file.
+    """
+
+    def __init__(
+        self,
+        geometry: PkmGeometry,
+        limits: PkmLimits,
+        mount: Mount,
+        centres_m: NDArray[np.float64],
+        distances_m: Mapping[str, Range] | None = None,
+    ) -> None:
+        self._pkm = geometry, limits, mount
+        self._centres_m = centres_m
+        self._distances_m = distances_m or {}
+        self._farthest_m = _farthest_m(geometry, limits, mount)
+        self._known: dict[Point2, NDArray[np.intp]] = {}
+
+    def positions(self, head_m: Point2) -> NDArray[np.intp]:
+        """Return the numbers of the centres that reach a point, rising."""
+        if head_m not in self._known:
+            near = self._near(head_m)
+            holds = [self.verdict(index, head_m).is_feasible for index in near.tolist()]
+            self._known[head_m] = near[np.array(holds, dtype=np.bool_)]
+        return self._known[head_m]
+
+    def reach(self, head_m: Point2) -> bool:
+        """Return whether any centre reaches a point; the most likely ones are tried first."""
+        if head_m in self._known:
+            return bool(len(self._known[head_m]))
+        near = self._near(head_m)
+        away_m = self._away_m(head_m)[near]
+        likely = near[np.argsort(np.abs(away_m - _LIKELY_M), kind="stable")]
+        return any(self.verdict(index, head_m).is_feasible for index in likely.tolist())
+
+    def verdict(self, index: int, head_m: Point2) -> Verdict:
+        """Return the ruling on one centre: on the distance, then on the legs by `rule`."""
+        x_m, y_m = self._centres_m[index].tolist()
+        away_m = math.dist((x_m, y_m), head_m)
+        for key, (least_m, most_m) in self._distances_m.items():
+            limit_m = least_m if away_m < least_m else most_m
+            excess_m = max(least_m - away_m, away_m - most_m)
+            if excess_m > _TOLERANCE_M:
+                side = "more" if away_m > limit_m else "less"
+                return Verdict.infeasible(
+                    f"the head is {away_m:.3f} m away, {_millimetres(excess_m)} {side} than "
+                    f"{key} allows, {limit_m:g} m",
+                    evidence={"distance_m": away_m, "limit_m": limit_m, "excess_m": excess_m},
+                )
+        return rule(*self._pkm, (x_m, y_m), head_m)
+
+    def nearest(self, head_m: Point2) -> tuple[int, Verdict]:
+        """Return the centre that misses a point by the least excess, and the ruling on it.
+
+        If no centre has a pose of the platform there, it is the nearest centre.
+        """
+        verdicts = [(index, self.verdict(index, head_m)) for index in self._near(head_m).tolist()]
+        posed = [entry for entry in verdicts if "excess_m" in entry[1].evidence]
+        if posed:
+            return min(posed, key=lambda entry: float(entry[1].evidence["excess_m"]))
+        index = int(self._away_m(head_m).argmin())
+        return index, self.verdict(index, head_m)
+
+    def _near(self, head_m: Point2) -> NDArray[np.intp]:
+        """Return the centres no farther away than the stretched PKM."""
+        return np.flatnonzero(self._away_m(head_m) <= self._farthest_m)
+
+    def _away_m(self, head_m: Point2) -> NDArray[np.float64]:
+        offsets = self._centres_m - np.array(head_m)
+        away_m: NDArray[np.float64] = np.hypot(offsets[:, 0], offsets[:, 1])
+        return away_m
+
+
+def _farthest_m(geometry: PkmGeometry, limits: PkmLimits, mount: Mount) -> float:
+    """Return a distance of base and head that the PKM never exceeds [m].
+
+    No arm is longer than leg A stretched, with the wrist behind it.
+    """
+    far_m = limits.leg_a_m[1] + geometry.wrist_offset_m + geometry.base_half_m
+    return mount.offset_m + far_m
 
 
 def _worst(limits: PkmLimits, legs_m: Point3) -> tuple[float, str, float, float]:
